@@ -1,0 +1,74 @@
+# Decides on the CUDA target and says so in one line. Sets PMSP_HAVE_CUDA; where it is ON, the language CUDA is enabled
+# and CUDA::cudart_static is there to link.
+set(PMSP_HAVE_CUDA OFF)
+
+if(NOT PMSP_CUDA MATCHES "^(AUTO|ON|OFF)$")
+  message(FATAL_ERROR "PMSP_CUDA is '${PMSP_CUDA}'; it must be AUTO, ON or OFF")
+endif()
+
+if(PMSP_CUDA STREQUAL "OFF")
+  set(_pmsp_cuda_why_not "PMSP_CUDA is OFF")
+else()
+  find_program(PMSP_NVCC nvcc
+    HINTS ENV CUDACXX ENV CUDA_PATH ENV CUDA_HOME
+    PATHS /usr/local/cuda /opt/cuda
+    PATH_SUFFIXES bin
+    DOC "CUDA compiler")
+  mark_as_advanced(PMSP_NVCC)
+  if(CMAKE_CUDA_COMPILER)
+    set(_pmsp_nvcc "${CMAKE_CUDA_COMPILER}")
+  else()
+    set(_pmsp_nvcc "${PMSP_NVCC}")
+  endif()
+
+  if(NOT _pmsp_nvcc)
+    set(_pmsp_cuda_why_not "no CUDA toolkit found (nvcc is not in PATH, CUDA_PATH or /usr/local/cuda; -DCMAKE_CUDA_COMPILER=... names one)")
+  else()
+    # Set before the language is enabled: the default that CMake 3.25 tests the compiler with is older than what nvcc 13
+    # knows. Turing, Ampere and Hopper as machine code, later ones from Hopper's PTX.
+    if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
+      set(CMAKE_CUDA_ARCHITECTURES "75-real;80-real;90" CACHE STRING "CUDA architectures to build for")
+    endif()
+    if(NOT DEFINED CMAKE_CUDA_STANDARD)
+      set(CMAKE_CUDA_STANDARD 17)
+      set(CMAKE_CUDA_STANDARD_REQUIRED ON)
+    endif()
+
+    # Enabling a language that does not work stops the configuration, so it is tried first.
+    if(NOT DEFINED PMSP_CUDA_WORKS OR NOT PMSP_CUDA_TRIED STREQUAL "${_pmsp_nvcc};${CMAKE_CUDA_ARCHITECTURES}")
+      set(_pmsp_probe "${PROJECT_BINARY_DIR}/CMakeFiles/pmsp_cuda_probe")
+      file(REMOVE_RECURSE "${_pmsp_probe}")
+      file(WRITE "${_pmsp_probe}/CMakeLists.txt"
+        "cmake_minimum_required(VERSION 3.22)\nproject(probe CUDA)\nfind_package(CUDAToolkit REQUIRED)\n")
+      execute_process(
+        COMMAND "${CMAKE_COMMAND}" -S "${_pmsp_probe}" -B "${_pmsp_probe}/build" -G "${CMAKE_GENERATOR}"
+                "-DCMAKE_MAKE_PROGRAM=${CMAKE_MAKE_PROGRAM}" "-DCMAKE_CUDA_COMPILER=${_pmsp_nvcc}"
+                "-DCMAKE_CUDA_ARCHITECTURES=${CMAKE_CUDA_ARCHITECTURES}" "-DCMAKE_CUDA_HOST_COMPILER=${CMAKE_CUDA_HOST_COMPILER}"
+        RESULT_VARIABLE _pmsp_cuda_result OUTPUT_FILE "${_pmsp_probe}/log" ERROR_FILE "${_pmsp_probe}/log")
+      if(_pmsp_cuda_result EQUAL 0)
+        set(PMSP_CUDA_WORKS ON CACHE INTERNAL "")
+      else()
+        set(PMSP_CUDA_WORKS OFF CACHE INTERNAL "")
+      endif()
+      set(PMSP_CUDA_TRIED "${_pmsp_nvcc};${CMAKE_CUDA_ARCHITECTURES}" CACHE INTERNAL "")
+    endif()
+
+    if(PMSP_CUDA_WORKS)
+      set(CMAKE_CUDA_COMPILER "${_pmsp_nvcc}" CACHE FILEPATH "CUDA compiler")
+      enable_language(CUDA)
+      find_package(CUDAToolkit REQUIRED)
+      set(PMSP_HAVE_CUDA ON)
+    else()
+      set(_pmsp_cuda_why_not
+        "${_pmsp_nvcc} cannot build for ${CMAKE_CUDA_ARCHITECTURES}; see ${PROJECT_BINARY_DIR}/CMakeFiles/pmsp_cuda_probe/log")
+    endif()
+  endif()
+endif()
+
+if(PMSP_HAVE_CUDA)
+  message(STATUS "CUDA target: built, with nvcc ${CMAKE_CUDA_COMPILER_VERSION} for ${CMAKE_CUDA_ARCHITECTURES}")
+elseif(PMSP_CUDA STREQUAL "ON")
+  message(FATAL_ERROR "PMSP_CUDA is ON, but ${_pmsp_cuda_why_not}")
+else()
+  message(STATUS "CUDA target: not built, ${_pmsp_cuda_why_not}; all else works")
+endif()

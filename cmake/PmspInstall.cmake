@@ -1,0 +1,76 @@
+# Installs the libraries, headers and tools, and what find_package(pmsp) and pkg-config need. Included once all targets exist.
+include(CMakePackageConfigHelpers)
+
+set(_pmsp_cmake_dir "${CMAKE_INSTALL_LIBDIR}/cmake/pmsp")
+set(_pmsp_components pmsp)
+if(TARGET pmsp_io)
+  list(APPEND _pmsp_components pmsp_io)
+endif()
+
+foreach(component IN LISTS _pmsp_components)
+  set_target_properties(${component} PROPERTIES
+    VERSION ${PROJECT_VERSION}
+    SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}   # before 1.0 a minor version may break the interface
+    INSTALL_RPATH "$ORIGIN")
+  install(TARGETS ${component} EXPORT ${component}-targets
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
+    RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  install(EXPORT ${component}-targets NAMESPACE pmsp:: DESTINATION ${_pmsp_cmake_dir})
+endforeach()
+
+if("pmsp_io" IN_LIST _pmsp_components)
+  set(_pmsp_without)
+else()
+  set(_pmsp_without PATTERN io EXCLUDE)
+endif()
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/pmsp DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
+  FILES_MATCHING PATTERN "*.h" PATTERN "*.hpp" ${_pmsp_without})
+install(FILES ${PROJECT_BINARY_DIR}/include/pmsp/version.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pmsp)
+
+file(RELATIVE_PATH _pmsp_bin_to_lib "/${CMAKE_INSTALL_BINDIR}" "/${CMAKE_INSTALL_LIBDIR}")
+foreach(tool pmsp-densify pmsp-eval pmsp-synth)
+  if(TARGET ${tool})
+    set_target_properties(${tool} PROPERTIES INSTALL_RPATH "$ORIGIN/${_pmsp_bin_to_lib}")
+    install(TARGETS ${tool} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  endif()
+endforeach()
+
+# A static library brings along what it is made of; a shared one has linked it already.
+if(BUILD_SHARED_LIBS)
+  set(PMSP_IS_STATIC OFF)
+else()
+  set(PMSP_IS_STATIC ON)
+endif()
+get_target_property(_pmsp_link_libraries pmsp LINK_LIBRARIES)
+if(_pmsp_link_libraries MATCHES "CUDA::cudart")
+  set(PMSP_LINKS_CUDA ON)
+else()
+  set(PMSP_LINKS_CUDA OFF)
+endif()
+configure_package_config_file(cmake/pmsp-config.cmake.in pmsp-config.cmake INSTALL_DESTINATION ${_pmsp_cmake_dir})
+write_basic_package_version_file(pmsp-config-version.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/pmsp-config.cmake ${PROJECT_BINARY_DIR}/pmsp-config-version.cmake
+  DESTINATION ${_pmsp_cmake_dir})
+
+# pkg-config: the prefix is found from the file's own place, so that an installed tree can be moved.
+file(RELATIVE_PATH PMSP_PC_TO_PREFIX "/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/")
+string(REGEX REPLACE "/$" "" PMSP_PC_TO_PREFIX "${PMSP_PC_TO_PREFIX}")
+set(_pmsp_libs "${CMAKE_THREAD_LIBS_INIT}")
+if(PMSP_LINKS_CUDA)
+  string(APPEND _pmsp_libs " -L${CUDAToolkit_LIBRARY_DIR} -lcudart_static -ldl -lrt")
+endif()
+set(_pmsp_io_libs "-lopencv_videoio -lopencv_imgcodecs -lopencv_imgproc -lopencv_core")
+if(PMSP_IS_STATIC)
+  set(PMSP_PC_LIBS "${_pmsp_libs}")
+  set(PMSP_PC_IO_LIBS "${_pmsp_io_libs}")
+  set(PMSP_PC_IO_REQUIRES ", sqlite3")
+else()
+  set(PMSP_PC_LIBS_PRIVATE "${_pmsp_libs}")
+  set(PMSP_PC_IO_LIBS_PRIVATE "${_pmsp_io_libs}")
+  set(PMSP_PC_IO_REQUIRES_PRIVATE "sqlite3")
+endif()
+foreach(component IN LISTS _pmsp_components)
+  configure_file(cmake/${component}.pc.in ${component}.pc @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/${component}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+endforeach()

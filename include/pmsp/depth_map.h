@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+
+#include <Eigen/Core>
+
+#include "pmsp/image.h"
+#include "pmsp/transform.h"
+
+namespace pmsp {
+
+/// Dense geometry of one keyframe. The three images have one size, cover the whole sphere (pixel centres as in
+/// pmsp::Keyframe) and are indexed (column, row).
+struct DepthMap {
+  std::int64_t keyframe_id = 0;
+  RigidTransform cam_from_world;   ///< as it was when the keyframe was added
+  Image<float> depth;              ///< Euclidean distance from the camera centre along the bearing [scene units]; 0 = no estimate
+  Image<Eigen::Vector3f> normal;   ///< unit, camera frame, facing the camera; (0, 0, 0) where depth is 0
+  Image<float> confidence;         ///< 0 (none) to 1; 0 where depth is 0
+};
+
+}  // namespace pmsp

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace pmsp {
+
+/// Base of everything that libpmsp throws. The library never prints and never exits; `what()` is one or two sentences
+/// that name what is wrong, where, what was expected and, where it helps, what to do.
+class Error : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// An option has a value outside its range. The message names the field, the value and the bound.
+class InvalidOption : public Error {
+ public:
+  using Error::Error;
+};
+
+/// Input that was read but makes no sense: a broken map, an image of the wrong size, a pose that is no rotation.
+class InvalidInput : public Error {
+ public:
+  using Error::Error;
+};
+
+/// A file that cannot be opened, read or decoded. The message names the path and, where known, the byte.
+class IoError : public Error {
+ public:
+  using Error::Error;
+};
+
+/// A file that cannot be written. Nothing half-written is left behind.
+class OutputError : public Error {
+ public:
+  using Error::Error;
+};
+
+/// The requested backend was not built in, or this machine cannot run it.
+class BackendUnavailable : public Error {
+ public:
+  using Error::Error;
+};
+
+}  // namespace pmsp

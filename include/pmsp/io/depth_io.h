@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+
+#include <Eigen/Core>
+
+#include "pmsp/depth_map.h"
+#include "pmsp/image.h"
+
+namespace pmsp {
+
+/// PFM: ASCII header "Pf" (one channel) or "PF" (three), size, scale -1 (little endian), then float32 rows from the
+/// bottom row of the image to the top one. All files are written beside their target and renamed. Throw OutputError / IoError /
+/// InvalidInput.
+void write_pfm(const std::filesystem::path& path, const Image<float>& image);
+void write_pfm(const std::filesystem::path& path, const Image<Eigen::Vector3f>& image);
+Image<float> read_pfm(const std::filesystem::path& path);
+Image<Eigen::Vector3f> read_pfm3(const std::filesystem::path& path);
+
+/// 16-bit gray PNG of `image * scale`, rounded, 0 for 0 and for what does not fit.
+void write_png16(const std::filesystem::path& path, const Image<float>& image, double scale);
+
+/// Raw values of a 16-bit (or 8-bit) gray PNG times `scale`.
+Image<float> read_png16(const std::filesystem::path& path, double scale);
+
+}  // namespace pmsp

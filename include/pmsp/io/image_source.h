@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pmsp/image.h"
+#include "pmsp/io/map.h"
+
+namespace pmsp {
+
+/// Why a keyframe of the map cannot be used.
+struct SkippedKeyframe {
+  std::int64_t keyframe_id = 0;
+  std::string reason;
+};
+
+/// Gives the images of a map's keyframes, one after the other, in the order of `keyframe_ids()`.
+class ImageSource {
+ public:
+  virtual ~ImageSource() = default;
+
+  /// Keyframes that have an image, in the order in which `next` gives them (ascending timestamp). For a video it is
+  /// what is planned: a keyframe that the video turns out not to reach joins `skipped` while `next` runs.
+  virtual const std::vector<std::int64_t>& keyframe_ids() const = 0;
+
+  /// Keyframes without an image of their own, with the reason. Complete once `next` has returned nullopt.
+  virtual const std::vector<SkippedKeyframe>& skipped() const = 0;
+
+  /// How images were matched with keyframes, one sentence for people.
+  virtual const std::string& description() const = 0;
+
+  /// The next image, or nullopt after the last one. Throws IoError when it cannot be decoded, InvalidInput when its
+  /// size is not that of the map's camera up to a common factor (2:1 stays 2:1). After an error, the next call goes on
+  /// with the next image.
+  struct Item {
+    std::int64_t keyframe_id = 0;
+    Image<Rgb> image;
+  };
+  virtual std::optional<Item> next() = 0;
+};
+
+/// Images in a folder (JPEG, PNG, TIFF, BMP, WebP; not recursive). Their names are keyframe ids, timestamps (seconds,
+/// milli-, micro- or nanoseconds) or frame indices; which one is detected from how well each reading fits the map's
+/// keyframes, and, where names alone leave more than one, by a PairingVerifier on a few images. What stands before and
+/// after the number does not matter ("image12.png"). Frame indices are timestamp x fps, for Unix times counted from the
+/// first keyframe; a constant offset between index and name is detected, too. A `frame_offset` other than 0 says that
+/// names are frame indices, and switches that search off. Of keyframes with one timestamp the first (smallest id) keeps
+/// the image. Throws IoError when there is no such folder or no image in it, InvalidInput when no reading fits.
+struct ImageFolderOptions {
+  double fps = 0.0;               ///< of the frame indices [1/s]; 0 = the map's camera's
+  std::int64_t frame_offset = 0;  ///< added to the frame index that a keyframe's timestamp gives
+};
+std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::filesystem::path& folder,
+                                               const ImageFolderOptions& options = {});
+
+/// Frames of a video, decoded once, in order. A keyframe takes the frame whose presentation time is nearest to its
+/// timestamp (not farther than half a frame); where the map's timestamps are no presentation times, or `fps` or
+/// `frame_offset` is given, the frame whose index is round(timestamp x fps) + frame_offset. Unix times are counted from
+/// the first keyframe, which then is frame `frame_offset`; maps without usable timestamps count by their source frames.
+/// Throws IoError when the video cannot be opened or not one frame decoded, InvalidInput when a frame rate is needed
+/// and neither map nor options have one.
+struct VideoOptions {
+  double fps = 0.0;               ///< to turn timestamps into indices [1/s]; 0 = the map's camera's
+  std::int64_t frame_offset = 0;  ///< added to the frame index
+};
+std::unique_ptr<ImageSource> open_video(const SlamMap& map, const std::filesystem::path& video,
+                                        const VideoOptions& options = {});
+
+/// Checks, while images stream by, that they belong to their keyframes: patches around landmarks that several keyframes
+/// see must look alike. Patches lie fixed in the world, so turning and approaching do no harm. Costs about 1.5 ms and
+/// 0.4 MB per keyframe with 1000 landmarks; the last four keyframes are kept.
+class PairingVerifier {
+ public:
+  /// `map` must outlive the verifier.
+  explicit PairingVerifier(const SlamMap& map);
+  ~PairingVerifier();
+
+  /// Takes the next image, of any size. Throws InvalidInput when the map has no such keyframe or the image is empty.
+  void add(std::int64_t keyframe_id, ImageView<const Rgb> image);
+
+  struct Verdict {
+    int comparisons = 0;      ///< pairs of patches compared so far
+    double agreement = 0.0;   ///< share of them that look alike, 0 to 1
+    bool conclusive = false;  ///< enough comparisons to judge
+    bool belongs = true;      ///< false: the images evidently belong to other keyframes
+    std::string message;      ///< one sentence for people
+  };
+  Verdict verdict() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Reads a mask: 0 = ignore, any other = use. It is scaled to `width` x `height` without growing what may be used: a
+/// pixel is used (255, else 0) only if all that it covers is. Throws IoError, or InvalidInput when the shape is not
+/// that of the images or the mask leaves no pixel.
+Image<std::uint8_t> read_mask(const std::filesystem::path& path, int width, int height);
+
+}  // namespace pmsp

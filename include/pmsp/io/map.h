@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "pmsp/transform.h"
+
+namespace pmsp {
+
+/// An equirectangular camera of a SLAM map.
+struct MapCamera {
+  std::string name;
+  int width = 0;     ///< size of the images that the SLAM saw [px]
+  int height = 0;    ///< [px]
+  double fps = 0.0;  ///< as configured in the SLAM, not read from the video [1/s]
+};
+
+/// One sighting of a landmark.
+struct MapObservation {
+  std::int64_t landmark_id = 0;
+  /// Where the keypoint lies in the image [px], x right, y down, origin at the upper left corner of the image, so that
+  /// the centre of the first pixel is (0.5, 0.5) (the half pixel is added to what the file holds).
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
+};
+
+struct MapKeyframe {
+  std::int64_t id = 0;
+  double timestamp = 0.0;                      ///< what the SLAM was fed [s]
+  std::optional<std::int64_t> source_frame;    ///< index of the frame among those fed; only in maps before stella_vslam 0.3.6
+  int camera = 0;                              ///< index into SlamMap::cameras
+  RigidTransform cam_from_world;               ///< for pixel centres at index + 0.5, see SlamMap
+  std::vector<MapObservation> observations;    ///< of landmarks that exist in the map, each once
+};
+
+struct MapLandmark {
+  std::int64_t id = 0;
+  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();   ///< [scene units]
+};
+
+/// What a SLAM left: cameras, keyframes and landmarks, without descriptors.
+///
+/// The SLAM programs put the centre of the first pixel at 0 where this library puts it at 0.5. In longitude that is a
+/// constant turn of the camera by half a pixel, which their poses have absorbed; the readers turn it back (cam_from_world
+/// = Ry(+pi / width) * cam_from_world of the file). In latitude half a pixel remains in the landmarks. Nothing outside the
+/// readers knows of the offset.
+struct SlamMap {
+  std::filesystem::path path;
+  std::string format;                  ///< for people, e.g. "stella_vslam >= 0.3.6, MessagePack"
+  std::vector<MapCamera> cameras;
+  std::vector<MapKeyframe> keyframes;  ///< ascending id, unique
+  std::vector<MapLandmark> landmarks;  ///< ascending id, unique
+  std::size_t observations_skipped = 0;       ///< they name landmarks that are not in the map
+  std::size_t observations_repeated = 0;      ///< the same landmark more than once in one keyframe; the first one is kept
+
+  /// nullptr when there is no such id.
+  const MapLandmark* find_landmark(std::int64_t id) const;
+  const MapKeyframe* find_keyframe(std::int64_t id) const;
+};
+
+/// Reads a map of OpenVSLAM or stella_vslam: MessagePack of every version up to 0.6, or stella_vslam's SQLite database.
+/// The format is told by content, never by the file's name. Memory stays in proportion to keyframes and landmarks:
+/// descriptors are skipped as they stream by.
+/// Throws IoError when the file cannot be read, InvalidInput (naming file, key and what was expected) when it is no such
+/// map, is truncated or broken, holds no keyframe, or has a camera that is not equirectangular.
+SlamMap read_map(const std::filesystem::path& path);
+
+}  // namespace pmsp

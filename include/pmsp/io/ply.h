@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "pmsp/point_cloud.h"
+
+namespace pmsp {
+
+/// Writes a binary little-endian PLY point by point, so that a cloud never needs to be in memory as a whole. Layout of a
+/// vertex: x y z (float, or double), nx ny nz (float), red green blue (uchar), confidence (float), views (uchar).
+/// Points go to a file beside the target, which `finish` renames; a writer that is destroyed before leaves no trace.
+class PlyWriter {
+ public:
+  struct Options {
+    bool double_positions = false;          ///< x y z as double
+    std::vector<std::string> comments;      ///< one header line each; line breaks become spaces
+  };
+
+  /// Throws OutputError when the file cannot be made.
+  PlyWriter(const std::filesystem::path& path, const Options& options);
+  ~PlyWriter();
+
+  /// Appends the points in world coordinates, by the cloud's own pose. Throws OutputError (disk full).
+  void add(const KeyframeCloud& cloud);
+
+  std::int64_t points() const;
+
+  /// Completes the header and puts the file in its place. Throws OutputError.
+  void finish();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// What a PLY holds, as columns. Missing columns are empty.
+struct PlyCloud {
+  std::vector<Eigen::Vector3d> positions;
+  std::vector<Eigen::Vector3f> normals;
+  std::vector<Rgb> colors;
+  std::vector<float> confidence;
+  std::vector<std::uint8_t> views;
+  std::vector<std::string> comments;
+};
+
+/// Reads the vertices of a PLY, ascii or binary of either byte order. Throws IoError or InvalidInput with the line or byte.
+PlyCloud read_ply(const std::filesystem::path& path);
+
+}  // namespace pmsp

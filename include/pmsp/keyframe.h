@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "pmsp/image.h"
+#include "pmsp/transform.h"
+
+namespace pmsp {
+
+/// A sparse point of the SLAM map, as one keyframe observes it.
+struct Landmark {
+  std::int64_t id = 0;                                        ///< the same in all keyframes that observe it
+  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();   ///< [scene units]
+};
+
+/// What a SLAM hands over for one keyframe: a full 360° x 180° equirectangular image, its pose, and the landmarks that
+/// it observes.
+///
+/// Conventions: camera axes x right, y down, z forward. With u = column + 0.5, v = row + 0.5 the centre of a pixel lies
+/// at longitude (u / width - 0.5) * 2 pi and latitude (0.5 - v / height) * pi, its bearing is (cos lat sin lon,
+/// -sin lat, cos lat cos lon). stella_vslam and OpenVSLAM place centres at whole numbers instead: poses taken straight
+/// from them go through `cam_from_slam_cam` (pmsp/camera.h) first; the map readers of pmsp_io have done so already.
+struct Keyframe {
+  std::int64_t id = 0;
+  double timestamp = 0.0;          ///< [s]
+  RigidTransform cam_from_world;   ///< translation in scene units
+  std::vector<Landmark> landmarks;
+  ImageView<const Rgb> image;            ///< even width and height; only read during the call that it is given to
+  ImageView<const std::uint8_t> mask;    ///< 0 = ignore, any other = use; size of `image`; empty = use all
+};
+
+}  // namespace pmsp

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "vec3.h"
+
+// A panorama as six square faces, so that a direction becomes a texture address by one division, without trigonometry.
+// Faces are ordered +x, -x, +y, -y, +z, -z; on each, the two other coordinates (in the order x, y, z) divided by the
+// magnitude of the leading one run over [-1, 1]. Nodes (texels) lie on a regular grid that includes the borders: node k of
+// `size` + 1 is at -1 + 2 k / size.
+namespace pmsp::kernels {
+
+/// Gray values of a face map. `quads[face * face_elements + j * (size + 1) + i]` packs the 2 x 2 nodes from (i, j) on as four
+/// bytes, lowest byte first: (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1); one 32-bit read serves one bilinear sample. The
+/// nodes beyond the border come from the neighbouring faces' directions.
+struct CubeView {
+  const std::uint32_t* quads;
+  float half_size;              ///< size / 2
+  float row_elements;           ///< size + 1
+  std::int32_t face_elements;   ///< (size + 1)^2
+};
+
+/// Address on the cube: face coordinates in [0, size] and the index of the face's first element.
+template <class F>
+struct CubePoint {
+  F u, v;
+  IntOf<F> face_start;
+};
+
+template <class F>
+PMSP_HD CubePoint<F> cube_point(const Vec3<F>& p, const CubeView& cube) {
+  using I = IntOf<F>;
+  const F ax = abs(p.x);
+  const F ay = abs(p.y);
+  const F az = abs(p.z);
+  const F lead = max(ax, max(ay, az));
+  const auto along_x = ax == lead;
+  const auto along_y = ay == lead;   // where both hold, x wins below
+  const F scale = F(cube.half_size) / lead;
+  const F first = select(along_x, p.y, p.x);
+  const F second = select(along_x, p.z, select(along_y, p.z, p.y));
+  const F signed_lead = select(along_x, p.x, select(along_y, p.y, p.z));
+  const F face = select(along_x, F(0), select(along_y, F(2), F(4))) + select(signed_lead < F(0), F(1), F(0));
+  return {fma(first, scale, F(cube.half_size)), fma(second, scale, F(cube.half_size)),
+          to_int(face) * I(cube.face_elements)};
+}
+
+/// Bilinear sample (0 to 255) in the direction p (any length > 0).
+template <class F>
+PMSP_HD F sample(const CubeView& cube, const Vec3<F>& p) {
+  using I = IntOf<F>;
+  using U = UIntOf<F>;
+  const CubePoint<F> at = cube_point(p, cube);
+  const F iu = whole(at.u);
+  const F iv = whole(at.v);
+  const I index = at.face_start + to_int(fma(iv, F(cube.row_elements), iu));
+  const U quad = gather<F>(cube.quads, index);
+  const F t00 = from_uint<F>(U(quad & U(255U)));
+  const F t10 = from_uint<F>(U((quad >> 8) & U(255U)));
+  const F t01 = from_uint<F>(U((quad >> 16) & U(255U)));
+  const F t11 = from_uint<F>(U(quad >> 24));
+  const F fu = at.u - iu;
+  const F upper = fma(fu, t10 - t00, t00);
+  const F lower = fma(fu, t11 - t01, t01);
+  return fma(at.v - iv, lower - upper, upper);
+}
+
+}  // namespace pmsp::kernels

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#include "hd.h"
+
+// Kernels are templates over their number type F: float (one pixel; also a CUDA thread), double (the reference of the
+// tests) or a SIMD batch of floats (one pixel a lane; src/cpu/batch.h). What they need of F besides + - * / and
+// comparisons stands here for the scalars; for batches the same names are found by argument-dependent look-up.
+namespace pmsp::kernels {
+
+/// What goes with a number type: Int (signed, 32 bits a lane), UInt, Mask (result of a comparison), kLanes, and the
+/// operations whose result has another type.
+template <class F>
+struct Num;
+
+template <class F>
+struct ScalarNum {
+  using Int = std::int32_t;
+  using UInt = std::uint32_t;
+  using Mask = bool;
+  static constexpr int kLanes = 1;
+  static PMSP_HD F whole(F a) { return static_cast<F>(static_cast<std::int32_t>(a)); }
+  static PMSP_HD Int to_int(F a) { return static_cast<std::int32_t>(a); }
+  static PMSP_HD F from_int(Int a) { return static_cast<F>(a); }
+  static PMSP_HD F from_uint(UInt a) { return static_cast<F>(static_cast<std::int32_t>(a)); }
+  static PMSP_HD F gather(const float* data, Int index) { return static_cast<F>(data[index]); }
+  static PMSP_HD UInt gather(const std::uint32_t* data, Int index) { return data[index]; }
+  static PMSP_HD F pow2(Int exponent) {
+    const std::uint32_t bits = static_cast<std::uint32_t>(exponent + 127) << 23U;
+    float value = 0.0F;
+    ::memcpy(&value, &bits, sizeof(value));
+    return static_cast<F>(value);
+  }
+};
+template <>
+struct Num<float> : ScalarNum<float> {};
+template <>
+struct Num<double> : ScalarNum<double> {};
+
+template <class F>
+using IntOf = typename Num<F>::Int;
+template <class F>
+using UIntOf = typename Num<F>::UInt;
+template <class F>
+using MaskOf = typename Num<F>::Mask;
+
+/// mask ? a : b without a branch.
+PMSP_HD float select(bool mask, float a, float b) { return mask ? a : b; }
+PMSP_HD double select(bool mask, double a, double b) { return mask ? a : b; }
+
+PMSP_HD bool any(bool mask) { return mask; }
+PMSP_HD float min(float a, float b) { return b < a ? b : a; }
+PMSP_HD double min(double a, double b) { return b < a ? b : a; }
+PMSP_HD float max(float a, float b) { return a < b ? b : a; }
+PMSP_HD double max(double a, double b) { return a < b ? b : a; }
+PMSP_HD float abs(float a) { return ::fabsf(a); }
+PMSP_HD double abs(double a) { return ::fabs(a); }
+PMSP_HD float sqrt(float a) { return ::sqrtf(a); }
+PMSP_HD double sqrt(double a) { return ::sqrt(a); }
+
+/// a * b + c. Fused where the machine has it for F; plain arithmetic for host floats, whose fused form is a library call.
+PMSP_HD float fma(float a, float b, float c) { return a * b + c; }
+PMSP_HD double fma(double a, double b, double c) { return a * b + c; }
+
+/// Whole part of a number >= 0 (or above -1, which gives 0) that fits an Int.
+template <class F>
+PMSP_HD F whole(const F& a) {
+  return Num<F>::whole(a);
+}
+template <class F>
+PMSP_HD IntOf<F> to_int(const F& a) {
+  return Num<F>::to_int(a);
+}
+
+/// Lanes of Int or UInt as F. Values of UInt stay below 2^31.
+template <class F>
+PMSP_HD F from_int(const IntOf<F>& a) {
+  return Num<F>::from_int(a);
+}
+template <class F>
+PMSP_HD F from_uint(const UIntOf<F>& a) {
+  return Num<F>::from_uint(a);
+}
+
+/// One element per lane from an array in memory.
+template <class F>
+PMSP_HD F gather(const float* data, const IntOf<F>& index) {
+  return Num<F>::gather(data, index);
+}
+template <class F>
+PMSP_HD UIntOf<F> gather(const std::uint32_t* data, const IntOf<F>& index) {
+  return Num<F>::gather(data, index);
+}
+
+/// 2 to the power of a whole number between -126 and 127.
+template <class F>
+PMSP_HD F pow2(const IntOf<F>& exponent) {
+  return Num<F>::pow2(exponent);
+}
+
+}  // namespace pmsp::kernels

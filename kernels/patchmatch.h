@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "equirect.h"
+#include "patch.h"
+
+// One pixel's share of red-black PatchMatch (Barnes 2009; Galliani 2015; Surmann 2022). A pixel's state is its best plane and
+// that plane's score. Every step proposes planes; a proposal that is allowed and scores higher replaces the state.
+namespace pmsp::kernels {
+
+template <class F>
+struct Hypothesis {
+  Vec3<F> plane;
+  F score;
+};
+
+/// What is fixed for a whole keyframe.
+struct Matching {
+  CubeView reference;
+  const SourceView* views;
+  int num_views;
+  PatchLayout layout;
+  PlaneLimits limits;
+  float log_depth_span;   ///< ln(largest depth / smallest depth)
+  RandomKey random;
+  int refinements;        ///< random draws per visit
+};
+
+/// What is fixed for one visit to a pixel: computed once, used by all proposals.
+template <class F>
+struct Visit {
+  PatchFrame<F> frame;
+  RotatedFrame<F> turned[kMaxViews];
+  ReferencePatch<F> patch;
+};
+
+template <class F>
+PMSP_HD void begin_visit(Visit<F>& visit, const Matching& m, const F& sin_lon, const F& cos_lon, const F& sin_lat,
+                         const F& cos_lat) {
+  const F spacing(m.layout.spacing);
+  visit.frame = {bearing(sin_lon, cos_lon, sin_lat, cos_lat), spacing * tangent_right(sin_lon, cos_lon),
+                 spacing * tangent_down(sin_lon, cos_lon, sin_lat, cos_lat)};
+  for (int view = 0; view < m.num_views; ++view) visit.turned[view] = rotated(visit.frame, m.views[view]);
+  visit.patch = reference_patch(m.reference, visit.frame, m.layout);
+}
+
+/// Scores a plane and keeps it where it is allowed and better.
+template <class F>
+PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, const Visit<F>& visit, const Matching& m) {
+  const auto allowed = is_allowed(plane, visit.frame.bearing, m.limits);
+  if (!any(allowed)) return;
+  const F score = plane_score(visit.patch, visit.frame, visit.turned, m.views, m.num_views, plane, m.layout);
+  const auto better = allowed & (score > best.score);
+  best.plane = select(better, plane, best.plane);
+  best.score = select(better, score, best.score);
+}
+
+/// Number of draws that one proposal of random numbers takes.
+constexpr std::uint32_t kDrawsPerProposal = 4;
+
+/// Starts a pixel: a random plane, whatever it scores.
+template <class F>
+PMSP_HD Hypothesis<F> start(const UIntOf<F>& pixel, const Visit<F>& visit, const Matching& m) {
+  Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
+  propose(best, random_plane<F>(m.random, pixel, 0, visit.frame.bearing, m.limits, m.log_depth_span), visit, m);
+  return best;
+}
+
+/// Random search around the present plane. The steps shrink from draw to draw; the first iterations reach further.
+template <class F>
+PMSP_HD void refine(Hypothesis<F>& best, const UIntOf<F>& pixel, int iteration, const Visit<F>& visit, const Matching& m) {
+  const float reach = iteration == 0 ? 1.0F : 1.0F / static_cast<float>(1 << (iteration < 3 ? iteration : 3));
+  float depth_step = 0.12F * reach;
+  float normal_step = 0.9F * reach;
+  std::uint32_t draw = kDrawsPerProposal * (1U + static_cast<std::uint32_t>(iteration * m.refinements));
+  for (int i = 0; i < m.refinements; ++i) {
+    const auto has_plane = dot(best.plane, best.plane) > F(0);
+    const Vec3<F> from = select(has_plane, best.plane, F(m.limits.min_inverse_depth) * visit.frame.bearing);
+    propose(best, perturbed(from, m.random, pixel, draw, visit.frame.bearing, F(depth_step), F(normal_step)), visit, m);
+    draw += kDrawsPerProposal;
+    depth_step *= 0.5F;
+    normal_step *= 0.7F;
+  }
+}
+
+/// The neighbours whose planes a pixel tries: distances 1 and 3 along the four directions. Their sum of coordinates is odd,
+/// so they all have the other colour.
+struct NeighbourOffset {
+  int dx, dy;
+};
+constexpr int kNeighbours = 8;
+PMSP_HD NeighbourOffset neighbour_offset(int i) {
+  const int distance = i < 4 ? 1 : 3;
+  const int dx = (i & 3) == 0 ? distance : (i & 3) == 1 ? -distance : 0;
+  const int dy = (i & 3) == 2 ? distance : (i & 3) == 3 ? -distance : 0;
+  return {dx, dy};
+}
+
+}  // namespace pmsp::kernels

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+
+#include "batch.h"
+#include "num.h"
+
+// Moves rows of memory into lanes and back, for scalars and batches alike.
+namespace pmsp::cpu {
+
+using kernels::IntOf;
+using kernels::Num;
+using kernels::UIntOf;
+
+/// Elements that a value of a type stands for: 1 for scalars.
+template <class V>
+struct LaneCount {
+  static constexpr int kValue = 1;
+};
+template <class T, class A>
+struct LaneCount<xsimd::batch<T, A>> {
+  static constexpr int kValue = static_cast<int>(xsimd::batch<T, A>::size);
+};
+template <class V>
+constexpr int lanes() {
+  return LaneCount<V>::kValue;
+}
+
+PMSP_HD void load(float& value, const float* from) { value = *from; }
+PMSP_HD void store(float value, float* to) { *to = value; }
+PMSP_HD void store(std::int32_t value, std::int32_t* to) { *to = value; }
+PMSP_HD void iota(std::uint32_t& value, std::uint32_t first, std::uint32_t /*step*/) { value = first; }
+
+template <class A>
+PMSP_HD void load(xsimd::batch<float, A>& value, const float* from) {
+  value = xsimd::batch<float, A>::load_unaligned(from);
+}
+template <class T, class A>
+PMSP_HD void store(const xsimd::batch<T, A>& value, T* to) {
+  value.store_unaligned(to);
+}
+template <class A>
+PMSP_HD void iota(xsimd::batch<std::uint32_t, A>& value, std::uint32_t first, std::uint32_t step) {
+  alignas(64) std::uint32_t numbers[xsimd::batch<std::uint32_t, A>::size];
+  for (std::uint32_t i = 0; i < xsimd::batch<std::uint32_t, A>::size; ++i) numbers[i] = first + i * step;
+  value = xsimd::batch<std::uint32_t, A>::load_aligned(numbers);
+}
+
+/// Lanes from a ring of `count` elements, starting at element k (any number > -count).
+template <class F>
+PMSP_HD F load_ring(const float* ring, int k, int count) {
+  constexpr int kLanes = lanes<F>();
+  F value;
+  if (k < 0) k += count;
+  if (k >= count) k %= count;
+  if (k + kLanes <= count) {
+    load(value, ring + k);
+    return value;
+  }
+  float wrapped[kLanes];
+  for (int i = 0; i < kLanes; ++i) {
+    wrapped[i] = ring[k];
+    k = k + 1 == count ? 0 : k + 1;
+  }
+  load(value, wrapped);
+  return value;
+}
+
+/// The first `count` lanes (or all of them) to memory.
+template <class V, class T>
+PMSP_HD void store_some(const V& value, T* to, int count) {
+  constexpr int kLanes = lanes<V>();
+  if (count >= kLanes) {
+    store(value, to);
+    return;
+  }
+  T all[kLanes];
+  store(value, all);
+  for (int i = 0; i < count; ++i) to[i] = all[i];
+}
+
+}  // namespace pmsp::cpu

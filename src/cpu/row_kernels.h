@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+
+#include "agreement.h"
+#include "patchmatch.h"
+
+// The CPU backend: the kernels over one row of pixels, once for each instruction set. This header is included by code of
+// every instruction set and therefore holds plain data only.
+namespace pmsp::cpu {
+
+/// Tables of a SphereGrid.
+struct GridTables {
+  int width, height;
+  const float* sin_lon[3];   ///< even columns, odd columns, all columns
+  const float* cos_lon[3];
+  const float* sin_lat;
+  const float* cos_lat;
+};
+
+/// A map of planes in checkerboard order (SphereGrid).
+struct PlaneArrays {
+  float* x;
+  float* y;
+  float* z;
+  float* score;
+};
+struct ConstPlaneArrays {
+  const float* x;
+  const float* y;
+  const float* z;
+};
+
+/// A keyframe's match: everything that a row needs.
+struct MatchJob {
+  kernels::Matching matching;
+  GridTables grid;
+  PlaneArrays planes;
+  const ConstPlaneArrays* candidates;   ///< proposals of the initialiser; the zero plane proposes nothing
+  int num_candidates;
+  const float* usable;                  ///< checkerboard order, 0 = masked; nullptr = all
+};
+
+/// Median filter of a depth map, rows of `width` floats.
+struct MedianJob {
+  int width, height;
+  const float* depth;
+  const float* score;
+  float max_relative_deviation;
+  float min_score;
+  float* filtered;   ///< depth or 0
+};
+
+/// Comparison of a keyframe's surface with another keyframe's map.
+struct CompareJob {
+  GridTables grid;
+  const float* depth;   ///< of the first keyframe
+  kernels::PlaneMapView other;
+  kernels::Rigid other_from_first;
+};
+
+/// What compare_row writes for the pixels of one row; room for `width` elements each. See kernels::Agreement.
+struct CompareRow {
+  float* closeness;
+  float* implied_depth;
+  float* offset_px;
+  std::int32_t* index;
+};
+
+/// One instruction set's functions.
+struct RowKernels {
+  /// Random planes and the initialiser's candidates for row y.
+  void (*start_row)(const MatchJob& job, int y);
+  /// Propagation and refinement of the pixels of one colour in row y.
+  void (*iterate_row)(const MatchJob& job, int y, int colour, int iteration);
+  void (*median_row)(const MedianJob& job, int y);
+  void (*compare_row)(const CompareJob& job, int y, const CompareRow& out);
+};
+
+}  // namespace pmsp::cpu

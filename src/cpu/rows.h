@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "cpu/lanes.h"
+#include "cpu/row_kernels.h"
+#include "median.h"
+#include "patchmatch.h"
+
+// The row functions over a number type; each instruction set's file instantiates them with its own batch.
+namespace pmsp::cpu {
+
+using kernels::select;
+
+template <class F>
+PMSP_HD void begin(kernels::Visit<F>& visit, const MatchJob& job, int y, int parity, int k) {
+  F sin_lon;
+  F cos_lon;
+  load(sin_lon, job.grid.sin_lon[parity] + k);
+  load(cos_lon, job.grid.cos_lon[parity] + k);
+  kernels::begin_visit(visit, job.matching, sin_lon, cos_lon, F(job.grid.sin_lat[y]), F(job.grid.cos_lat[y]));
+}
+
+PMSP_HD bool any_usable(const MatchJob& job, std::size_t at, int count) {
+  if (job.usable == nullptr) return true;
+  for (int i = 0; i < count; ++i) {
+    if (job.usable[at + static_cast<std::size_t>(i)] != 0.0F) return true;
+  }
+  return false;
+}
+
+template <class F>
+PMSP_HD void keep(const kernels::Hypothesis<F>& best, const MatchJob& job, std::size_t at, int count) {
+  kernels::Hypothesis<F> result = best;
+  if (job.usable != nullptr) {
+    const auto usable = load_ring<F>(job.usable + at, 0, count < lanes<F>() ? count : lanes<F>()) > F(0);
+    result.plane = select(usable, best.plane, kernels::Vec3<F>{F(0), F(0), F(0)});
+    result.score = select(usable, best.score, F(-1));
+  }
+  store_some(result.plane.x, job.planes.x + at, count);
+  store_some(result.plane.y, job.planes.y + at, count);
+  store_some(result.plane.z, job.planes.z + at, count);
+  store_some(result.score, job.planes.score + at, count);
+}
+
+template <class F, class Arrays>
+PMSP_HD kernels::Vec3<F> plane_at(const Arrays& planes, std::size_t ring, int k, int count) {
+  return {load_ring<F>(planes.x + ring, k, count), load_ring<F>(planes.y + ring, k, count),
+          load_ring<F>(planes.z + ring, k, count)};
+}
+
+/// Start of the k-th pixel of a colour in a row, in checkerboard order.
+PMSP_HD std::size_t ring_start(const MatchJob& job, int y, int colour) {
+  return (static_cast<std::size_t>(y) * 2 + static_cast<std::size_t>(colour)) *
+         static_cast<std::size_t>(job.grid.width / 2);
+}
+
+template <class F>
+PMSP_HD UIntOf<F> pixel_numbers(const MatchJob& job, int y, int parity, int k) {
+  UIntOf<F> pixel;
+  iota(pixel, static_cast<std::uint32_t>(y * job.grid.width + parity + 2 * k), 2U);
+  return pixel;
+}
+
+template <class F>
+void start_row(const MatchJob& job, int y) {
+  const int half = job.grid.width / 2;
+  kernels::Visit<F> visit;
+  for (int colour = 0; colour < 2; ++colour) {
+    const int parity = (y + colour) & 1;
+    const std::size_t ring = ring_start(job, y, colour);
+    for (int k = 0; k < half; k += lanes<F>()) {
+      const int count = half - k;
+      const std::size_t at = ring + static_cast<std::size_t>(k);
+      kernels::Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
+      if (any_usable(job, at, count < lanes<F>() ? count : lanes<F>())) {
+        begin(visit, job, y, parity, k);
+        best = kernels::start<F>(pixel_numbers<F>(job, y, parity, k), visit, job.matching);
+        for (int i = 0; i < job.num_candidates; ++i) {
+          kernels::propose(best, plane_at<F>(job.candidates[i], ring, k, half), visit, job.matching);
+        }
+      }
+      keep(best, job, at, count);
+    }
+  }
+}
+
+/// Where a pixel's neighbour (dx, dy) lies: its row, and how many places to the right of the pixel's own in the ring of the
+/// other colour. Beyond a pole the row comes back on the opposite meridian; there one column more or less is no angle to
+/// speak of, and is chosen so that the neighbour has the other colour.
+struct NeighbourRing {
+  int y;
+  int shift;
+};
+PMSP_HD NeighbourRing neighbour_ring(const GridTables& grid, int y, int colour, int dx, int dy) {
+  int row = y + dy;
+  int columns = dx;
+  if (row < 0 || row >= grid.height) {
+    row = row < 0 ? -1 - row : 2 * grid.height - 1 - row;
+    columns = grid.width / 2;
+    if (((columns + row - y) & 1) == 0) ++columns;
+  }
+  const int parity = (y + colour) & 1;
+  const int other_parity = (row + 1 - colour) & 1;
+  return {row, (parity + columns - other_parity) / 2};
+}
+
+template <class F>
+void iterate_row(const MatchJob& job, int y, int colour, int iteration) {
+  const int half = job.grid.width / 2;
+  const int parity = (y + colour) & 1;
+  const std::size_t ring = ring_start(job, y, colour);
+  kernels::Visit<F> visit;
+  for (int k = 0; k < half; k += lanes<F>()) {
+    const int count = half - k;
+    const std::size_t at = ring + static_cast<std::size_t>(k);
+    if (!any_usable(job, at, count < lanes<F>() ? count : lanes<F>())) continue;
+    begin(visit, job, y, parity, k);
+    kernels::Hypothesis<F> best{plane_at<F>(job.planes, ring, k, half), load_ring<F>(job.planes.score + ring, k, half)};
+    for (int i = 0; i < kernels::kNeighbours; ++i) {
+      const kernels::NeighbourOffset offset = kernels::neighbour_offset(i);
+      const NeighbourRing from = neighbour_ring(job.grid, y, colour, offset.dx, offset.dy);
+      const std::size_t other = ring_start(job, from.y, 1 - colour);
+      kernels::propose(best, plane_at<F>(job.planes, other, k + from.shift, half), visit, job.matching);
+    }
+    kernels::refine(best, pixel_numbers<F>(job, y, parity, k), iteration, visit, job.matching);
+    keep(best, job, at, count);
+  }
+}
+
+template <class F>
+void median_row(const MedianJob& job, int y) {
+  for (int x = 0; x < job.width; x += lanes<F>()) {
+    F around[9];
+    for (int dy = -1; dy <= 1; ++dy) {
+      int row = y + dy;
+      int shift = 0;
+      if (row < 0 || row >= job.height) {   // beyond a pole, on the opposite meridian
+        row = y;
+        shift = job.width / 2;
+      }
+      const float* ring = job.depth + static_cast<std::size_t>(row) * static_cast<std::size_t>(job.width);
+      for (int dx = -1; dx <= 1; ++dx) around[3 * dy + dx + 4] = load_ring<F>(ring, x + shift + dx, job.width);
+    }
+    const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(job.width);
+    const F score = load_ring<F>(job.score + at, x, job.width);
+    const F kept = kernels::median_filtered(around, score, F(job.max_relative_deviation), F(job.min_score));
+    store_some(kept, job.filtered + at + x, job.width - x);
+  }
+}
+
+template <class F>
+void compare_row(const CompareJob& job, int y, const CompareRow& out) {
+  const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(job.grid.width);
+  for (int x = 0; x < job.grid.width; x += lanes<F>()) {
+    F sin_lon;
+    F cos_lon;
+    load(sin_lon, job.grid.sin_lon[2] + x);
+    load(cos_lon, job.grid.cos_lon[2] + x);
+    const F depth = load_ring<F>(job.depth + at, x, job.grid.width);
+    const auto known = depth > F(0);
+    const auto seen = kernels::agreement(
+        kernels::bearing(sin_lon, cos_lon, F(job.grid.sin_lat[y]), F(job.grid.cos_lat[y])), select(known, depth, F(1)),
+        job.other, job.other_from_first);
+    const int count = job.grid.width - x;
+    store_some(select(known, seen.closeness, F(0)), out.closeness + x, count);
+    store_some(seen.implied_depth, out.implied_depth + x, count);
+    store_some(seen.offset_px, out.offset_px + x, count);
+    store_some(seen.index, out.index + x, count);
+  }
+}
+
+template <class F>
+constexpr RowKernels row_kernels() {
+  return {&start_row<F>, &iterate_row<F>, &median_row<F>, &compare_row<F>};
+}
+
+}  // namespace pmsp::cpu

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp/densifier.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <deque>
+#include <set>
+#include <utility>
+
+#include "densifier_checks.h"
+#include "patchmatch/neighbours.h"
+#include "pmsp/error.h"
+#include "pmsp/filters.h"
+#include "pmsp/fusion.h"
+#include "pmsp/initialiser.h"
+#include "pmsp/panorama.h"
+#include "pmsp/patchmatch.h"
+#include "pmsp/view_filter.h"
+
+namespace pmsp {
+namespace {
+
+/// An accepted keyframe on its way through the stages.
+struct View {
+  Keyframe keyframe;   ///< its image and mask are gone; what is left of them is in the panorama
+  Panorama panorama;
+  DepthMap median;     ///< after PatchMatch and the median filter
+  DepthMap map;        ///< after the consistency filter
+  std::vector<std::uint8_t> covered;
+};
+
+/// Adds the time until it goes out of scope.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& seconds) : seconds_(seconds), start_(std::chrono::steady_clock::now()) {}
+  ~Stopwatch() { seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  double& seconds_;
+  std::chrono::steady_clock::time_point start_;
+};
+
+}  // namespace
+
+/// Stages run as soon as the keyframes that they look at are there: matching waits for `match_ahead` keyframes after its own,
+/// the consistency filter for the maps of `filter_ahead`, fusion for `fuse_ahead`. Indices count from the start of the sequence.
+struct Densifier::Impl {
+  Impl(const DensifierOptions& given, DensifierCallbacks to)
+      : options(given), callbacks(std::move(to)), executor(given.threads, given.simd), view_filter(given.view_filter) {
+    options.threads = executor.threads();
+    options.simd = executor.simd();
+  }
+
+  View& view(std::int64_t i) { return views[static_cast<std::size_t>(i - first)]; }
+  std::int64_t end() const { return first + static_cast<std::int64_t>(views.size()); }
+  bool stopped() const { return cancel.load(std::memory_order_relaxed); }
+
+  std::int64_t match_ahead() const { return neighbour_reach(options.patchmatch.neighbours); }
+  std::int64_t filter_ahead() const { return options.consistency.enabled ? (options.consistency.window - 1) / 2 : 0; }
+  std::int64_t fuse_ahead() const { return (options.fusion.window - 1) / 2; }
+
+  void prepare(const Keyframe& keyframe);
+  void advance(bool last);
+  void match(std::int64_t i);
+  void filter(std::int64_t i);
+  void fuse_view(std::int64_t i);
+  void forget();
+
+  DensifierOptions options;
+  DensifierCallbacks callbacks;
+  Executor executor;
+  ViewFilter view_filter;
+  DensifierStats stats;
+  std::atomic<bool> cancel{false};
+  std::set<std::int64_t> ids;
+  std::deque<View> views;
+  std::int64_t first = 0;   ///< index of views.front()
+  std::int64_t next_match = 0;
+  std::int64_t next_filter = 0;
+  std::int64_t next_fuse = 0;
+};
+
+void Densifier::Impl::prepare(const Keyframe& keyframe) {
+  const Stopwatch watch(stats.seconds_prepare);
+  fill_in_size(options, keyframe.image.width, keyframe.image.height);
+  Panorama panorama(keyframe.image, keyframe.mask, options.width, options.height, executor);
+  views.push_back({keyframe, std::move(panorama), {}, {}, {}});
+  views.back().keyframe.image = {};
+  views.back().keyframe.mask = {};
+}
+
+void Densifier::Impl::advance(bool last) {
+  while (!stopped() && (last ? next_match < end() : next_match + match_ahead() < end())) match(next_match++);
+  while (!stopped() && (last ? next_filter < end() : next_filter + filter_ahead() < next_match)) filter(next_filter++);
+  while (!stopped() && (last ? next_fuse < end() : next_fuse + fuse_ahead() < next_filter)) fuse_view(next_fuse++);
+  forget();
+}
+
+void Densifier::Impl::match(std::int64_t i) {
+  const std::int64_t from = std::max(first, i - match_ahead());
+  const std::int64_t to = std::min(end(), i + match_ahead() + 1);
+  std::vector<const Keyframe*> sequence;
+  for (std::int64_t k = from; k < to; ++k) sequence.push_back(&view(k).keyframe);
+  View& reference = view(i);
+  MatchInput input{reference.keyframe.id, {&reference.panorama, reference.keyframe.cam_from_world}, {}, {}, {}};
+  for (const std::size_t k : choose_neighbours(sequence, static_cast<std::size_t>(i - from), options.patchmatch.neighbours)) {
+    const View& neighbour = view(from + static_cast<std::int64_t>(k));
+    input.neighbours.push_back({&neighbour.panorama, neighbour.keyframe.cam_from_world});
+  }
+  input.range = depth_range(reference.keyframe, options.init);
+  if (input.neighbours.empty() || !(input.range.max > input.range.min)) return;
+  PlaneImage sparse;
+  PlaneImage warped;
+  {
+    const Stopwatch watch(stats.seconds_init);
+    if (options.init.sparse_points) {
+      sparse = planes_from_landmarks(reference.keyframe, options.width, options.height, options.init);
+      input.candidates.push_back(&sparse);
+    }
+    if (options.init.warp_previous && i > first && !view(i - 1).median.depth.empty()) {
+      warped = warp_planes(view(i - 1).median, reference.keyframe.cam_from_world, executor);
+      input.candidates.push_back(&warped);
+    }
+  }
+  PatchMatchStats matched;
+  {
+    const Stopwatch watch(stats.seconds_patchmatch);
+    reference.median = patchmatch(input, options.patchmatch, options.seed, executor, &matched, &cancel);
+  }
+  if (stopped()) return;
+  if (callbacks.raw_depth) callbacks.raw_depth(reference.median);
+  const Stopwatch watch(stats.seconds_median);
+  FilterStats filtered;
+  median_filter(reference.median, options.median, executor, &filtered);
+  ++stats.depth_maps;
+  stats.pixels += matched.pixels;
+  stats.pixels_matched += matched.matched;
+  stats.pixels_after_median += filtered.after;
+}
+
+void Densifier::Impl::filter(std::int64_t i) {
+  const Stopwatch watch(stats.seconds_consistency);
+  View& reference = view(i);
+  if (reference.median.depth.empty()) return;
+  reference.map = reference.median;
+  std::vector<const DepthMap*> others;
+  for (std::int64_t k = std::max(first, i - filter_ahead()); k <= std::min(end() - 1, i + filter_ahead()); ++k) {
+    if (k != i && !view(k).median.depth.empty()) others.push_back(&view(k).median);
+  }
+  FilterStats filtered;
+  consistency_filter(reference.map, others, options.consistency, executor, &filtered);
+  stats.pixels_after_consistency += filtered.after;
+  reference.covered.assign(reference.map.depth.size(), 0);
+  if (callbacks.filtered_depth) callbacks.filtered_depth(reference.map);
+}
+
+void Densifier::Impl::fuse_view(std::int64_t i) {
+  const Stopwatch watch(stats.seconds_fusion);
+  if (view(i).map.depth.empty()) return;
+  std::vector<FusionInput> window;
+  std::size_t current = 0;
+  for (std::int64_t k = std::max(first, i - fuse_ahead()); k <= std::min(end() - 1, i + fuse_ahead()); ++k) {
+    if (k == i) current = window.size();
+    View& member = view(k);
+    if (!member.map.depth.empty()) window.push_back({&member.map, &member.panorama.color(), &member.covered});
+  }
+  const KeyframeCloud cloud = fuse(window, current, options.fusion, executor);
+  stats.points += static_cast<std::int64_t>(cloud.points.size());
+  if (callbacks.cloud) callbacks.cloud(cloud);
+}
+
+/// Lets go of keyframes that no stage will look at again.
+void Densifier::Impl::forget() {
+  const std::int64_t keep = std::min({next_match - match_ahead(), next_filter - filter_ahead(), next_fuse - fuse_ahead()});
+  for (; first < keep && !views.empty(); ++first) views.pop_front();
+}
+
+Densifier::Densifier(const DensifierOptions& options, DensifierCallbacks callbacks) {
+  options.validate();
+  impl_ = std::make_unique<Impl>(options, std::move(callbacks));
+}
+Densifier::~Densifier() = default;
+Densifier::Densifier(Densifier&&) noexcept = default;
+Densifier& Densifier::operator=(Densifier&&) noexcept = default;
+
+bool Densifier::add(const Keyframe& keyframe) {
+  check_keyframe(keyframe);
+  if (impl_->ids.count(keyframe.id) != 0) {
+    throw InvalidInput("keyframe " + std::to_string(keyframe.id) + " was added before; expected each id once");
+  }
+  if (impl_->stopped()) return false;
+  ++impl_->stats.keyframes_added;
+  impl_->ids.insert(keyframe.id);
+  if (!impl_->view_filter.accept(keyframe)) {
+    ++impl_->stats.keyframes_rejected;
+    return false;
+  }
+  ++impl_->stats.keyframes_accepted;
+  impl_->prepare(keyframe);
+  impl_->advance(false);
+  return true;
+}
+
+void Densifier::flush() {
+  impl_->advance(true);
+  impl_->views.clear();
+  impl_->first = impl_->next_match = impl_->next_filter = impl_->next_fuse = 0;
+  impl_->view_filter.reset();
+}
+
+void Densifier::cancel() noexcept { impl_->cancel.store(true, std::memory_order_relaxed); }
+bool Densifier::cancelled() const noexcept { return impl_->stopped(); }
+const DensifierStats& Densifier::stats() const { return impl_->stats; }
+const DensifierOptions& Densifier::options() const { return impl_->options; }
+
+}  // namespace pmsp

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "pmsp/keyframe.h"
+#include "pmsp/options.h"
+
+namespace pmsp {
+
+/// Throws InvalidInput, naming keyframe and field, unless image, mask, pose and landmarks are usable.
+void check_keyframe(const Keyframe& keyframe);
+
+/// Replaces a width or height of 0 by what an image of this size stands for.
+void fill_in_size(DensifierOptions& options, int image_width, int image_height);
+
+}  // namespace pmsp

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "export/atomic_file.h"
+#include "pmsp/error.h"
+#include "pmsp/io/depth_io.h"
+
+namespace pmsp {
+
+void write_png16(const std::filesystem::path& path, const Image<float>& image, double scale) {
+  if (image.empty()) throw InvalidInput(path.string() + ": an image without pixels cannot be written as PNG");
+  if (!std::isfinite(scale) || scale <= 0.0) {
+    throw InvalidInput(path.string() + ": scale " + std::to_string(scale) + " of a PNG is not > 0");
+  }
+  cv::Mat values(image.height(), image.width(), CV_16UC1);
+  for (int y = 0; y < image.height(); ++y) {
+    const float* from = image.row(y);
+    auto* to = values.ptr<std::uint16_t>(y);
+    for (int x = 0; x < image.width(); ++x) {
+      const double value = std::floor(static_cast<double>(from[x]) * scale + 0.5);
+      to[x] = value > 0.0 && value <= 65535.0 ? static_cast<std::uint16_t>(value) : std::uint16_t{0};
+    }
+  }
+  std::vector<unsigned char> encoded;
+  if (!cv::imencode(".png", values, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
+  AtomicFile file(path);
+  file.write(encoded.data(), encoded.size());
+  file.commit();
+}
+
+Image<float> read_png16(const std::filesystem::path& path, double scale) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) {
+    throw IoError(path.string() + ": cannot be read: there is no such file");
+  }
+  cv::Mat values;
+  try {
+    values = cv::imread(path.string(), cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception&) {
+    values.release();  // OpenCV's own limits on size; told like any other image that cannot be decoded
+  }
+  if (values.empty()) throw IoError(path.string() + ": cannot be decoded as an image");
+  if (values.type() != CV_16UC1 && values.type() != CV_8UC1) {
+    throw InvalidInput(path.string() + ": has the wrong kind of pixels; expected one gray channel of 16 or 8 bits");
+  }
+  cv::Mat scaled;
+  values.convertTo(scaled, CV_32F, scale);
+  Image<float> image(scaled.cols, scaled.rows);
+  for (int y = 0; y < scaled.rows; ++y) {
+    const float* from = scaled.ptr<float>(y);
+    std::copy(from, from + scaled.cols, image.row(y));
+  }
+  return image;
+}
+
+}  // namespace pmsp

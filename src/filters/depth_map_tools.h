@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "agreement.h"
+#include "equirect.h"
+#include "pmsp/depth_map.h"
+#include "sphere/grid.h"
+#include "util/eigen_kernels.h"
+#include "util/thread_pool.h"
+
+namespace pmsp {
+
+inline std::int64_t count_depths(const DepthMap& map) {
+  const std::vector<float>& depths = map.depth.pixels();
+  return std::count_if(depths.begin(), depths.end(), [](float depth) { return depth > 0.0F; });
+}
+
+/// Restores the rule that normal and confidence are 0 where depth is.
+inline void clear_where_no_depth(DepthMap& map) {
+  for (std::size_t i = 0; i < map.depth.size(); ++i) {
+    if (map.depth.pixels()[i] > 0.0F) continue;
+    map.normal.pixels()[i].setZero();
+    map.confidence.pixels()[i] = 0.0F;
+  }
+}
+
+/// A depth map's planes in row order, one array a coordinate, as kernels::agreement reads them.
+class PlaneRows {
+ public:
+  PlaneRows(const DepthMap& map, const SphereGrid& grid, ThreadPool& pool)
+      : width_(map.depth.width()), height_(map.depth.height()), x_(map.depth.size()), y_(map.depth.size()), z_(map.depth.size()) {
+    pool.for_each(height_, [&](int row) {
+      for (int column = 0; column < width_; ++column) {
+        const float depth = map.depth(column, row);
+        const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(column);
+        if (depth <= 0.0F) continue;
+        const kernels::Vec3<float> normal = to_vec3(map.normal(column, row));
+        const kernels::Vec3<float> plane = kernels::plane_from(
+            1.0F / depth, normal,
+            kernels::bearing(grid.sin_lon()[column], grid.cos_lon()[column], grid.sin_lat()[row], grid.cos_lat()[row]));
+        x_[at] = plane.x;
+        y_[at] = plane.y;
+        z_[at] = plane.z;
+      }
+    });
+  }
+
+  kernels::PlaneMapView view() const { return {x_.data(), y_.data(), z_.data(), width_, height_}; }
+
+ private:
+  int width_, height_;
+  std::vector<float> x_, y_, z_;
+};
+
+/// Buffers for one row of comparisons.
+struct CompareBuffers {
+  explicit CompareBuffers(int width)
+      : closeness(static_cast<std::size_t>(width)),
+        implied_depth(closeness.size()),
+        offset_px(closeness.size()),
+        index(closeness.size()) {}
+
+  cpu::CompareRow out() { return {closeness.data(), implied_depth.data(), offset_px.data(), index.data()}; }
+
+  std::vector<float> closeness, implied_depth, offset_px;
+  std::vector<std::int32_t> index;
+};
+
+}  // namespace pmsp

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+
+#include "pmsp/initialiser.h"
+
+namespace pmsp {
+
+DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options) {
+  std::vector<double> ranges;
+  ranges.reserve(keyframe.landmarks.size());
+  for (const Landmark& landmark : keyframe.landmarks) {
+    const double range = (keyframe.cam_from_world * landmark.position_world).norm();
+    if (range > 0.0) ranges.push_back(range);
+  }
+  if (ranges.empty()) return {};
+  std::sort(ranges.begin(), ranges.end());
+  const auto percentile = [&](double share) {
+    return ranges[static_cast<std::size_t>(share * static_cast<double>(ranges.size() - 1) + 0.5)];
+  };
+  return {percentile(0.02) / options.range_margin, percentile(0.98) * options.range_margin};
+}
+
+}  // namespace pmsp

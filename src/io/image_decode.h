@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <opencv2/core.hpp>
+#include <string>
+
+#include "pmsp/image.h"
+#include "pmsp/io/map.h"
+
+namespace pmsp::io {
+
+/// Decodes an image file; `imread_flags` as cv::imread takes them. Throws IoError, naming the path, also for a JPEG
+/// that ends too early, which OpenCV would fill with gray.
+cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags);
+
+/// 8-bit BGR to RGB.
+Image<Rgb> rgb_from_bgr(const cv::Mat& bgr);
+
+/// Throws InvalidInput unless width x height is the camera's size times one factor. `what` names the image.
+void check_image_size(const std::string& what, int width, int height, const MapCamera& camera);
+
+}  // namespace pmsp::io

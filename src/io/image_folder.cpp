@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <vector>
+
+#include "image_decode.h"
+#include "image_naming.h"
+#include "pmsp/error.h"
+#include "pmsp/io/image_source.h"
+
+namespace pmsp {
+namespace {
+
+constexpr std::size_t kTrialRuns = 3;  ///< pairs of neighbouring keyframes that a reading is tried on
+constexpr int kTrialComparisons = 30;  ///< fewer say nothing
+constexpr double kTrialClear = 0.7;    ///< agreement that no shifted pairing reaches
+constexpr int kTrialWidth = 960;       ///< [px] to which larger JPEGs are reduced while they are decoded
+
+/// Keyframes of a reading that have a file, in order of time.
+std::vector<std::size_t> paired_keyframes(const SlamMap& map, const io::Reading& reading) {
+  std::vector<std::size_t> paired;
+  for (std::size_t k = 0; k < map.keyframes.size(); ++k)
+    if (reading.file[k] >= 0) paired.push_back(k);
+  std::stable_sort(paired.begin(), paired.end(), [&](std::size_t a, std::size_t b) {
+    return map.keyframes[a].timestamp < map.keyframes[b].timestamp;
+  });
+  return paired;
+}
+
+/// Pairs of neighbours, evenly spread.
+std::vector<std::size_t> trial_keyframes(const std::vector<std::size_t>& paired) {
+  if (paired.size() <= 2 * kTrialRuns) return paired;
+  std::vector<std::size_t> trial;
+  for (std::size_t run = 0; run < kTrialRuns; ++run) {
+    const std::size_t at = (paired.size() - 2) * (2 * run + 1) / (2 * kTrialRuns);
+    trial.push_back(paired[at]);
+    trial.push_back(paired[at + 1]);
+  }
+  return trial;
+}
+
+int trial_flags(const MapCamera& camera) {
+  if (camera.width >= 8 * kTrialWidth) return cv::IMREAD_REDUCED_COLOR_8;
+  if (camera.width >= 4 * kTrialWidth) return cv::IMREAD_REDUCED_COLOR_4;
+  return camera.width >= 2 * kTrialWidth ? cv::IMREAD_REDUCED_COLOR_2 : cv::IMREAD_COLOR;
+}
+
+/// How well the images of a reading fit their keyframes, tried on a few.
+PairingVerifier::Verdict try_reading(const SlamMap& map, const io::Reading& reading,
+                                     const std::vector<io::NumberedFile>& files) {
+  PairingVerifier verifier(map);
+  for (const std::size_t k : trial_keyframes(paired_keyframes(map, reading))) {
+    const MapKeyframe& keyframe = map.keyframes[k];
+    const MapCamera& camera = map.cameras[static_cast<std::size_t>(keyframe.camera)];
+    try {
+      const auto& path = files[static_cast<std::size_t>(reading.file[k])].path;
+      const Image<Rgb> image =
+          io::rgb_from_bgr(io::decode_image_file(path, trial_flags(camera) | cv::IMREAD_IGNORE_ORIENTATION));
+      verifier.add(keyframe.id, image.view());
+    } catch (const Error&) {
+      continue;  // reported when the image's turn comes, if this reading is chosen
+    }
+  }
+  return verifier.verdict();
+}
+
+/// Names alone cannot always tell (ids and frame indices of a short map look the same); the images can. Readings are
+/// tried in order of plausibility until one clearly fits.
+std::size_t choose_reading(const SlamMap& map, const std::vector<io::Reading>& readings,
+                           const std::vector<io::NumberedFile>& files) {
+  std::size_t best = 0;
+  double best_agreement = -1.0;
+  for (std::size_t i = 0; i < readings.size() && readings.size() > 1; ++i) {
+    const PairingVerifier::Verdict verdict = try_reading(map, readings[i], files);
+    if (verdict.comparisons < kTrialComparisons) continue;
+    if (verdict.agreement >= kTrialClear) return i;
+    if (verdict.agreement > best_agreement) {
+      best_agreement = verdict.agreement;
+      best = i;
+    }
+  }
+  return best;
+}
+
+class ImageFolder final : public ImageSource {
+ public:
+  ImageFolder(const SlamMap& map, const std::filesystem::path& folder, const io::Reading& reading,
+              const std::vector<io::NumberedFile>& files, bool told_by_images) {
+    for (const std::size_t k : paired_keyframes(map, reading)) {
+      const MapKeyframe& keyframe = map.keyframes[k];
+      ids_.push_back(keyframe.id);
+      plan_.push_back({files[static_cast<std::size_t>(reading.file[k])].path,
+                       map.cameras[static_cast<std::size_t>(keyframe.camera)]});
+    }
+    for (std::size_t k = 0; k < map.keyframes.size(); ++k)
+      if (reading.file[k] < 0) skipped_.push_back({map.keyframes[k].id, reading.reason[k]});
+    description_ = std::to_string(ids_.size()) + " of " + std::to_string(map.keyframes.size()) +
+                   " keyframes found in " + folder.string() + ": file names are " + reading.meaning;
+    if (told_by_images) description_ += "; names alone would allow another reading, whose images do not fit";
+  }
+
+  const std::vector<std::int64_t>& keyframe_ids() const override { return ids_; }
+  const std::vector<SkippedKeyframe>& skipped() const override { return skipped_; }
+  const std::string& description() const override { return description_; }
+
+  std::optional<Item> next() override {
+    if (next_ >= plan_.size()) return std::nullopt;
+    const std::size_t i = next_++;
+    const Entry& entry = plan_[i];
+    // The SLAM programs decode without turning the image as its EXIF data may ask.
+    const cv::Mat bgr = io::decode_image_file(entry.path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    io::check_image_size(entry.path.string(), bgr.cols, bgr.rows, entry.camera);
+    return Item{ids_[i], io::rgb_from_bgr(bgr)};
+  }
+
+ private:
+  struct Entry {
+    std::filesystem::path path;
+    MapCamera camera;
+  };
+
+  std::vector<std::int64_t> ids_;
+  std::vector<Entry> plan_;
+  std::vector<SkippedKeyframe> skipped_;
+  std::string description_;
+  std::size_t next_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::filesystem::path& folder,
+                                               const ImageFolderOptions& options) {
+  if (!(options.fps >= 0.0) || !std::isfinite(options.fps))
+    throw InvalidOption("fps = " + io::format_number(options.fps) + ": expected a number > 0, or 0 for the map's own");
+  std::size_t unnumbered = 0;
+  const std::vector<io::NumberedFile> files = io::list_numbered_images(folder, unnumbered);
+  if (files.empty())
+    throw InvalidInput(folder.string() + ": no image in it (" + std::to_string(unnumbered) +
+                       " found) has a number in its name; expected keyframe ids, timestamps or frame indices");
+  const std::vector<io::Reading> readings = io::find_readings(map, files, options);
+  if (readings.empty())
+    throw InvalidInput(
+        folder.string() + ": the " + std::to_string(files.size()) + " images (such as " +
+        files.front().path.filename().string() + ") fit none of the " + std::to_string(map.keyframes.size()) +
+        " keyframes of " + map.path.string() +
+        ", neither as keyframe ids nor as timestamps nor as frame indices; rename them, or set --fps and "
+        "--frame-offset");
+  const std::size_t chosen = choose_reading(map, readings, files);
+  return std::make_unique<ImageFolder>(map, folder, readings[chosen], files, chosen > 0);
+}
+
+}  // namespace pmsp

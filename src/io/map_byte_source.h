@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <vector>
+
+namespace pmsp::map_detail {
+
+/// A file as a range of characters, read chunk by chunk: the speed of a plain pointer, without the file in memory (a
+/// mapped file would count as memory of the process, and one that shrinks meanwhile would end it).
+class ByteSource {
+ public:
+  /// Throws IoError.
+  explicit ByteSource(const std::filesystem::path& path);
+
+  bool at_end() const { return current_ == end_; }
+  char peek() const { return *current_; }
+  void advance() {
+    if (++current_ == end_) refill();
+  }
+
+  /// Offset of the next character.
+  std::uint64_t offset() const { return chunk_offset_ + static_cast<std::uint64_t>(current_ - chunk_.data()); }
+
+  /// To be called for each token. A token that is longer than a chunk (a hostile string) makes `advance` throw
+  /// InvalidInput, before it fills the memory.
+  void token_seen() { token_seen_ = true; }
+
+ private:
+  void refill();
+
+  std::filesystem::path path_;
+  std::ifstream file_;
+  std::vector<char> chunk_;
+  const char* current_ = nullptr;
+  const char* end_ = nullptr;
+  std::uint64_t chunk_offset_ = 0;
+  bool token_seen_ = true;
+};
+
+/// What nlohmann::json reads from: an input iterator over a ByteSource; without one, the end.
+class ByteIterator {
+ public:
+  using iterator_category = std::input_iterator_tag;
+  using value_type = char;
+  using difference_type = std::ptrdiff_t;
+  using pointer = const char*;
+  using reference = char;
+
+  ByteIterator() = default;
+  explicit ByteIterator(ByteSource* source) : source_(source) {}
+
+  char operator*() const { return source_->peek(); }
+  ByteIterator& operator++() {
+    source_->advance();
+    return *this;
+  }
+  friend bool operator==(const ByteIterator& a, const ByteIterator& b) { return a.done() == b.done(); }
+  friend bool operator!=(const ByteIterator& a, const ByteIterator& b) { return a.done() != b.done(); }
+
+ private:
+  bool done() const { return source_ == nullptr || source_->at_end(); }
+
+  ByteSource* source_ = nullptr;
+};
+
+}  // namespace pmsp::map_detail

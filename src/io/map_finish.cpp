@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+#include <Eigen/Geometry>
+
+#include "map_raw.h"
+#include "pmsp/camera.h"
+
+namespace pmsp::map_detail {
+namespace {
+
+constexpr std::int64_t kMaxImageWidth = 1 << 16;
+
+template <class... Parts>
+std::string text(const Parts&... parts) {
+  std::ostringstream out;
+  out.precision(10);
+  (out << ... << parts);
+  return out.str();
+}
+
+/// Camera as the library sees it, or an error that names the field.
+MapCamera checked_camera(const RawMap& raw, const RawCamera& camera) {
+  const auto reject = [&](const char* field, const std::string& what) {
+    if (raw.dialect == Dialect::msgpack) fail(raw.path, place(raw.dialect, "cameras", camera.name, field), what);
+    fail(raw.path, "table cameras, name " + in_quotes(camera.name) + ", column " + field, what);
+  };
+  if (camera.model != "Equirectangular") {
+    reject("model_type", "the camera is " + in_quotes(camera.model) +
+                             ", expected \"Equirectangular\": only maps of 360-degree panoramas can be used");
+  }
+  if (camera.rows <= 0 || camera.rows % 2 != 0)
+    reject("rows", text("is ", camera.rows, ", expected an even number > 0"));
+  if (camera.cols <= 0 || camera.cols > kMaxImageWidth) {
+    reject("cols", text("is ", camera.cols, ", expected 1 to ", kMaxImageWidth));
+  }
+  if (camera.cols != 2 * camera.rows) {
+    reject("cols",
+           text("is ", camera.cols, " where rows is ", camera.rows, ", expected cols = 2 x rows: a full panorama"));
+  }
+  if (!(camera.fps >= 0.0) || !std::isfinite(camera.fps))
+    reject("fps", text("is ", camera.fps, ", expected a finite number >= 0"));
+  return {camera.name, static_cast<int>(camera.cols), static_cast<int>(camera.rows), camera.fps};
+}
+
+std::vector<MapCamera> checked_cameras(const RawMap& raw) {
+  std::vector<MapCamera> cameras;
+  for (const RawCamera& camera : raw.cameras) cameras.push_back(checked_camera(raw, camera));
+  std::sort(cameras.begin(), cameras.end(), [](const MapCamera& a, const MapCamera& b) { return a.name < b.name; });
+  for (std::size_t i = 1; i < cameras.size(); ++i) {
+    if (cameras[i - 1].name == cameras[i].name) {
+      fail(raw.path, "cameras", "two cameras are named " + in_quotes(cameras[i].name) + ", expected unique names");
+    }
+  }
+  return cameras;
+}
+
+/// The rotation of a keyframe. One SLAM pose reaches us as a quaternion (MessagePack) or as the matrix that it was made
+/// from (SQLite); both must give the same bits, because equal maps have to give equal clouds. So everything goes
+/// through a quaternion rounded to multiples of 2^-32 (2e-10 rad, a millionth of a pixel), which hides the last bits in
+/// which the two differ, and the matrix is made from the rounded one. The sign of the quaternion makes no difference to
+/// it.
+Eigen::Matrix3d canonical_rotation(const std::array<double, 4>& xyzw, double norm) {
+  constexpr double kGrid = 4294967296.0;
+  const auto rounded = [&](double component) { return std::round(component / norm * kGrid) / kGrid; };
+  return Eigen::Quaterniond(rounded(xyzw[3]), rounded(xyzw[0]), rounded(xyzw[1]), rounded(xyzw[2]))
+      .normalized()
+      .toRotationMatrix();
+}
+
+RigidTransform checked_pose(const RawMap& raw, const RawKeyframe& keyframe, int image_width) {
+  const bool msgpack = raw.dialect == Dialect::msgpack;
+  const auto where = [&](const char* field) {
+    return place(raw.dialect, "keyframes", std::to_string(keyframe.keyframe.id), field);
+  };
+  const std::array<double, 4>& q = keyframe.rotation_xyzw;
+  const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  if (!(std::abs(norm - 1.0) <= 1e-3)) {  // NaN included
+    fail(raw.path, where(msgpack ? "rot_cw" : "pose_cw"),
+         text("the quaternion (x, y, z, w) = (", q[0], ", ", q[1], ", ", q[2], ", ", q[3], ") has length ", norm,
+              ", expected a rotation: length 1 within 0.001"));
+  }
+  const Eigen::Vector3d& t = keyframe.translation;
+  if (!t.allFinite()) {
+    fail(raw.path, where(msgpack ? "trans_cw" : "pose_cw"),
+         text("the translation is (", t.x(), ", ", t.y(), ", ", t.z(), "), expected finite numbers"));
+  }
+  return cam_from_slam_cam(image_width) * RigidTransform{canonical_rotation(q, norm), t};
+}
+
+void sort_landmarks(RawMap& raw) {
+  std::vector<MapLandmark>& landmarks = raw.landmarks;
+  std::sort(landmarks.begin(), landmarks.end(), [](const MapLandmark& a, const MapLandmark& b) { return a.id < b.id; });
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    if (i > 0 && landmarks[i - 1].id == landmarks[i].id) {
+      fail(raw.path, place(raw.dialect, "landmarks", std::to_string(landmarks[i].id), ""),
+           "this id appears more than once, expected unique ids");
+    }
+    const Eigen::Vector3d& p = landmarks[i].position_world;
+    if (!p.allFinite()) {
+      fail(raw.path, place(raw.dialect, "landmarks", std::to_string(landmarks[i].id), "pos_w"),
+           text("is (", p.x(), ", ", p.y(), ", ", p.z(), "), expected finite numbers"));
+    }
+  }
+}
+
+void sort_keyframes(RawMap& raw) {
+  std::vector<RawKeyframe>& keyframes = raw.keyframes;
+  if (keyframes.empty()) fail(raw.path, "keyframes", "the map holds no keyframe, expected at least one");
+  std::sort(keyframes.begin(), keyframes.end(),
+            [](const RawKeyframe& a, const RawKeyframe& b) { return a.keyframe.id < b.keyframe.id; });
+  for (std::size_t i = 0; i < keyframes.size(); ++i) {
+    const MapKeyframe& keyframe = keyframes[i].keyframe;
+    if (i > 0 && keyframes[i - 1].keyframe.id == keyframe.id) {
+      fail(raw.path, place(raw.dialect, "keyframes", std::to_string(keyframe.id), ""),
+           "this id appears more than once, expected unique ids");
+    }
+    if (!std::isfinite(keyframe.timestamp)) {
+      fail(raw.path, place(raw.dialect, "keyframes", std::to_string(keyframe.id), "ts"),
+           text("is ", keyframe.timestamp, ", expected a finite number of seconds"));
+    }
+  }
+}
+
+int camera_index(const RawMap& raw, const std::vector<MapCamera>& cameras, const RawKeyframe& keyframe) {
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if (cameras[i].name == keyframe.camera) return static_cast<int>(i);
+  }
+  fail(raw.path, place(raw.dialect, "keyframes", std::to_string(keyframe.keyframe.id), "cam"),
+       "there is no camera " + in_quotes(keyframe.camera) + ", expected the name of one in cameras");
+}
+
+/// Keeps the observations of landmarks that exist, each landmark once, and moves their pixels to this library's origin.
+class ObservationFilter {
+ public:
+  ObservationFilter(const RawMap& raw, SlamMap& map) : raw_(raw), map_(map), last_seen_(map.landmarks.size(), -1) {
+    ids_.reserve(map.landmarks.size());
+    for (const MapLandmark& landmark : map.landmarks) ids_.push_back(landmark.id);
+  }
+
+  void apply(MapKeyframe& keyframe, const MapCamera& camera) {
+    ++keyframe_;
+    std::size_t kept = 0;
+    for (MapObservation observation : keyframe.observations) {
+      const auto it = std::lower_bound(ids_.begin(), ids_.end(), observation.landmark_id);
+      const auto index = static_cast<std::size_t>(it - ids_.begin());
+      if (it == ids_.end() || *it != observation.landmark_id) {
+        ++map_.observations_skipped;
+      } else if (last_seen_[index] == keyframe_) {
+        ++map_.observations_repeated;
+      } else {
+        last_seen_[index] = keyframe_;
+        observation.pixel = raw_.pixels_in_another_grid ? projected(keyframe, camera, map_.landmarks[index])
+                                                        : checked(keyframe, camera, observation);
+        keyframe.observations[kept++] = observation;
+      }
+    }
+    keyframe.observations.resize(kept);
+  }
+
+ private:
+  Eigen::Vector2f checked(const MapKeyframe& keyframe, const MapCamera& camera,
+                          const MapObservation& observation) const {
+    const float x = observation.pixel.x();
+    const float y = observation.pixel.y();
+    const auto width = static_cast<float>(camera.width);
+    const auto height = static_cast<float>(camera.height);
+    if (!(x >= -0.5F && x <= width && y >= -0.5F && y <= height)) {  // NaN included
+      fail(raw_.path, place(raw_.dialect, "keyframes", std::to_string(keyframe.id), raw_.keypoint_field),
+           text("the keypoint of landmark ", observation.landmark_id, " lies at (", x, ", ", y,
+                "), expected a place in the camera's image of ", camera.width, " x ", camera.height, " pixels"));
+    }
+    return {x + 0.5F, y + 0.5F};
+  }
+
+  static Eigen::Vector2f projected(const MapKeyframe& keyframe, const MapCamera& camera, const MapLandmark& landmark) {
+    const Eigen::Vector3d point = keyframe.cam_from_world * landmark.position_world;
+    if (!(point.norm() > 0.0)) return {0.5F, 0.5F};
+    Eigen::Vector2d pixel = pixel_from_bearing(point, camera.width, camera.height);
+    pixel.y() += 0.5;  // the half pixel of latitude that no turn of the camera takes away
+    return pixel.cast<float>();
+  }
+
+  const RawMap& raw_;
+  SlamMap& map_;
+  std::vector<std::int64_t> ids_;
+  std::vector<int> last_seen_;  // per landmark, the last keyframe that observed it
+  int keyframe_ = -1;
+};
+
+}  // namespace
+
+SlamMap finish_map(RawMap&& raw) {
+  sort_keyframes(raw);
+  sort_landmarks(raw);
+  SlamMap map;
+  map.path = raw.path;
+  map.format = raw.format;
+  map.cameras = checked_cameras(raw);
+  map.landmarks = std::move(raw.landmarks);
+  map.keyframes.reserve(raw.keyframes.size());
+  ObservationFilter filter(raw, map);
+  for (RawKeyframe& keyframe : raw.keyframes) {
+    MapKeyframe& result = map.keyframes.emplace_back(std::move(keyframe.keyframe));
+    keyframe.keyframe.id = result.id;
+    result.camera = camera_index(raw, map.cameras, keyframe);
+    const MapCamera& camera = map.cameras[static_cast<std::size_t>(result.camera)];
+    result.cam_from_world = checked_pose(raw, keyframe, camera.width);
+    filter.apply(result, camera);
+  }
+  return map;
+}
+
+}  // namespace pmsp::map_detail

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp/options.h"
+
+#include <cmath>
+#include <sstream>
+
+#include "pmsp/error.h"
+
+namespace pmsp {
+namespace {
+
+void check(const char* field, double value, double low, double high) {
+  if (value >= low && value <= high) return;   // false for NaN
+  std::ostringstream text;
+  text << field << " is " << value << "; expected " << low << " to " << high;
+  throw InvalidOption(text.str());
+}
+
+void check_size(const char* field, int value, int low, int high) {
+  if (value == 0) return;
+  check(field, value, low, high);
+  if (value % 2 != 0) throw InvalidOption(std::string(field) + " is " + std::to_string(value) + "; expected an even number");
+}
+
+}  // namespace
+
+void ViewFilterOptions::validate() const {
+  check("view_filter.min_parallax_deg", min_parallax_deg, 0.0, 180.0);
+  check("view_filter.max_parallax_deg", max_parallax_deg, 0.0, 180.0);
+  check("view_filter.min_share", min_share, 0.0, 1.0);
+  if (min_parallax_deg >= max_parallax_deg) {
+    throw InvalidOption("view_filter.min_parallax_deg must be below view_filter.max_parallax_deg");
+  }
+}
+
+void InitOptions::validate() const {
+  check("init.sparse_radius_px", sparse_radius_px, 0.0, 100.0);
+  check("init.range_margin", range_margin, 1.0, 1000.0);
+}
+
+void PatchMatchOptions::validate() const {
+  check("patchmatch.iterations", iterations, 1, 100);
+  check("patchmatch.neighbours", neighbours, 1, 8);
+  check("patchmatch.refinements", refinements, 0, 32);
+  check("patchmatch.patch_spacing_px", patch_spacing_px, 0.5, 8.0);
+  check("patchmatch.sigma_color", sigma_color, 1.0, 1000.0);
+  check("patchmatch.sigma_space_px", sigma_space_px, 0.5, 100.0);
+  check("patchmatch.max_slant_deg", max_slant_deg, 10.0, 89.0);
+}
+
+void MedianFilterOptions::validate() const {
+  check("median.max_relative_deviation", max_relative_deviation, 0.0, 1.0);
+  check("median.min_score", min_score, -1.0, 1.0);
+}
+
+void ConsistencyFilterOptions::validate() const {
+  check("consistency.window", window, 2, 15);
+  check("consistency.min_views", min_views, 1, window);
+  check("consistency.max_relative_depth", max_relative_depth, 0.0, 1.0);
+}
+
+void FusionOptions::validate() const {
+  check("fusion.window", window, 1, 31);
+  check("fusion.spacing_px", spacing_px, 0.0, 4.0);
+  check("fusion.max_relative_depth", max_relative_depth, 0.0, 1.0);
+  check("fusion.max_normal_deg", max_normal_deg, 0.0, 180.0);
+  check("fusion.min_confidence", min_confidence, 0.0, 1.0);
+}
+
+void DensifierOptions::validate() const {
+  check_size("width", width, 32, 16384);
+  check_size("height", height, 16, 8192);
+  check("threads", threads, 0, 1024);
+  view_filter.validate();
+  init.validate();
+  patchmatch.validate();
+  median.validate();
+  consistency.validate();
+  fusion.validate();
+}
+
+DensifierOptions preset(Quality quality) {
+  DensifierOptions options;   // the defaults are the online setting
+  if (quality == Quality::kOnline) return options;
+  options.width = quality == Quality::kNormal ? 1440 : 0;
+  options.height = quality == Quality::kNormal ? 720 : 0;
+  options.patchmatch.iterations = 6;
+  options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
+  return options;
+}
+
+Quality quality_from_name(const std::string& name) {
+  if (name == "online") return Quality::kOnline;
+  if (name == "normal") return Quality::kNormal;
+  if (name == "high") return Quality::kHigh;
+  throw InvalidOption("quality is '" + name + "'; expected online, normal or high");
+}
+
+Simd simd_from_name(const std::string& name) {
+  for (const Simd simd : {Simd::kAuto, Simd::kScalar, Simd::kAvx2, Simd::kAvx512}) {
+    if (name == name_of(simd)) return simd;
+  }
+  throw InvalidOption("simd is '" + name + "'; expected auto, scalar, avx2 or avx512");
+}
+
+const char* name_of(Simd simd) {
+  switch (simd) {
+    case Simd::kScalar:
+      return "scalar";
+    case Simd::kAvx2:
+      return "avx2";
+    case Simd::kAvx512:
+      return "avx512";
+    case Simd::kAuto:
+      break;
+  }
+  return "auto";
+}
+
+}  // namespace pmsp

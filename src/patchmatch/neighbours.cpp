@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "patchmatch/neighbours.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pmsp/view_filter.h"
+
+namespace pmsp {
+namespace {
+
+/// Parallax that gives accuracy without changing what patches look like too much.
+constexpr double kBestParallaxDeg = 10.0;
+
+struct Candidate {
+  std::size_t index;
+  bool after;
+  double usefulness;
+};
+
+double usefulness(const Keyframe& reference, const Keyframe& other) {
+  const CommonParallax common = common_parallax(reference.landmarks, reference.cam_from_world.center(), other.landmarks,
+                                                other.cam_from_world.center(), 0.0, 180.0);
+  if (common.landmarks == 0 || common.median_deg <= 0.0) return 0.0;
+  const double ratio = std::log(common.median_deg / kBestParallaxDeg);
+  return std::exp(-ratio * ratio) * std::min(1.0, common.landmarks / 30.0);
+}
+
+}  // namespace
+
+std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference, int count) {
+  std::vector<Candidate> candidates;
+  for (std::size_t i = 0; i < sequence.size(); ++i) {
+    if (i == reference) continue;
+    const double baseline = (sequence[i]->cam_from_world.center() - sequence[reference]->cam_from_world.center()).norm();
+    if (!(baseline > 0.0)) continue;
+    candidates.push_back({i, i > reference, usefulness(*sequence[reference], *sequence[i])});
+  }
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.usefulness > b.usefulness; });
+  std::vector<std::size_t> chosen;
+  std::size_t per_side[2] = {0, 0};
+  const std::size_t wanted = static_cast<std::size_t>(count);
+  for (int round = 0; round < 2; ++round) {   // first the best of each side, then whatever is left
+    for (const Candidate& candidate : candidates) {
+      const bool known = std::find(chosen.begin(), chosen.end(), candidate.index) != chosen.end();
+      if (known || chosen.size() >= wanted) continue;
+      if (round == 0 && per_side[candidate.after ? 1 : 0] >= (wanted + 1) / 2) continue;
+      ++per_side[candidate.after ? 1 : 0];
+      chosen.push_back(candidate.index);
+    }
+  }
+  return chosen;
+}
+
+int neighbour_reach(int count) { return count <= 2 ? 2 : (count + 1) / 2 + 1; }
+
+}  // namespace pmsp

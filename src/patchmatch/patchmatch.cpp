@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp/patchmatch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "cpu/executor_impl.h"
+#include "pmsp/error.h"
+#include "sphere/grid.h"
+#include "sphere/panorama_data.h"
+#include "util/eigen_kernels.h"
+
+namespace pmsp {
+namespace {
+
+/// Stages of a keyframe that draw random numbers.
+constexpr std::uint32_t kPatchMatchStage = 1;
+
+/// Variance of gray levels that rounding, noise and compression make on a plain surface.
+constexpr float kNoiseVariance = 1.0F;
+
+/// Planes in checkerboard order.
+struct Planes {
+  explicit Planes(std::size_t size) : x(size, 0.0F), y(size, 0.0F), z(size, 0.0F) {}
+
+  cpu::ConstPlaneArrays view() const { return {x.data(), y.data(), z.data()}; }
+
+  std::vector<float> x, y, z;
+};
+
+void check(const MatchInput& input, const PatchMatchOptions& options) {
+  options.validate();
+  if (input.reference.panorama == nullptr) throw InvalidInput("patchmatch: no reference panorama");
+  const int width = input.reference.panorama->width();
+  const int height = input.reference.panorama->height();
+  const std::size_t count = input.neighbours.size();
+  if (count < 1 || count > static_cast<std::size_t>(kernels::kMaxViews)) {
+    throw InvalidInput("patchmatch: " + std::to_string(count) + " neighbours; expected 1 to " +
+                       std::to_string(kernels::kMaxViews));
+  }
+  for (const PosedPanorama& neighbour : input.neighbours) {
+    if (neighbour.panorama == nullptr || neighbour.panorama->width() != width || neighbour.panorama->height() != height) {
+      throw InvalidInput("patchmatch: a neighbour is missing or not of the reference's size");
+    }
+  }
+  for (const PlaneImage* planes : input.candidates) {
+    if (planes->width() != width || planes->height() != height) {
+      throw InvalidInput("patchmatch: candidate planes are not of the reference's size");
+    }
+  }
+  if (!(input.range.min > 0.0) || !(input.range.max > input.range.min) || !std::isfinite(input.range.max)) {
+    throw InvalidInput("patchmatch: the depth range is " + std::to_string(input.range.min) + " to " +
+                       std::to_string(input.range.max) + "; expected 0 < min < max");
+  }
+}
+
+kernels::PatchLayout make_layout(const PatchMatchOptions& options, int width) {
+  kernels::PatchLayout layout{};
+  layout.spacing = static_cast<float>(std::tan(options.patch_spacing_px * 2.0 * kernels::kPi / width));
+  layout.color_factor = static_cast<float>(-0.5 / (options.sigma_color * options.sigma_color));
+  layout.min_variance = kNoiseVariance;
+  const double steps = options.sigma_space_px / options.patch_spacing_px;
+  for (int k = 0; k < kernels::kPatchSamples; ++k) {
+    const double dx = kernels::patch_offset(k % kernels::kPatchSide);
+    const double dy = kernels::patch_offset(k / kernels::kPatchSide);
+    layout.space_weight[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (steps * steps)));
+  }
+  return layout;
+}
+
+std::vector<kernels::SourceView> make_views(const MatchInput& input) {
+  const RigidTransform world_from_ref = input.reference.cam_from_world.inverse();
+  std::vector<kernels::SourceView> views;
+  for (const PosedPanorama& neighbour : input.neighbours) {
+    const Panorama::Data& data = neighbour.panorama->data();
+    views.push_back({data.gray.view(), data.matchable.view(), to_rigid(neighbour.cam_from_world * world_from_ref)});
+  }
+  return views;
+}
+
+Planes to_checkerboard(const PlaneImage& image, const SphereGrid& grid) {
+  Planes planes(grid.size());
+  for (int y = 0; y < grid.height(); ++y) {
+    for (int x = 0; x < grid.width(); ++x) {
+      const std::size_t at = grid.index(x, y);
+      planes.x[at] = image(x, y).x();
+      planes.y[at] = image(x, y).y();
+      planes.z[at] = image(x, y).z();
+    }
+  }
+  return planes;
+}
+
+std::vector<float> to_checkerboard(const Image<std::uint8_t>& usable, const SphereGrid& grid) {
+  std::vector<float> result(usable.empty() ? 0 : grid.size());
+  for (int y = 0; y < grid.height() && !usable.empty(); ++y) {
+    for (int x = 0; x < grid.width(); ++x) result[grid.index(x, y)] = usable(x, y) != 0 ? 1.0F : 0.0F;
+  }
+  return result;
+}
+
+DepthMap to_depth_map(const Planes& planes, const std::vector<float>& score, const SphereGrid& grid, ThreadPool& pool) {
+  DepthMap map;
+  map.depth = Image<float>(grid.width(), grid.height(), 0.0F);
+  map.normal = Image<Eigen::Vector3f>(grid.width(), grid.height(), Eigen::Vector3f::Zero());
+  map.confidence = Image<float>(grid.width(), grid.height(), 0.0F);
+  pool.for_each(grid.height(), [&](int y) {
+    for (int x = 0; x < grid.width(); ++x) {
+      const std::size_t at = grid.index(x, y);
+      const kernels::Vec3<float> plane{planes.x[at], planes.y[at], planes.z[at]};
+      const kernels::Vec3<float> bearing =
+          kernels::bearing(grid.sin_lon()[x], grid.cos_lon()[x], grid.sin_lat()[y], grid.cos_lat()[y]);
+      const float inverse_depth = kernels::dot(plane, bearing);
+      if (!(inverse_depth > 0.0F)) continue;
+      map.depth(x, y) = 1.0F / inverse_depth;
+      map.normal(x, y) = to_eigen(-1.0F * kernels::normalized(plane));
+      map.confidence(x, y) = std::clamp(score[at], 0.0F, 1.0F);
+    }
+  });
+  return map;
+}
+
+}  // namespace
+
+DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed, const Executor& executor,
+                    PatchMatchStats* stats, const std::atomic<bool>* cancel) {
+  check(input, options);
+  const Panorama& reference = *input.reference.panorama;
+  ThreadPool& pool = executor.impl().pool;
+  const cpu::RowKernels& rows = executor.impl().rows;
+  const SphereGrid grid(reference.width(), reference.height());
+  const std::vector<kernels::SourceView> views = make_views(input);
+  std::vector<Planes> candidates;
+  std::vector<cpu::ConstPlaneArrays> candidate_views;
+  for (const PlaneImage* image : input.candidates) candidates.push_back(to_checkerboard(*image, grid));
+  for (const Planes& planes : candidates) candidate_views.push_back(planes.view());
+  const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
+  const double min_cos = std::cos(options.max_slant_deg * kernels::kPi / 180.0);
+  Planes planes(grid.size());
+  std::vector<float> score(grid.size(), -1.0F);
+
+  const cpu::MatchJob job{
+      {reference.data().gray.view(), views.data(), static_cast<int>(views.size()), make_layout(options, reference.width()),
+       {static_cast<float>(1.0 / input.range.max), static_cast<float>(1.0 / input.range.min),
+        static_cast<float>(min_cos * min_cos)},
+       static_cast<float>(std::log(input.range.max / input.range.min)),
+       kernels::random_key(seed, static_cast<std::uint64_t>(input.keyframe_id), kPatchMatchStage), options.refinements},
+      grid.tables(),
+      {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
+      candidate_views.data(),
+      static_cast<int>(candidate_views.size()),
+      usable.empty() ? nullptr : usable.data()};
+
+  const auto cancelled = [&] { return cancel != nullptr && cancel->load(std::memory_order_relaxed); };
+  pool.for_each(grid.height(), [&](int y) { rows.start_row(job, y); });
+  for (int iteration = 0; iteration < options.iterations; ++iteration) {
+    for (int colour = 0; colour < 2; ++colour) {
+      if (cancelled()) return {};
+      pool.for_each(grid.height(), [&](int y) { rows.iterate_row(job, y, colour, iteration); });
+    }
+  }
+
+  DepthMap map = to_depth_map(planes, score, grid, pool);
+  map.keyframe_id = input.keyframe_id;
+  map.cam_from_world = input.reference.cam_from_world;
+  if (stats != nullptr) {
+    const auto nonzero = [](const std::vector<float>& values) {
+      return std::count_if(values.begin(), values.end(), [](float value) { return value > 0.0F; });
+    };
+    stats->pixels = usable.empty() ? static_cast<std::int64_t>(grid.size()) : nonzero(usable);
+    stats->matched = nonzero(map.depth.pixels());
+  }
+  return map;
+}
+
+}  // namespace pmsp

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "sphere/area_resize.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace pmsp {
+namespace {
+
+/// The source elements of one target element: weights[i] belongs to first + i.
+struct Span {
+  int first = 0;
+  std::vector<float> weights;
+};
+
+std::vector<Span> make_spans(int source, int target) {
+  std::vector<Span> spans(static_cast<std::size_t>(target));
+  const double scale = static_cast<double>(source) / target;
+  for (int i = 0; i < target; ++i) {
+    Span& span = spans[static_cast<std::size_t>(i)];
+    if (scale >= 1.0) {
+      const double low = i * scale;
+      const double high = std::min<double>((i + 1) * scale, source);
+      span.first = static_cast<int>(low);
+      for (int k = span.first; k < high; ++k) {
+        const double share = std::min(k + 1.0, high) - std::max<double>(k, low);
+        if (share > 1e-9) span.weights.push_back(static_cast<float>(share / scale));
+      }
+    } else {
+      const double center = (i + 0.5) * scale - 0.5;
+      span.first = static_cast<int>(std::floor(center));
+      const float second = static_cast<float>(center - span.first);
+      span.weights = {1.0F - second, second};
+    }
+  }
+  return spans;
+}
+
+/// One target row before its columns are joined: the weighted sum of source rows, three floats a pixel.
+void join_rows(ImageView<const Rgb> image, const Span& rows, std::vector<float>& sum) {
+  std::fill(sum.begin(), sum.end(), 0.0F);
+  for (std::size_t i = 0; i < rows.weights.size(); ++i) {
+    const int y = std::clamp(rows.first + static_cast<int>(i), 0, image.height - 1);
+    const float weight = rows.weights[i];
+    const std::uint8_t* bytes = &image.row(y)->r;
+    for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += weight * static_cast<float>(bytes[k]);
+  }
+}
+
+}  // namespace
+
+Image<Eigen::Vector3f> area_resize(ImageView<const Rgb> image, int width, int height, ThreadPool& pool) {
+  const std::vector<Span> columns = make_spans(image.width, width);
+  const std::vector<Span> rows = make_spans(image.height, height);
+  Image<Eigen::Vector3f> result(width, height, Eigen::Vector3f::Zero());
+  constexpr int kRowsPerTask = 16;   // rows share one buffer
+  pool.for_each((height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
+    std::vector<float> sum(static_cast<std::size_t>(image.width) * 3);
+    for (int y = task * kRowsPerTask; y < std::min(height, (task + 1) * kRowsPerTask); ++y) {
+      join_rows(image, rows[static_cast<std::size_t>(y)], sum);
+      for (int x = 0; x < width; ++x) {
+        const Span& span = columns[static_cast<std::size_t>(x)];
+        Eigen::Vector3f value = Eigen::Vector3f::Zero();
+        for (std::size_t i = 0; i < span.weights.size(); ++i) {
+          const int column = (span.first + static_cast<int>(i) + image.width) % image.width;
+          value += span.weights[i] * Eigen::Map<const Eigen::Vector3f>(&sum[static_cast<std::size_t>(column) * 3]);
+        }
+        result(x, y) = value;
+      }
+    }
+  });
+  return result;
+}
+
+Image<std::uint8_t> shrink_mask(ImageView<const std::uint8_t> mask, int width, int height) {
+  Image<std::uint8_t> result(width, height, 255);
+  for (int y = 0; y < height; ++y) {
+    const int y0 = static_cast<int>(static_cast<std::int64_t>(y) * mask.height / height);
+    const int y1 = static_cast<int>((static_cast<std::int64_t>(y + 1) * mask.height + height - 1) / height);
+    for (int x = 0; x < width; ++x) {
+      const int x0 = static_cast<int>(static_cast<std::int64_t>(x) * mask.width / width);
+      const int x1 = static_cast<int>((static_cast<std::int64_t>(x + 1) * mask.width + width - 1) / width);
+      bool usable = true;
+      for (int row = y0; row < y1 && usable; ++row) {
+        for (int column = x0; column < x1; ++column) usable = usable && mask(column, row) != 0;
+      }
+      if (!usable) result(x, y) = 0;
+    }
+  }
+  return result;
+}
+
+}  // namespace pmsp

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "sphere/cube_map.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "equirect.h"
+
+namespace pmsp {
+namespace {
+
+using kernels::Pixel;
+using kernels::Vec3;
+
+Vec3<float> node_direction(int face, int i, int j, int size) {
+  const float a = 2.0F * static_cast<float>(i) / static_cast<float>(size) - 1.0F;
+  const float b = 2.0F * static_cast<float>(j) / static_cast<float>(size) - 1.0F;
+  const float lead = face % 2 == 0 ? 1.0F : -1.0F;
+  if (face < 2) return {lead, a, b};
+  if (face < 4) return {a, lead, b};
+  return {a, b, lead};
+}
+
+/// Pixel of an equirectangular image with rows beyond the poles continued on the opposite meridian.
+float pixel_around(const Image<float>& image, int x, int y) {
+  const int width = image.width();
+  const int height = image.height();
+  if (y < 0 || y >= height) {
+    y = y < 0 ? -1 - y : 2 * height - 1 - y;
+    x += width / 2;
+  }
+  x %= width;
+  return image(x < 0 ? x + width : x, y);
+}
+
+void cubic_weights(float t, float* weights) {
+  weights[0] = ((-0.5F * t + 1.0F) * t - 0.5F) * t;
+  weights[1] = (1.5F * t - 2.5F) * t * t + 1.0F;
+  weights[2] = ((-1.5F * t + 2.0F) * t + 0.5F) * t;
+  weights[3] = (0.5F * t - 0.5F) * t * t;
+}
+
+float sample_cubic(const Image<float>& gray, const Pixel<float>& at) {
+  const float x = at.x - 0.5F;
+  const float y = at.y - 0.5F;
+  const int x0 = static_cast<int>(std::floor(x));
+  const int y0 = static_cast<int>(std::floor(y));
+  float wx[4];
+  float wy[4];
+  cubic_weights(x - static_cast<float>(x0), wx);
+  cubic_weights(y - static_cast<float>(y0), wy);
+  const bool inside = x0 >= 1 && y0 >= 1 && x0 + 2 < gray.width() && y0 + 2 < gray.height();
+  float sum = 0.0F;
+  for (int j = 0; j < 4; ++j) {
+    float line = 0.0F;
+    if (inside) {
+      const float* row = gray.row(y0 - 1 + j) + (x0 - 1);
+      line = wx[0] * row[0] + wx[1] * row[1] + wx[2] * row[2] + wx[3] * row[3];
+    } else {
+      for (int i = 0; i < 4; ++i) line += wx[i] * pixel_around(gray, x0 - 1 + i, y0 - 1 + j);
+    }
+    sum += wy[j] * line;
+  }
+  return sum;
+}
+
+/// Fills a cube from a function of direction, then packs its 2 x 2 quads.
+template <class Function>
+CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
+  const int nodes = size + 2;   // the last quad of a row needs one node beyond the border
+  std::vector<std::uint8_t> values(static_cast<std::size_t>(6 * nodes) * static_cast<std::size_t>(nodes));
+  pool.for_each(6 * nodes, [&](int line) {
+    const int face = line / nodes;
+    std::uint8_t* row = &values[static_cast<std::size_t>(line) * static_cast<std::size_t>(nodes)];
+    for (int i = 0; i < nodes; ++i) row[i] = value_of(node_direction(face, i, line % nodes, size));
+  });
+  CubeMap cube;
+  cube.size = size;
+  const int side = size + 1;
+  cube.quads.resize(static_cast<std::size_t>(6 * side) * static_cast<std::size_t>(side));
+  pool.for_each(6 * side, [&](int line) {
+    const std::size_t first = static_cast<std::size_t>(line / side * nodes + line % side);
+    const std::uint8_t* upper = &values[first * static_cast<std::size_t>(nodes)];
+    const std::uint8_t* lower = upper + nodes;
+    std::uint32_t* quads = &cube.quads[static_cast<std::size_t>(line) * static_cast<std::size_t>(side)];
+    for (int i = 0; i < side; ++i) {
+      quads[i] = static_cast<std::uint32_t>(upper[i]) | static_cast<std::uint32_t>(upper[i + 1]) << 8U |
+                 static_cast<std::uint32_t>(lower[i]) << 16U | static_cast<std::uint32_t>(lower[i + 1]) << 24U;
+    }
+  });
+  return cube;
+}
+
+}  // namespace
+
+kernels::CubeView CubeMap::view() const {
+  return {quads.empty() ? nullptr : quads.data(), 0.5F * static_cast<float>(size), static_cast<float>(size + 1),
+          (size + 1) * (size + 1)};
+}
+
+int cube_size_for(int width) { return std::max(8, 2 * static_cast<int>(std::lround(width / (2.0 * kernels::kPi)))); }
+
+CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool) {
+  const float width = static_cast<float>(gray.width());
+  const float height = static_cast<float>(gray.height());
+  return fill_cube(size, pool, [&](const Vec3<float>& direction) {
+    const float value = sample_cubic(gray, kernels::project(direction, width, height));
+    return static_cast<std::uint8_t>(std::clamp(value + 0.5F, 0.0F, 255.0F));
+  });
+}
+
+CubeMap make_usable_cube(const Image<std::uint8_t>& usable, int size, double radius_rad, ThreadPool& pool) {
+  const float width = static_cast<float>(usable.width());
+  const float height = static_cast<float>(usable.height());
+  const float reach = static_cast<float>(std::tan(radius_rad));
+  return fill_cube(size, pool, [&](const Vec3<float>& direction) {
+    const Vec3<float> center = kernels::normalized(direction);
+    const Vec3<float> helper = std::fabs(center.y) < 0.9F ? Vec3<float>{0, 1, 0} : Vec3<float>{1, 0, 0};
+    const Vec3<float> right = kernels::normalized(Vec3<float>{center.y * helper.z - center.z * helper.y,
+                                                              center.z * helper.x - center.x * helper.z,
+                                                              center.x * helper.y - center.y * helper.x});
+    const Vec3<float> down{center.y * right.z - center.z * right.y, center.z * right.x - center.x * right.z,
+                           center.x * right.y - center.y * right.x};
+    for (int j = -1; j <= 1; ++j) {
+      for (int i = -1; i <= 1; ++i) {
+        const Vec3<float> p = center + (reach * static_cast<float>(i)) * right + (reach * static_cast<float>(j)) * down;
+        const Pixel<float> at = kernels::project(p, width, height);
+        if (usable(kernels::column(at.x, usable.width()), kernels::row(at.y, usable.height())) == 0) {
+          return std::uint8_t{0};
+        }
+      }
+    }
+    return std::uint8_t{255};
+  });
+}
+
+}  // namespace pmsp

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "cube.h"
+#include "pmsp/image.h"
+#include "util/thread_pool.h"
+
+namespace pmsp {
+
+/// Owns the six faces that a kernels::CubeView reads (layout there).
+struct CubeMap {
+  int size = 0;
+  std::vector<std::uint32_t> quads;
+
+  bool empty() const { return quads.empty(); }
+  kernels::CubeView view() const;
+};
+
+/// Faces as fine at their centres as an equirectangular image of this width is at the equator.
+int cube_size_for(int width);
+
+/// Resamples a gray equirectangular image (values 0 to 255) by cubic convolution (Catmull-Rom; Keys 1981), rounded to bytes.
+CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool);
+
+/// 255 where a patch may be matched, 0 where it would reach into the mask: where any pixel within `radius_rad` is 0.
+CubeMap make_usable_cube(const Image<std::uint8_t>& usable, int size, double radius_rad, ThreadPool& pool);
+
+}  // namespace pmsp

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp/panorama.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "cpu/executor_impl.h"
+#include "math.h"
+#include "pmsp/error.h"
+#include "sphere/area_resize.h"
+#include "sphere/panorama_data.h"
+
+namespace pmsp {
+namespace {
+
+std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
+
+void check(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height) {
+  if (image.empty() || image.width % 2 != 0 || image.height % 2 != 0) {
+    throw InvalidInput("the image is " + size_text(image.width, image.height) + "; expected an even width and height");
+  }
+  if (width < 2 || height < 2 || width % 2 != 0 || height % 2 != 0) {
+    throw InvalidInput("the depth map is to be " + size_text(width, height) + "; expected an even width and height");
+  }
+  if (!mask.empty() && (mask.width != image.width || mask.height != image.height)) {
+    throw InvalidInput("the mask is " + size_text(mask.width, mask.height) + ", the image " +
+                       size_text(image.width, image.height) + "; expected equal sizes");
+  }
+}
+
+/// Averages each row over as many pixels as one equatorial pixel is wide there, by sliding sums.
+void equalize_rows(Image<float>& gray, ThreadPool& pool) {
+  const int width = gray.width();
+  pool.for_each(gray.height(), [&](int y) {
+    const double lat = (0.5 - (y + 0.5) / gray.height()) * kernels::kPi;
+    const double span = std::min(1.0 / std::cos(lat), 0.5 * width);
+    const int reach = static_cast<int>((span - 1.0) / 2.0);                            // whole pixels to each side
+    const float rest = static_cast<float>(((span - 1.0) / 2.0 - reach) / span);        // weight of the partial ones
+    const float whole = static_cast<float>(1.0 / span);
+    if (reach == 0 && rest < 0.02F) return;
+    const std::vector<float> row(gray.row(y), gray.row(y) + width);
+    const auto at = [&](int x) { return row[static_cast<std::size_t>((x + width) % width)]; };
+    double sum = 0.0;
+    for (int x = -reach; x <= reach; ++x) sum += at(x);
+    for (int x = 0; x < width; ++x) {
+      gray(x, y) = whole * static_cast<float>(sum) + rest * (at(x - reach - 1) + at(x + reach + 1));
+      sum += static_cast<double>(at(x + reach + 1)) - at(x - reach);
+    }
+  });
+}
+
+}  // namespace
+
+Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
+                   const Executor& executor)
+    : data_(std::make_unique<Data>()) {
+  check(image, mask, width, height);
+  ThreadPool& pool = executor.impl().pool;
+  const Image<Eigen::Vector3f> resized = area_resize(image, width, height, pool);
+  data_->color = Image<Rgb>(width, height);
+  Image<float> gray(width, height);
+  const Eigen::Vector3f luma(0.299F, 0.587F, 0.114F);   // ITU-R BT.601
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const Eigen::Vector3f& value = resized(x, y);
+      const auto byte = [](float v) { return static_cast<std::uint8_t>(std::min(v + 0.5F, 255.0F)); };
+      data_->color(x, y) = {byte(value.x()), byte(value.y()), byte(value.z())};
+      gray(x, y) = luma.dot(value);
+    }
+  }
+  equalize_rows(gray, pool);
+  const int size = cube_size_for(width);
+  data_->gray = make_cube_map(gray, size, pool);
+  if (mask.empty()) return;
+  data_->usable = shrink_mask(mask, width, height);
+  constexpr double kPatchReachPx = 3.0;   // samples within this of the centre carry most of a patch's weight
+  data_->matchable = make_usable_cube(data_->usable, size, kPatchReachPx * 2.0 * kernels::kPi / width, pool);
+}
+
+Panorama::~Panorama() = default;
+Panorama::Panorama(Panorama&&) noexcept = default;
+Panorama& Panorama::operator=(Panorama&&) noexcept = default;
+
+int Panorama::width() const { return data_->color.width(); }
+int Panorama::height() const { return data_->color.height(); }
+const Image<Rgb>& Panorama::color() const { return data_->color; }
+const Image<std::uint8_t>& Panorama::usable() const { return data_->usable; }
+
+}  // namespace pmsp

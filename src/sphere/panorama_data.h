@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "pmsp/panorama.h"
+#include "sphere/cube_map.h"
+
+namespace pmsp {
+
+struct Panorama::Data {
+  Image<Rgb> color;
+  Image<std::uint8_t> usable;   ///< empty without a mask
+  CubeMap gray;
+  CubeMap matchable;            ///< where neighbours may be sampled; empty without a mask
+};
+
+}  // namespace pmsp

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "pmsp/transform.h"
+#include "vec3.h"
+
+namespace pmsp {
+
+/// The kernels' single-precision form of a transform.
+inline kernels::Rigid to_rigid(const RigidTransform& transform) {
+  kernels::Rigid result{};
+  for (int i = 0; i < 9; ++i) result.r[i] = static_cast<float>(transform.rotation(i / 3, i % 3));
+  for (int i = 0; i < 3; ++i) result.t[i] = static_cast<float>(transform.translation[i]);
+  return result;
+}
+
+inline kernels::Vec3<float> to_vec3(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
+inline Eigen::Vector3f to_eigen(const kernels::Vec3<float>& v) { return {v.x, v.y, v.z}; }
+
+}  // namespace pmsp
