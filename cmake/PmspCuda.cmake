@@ -6,8 +6,11 @@ if(NOT PMSP_CUDA MATCHES "^(AUTO|ON|OFF)$")
   message(FATAL_ERROR "PMSP_CUDA is '${PMSP_CUDA}'; it must be AUTO, ON or OFF")
 endif()
 
+file(GLOB_RECURSE _pmsp_cuda_sources CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/src/*.cu")
 if(PMSP_CUDA STREQUAL "OFF")
   set(_pmsp_cuda_why_not "PMSP_CUDA is OFF")
+elseif(NOT _pmsp_cuda_sources)
+  set(_pmsp_cuda_why_not "this version has no CUDA sources")
 else()
   find_program(PMSP_NVCC nvcc
     HINTS ENV CUDACXX ENV CUDA_PATH ENV CUDA_HOME

@@ -48,9 +48,9 @@ if(_pmsp_link_libraries MATCHES "CUDA::cudart")
 else()
   set(PMSP_LINKS_CUDA OFF)
 endif()
-configure_package_config_file(cmake/pmsp-config.cmake.in pmsp-config.cmake INSTALL_DESTINATION ${_pmsp_cmake_dir})
-write_basic_package_version_file(pmsp-config-version.cmake COMPATIBILITY SameMinorVersion)
-install(FILES ${PROJECT_BINARY_DIR}/pmsp-config.cmake ${PROJECT_BINARY_DIR}/pmsp-config-version.cmake
+configure_package_config_file(cmake/pmsp-config.cmake.in package/pmsp-config.cmake INSTALL_DESTINATION ${_pmsp_cmake_dir})
+write_basic_package_version_file(package/pmsp-config-version.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/package/pmsp-config.cmake ${PROJECT_BINARY_DIR}/package/pmsp-config-version.cmake
   DESTINATION ${_pmsp_cmake_dir})
 
 # pkg-config: the prefix is found from the file's own place, so that an installed tree can be moved.
@@ -71,6 +71,6 @@ else()
   set(PMSP_PC_IO_REQUIRES_PRIVATE "sqlite3")
 endif()
 foreach(component IN LISTS _pmsp_components)
-  configure_file(cmake/${component}.pc.in ${component}.pc @ONLY)
-  install(FILES ${PROJECT_BINARY_DIR}/${component}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+  configure_file(cmake/${component}.pc.in package/${component}.pc @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/package/${component}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 endforeach()

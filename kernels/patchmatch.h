@@ -70,7 +70,7 @@ PMSP_HD Hypothesis<F> start(const UIntOf<F>& pixel, const Visit<F>& visit, const
 template <class F>
 PMSP_HD void refine(Hypothesis<F>& best, const UIntOf<F>& pixel, int iteration, const Visit<F>& visit, const Matching& m) {
   const float reach = iteration == 0 ? 1.0F : 1.0F / static_cast<float>(1 << (iteration < 3 ? iteration : 3));
-  float depth_step = 0.12F * reach;
+  float depth_step = 0.06F * reach;
   float normal_step = 0.9F * reach;
   std::uint32_t draw = kDrawsPerProposal * (1U + static_cast<std::uint32_t>(iteration * m.refinements));
   for (int i = 0; i < m.refinements; ++i) {

@@ -37,7 +37,7 @@ struct PatchMatchOptions {
   int neighbours = 2;                 ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   int refinements = 6;                ///< random draws per pixel and iteration, 0 to 32
   double patch_spacing_px = 2.0;      ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
-  double sigma_color = 50.0;          ///< bilateral weight: gray levels (0 to 255), 1 to 1000
+  double sigma_color = 20.0;          ///< bilateral weight: gray levels (0 to 255), 1 to 1000
   double sigma_space_px = 5.0;        ///< bilateral weight: pixels of the depth map, 0.5 to 100
   double max_slant_deg = 80.0;        ///< largest angle between a plane's normal and the ray [deg], 10 to 89
 
@@ -58,7 +58,7 @@ struct ConsistencyFilterOptions {
   bool enabled = true;
   int window = 5;                     ///< depth maps compared, the filtered one included, 2 to 15
   int min_views = 3;                  ///< depth maps that must agree, the filtered one included, 1 to window
-  double max_relative_depth = 0.02;   ///< deviation that still counts as agreement, 0 to 1
+  double max_relative_depth = 0.015;  ///< deviation that still counts as agreement, 0 to 1
 
   void validate() const;
 };
@@ -66,7 +66,7 @@ struct ConsistencyFilterOptions {
 /// Joins depth maps into a cloud without duplicates.
 struct FusionOptions {
   int window = 5;                     ///< depth maps that are joined with each other, 1 to 31
-  double spacing_px = 0.5;            ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
+  double spacing_px = 0.4;            ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
   double max_relative_depth = 0.02;   ///< deviation up to which two depths are one surface, 0 to 1
   double max_normal_deg = 60.0;       ///< angle of normals up to which they are one surface [deg], 0 to 180
   double min_confidence = 0.0;        ///< points below are not written, 0 to 1

@@ -18,8 +18,9 @@ namespace {
 /// Stages of a keyframe that draw random numbers.
 constexpr std::uint32_t kPatchMatchStage = 1;
 
-/// Variance of gray levels that rounding, noise and compression make on a plain surface.
-constexpr float kNoiseVariance = 1.0F;
+/// Variance of gray levels that rounding to bytes makes (1 / 12). Patches that vary no more than that score low. More would
+/// cost plaster and bare roofs their depth: noise of the camera itself is averaged away by the resampling.
+constexpr float kNoiseVariance = 0.1F;
 
 /// Planes in checkerboard order.
 struct Planes {

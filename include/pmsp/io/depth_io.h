@@ -11,8 +11,8 @@
 namespace pmsp {
 
 /// PFM: ASCII header "Pf" (one channel) or "PF" (three), size, scale -1 (little endian), then float32 rows from the
-/// bottom row of the image to the top one. All files are written beside their target and renamed. Throw OutputError / IoError /
-/// InvalidInput.
+/// bottom row of the image to the top one. Reading takes either byte order; the size of the scale is not applied. All
+/// files are written beside their target and renamed. Throw OutputError / IoError / InvalidInput.
 void write_pfm(const std::filesystem::path& path, const Image<float>& image);
 void write_pfm(const std::filesystem::path& path, const Image<Eigen::Vector3f>& image);
 Image<float> read_pfm(const std::filesystem::path& path);

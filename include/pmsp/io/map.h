@@ -25,7 +25,9 @@ struct MapCamera {
 struct MapObservation {
   std::int64_t landmark_id = 0;
   /// Where the keypoint lies in the image [px], x right, y down, origin at the upper left corner of the image, so that
-  /// the centre of the first pixel is (0.5, 0.5) (the half pixel is added to what the file holds).
+  /// the centre of the first pixel is (0.5, 0.5) (the half pixel is added to what the file holds). In
+  /// PatchMatch-Stereo-Panorama's files of dense points, whose keypoints count pixels of its depth maps, it is where
+  /// the landmark projects to.
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
 };
 
@@ -52,7 +54,7 @@ struct MapLandmark {
 struct SlamMap {
   std::filesystem::path path;
   std::string format;                  ///< for people, e.g. "stella_vslam >= 0.3.6, MessagePack"
-  std::vector<MapCamera> cameras;
+  std::vector<MapCamera> cameras;      ///< ascending name, unique
   std::vector<MapKeyframe> keyframes;  ///< ascending id, unique
   std::vector<MapLandmark> landmarks;  ///< ascending id, unique
   std::size_t observations_skipped = 0;       ///< they name landmarks that are not in the map

@@ -13,14 +13,15 @@
 
 namespace pmsp {
 
-/// Writes a binary little-endian PLY point by point, so that a cloud never needs to be in memory as a whole. Layout of a
-/// vertex: x y z (float, or double), nx ny nz (float), red green blue (uchar), confidence (float), views (uchar).
+/// Writes a binary little-endian PLY point by point, so that a cloud never needs to be in memory as a whole. Layout of
+/// a vertex: x y z (float, or double), nx ny nz (float), red green blue (uchar), confidence (float), views (uchar).
 /// Points go to a file beside the target, which `finish` renames; a writer that is destroyed before leaves no trace.
+/// Where the file system can do it (O_TMPFILE), that file has no name, so that not even a killed process leaves one.
 class PlyWriter {
  public:
   struct Options {
-    bool double_positions = false;          ///< x y z as double
-    std::vector<std::string> comments;      ///< one header line each; line breaks become spaces
+    bool double_positions = false;      ///< x y z as double
+    std::vector<std::string> comments;  ///< one header line each; line breaks become spaces
   };
 
   /// Throws OutputError when the file cannot be made.
@@ -40,7 +41,8 @@ class PlyWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-/// What a PLY holds, as columns. Missing columns are empty.
+/// What a PLY holds, as columns. Missing columns are empty. Colours given as numbers from 0 to 1 are scaled to 255;
+/// comment lines without words are left out.
 struct PlyCloud {
   std::vector<Eigen::Vector3d> positions;
   std::vector<Eigen::Vector3f> normals;
@@ -50,7 +52,8 @@ struct PlyCloud {
   std::vector<std::string> comments;
 };
 
-/// Reads the vertices of a PLY, ascii or binary of either byte order. Throws IoError or InvalidInput with the line or byte.
+/// Reads the vertices of a PLY, ascii or binary of either byte order; other elements are passed over. Throws IoError,
+/// or InvalidInput with the line or byte: broken or cut off, no x y z, a position that is not finite.
 PlyCloud read_ply(const std::filesystem::path& path);
 
 }  // namespace pmsp

@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include "cli/command.h"
+#include "option_table.h"
+
+using namespace pmsp;
+using namespace pmsp_test;
+using Catch::Contains;
+
+namespace {
+
+nlohmann::json at(const nlohmann::json& json, const std::string& key) {
+  const std::size_t dot = key.find('.');
+  return dot == std::string::npos ? json.at(key) : json.at(key.substr(0, dot)).at(key.substr(dot + 1));
+}
+
+// A value in the option's range that is not its default.
+std::string other_value(const tool::OptionEntry& entry) {
+  if (entry.is_switch()) return entry.text_of(DensifierOptions()) == "true" ? "false" : "true";
+  if (std::string(entry.key) == "simd") return "scalar";
+  if (std::string(entry.key) == "width") return "512";
+  if (std::string(entry.key) == "height") return "256";
+  if (std::string(entry.key) == "seed") return "18446744073709551615";
+  const double now = std::stod(entry.text_of(DensifierOptions()));
+  const double other = now + 1.0 <= entry.max ? now + 1.0 : 0.5 * (now + entry.min);
+  std::string text = std::to_string(other);
+  if (text.find(".000000") != std::string::npos) text.resize(text.find('.'));
+  return text;
+}
+
+}  // namespace
+
+TEST_CASE("the table covers every option of the library") {
+  // These stop compiling when a struct gains or loses a field; then the table needs the same change.
+  const DensifierOptions all;
+  [[maybe_unused]] const auto& [width, height, seed, threads, simd, view_filter, init, patchmatch, median, consistency,
+                                fusion] = all;
+  [[maybe_unused]] const auto& [v1, v2, v3, v4] = view_filter;
+  [[maybe_unused]] const auto& [i1, i2, i3, i4] = init;
+  [[maybe_unused]] const auto& [p1, p2, p3, p4, p5, p6, p7] = patchmatch;
+  [[maybe_unused]] const auto& [m1, m2, m3] = median;
+  [[maybe_unused]] const auto& [c1, c2, c3, c4] = consistency;
+  [[maybe_unused]] const auto& [f1, f2, f3, f4, f5] = fusion;
+  CHECK(tool::option_table().size() == 5 + 4 + 4 + 7 + 3 + 4 + 5);
+}
+
+TEST_CASE("every option is in the help, in the configuration, and taken from flag and file") {
+  const TempDir dir;
+  const std::string help = densify({"run", "--help"}).out;
+  const auto defaults = nlohmann::json::parse(densify({"config"}).out);
+  for (const tool::OptionEntry& entry : tool::option_table()) {
+    INFO(entry.key);
+    CHECK_THAT(help, Contains(entry.flag() + " "));
+    CHECK_THAT(help, Contains(entry.help));
+    if (entry.is_switch()) CHECK_THAT(help, Contains(entry.negative_flag() + " "));
+    const std::string value = other_value(entry);
+    const Result by_flag = densify({"config", entry.flag() + "=" + value});
+    REQUIRE(by_flag.code == 0);
+    const auto changed = nlohmann::json::parse(by_flag.out);
+    CHECK(at(changed, entry.key) != at(defaults, entry.key));
+    CHECK(nlohmann::json::diff(defaults, changed).size() == 1);
+    write_text(dir / "c.json", by_flag.out);
+    CHECK(densify({"config", "--config", (dir / "c.json").string()}).out == by_flag.out);
+  }
+}
+
+TEST_CASE("flags come before the file, the file before the preset") {
+  const TempDir dir;
+  const std::string file = (dir / "c.json").string();
+  write_text(file, R"({"patchmatch": {"iterations": 9}, "fusion": {"window": 7}} // comments are fine)");
+  const auto json = nlohmann::json::parse(
+      densify({"run", "--print-config", "--quality", "normal", "--config", file, "--fusion-window", "3"}).out);
+  CHECK(json["width"] == 1440);
+  CHECK(json["patchmatch"]["neighbours"] == 4);
+  CHECK(json["patchmatch"]["iterations"] == 9);
+  CHECK(json["fusion"]["window"] == 3);
+  write_text(file, R"({"quality": "high"})");
+  CHECK(nlohmann::json::parse(densify({"config", "--config", file}).out)["patchmatch"]["neighbours"] == 6);
+  CHECK(nlohmann::json::parse(densify({"config", "--config", file, "--quality", "online"}).out)["width"] == 640);
+}
+
+TEST_CASE("the last of several flags wins") {
+  const auto median = [](const std::vector<std::string>& flags) {
+    return nlohmann::json::parse(densify(flags).out)["median"]["enabled"].get<bool>();
+  };
+  CHECK(median({"config", "--no-median-enabled", "--median-enabled"}));
+  CHECK_FALSE(median({"config", "--median-enabled", "--no-median-enabled"}));
+  CHECK(nlohmann::json::parse(densify({"config", "--seed", "4", "--seed", "5"}).out)["seed"] == 5);
+}
+
+TEST_CASE("mistakes in a configuration file are named, with the nearest key") {
+  const TempDir dir;
+  const std::string file = (dir / "c.json").string();
+  const std::vector<std::pair<std::string, std::vector<std::string>>> cases{
+      {R"({"patchmatch": {"iteration": 3}})", {"patchmatch.iteration", "\"patchmatch.iterations\""}},
+      {R"({"patchmtch": {"iterations": 3}})", {"patchmtch"}},
+      {R"({"sed": 3})", {"\"sed\"", "\"seed\""}},
+      {R"({"patchmatch": 3})", {"patchmatch", "object"}},
+      {R"({"patchmatch": {"iterations": "3"}})", {"patchmatch.iterations", "whole number"}},
+      {R"({"patchmatch": {"iterations": 2.5}})", {"patchmatch.iterations", "2.5"}},
+      {R"({"patchmatch": {"iterations": 101}})", {"patchmatch.iterations", "101", "1 to 100"}},
+      {R"({"median": {"enabled": 1}})", {"median.enabled", "true or false"}},
+      {R"({"simd": "mmx"})", {"simd", "avx2"}},
+      {R"({"quality": "best"})", {"quality", "best", "normal"}},
+      {R"({"seed": -1})", {"seed", "-1"}},
+      {R"([1, 2])", {"object"}},
+      {R"({"seed": )", {"no JSON", "byte"}},
+  };
+  for (const auto& [text, expected] : cases) {
+    write_text(file, text);
+    const Result result = densify({"config", "--config", file});
+    INFO(text << " -> " << result.err);
+    CHECK(result.code == 2);
+    CHECK_THAT(result.err, Contains(file));
+    for (const std::string& word : expected) CHECK_THAT(result.err, Contains(word));
+  }
+}
+
+TEST_CASE("nearest key") {
+  CHECK(tool::nearest("iteratons", {"seed", "iterations", "window"}) == "iterations");
+  CHECK(tool::nearest("x", {}) == "");
+}

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <chrono>
+#include <csignal>
+#include <sstream>
+#include <thread>
+
+#include <catch2/catch.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include "cli/command.h"
+#include "pmsp/io/depth_io.h"
+#include "pmsp/io/map.h"
+#include "pmsp/io/ply.h"
+#include "stats.h"
+
+using namespace pmsp;
+using namespace pmsp_test;
+using Catch::Contains;
+
+TEST_CASE("a run writes all that was asked for") {
+  const TempDir dir;
+  const Result result = densify(quick_run(
+      dir / "c.ply", {"--mask", (mission() / "mask.png").string(), "--quality", "online", "--backend", "cpu", "--stats",
+                      (dir / "s.json").string(), "--depth-maps", (dir / "depth").string(), "--raw-depth-maps",
+                      (dir / "raw").string(), "--preview", (dir / "look").string(), "--double", "--seed", "77"}));
+  INFO(result.err);
+  REQUIRE(result.code == 0);
+  CHECK(result.out.empty());
+  CHECK_THAT(result.err, Contains("5/5") && Contains("points:") && Contains("c.ply"));
+
+  const PlyCloud cloud = read_ply(dir / "c.ply");
+  CHECK(cloud.positions.size() > 3000);
+  CHECK(cloud.normals.size() == cloud.positions.size());
+  CHECK(cloud.views.size() == cloud.positions.size());
+  CHECK_THAT(read_text(dir / "c.ply").substr(0, 400), Contains("property double x") || Contains("seed 77"));
+  std::string comments;
+  for (const std::string& comment : cloud.comments) comments += comment + "\n";
+  CHECK_THAT(comments, Contains("pmsp-densify") && Contains("seed 77") && Contains("\"width\":128"));
+
+  const auto stats = nlohmann::json::parse(read_text(dir / "s.json"));
+  CHECK(stats["points"] == cloud.positions.size());
+  CHECK(stats["seed"] == 77);
+  CHECK(stats["keyframes"]["added"] == 5);
+  CHECK(stats["options"]["width"] == 128);
+  CHECK(stats["skipped"].empty());
+  CHECK(stats["pixels"]["unmasked"].get<int>() < 5 * 128 * 64);
+  CHECK(stats["peak_memory_mib"].get<double>() > 1.0);
+
+  std::size_t pictures = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(dir / "look")) {
+    CHECK(read_text(entry.path()).substr(0, 4) == "\x89PNG");
+    ++pictures;
+  }
+  CHECK(pictures == 4 + 2);
+
+  const SlamMap map = read_map(mission() / "map.msg");
+  for (const char* kind : {"depth", "raw"}) {
+    const auto index = nlohmann::json::parse(read_text(dir / kind / "index.json"));
+    REQUIRE(index["maps"].size() == 5);
+    for (const auto& entry : index["maps"]) {
+      const MapKeyframe* keyframe = map.find_keyframe(entry["keyframe_id"].get<std::int64_t>());
+      REQUIRE(keyframe != nullptr);
+      CHECK(entry["timestamp"].get<double>() == keyframe->timestamp);
+      CHECK(entry["cam_from_world"][1][3].get<double>() == keyframe->cam_from_world.translation.y());
+      CHECK(entry["cam_from_world"][2][0].get<double>() == keyframe->cam_from_world.rotation(2, 0));
+      const auto file = [&](const char* key) { return dir / kind / entry[key].get<std::string>(); };
+      const Image<float> depth = read_pfm(file("depth"));
+      const Image<float> png = read_png16(file("depth_png"), index["png_scale"].get<double>());
+      CHECK(read_pfm3(file("normal")).width() == 128);
+      CHECK(read_pfm(file("confidence")).height() == 64);
+      REQUIRE(png.size() == depth.size());
+      int wrong = 0;
+      for (std::size_t i = 0; i < depth.size(); ++i) {
+        wrong += std::abs(png.pixels()[i] - depth.pixels()[i]) > 0.51F * index["png_scale"].get<float>() ? 1 : 0;
+      }
+      CHECK(wrong == 0);
+    }
+  }
+}
+
+TEST_CASE("the default verb, and --force, replace an old cloud") {
+  const TempDir dir;
+  write_text(dir / "c.ply", "old");
+  std::vector<std::string> words = quick_run(dir / "c.ply", {"--force", "-q"});
+  words.erase(words.begin());
+  const Result result = densify(words);
+  CHECK(result.code == 0);
+  CHECK(result.err.empty());
+  CHECK(read_ply(dir / "c.ply").positions.size() > 3000);
+  CHECK(dir.entries() == 1);
+}
+
+TEST_CASE("the bytes do not depend on the number of threads, but on the seed") {
+  const TempDir dir;
+  REQUIRE(densify(quick_run(dir / "1.ply", {"--threads", "1"})).code == 0);
+  REQUIRE(densify(quick_run(dir / "2.ply", {"--threads", "2"})).code == 0);
+  REQUIRE(densify(quick_run(dir / "s.ply", {"--seed", "2"})).code == 0);
+  const std::string one = read_text(dir / "1.ply");
+  CHECK(one == read_text(dir / "2.ply"));
+  CHECK(one != read_text(dir / "s.ply"));
+}
+
+TEST_CASE("images of other keyframes are refused, unless told not to look") {
+  const TempDir dir;
+  std::filesystem::create_directory(dir / "images");
+  const int shuffled[] = {3, 0, 4, 2, 1};  // no constant offset, which would be found out and undone
+  for (int i = 0; i < 5; ++i) {
+    const auto name = [](int n) { return "00000" + std::to_string(n) + ".png"; };
+    std::filesystem::copy(mission() / "images" / name(i), dir / "images" / name(shuffled[i]));
+  }
+  std::vector<std::string> words = quick_run(dir / "c.ply");
+  words[3] = (dir / "images").string();
+  const Result refused = densify(words);
+  INFO(refused.err);
+  CHECK(refused.code == 3);
+  CHECK_THAT(refused.err, Contains("--no-verify"));
+  CHECK(dir.entries() == 1);
+  words.push_back("--no-verify");
+  const int code = densify(words).code;
+  CHECK((code == 0 || code == 5));
+}
+
+TEST_CASE("an empty result gives 5, the stage and the option to try, and no file") {
+  const TempDir dir;
+  const std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> cases{
+      {{"--view-filter-min-parallax-deg", "170", "--view-filter-max-parallax-deg", "180"},
+       {"view filter", "--view-filter-"}},
+      {{"--median-min-score", "1"}, {"median filter", "--median-min-score"}},
+      {{"--consistency-max-relative-depth", "0", "--consistency-min-views", "5"},
+       {"consistency filter", "--consistency-"}},
+      {{"--fusion-min-confidence", "1"}, {"fusion", "--fusion-min-confidence"}},
+  };
+  for (const auto& [arguments, expected] : cases) {
+    std::vector<std::string> more = arguments;
+    more.insert(more.end(), {"--force", "--stats", (dir / "s.json").string()});
+    const Result result = densify(quick_run(dir / "c.ply", more));
+    INFO(result.err);
+    CHECK(result.code == 5);
+    for (const std::string& word : expected) CHECK_THAT(result.err, Contains(word));
+    CHECK_FALSE(std::filesystem::exists(dir / "c.ply"));
+    CHECK_FALSE(nlohmann::json::parse(read_text(dir / "s.json"))["empty"].get<std::string>().empty());
+  }
+}
+
+TEST_CASE("each stage that may lose all points is named with an option that exists") {
+  DensifierStats stats;
+  stats.keyframes_added = 9;
+  const std::string help = densify({"run", "--help"}).out;
+  const auto check = [&](const std::string& stage) {
+    const std::string text = tool::explain_empty(stats, 9);
+    INFO(text);
+    CHECK_THAT(text, Contains(stage));
+    const std::size_t dashes = text.find("--");
+    REQUIRE(dashes != std::string::npos);
+    CHECK_THAT(help, Contains(text.substr(dashes, text.find(' ', dashes) - dashes) + " "));
+  };
+  check("view filter");
+  stats.keyframes_accepted = 1;
+  check("neighbour");
+  stats.depth_maps = 1;
+  check("mask");
+  stats.pixels = 10;
+  check("PatchMatch");
+  stats.pixels_matched = 9;
+  check("median");
+  stats.pixels_after_median = 8;
+  check("consistency");
+  stats.pixels_after_consistency = 7;
+  check("fusion");
+}
+
+TEST_CASE("progress for programs is JSON lines on standard output") {
+  const TempDir dir;
+  const Result result = densify(quick_run(dir / "c.ply", {"--progress", "json"}));
+  REQUIRE(result.code == 0);
+  CHECK(result.err.empty());
+  std::istringstream lines(result.out);
+  std::string line;
+  int keyframes = 0;
+  nlohmann::json last;
+  while (std::getline(lines, line)) {
+    last = nlohmann::json::parse(line);
+    if (last["event"] != "keyframe") continue;
+    ++keyframes;
+    CHECK(last["index"] == keyframes);
+    CHECK(last["count"] == 5);
+  }
+  CHECK(keyframes == 5);
+  CHECK(last["event"] == "done");
+  CHECK(last["points"] == read_ply(dir / "c.ply").positions.size());
+}
+
+TEST_CASE("SIGINT ends a run with 130 and leaves nothing; the old cloud stays") {
+  const TempDir dir;
+  write_text(dir / "c.ply", "old");
+  Command command(densify_words(quick_run(dir / "c.ply", {"--force", "--width", "2048", "--height", "1024",
+                                                          "--patchmatch-iterations", "100", "--progress", "plain"})));
+  for (int i = 0; i < 600 && command.err_so_far().find("keyframe 2/5") == std::string::npos; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  REQUIRE_THAT(command.err_so_far(), Contains("keyframe 2/5"));
+  kill(command.pid(), SIGINT);
+  const Result result = command.wait();
+  INFO(result.err);
+  CHECK(result.code == 130);
+  CHECK_THAT(result.err, Contains("interrupted"));
+  CHECK(read_text(dir / "c.ply") == "old");
+  CHECK(dir.entries() == 1);
+}
+
+TEST_CASE("a second SIGINT ends a run at once") {
+  const TempDir dir;
+  Command command(
+      densify_words(quick_run(dir / "c.ply", {"--width", "4096", "--height", "2048", "--patchmatch-iterations", "100",
+                                              "--patchmatch-refinements", "32", "--progress", "plain"})));
+  for (int i = 0; i < 600 && command.err_so_far().find("keyframe 2/5") == std::string::npos; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  kill(command.pid(), SIGINT);
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  kill(command.pid(), SIGINT);
+  CHECK(command.wait().code == 130);
+  CHECK_FALSE(std::filesystem::exists(dir / "c.ply"));
+}

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+
+#include <sys/wait.h>
+
+#include <Eigen/Geometry>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "eval/flight.h"
+#include "export/temp_dir.h"
+#include "pmsp-eval/trajectory.h"
+#include "pmsp/camera.h"
+#include "pmsp/io/depth_io.h"
+
+using namespace pmsp::eval;
+using nlohmann::json;
+using pmsp_test::Flight;
+using pmsp_test::read_text;
+using pmsp_test::TempDir;
+using pmsp_test::write_text;
+
+namespace {
+
+constexpr std::int64_t kFirstId = 40;
+
+/// A flight through a sphere as files: truth, map, trajectory, cloud and depth maps.
+class Mission {
+ public:
+  Mission() : flight(pmsp_test::sphere(4.0), 5, 0.5) {
+    flight.write_truth(folder / "gt", 60);
+    write_tum(folder / "k.txt", flight.keyframes());
+    write_map();
+    write_cloud();
+    std::filesystem::create_directory(folder / "depth");
+    for (std::size_t i = 0; i < 5; ++i) {
+      pmsp::Image<float> depth = flight.range(i, 30);
+      for (float& d : depth.pixels()) d *= static_cast<float>(1.015 / flight.truth_from_map().scale);
+      pmsp::write_pfm(folder.path() / "depth" / ("depth_00004" + std::to_string(i) + ".pfm"), depth);
+    }
+  }
+
+  /// Runs pmsp-eval and returns its exit code; what it wrote is in `out` and `err`.
+  int run(const std::string& arguments) {
+    const std::string command =
+        "cd '" + folder.path().string() + "' && '" + PMSP_EVAL_TOOL + "' " + arguments + " > stdout.txt 2> stderr.txt";
+    const int status = std::system(command.c_str());
+    out = read_text(folder / "stdout.txt");
+    err = read_text(folder / "stderr.txt");
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  TempDir folder;
+  Flight flight;
+  std::string out;
+  std::string err;
+
+ private:
+  void write_map() const {
+    json keyframes = json::object();
+    for (const TimedPose& pose : flight.keyframes()) {
+      // As the SLAM stores it: the camera that has its pixel centres at whole numbers.
+      const pmsp::RigidTransform cw = pmsp::cam_from_slam_cam(60).inverse() * pose.world_from_cam.inverse();
+      const Eigen::Quaterniond q(cw.rotation);
+      keyframes[std::to_string(pose.id + kFirstId)] = {
+          {"ts", pose.timestamp + 1763660000.25},
+          {"cam", "c"},
+          {"rot_cw", {q.x(), q.y(), q.z(), q.w()}},
+          {"trans_cw", {cw.translation.x(), cw.translation.y(), cw.translation.z()}},
+          {"lm_ids", {0}},
+          {"n_keypts", 1},
+          {"undist_keypts", {{{"ang", 0.0}, {"oct", 0}, {"pt", {3.0, 4.0}}}}},
+          {"orb_params", "o"},
+          {"span_parent", -1},
+          {"span_children", json::array()},
+          {"loop_edges", json::array()},
+          {"x_rights", json::array()},
+          {"depths", json::array()},
+          {"descs", {{1, 2, 3, 4, 5, 6, 7, 8}}}};
+    }
+    const json map = {{"cameras",
+                       {{"c",
+                         {{"model_type", "Equirectangular"},
+                          {"setup_type", "Monocular"},
+                          {"color_order", "BGR"},
+                          {"cols", 60},
+                          {"rows", 30},
+                          {"fps", 10.0},
+                          {"focal_x_baseline", 0.0}}}}},
+                      {"orb_params", {{"o", {{"name", "o"}}}}},
+                      {"keyframes", keyframes},
+                      {"landmarks",
+                       {{"0",
+                         {{"1st_keyfrm", kFirstId},
+                          {"n_fnd", 1},
+                          {"n_vis", 1},
+                          {"pos_w", {1.0, 2.0, 3.0}},
+                          {"ref_keyfrm", kFirstId}}}}},
+                      {"keyframe_next_id", 50},
+                      {"landmark_next_id", 1}};
+    const auto bytes = json::to_msgpack(map);
+    write_text(folder / "map.msg", std::string(bytes.begin(), bytes.end()));
+  }
+
+  void write_cloud() const {
+    const auto points = flight.points(60);
+    std::ofstream file(folder / "cloud.ply");
+    file << "ply\nformat ascii 1.0\nelement vertex " << points.size()
+         << "\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    for (const auto& p : points) file << p.x() << ' ' << p.y() << ' ' << p.z() << '\n';
+  }
+};
+
+}  // namespace
+
+TEST_CASE("help begins with examples") {
+  Mission m;
+  for (const char* command : {"--help", "cloud --help", "depth --help", "align --help"}) {
+    CHECK(m.run(command) == 0);
+    CHECK(m.out.rfind("Examples:\n  pmsp-eval ", 0) == 0);
+  }
+}
+
+TEST_CASE("wrong usage is exit code 2") {
+  Mission m;
+  for (const char* command :
+       {"", "fly", "cloud", "cloud cloud.ply --gt gt", "cloud cloud.ply --gt gt --map map.msg --trajectory k.txt",
+        "cloud cloud.ply --gt gt --map map.msg --correct 0", "depth depth --gt gt --map map.msg --bogus",
+        "align --map map.msg"}) {
+    INFO(command);
+    CHECK(m.run(command) == 2);
+    CHECK_FALSE(m.err.empty());
+  }
+}
+
+TEST_CASE("a cloud is measured from a trajectory") {
+  Mission m;
+  REQUIRE(m.run("cloud --relative 0.5,2 cloud.ply --gt gt --trajectory k.txt --view-height 60 --json f.json --render "
+                "pictures "
+                "--render-keyframes 2") == 0);
+  CHECK(m.out.find("correct of hit") != std::string::npos);
+  const json figures = json::parse(read_text(m.folder / "f.json"));
+  CHECK(figures["alignment"]["scale"].get<double>() == Approx(1.7).epsilon(1e-6));
+  CHECK(figures["views"]["hit"].get<double>() == Approx(1.0));
+  CHECK(figures["views"]["correct"].get<double>() == Approx(1.0));
+  CHECK(figures["views"]["per_keyframe"].size() == 5);
+  CHECK(figures["surface"]["relative"][1]["threshold"].get<double>() == Approx(0.02));
+  CHECK(figures["surface"]["relative"][1]["accuracy"].get<double>() == Approx(1.0));
+  CHECK(figures["surface"]["absolute_m"].size() == 4);
+  const cv::Mat picture = cv::imread((m.folder.path() / "pictures" / "view_000004.png").string());
+  REQUIRE(picture.cols == 120);
+  const auto pixel = picture.at<cv::Vec3b>(30, 60);
+  CHECK(pixel[1] > 2 * pixel[2]);  // green: hit and right
+  CHECK(std::distance(std::filesystem::directory_iterator(m.folder / "pictures"),
+                      std::filesystem::directory_iterator()) == 2);
+}
+
+TEST_CASE("a map with Unix times needs an offset, and is told which") {
+  Mission m;
+  const std::string command = "depth depth --gt gt --map map.msg --json -";
+  CHECK(m.run(command) == 3);
+  CHECK(m.err.find("--time-offset=-1763660000.250") != std::string::npos);
+  REQUIRE(m.run(command + " --time-offset -1763660000.25") == 0);
+  CHECK(m.err.find("median") != std::string::npos);  // the table makes way for the JSON
+  const json figures = json::parse(m.out);
+  const json& depth = figures["depth"];
+  CHECK(depth["keyframes"] == 5);
+  CHECK(depth["per_keyframe"][2]["id"] == kFirstId + 2);
+  CHECK(depth["mean"]["valid"].get<double>() == 1.0);
+  CHECK(depth["mean"]["within"][0]["share"].get<double>() == 0.0);
+  CHECK(depth["mean"]["within"][1]["share"].get<double>() == 1.0);
+  CHECK(depth["mean"]["error_median_relative"].get<double>() == Approx(0.015).margin(0.002));
+}
+
+TEST_CASE("one depth map of a named keyframe") {
+  Mission m;
+  std::filesystem::copy_file(m.folder.path() / "depth" / "depth_000043.pfm", m.folder / "x.pfm");
+  const std::string map = " --gt gt --map map.msg --time-offset=-1763660000.25";
+  CHECK(m.run("depth x.pfm --keyframe 43 --json f.json --render pictures" + map) == 0);
+  CHECK(json::parse(read_text(m.folder / "f.json"))["depth"]["keyframes"] == 1);
+  CHECK(std::filesystem::exists(m.folder.path() / "pictures" / "depth_error_000043.png"));
+  CHECK(m.run("depth x.pfm --keyframe 99" + map) == 3);
+  CHECK(m.err.find("no keyframe 99") != std::string::npos);
+  CHECK(m.run("depth x.pfm" + map) == 3);
+  CHECK(m.err.find("--keyframe") != std::string::npos);
+}
+
+TEST_CASE("align writes the map's keyframes") {
+  Mission m;
+  REQUIRE(m.run("align --map map.msg --write-trajectory plain.txt") == 0);
+  const auto plain = read_tum(m.folder / "plain.txt");
+  const auto expected = m.flight.keyframes();
+  REQUIRE(plain.size() == expected.size());
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    CHECK((plain[i].world_from_cam.translation - expected[i].world_from_cam.translation).norm() < 1e-9);
+    CHECK((plain[i].world_from_cam.rotation - expected[i].world_from_cam.rotation).norm() < 1e-9);
+  }
+  REQUIRE(m.run("align --map map.msg --gt gt --time-offset=-1763660000.25 --write-trajectory a.txt --aligned") == 0);
+  const auto aligned = read_tum(m.folder / "a.txt");
+  for (std::size_t i = 0; i < aligned.size(); ++i) {
+    CHECK((aligned[i].world_from_cam.translation - m.flight.truth()[i].world_from_cam.translation).norm() < 1e-6);
+  }
+}
+
+TEST_CASE("input and output failures have their exit codes") {
+  Mission m;
+  const std::string rest = " --gt gt --trajectory k.txt";
+  CHECK(m.run("cloud missing.ply" + rest) == 3);
+  CHECK(m.err.find("missing.ply") != std::string::npos);
+  CHECK(m.run("cloud cloud.ply --gt nowhere --trajectory k.txt") == 3);
+  CHECK(m.err.find("nowhere") != std::string::npos);
+  CHECK(m.run("cloud cloud.ply --gt gt --trajectory missing.txt") == 3);
+  CHECK(m.run("cloud cloud.ply --gt gt --map missing.msg") == 3);
+  CHECK(m.run("align" + rest + " --json no/such/folder/f.json") == 6);
+  CHECK(m.run("cloud cloud.ply --render k.txt/pictures" + rest) == 6);
+  write_text(
+      m.folder / "empty.ply",
+      "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nend_header\n");
+  CHECK(m.run("cloud empty.ply" + rest) == 3);
+  CHECK(m.err.find("no points") != std::string::npos);
+}

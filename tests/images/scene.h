@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "pmsp/image.h"
+#include "pmsp/io/image_source.h"
+#include "pmsp/io/map.h"
+
+namespace pmsp::test {
+
+/// A fresh folder that goes away with its owner.
+class TempFolder {
+ public:
+  TempFolder();
+  ~TempFolder();
+  TempFolder(const TempFolder&) = delete;
+  TempFolder& operator=(const TempFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// A keyframe of a hand-made map: its id, its timestamp and the frame of the flight that the camera saw there.
+struct Shot {
+  std::int64_t id = 0;
+  double timestamp = 0.0;
+  int frame = 0;
+};
+
+/// A map without landmarks: pairing has nothing but the names. The camera is 64x32 at 10 fps.
+SlamMap bare_map(const std::vector<Shot>& shots);
+
+/// One gray level for each frame, so that a test can tell which one it was given.
+void write_gray_frame(const std::filesystem::path& path, int frame);
+int gray_frame(const Image<Rgb>& image);
+
+constexpr int kRoomWidth = 320;
+
+/// What a panorama camera sees at a frame of a flight through a textured room, `width` x `width` / 2.
+Image<Rgb> render_room(int frame, int width = kRoomWidth);
+void write_image(const std::filesystem::path& path, const Image<Rgb>& image);
+
+/// The map of that flight, landmarks on the walls observed where they project to. The camera is 320x160 at 10 fps.
+SlamMap room_map(const std::vector<Shot>& shots);
+
+/// Reads all images; the keyframe ids in the order in which they came, and for write_gray_frame's images the frames.
+struct Drained {
+  std::vector<std::int64_t> ids;
+  std::vector<int> frames;
+};
+Drained drain(ImageSource& source);
+
+/// Reason for which a keyframe was skipped; "" when it was not.
+std::string skip_reason(const ImageSource& source, std::int64_t id);
+
+}  // namespace pmsp::test

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <cstdio>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "pmsp/error.h"
+#include "scene.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+using Catch::Matchers::Contains;
+
+namespace {
+
+using Ids = std::vector<std::int64_t>;
+using Frames = std::vector<int>;
+
+const double kUnix = 1763660000.25;
+
+std::string numbered(const char* format, long long number) {
+  char name[64];
+  std::snprintf(name, sizeof name, format, number);
+  return name;
+}
+
+/// Keyframes with holes in ids and frames; timestamps are frame / 10 fps.
+std::vector<Shot> shots_from(double t0) {
+  std::vector<Shot> shots;
+  for (const auto& [id, frame] : {std::pair{0, 0}, {1, 1}, {2, 5}, {5, 13}, {6, 19}, {9, 31}})
+    shots.push_back({id, t0 + frame / 10.0, frame});
+  return shots;
+}
+
+void write_frames(const TempFolder& folder, const char* format, const std::vector<Shot>& shots, int offset = 0) {
+  for (const Shot& shot : shots) write_gray_frame(folder / numbered(format, shot.frame + offset), shot.frame);
+}
+
+const Ids kAllIds = {0, 1, 2, 5, 6, 9};
+const Frames kAllFrames = {0, 1, 5, 13, 19, 31};
+
+}  // namespace
+
+TEST_CASE("File names are read as frame indices") {
+  TempFolder folder;
+  const double t0 = GENERATE(0.0, kUnix);
+  const auto shots = shots_from(t0);
+  write_frames(folder, GENERATE("%06lld.png", "frame_%lld.jpg", "%lldrgb.PNG"), shots);
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  CHECK(source->keyframe_ids() == kAllIds);
+  CHECK_THAT(source->description(), Contains("6 of 6 keyframes") && Contains("frame indices") && Contains("x 10 fps"));
+  const Drained drained = drain(*source);
+  CHECK(drained.ids == kAllIds);
+  CHECK(drained.frames == kAllFrames);
+  CHECK(source->skipped().empty());
+}
+
+TEST_CASE("File names are read as keyframe ids") {
+  TempFolder folder;
+  const auto shots = shots_from(0.0);
+  for (const Shot& shot : shots) write_gray_frame(folder / numbered("image%lld.png", shot.id), shot.frame);
+  // What stella_vslam_dense writes beside them must not be taken for images.
+  for (const Shot& shot : shots) write_gray_frame(folder / numbered("depthvis%lld.png", shot.id), 50);
+  for (const Shot& shot : shots) write_gray_frame(folder / numbered("mask%lld.png", shot.id), 51);
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  CHECK_THAT(source->description(), Contains("keyframe ids"));
+  CHECK(drain(*source).frames == kAllFrames);
+}
+
+TEST_CASE("File names are read as timestamps in any unit") {
+  TempFolder folder;
+  const auto shots = shots_from(kUnix);
+  const std::string unit = GENERATE("seconds", "milliseconds", "microseconds", "nanoseconds");
+  for (const Shot& shot : shots) {
+    const long long ms = 1763660000250LL + 100LL * shot.frame;
+    std::string name = numbered("%lld", ms);
+    if (unit == "seconds") name = numbered("%lld", ms / 1000) + numbered(".%03lld", ms % 1000);
+    if (unit == "microseconds") name += "000";
+    if (unit == "nanoseconds") name += "000000";
+    write_gray_frame(folder / (name + ".png"), shot.frame);
+  }
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  CHECK_THAT(source->description(), Contains("timestamps in " + unit));
+  CHECK(drain(*source).frames == kAllFrames);
+}
+
+TEST_CASE("File names are read as the SLAM's count of frames") {
+  TempFolder folder;
+  SlamMap map = bare_map({{0, 0.0}, {1, 0.0}, {2, 0.0}});
+  const std::vector<int> frames = {4, 11, 19};
+  for (std::size_t i = 0; i < 3; ++i) {
+    map.keyframes[i].source_frame = frames[i];
+    write_gray_frame(folder / numbered("rgb_%lld.png", frames[i]), frames[i]);
+    write_gray_frame(folder / numbered("gray_%lld.png", frames[i]), 50);
+  }
+  const auto source = open_image_folder(map, folder.path());
+  CHECK_THAT(source->description(), Contains("count of frames"));
+  CHECK(drain(*source).frames == frames);
+}
+
+TEST_CASE("A constant offset between index and name is found, or given") {
+  TempFolder folder;
+  const auto shots = shots_from(kUnix);
+  write_frames(folder, "%06lld.png", shots, 240);
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  CHECK_THAT(source->description(), Contains("+ 240"));
+  CHECK(drain(*source).frames == kAllFrames);
+
+  ImageFolderOptions options;
+  options.frame_offset = 240;
+  CHECK(drain(*open_image_folder(bare_map(shots), folder.path(), options)).frames == kAllFrames);
+  options.frame_offset = 100;
+  CHECK_THROWS_AS(open_image_folder(bare_map(shots), folder.path(), options), InvalidInput);
+}
+
+TEST_CASE("A rate of the user's own turns timestamps into indices") {
+  TempFolder folder;
+  for (const int frame : {0, 3, 6, 15}) write_gray_frame(folder / numbered("%04lld.png", frame), frame);
+  ImageFolderOptions options;
+  options.fps = 30.0;
+  const auto source = open_image_folder(bare_map({{10, 0.0}, {11, 0.1}, {12, 0.2}, {17, 0.5}}), folder.path(), options);
+  CHECK_THAT(source->description(), Contains("x 30 fps"));
+  CHECK(drain(*source).frames == Frames{0, 3, 6, 15});
+}
+
+TEST_CASE("Missing images and repeated timestamps are listed and skipped") {
+  TempFolder folder;
+  auto shots = shots_from(0.0);
+  write_frames(folder, "%06lld.png", shots);
+  std::filesystem::remove(folder / "000013.png");
+  shots.push_back({11, 3.1, 32});
+  shots.push_back({12, 3.1, 33});
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  CHECK(source->keyframe_ids() == Ids{0, 1, 2, 6, 9});
+  REQUIRE(source->skipped().size() == 3);
+  CHECK_THAT(skip_reason(*source, 5), Contains("no image") && Contains("13"));
+  CHECK_THAT(skip_reason(*source, 11), Contains("timestamp of keyframe 9") && Contains("3.1 s"));
+  CHECK_THAT(skip_reason(*source, 12), Contains("timestamp of keyframe 9"));
+  CHECK_THAT(source->description(), Contains("5 of 8"));
+}
+
+TEST_CASE("Named by keyframe id, a repeated timestamp does no harm") {
+  TempFolder folder;
+  std::vector<Shot> shots = shots_from(0.0);
+  shots.push_back({11, 3.1, 40});
+  for (const Shot& shot : shots) write_gray_frame(folder / numbered("%lld.png", shot.id), shot.frame);
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  CHECK(source->keyframe_ids() == Ids{0, 1, 2, 5, 6, 9, 11});
+  CHECK(drain(*source).frames == Frames{0, 1, 5, 13, 19, 31, 40});
+}
+
+TEST_CASE("Where names allow several readings, the images decide") {
+  // All frames of the flight are there: each name is a keyframe id as well as a frame index.
+  std::vector<Shot> by_index, by_id;
+  for (int i = 0; i < 7; ++i) by_index.push_back({i, 0.3 * i, 3 * i});
+  for (int i = 0; i < 7; ++i) by_id.push_back({i, 0.3 * i, i});
+  TempFolder folder;
+  for (int frame = 0; frame <= 20; ++frame) write_image(folder / numbered("%06lld.png", frame), render_room(frame));
+
+  const auto indices = open_image_folder(room_map(by_index), folder.path());
+  CHECK_THAT(indices->description(), Contains("frame indices (timestamp x 10 fps)"));
+  CHECK(indices->keyframe_ids().size() == 7);
+  const auto ids = open_image_folder(room_map(by_id), folder.path());
+  CHECK_THAT(ids->description(), Contains("keyframe ids"));
+
+  std::vector<Shot> shifted;
+  for (int i = 0; i < 6; ++i) shifted.push_back({i + 100, kUnix + 0.3 * i, 3 * i + 2});
+  const auto offset = open_image_folder(room_map(shifted), folder.path());
+  CHECK_THAT(offset->description(), Contains("+ 2)"));
+}
+
+TEST_CASE("Images come in the camera's colours and at any scale of its size") {
+  TempFolder folder;
+  const auto shots = shots_from(0.0);
+  for (const Shot& shot : shots)
+    cv::imwrite((folder / numbered("%lld.png", shot.frame)).string(), cv::Mat(16, 32, CV_8UC3, cv::Scalar(30, 20, 10)));
+  auto item = open_image_folder(bare_map(shots), folder.path())->next();
+  REQUIRE(item.has_value());
+  CHECK(item->image.width() == 32);
+  CHECK(item->image(3, 4) == Rgb{10, 20, 30});
+}
+
+TEST_CASE("A wrong size, a cut and a broken file are named, and the rest can be read") {
+  TempFolder folder;
+  const auto shots = shots_from(0.0);
+  write_frames(folder, "%06lld.jpg", shots);
+  cv::imwrite((folder / "000000.jpg").string(), cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(9)));
+  std::filesystem::resize_file(folder / "000001.jpg", std::filesystem::file_size(folder / "000001.jpg") - 20);
+  std::ofstream(folder / "000005.jpg") << "no image at all";
+  std::ofstream(folder / "000013.jpg").flush();
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  CHECK_THROWS_WITH(source->next(), Contains("000000.jpg") && Contains("64x48") && Contains("64x32"));
+  CHECK_THROWS_WITH(source->next(), Contains("000001.jpg") && Contains("end marker"));
+  CHECK_THROWS_AS(source->next(), IoError);
+  CHECK_THROWS_WITH(source->next(), Contains("000013.jpg") && Contains("empty"));
+  CHECK(drain(*source).frames == Frames{19, 31});
+}
+
+TEST_CASE("A cut PNG is an error, not a gray image") {
+  TempFolder folder;
+  const auto shots = shots_from(0.0);
+  for (const Shot& shot : shots) write_image(folder / numbered("%lld.png", shot.frame), render_room(shot.frame, 64));
+  std::filesystem::resize_file(folder / "0.png", std::filesystem::file_size(folder / "0.png") / 2);
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  CHECK_THROWS_AS(source->next(), IoError);
+}
+
+TEST_CASE("Folders that cannot be used are refused") {
+  TempFolder folder;
+  const SlamMap map = bare_map(shots_from(0.0));
+  CHECK_THROWS_WITH(open_image_folder(map, folder / "missing"), Contains("missing"));
+  std::ofstream(folder / "notes 12.txt") << "no image";
+  std::ofstream(folder / "._000001.jpg") << "hidden";
+  std::filesystem::create_directory(folder / "000002.jpg");
+  CHECK_THROWS_AS(open_image_folder(map, folder.path()), IoError);
+  write_gray_frame(folder / "panorama.png", 1);
+  CHECK_THROWS_WITH(open_image_folder(map, folder.path()), Contains("no image") && Contains("number"));
+  write_gray_frame(folder / "panorama 777777.png", 1);
+  CHECK_THROWS_WITH(open_image_folder(map, folder.path()),
+                    Contains("panorama 777777.png") && Contains("hand-made.msg"));
+  write_gray_frame(folder / "panorama 99999999999999999999999999999999.png", 1);
+  CHECK_THROWS_AS(open_image_folder(map, folder.path()), InvalidInput);
+  ImageFolderOptions options;
+  options.fps = -3.0;
+  CHECK_THROWS_AS(open_image_folder(map, folder.path(), options), InvalidOption);
+}

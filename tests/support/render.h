@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+
+#include <Eigen/Core>
+
+#include "pmsp/image.h"
+#include "pmsp/transform.h"
+#include "support/scene.h"
+
+namespace pmsp::synth {
+
+struct RenderOptions {
+  int samples = 3;           ///< colour samples per pixel along each axis
+  double gain = 1.0;         ///< exposure: factor on the colour
+  double noise_sigma = 0.0;  ///< of the sensor, independent in each pixel and channel [gray levels]
+  std::uint64_t seed = 1;    ///< of the noise
+  int threads = 0;           ///< 0 = one for each CPU; without influence on the result
+};
+
+/// An equirectangular view with its truth; pixel conventions of pmsp/keyframe.h.
+struct RenderedView {
+  Image<Rgb> image;
+  Image<float> depth;  ///< Euclidean distance along the ray of the pixel's centre [scene units]; 0 = no surface
+  Image<Eigen::Vector3f>
+      normal;          ///< of the surface there: unit, camera frame, facing the camera; (0, 0, 0) = no surface
+  Image<int> surface;  ///< Hit::surface there; -1 = no surface
+};
+
+RenderedView render(const Scene& scene, const RigidTransform& cam_from_world, int width, int height,
+                    const RenderOptions& options = {});
+
+}  // namespace pmsp::synth

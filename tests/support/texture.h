@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace pmsp::synth {
+
+/// A solid texture: colour as a function of the position in the world.
+struct TextureOptions {
+  double coarsest = 0.36;     ///< size of the largest blobs [scene units]
+  int octaves = 4;            ///< each has blobs half as large as the one before
+  double persistence = 0.85;  ///< amplitude of an octave over that of the one before
+  double contrast = 40.0;     ///< standard deviation of the brightness [gray levels]; 0 = a single colour
+  double chroma = 0.3;        ///< amplitude of the colour relative to that of the brightness
+  double shading = 0.10;      ///< change of the brightness with the surface's direction, relative
+  Eigen::Vector3d base = Eigen::Vector3d(128.0, 128.0, 128.0);  ///< mean colour, red, green, blue, 0 to 255
+  std::uint64_t seed = 1;
+};
+
+/// Strong contrast on all scales.
+TextureOptions textured(std::uint64_t seed);
+
+/// Plaster: contrast of a few gray levels.
+TextureOptions weak(std::uint64_t seed);
+
+/// The octaves of value noise that TextureOptions stand for. Each octave's lattice is turned by a rotation of its own,
+/// so that no wall is parallel to a lattice plane.
+class Texture {
+ public:
+  explicit Texture(const TextureOptions& options);
+
+  /// Red, green, blue, not clamped.
+  Eigen::Vector3d color(const Eigen::Vector3d& position, const Eigen::Vector3d& normal) const;
+
+  const TextureOptions& options() const { return options_; }
+
+ private:
+  struct Octave {
+    Eigen::Matrix3d lattice_from_world;
+    Eigen::Vector3d offset;
+    double amplitude = 0.0;
+    std::uint32_t seed = 0;
+  };
+  TextureOptions options_;
+  std::vector<Octave> octaves_;
+};
+
+}  // namespace pmsp::synth

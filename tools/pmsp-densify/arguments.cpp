@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "arguments.h"
+
+#include <iostream>
+
+#include <CLI/CLI.hpp>
+
+#include "exit_code.h"
+#include "pmsp/executor.h"
+
+namespace pmsp::tool {
+namespace {
+
+constexpr const char* kExamples =
+    "Examples:\n"
+    "  pmsp-densify map.msg --images keyframes/ -o cloud.ply\n"
+    "  pmsp-densify run map.db --video flight.mp4 --mask drone.png --quality normal --force -o cloud.ply\n"
+    "  pmsp-densify run map.msg --images keyframes/ --preview look/ --stats stats.json --consistency-min-views 2\n"
+    "  pmsp-densify info map.msg --images keyframes/\n"
+    "  pmsp-densify config --quality high > high.json\n"
+    "\n"
+    "Exit codes: 0 ok, 1 unexpected error, 2 usage, 3 input, 4 backend unavailable, 5 empty result, 6 output, 130 "
+    "interrupted";
+
+void add_inputs(CLI::App& app, Arguments& a) {
+  app.add_option("map", a.map, "Map of OpenVSLAM or stella_vslam (MessagePack or SQLite)")->type_name("MAP");
+  app.add_option("--images", a.images,
+                 "Folder with the keyframes' images, named by keyframe id, timestamp or frame index")
+      ->type_name("DIR")
+      ->group("Input");
+  app.add_option("--video", a.video, "The video that the SLAM saw, instead of --images")
+      ->type_name("FILE")
+      ->group("Input");
+  app.add_option("--frame-offset", a.frame_offset, "Added to frame indices [frames; default 0]")
+      ->type_name("N")
+      ->group("Input");
+  app.add_option("--fps", a.fps, "Frame rate that turns timestamps into frame indices [1/s; default 0 = the map's]")
+      ->type_name("F")
+      ->group("Input");
+}
+
+void add_table(CLI::App& app, Arguments& a) {
+  app.add_option_function<std::string>(
+         "--quality", [&a](const std::string& name) { a.quality = name; },
+         "Preset: online (640 x 320, keeps up with a flight), normal (1440 x 720) or high (the images' size) [default "
+         "online]")
+      ->type_name("NAME")
+      ->group("Configuration");
+  app.add_option("--config", a.config, "JSON file with options, as `config` prints them; flags override it")
+      ->type_name("FILE")
+      ->group("Configuration");
+  for (const OptionEntry& entry : option_table()) {
+    const auto take = [&a, &entry](const std::string& text) { a.overrides.emplace_back(&entry, text); };
+    app.add_option_function<std::string>(entry.flag(), take, entry.description())
+        ->type_name(entry.is_switch() ? " " : "V")
+        ->group(entry.group);
+  }
+}
+
+void add_outputs(CLI::App& app, Arguments& a) {
+  const char* group = "Output";
+  app.add_option("-o,--output", a.output, "The cloud, binary PLY [default cloud.ply]")->type_name("FILE")->group(group);
+  app.add_flag("--double", a.double_positions, "Coordinates with 64 instead of 32 bits")->group(group);
+  app.add_flag("--force", a.force, "Overwrite outputs that exist")->group(group);
+  app.add_option("--depth-maps", a.depth_maps,
+                 "Filtered depth, normal and confidence of each keyframe (PFM, 16-bit PNG)")
+      ->type_name("DIR")
+      ->group(group);
+  app.add_option("--raw-depth-maps", a.raw_depth_maps, "The same, straight from PatchMatch")
+      ->type_name("DIR")
+      ->group(group);
+  app.add_option("--stats", a.stats, "Options, counts and times of each stage, skipped keyframes (JSON)")
+      ->type_name("FILE")
+      ->group(group);
+  app.add_option("--preview", a.preview, "Pictures to judge the result by (PNG)")->type_name("DIR")->group(group);
+}
+
+ProgressMode progress_mode(const std::string& name) {
+  if (name == "auto") return ProgressMode::kAuto;
+  if (name == "bar") return ProgressMode::kBar;
+  if (name == "plain") return ProgressMode::kPlain;
+  if (name == "json") return ProgressMode::kJson;
+  if (name == "none") return ProgressMode::kNone;
+  throw UsageError("--progress is \"" + name + "\"; expected auto, bar, plain, json or none");
+}
+
+void add_behaviour(CLI::App& app, Arguments& a) {
+  const char* group = "Behaviour";
+  app.add_option("--backend", a.backend, "auto, cpu or cuda [default auto]")->type_name("NAME")->group(group);
+  app.add_option_function<std::string>(
+         "--progress", [&a](const std::string& name) { a.progress = progress_mode(name); },
+         "auto (bar on a terminal, else plain), bar, plain, json (JSON lines on stdout) or none [default auto]")
+      ->type_name("MODE")
+      ->group(group);
+  app.add_flag("-q,--quiet", a.quiet, "Warnings and errors only")->group(group);
+  app.add_flag("-v,--verbose", a.verbose, "One line for each keyframe, with what became of it")->group(group);
+  app.add_flag("--print-config", a.print_config, "Print the options in force as JSON and stop")->group(group);
+}
+
+// Names what the user typed and what he may have meant, where CLI11 would only name the former.
+void refuse_extras(const CLI::App& app) {
+  const std::vector<std::string> extras = app.remaining();
+  if (extras.empty()) return;
+  std::string word = extras.front();
+  if (word.rfind("-", 0) != 0) throw UsageError("unexpected argument \"" + word + "\"; see --help");
+  word = word.substr(0, word.find('='));
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  for (const OptionEntry& entry : option_table()) {
+    if (entry.is_switch()) names.push_back(entry.negative_flag());
+  }
+  throw UsageError("there is no option " + word + "; did you mean " + nearest(word, names) + "?");
+}
+
+// Switches take a value inside, so that the last of several wins: --x is --x=true, --no-x is --x=false.
+void spell_out_switches(std::vector<std::string>& words) {
+  for (std::string& word : words) {
+    for (const OptionEntry& entry : option_table()) {
+      if (!entry.is_switch()) continue;
+      if (word == entry.flag()) {
+        word += "=true";
+      } else if (word == entry.negative_flag()) {
+        word = entry.flag() + "=false";
+      }
+    }
+  }
+}
+
+void print_version() {
+  std::cout << version_text() << " (" << PMSP_BUILD_TYPE << "; backends: cpu; SIMD: " << name_of(widest_simd())
+            << ")\n";
+}
+
+std::vector<std::string> words_of(int argc, const char* const* argv) {
+  std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
+  if (words.empty()) throw UsageError("what to densify is missing: pmsp-densify MAP --images DIR; see --help");
+  const bool has_verb = words[0] == "run" || words[0] == "info" || words[0] == "config";
+  const bool asks = words[0] == "-h" || words[0] == "--help" || words[0] == "--version";
+  if (!has_verb && !asks) words.insert(words.begin(), "run");
+  spell_out_switches(words);
+  return words;
+}
+
+void check_run(const Arguments& a) {
+  if (a.print_config) return;
+  if (a.map.empty()) throw UsageError("MAP is missing: pmsp-densify MAP --images DIR; see --help");
+  if (a.images.empty() && a.video.empty())
+    throw UsageError("the images are missing; give --images DIR or --video FILE");
+}
+
+}  // namespace
+
+std::string version_text() { return "pmsp-densify " PMSP_VERSION; }
+
+std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
+  const std::vector<std::string> words = words_of(argc, argv);
+  Arguments a;
+  CLI::App app(
+      "Dense, coloured point clouds from 360-degree images and the map of a SLAM.\n\n" + std::string(kExamples),
+      "pmsp-densify");
+  app.get_formatter()->column_width(38);
+  app.option_defaults()->take_last();
+  app.require_subcommand(1);
+  bool version = false;
+  app.add_flag("--version", version, "Version, build type, instruction set");
+  CLI::App& run = *app.add_subcommand("run", "Map and images to a cloud (the default verb)");
+  CLI::App& info = *app.add_subcommand("info", "What is in a map, and which images belong to it");
+  CLI::App& config = *app.add_subcommand("config", "Print the options in force as JSON, for --config");
+  for (CLI::App* verb : {&run, &info, &config}) verb->allow_extras();
+  add_inputs(run, a);
+  run.add_option("--mask", a.mask, "Image whose black pixels are ignored in every keyframe")
+      ->type_name("FILE")
+      ->group("Input");
+  run.add_flag("--no-verify", a.no_verify, "Do not check that the images belong to their keyframes")->group("Input");
+  add_outputs(run, a);
+  add_behaviour(run, a);
+  add_table(run, a);
+  add_inputs(info, a);
+  info.add_flag("--json", a.json, "As JSON");
+  add_table(config, a);
+
+  if (words[0] == "--version") {
+    print_version();
+    return std::nullopt;
+  }
+  if (words[0] == "-h" || words[0] == "--help") {
+    std::cout << app.help() << "\n" << run.help("pmsp-densify");
+    return std::nullopt;
+  }
+  try {
+    app.parse(std::vector<std::string>(words.rbegin(), words.rend()));
+  } catch (const CLI::CallForHelp&) {
+    std::cout << app.get_subcommands().front()->help("pmsp-densify");
+    return std::nullopt;
+  } catch (const CLI::ParseError& error) {
+    throw UsageError(error.what());
+  }
+  refuse_extras(*app.get_subcommands().front());
+  a.verb = info.parsed() ? Verb::kInfo : config.parsed() ? Verb::kConfig : Verb::kRun;
+  if (!(a.fps >= 0.0) || a.fps > 1e6) throw UsageError("--fps is no frame rate; expected 0 (the map's) to 1000000");
+  if (!a.images.empty() && !a.video.empty()) throw UsageError("--images and --video exclude each other");
+  if (a.backend != "auto" && a.backend != "cpu" && a.backend != "cuda") {
+    throw UsageError("--backend is \"" + a.backend + "\"; expected auto, cpu or cuda");
+  }
+  if (a.verb == Verb::kRun) check_run(a);
+  if (a.verb == Verb::kInfo && a.map.empty()) throw UsageError("MAP is missing: pmsp-densify info MAP");
+  return a;
+}
+
+}  // namespace pmsp::tool

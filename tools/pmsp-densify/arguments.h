@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "option_table.h"
+
+namespace pmsp::tool {
+
+enum class Verb { kRun, kInfo, kConfig };
+enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
+
+/// The command line, understood but not yet acted upon.
+struct Arguments {
+  Verb verb = Verb::kRun;
+
+  std::filesystem::path map;
+  std::filesystem::path images;
+  std::filesystem::path video;
+  std::filesystem::path mask;
+  std::int64_t frame_offset = 0;
+  double fps = 0.0;
+  bool no_verify = false;
+
+  std::filesystem::path output = "cloud.ply";
+  bool double_positions = false;
+  bool force = false;
+  std::filesystem::path depth_maps;
+  std::filesystem::path raw_depth_maps;
+  std::filesystem::path stats;
+  std::filesystem::path preview;
+
+  std::string backend = "auto";
+  ProgressMode progress = ProgressMode::kAuto;
+  bool quiet = false;
+  bool verbose = false;
+  bool json = false;  ///< info
+  bool print_config = false;
+
+  std::optional<std::string> quality;
+  std::filesystem::path config;
+  std::vector<std::pair<const OptionEntry*, std::string>> overrides;  ///< options given as flags
+};
+
+/// Reads the command line. nullopt when it asked for help or the version, which is then on stdout. Throws UsageError,
+/// InvalidOption.
+std::optional<Arguments> parse_arguments(int argc, const char* const* argv);
+
+/// Defaults, then the preset of the quality, then the configuration file, then flags; validated. Throws InvalidOption,
+/// IoError.
+DensifierOptions effective_options(const Arguments& arguments);
+
+/// "pmsp-densify 0.1.0"
+std::string version_text();
+
+}  // namespace pmsp::tool

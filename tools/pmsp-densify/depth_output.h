@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "pmsp/depth_map.h"
+#include "pmsp/io/map.h"
+
+namespace pmsp::tool {
+
+/// Length of one gray level in the 16-bit PNGs of a mission [scene units]: one for all, so that its pictures compare,
+/// and large enough for the farthest depth that is kept.
+double png_depth_scale(const SlamMap& map, double range_margin);
+
+/// Writes depth maps as files into a folder: depth_, normal_, confidence_%06d.pfm and depth_%06d.png, numbered by
+/// keyframe id, and index.json.
+class DepthMapFolder {
+ public:
+  /// `kind`: "raw" or "filtered". Throws OutputError when the folder cannot be made.
+  DepthMapFolder(const std::filesystem::path& folder, const std::string& kind, const SlamMap& map, double png_scale);
+
+  void write(const DepthMap& map);
+
+  /// Writes index.json.
+  void finish() const;
+
+ private:
+  std::filesystem::path folder_;
+  const SlamMap& slam_map_;
+  double png_scale_;
+  nlohmann::ordered_json index_;
+};
+
+/// Makes a folder and its parents. Throws OutputError.
+void make_folder(const std::filesystem::path& folder);
+
+/// Writes a file whole or not at all. Throws OutputError.
+void write_file(const std::filesystem::path& path, const std::string& content);
+
+/// `json`, indented, for people as well.
+std::string json_text(const nlohmann::ordered_json& json);
+
+}  // namespace pmsp::tool

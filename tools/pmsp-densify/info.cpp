@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+
+#include "depth_output.h"
+#include "map_figures.h"
+#include "progress.h"
+#include "verbs.h"
+
+namespace pmsp::tool {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json cameras_json(const SlamMap& map) {
+  Json cameras = Json::array();
+  for (const MapCamera& camera : map.cameras) {
+    cameras.push_back({{"name", camera.name}, {"width", camera.width}, {"height", camera.height}, {"fps", camera.fps}});
+  }
+  return cameras;
+}
+
+Json trajectory_json(const SlamMap& map) {
+  const std::vector<const MapKeyframe*> keyframes = in_order_of_flight(map);
+  std::vector<double> steps;
+  double length = 0.0;
+  for (std::size_t i = 1; i < keyframes.size(); ++i) {
+    steps.push_back((keyframes[i]->cam_from_world.center() - keyframes[i - 1]->cam_from_world.center()).norm());
+    length += steps.back();
+  }
+  const double first = keyframes.empty() ? 0.0 : keyframes.front()->timestamp;
+  const double last = keyframes.empty() ? 0.0 : keyframes.back()->timestamp;
+  return {{"first_timestamp", first},
+          {"last_timestamp", last},
+          {"path_length", length},
+          {"keyframe_distance",
+           {{"min", percentile(steps, 0.0)}, {"median", percentile(steps, 50.0)}, {"max", percentile(steps, 100.0)}}}};
+}
+
+Json landmarks_json(const SlamMap& map) {
+  std::vector<double> depths;
+  std::size_t observations = 0;
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const std::vector<double> own = landmark_depths(map, keyframe);
+    depths.insert(depths.end(), own.begin(), own.end());
+    observations += keyframe.observations.size();
+  }
+  return {{"count", map.landmarks.size()},
+          {"observations", observations},
+          {"observations_per_keyframe",
+           map.keyframes.empty() ? 0.0 : static_cast<double>(observations) / static_cast<double>(map.keyframes.size())},
+          {"observations_skipped", map.observations_skipped},
+          {"observations_repeated", map.observations_repeated},
+          {"depth",
+           {{"p2", percentile(depths, 2.0)}, {"median", percentile(depths, 50.0)}, {"p98", percentile(depths, 98.0)}}}};
+}
+
+Json images_json(const ImageSource& source) {
+  Json images{{"description", source.description()},
+              {"found", source.keyframe_ids().size()},
+              {"keyframe_ids", source.keyframe_ids()},
+              {"missing", Json::array()}};
+  for (const SkippedKeyframe& skipped : source.skipped()) {
+    images["missing"].push_back({{"keyframe_id", skipped.keyframe_id}, {"reason", skipped.reason}});
+  }
+  return images;
+}
+
+std::string number(const Json& value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.4g", value.get<double>());
+  return text;
+}
+
+void print(const Json& j) {
+  std::cout << "map:        " << j["map"].get<std::string>() << "\nformat:     " << j["format"].get<std::string>()
+            << "\n";
+  for (const Json& camera : j["cameras"]) {
+    std::cout << "camera:     " << camera["name"].get<std::string>() << ", equirectangular, " << camera["width"]
+              << " x " << camera["height"] << " px, " << number(camera["fps"]) << " fps\n";
+  }
+  const Json& flight = j["trajectory"];
+  const Json& step = flight["keyframe_distance"];
+  const double span = flight["last_timestamp"].get<double>() - flight["first_timestamp"].get<double>();
+  char times[96];
+  std::snprintf(times, sizeof(times), "%.3f to %.3f s, %.3f s", flight["first_timestamp"].get<double>(),
+                flight["last_timestamp"].get<double>(), span);
+  std::cout << "keyframes:  " << j["keyframes"] << ", timestamps " << times << "\n"
+            << "path:       " << number(flight["path_length"]) << " scene units; from keyframe to keyframe "
+            << number(step["min"]) << " to " << number(step["max"]) << ", median " << number(step["median"]) << "\n";
+  const Json& landmarks = j["landmarks"];
+  std::cout << "landmarks:  " << landmarks["count"] << ", seen " << landmarks["observations"] << " times, "
+            << number(landmarks["observations_per_keyframe"])
+            << " in a keyframe; left out: " << landmarks["observations_skipped"] << " sightings of unknown landmarks, "
+            << landmarks["observations_repeated"] << " repeated ones\n"
+            << "depth:      " << number(landmarks["depth"]["p2"]) << " to " << number(landmarks["depth"]["p98"])
+            << " scene units (2nd to 98th percentile), median " << number(landmarks["depth"]["median"]) << "\n";
+  if (!j.contains("images")) return;
+  const Json& images = j["images"];
+  std::cout << "images:     " << images["description"].get<std::string>() << "\n            " << images["found"]
+            << " of " << j["keyframes"] << " keyframes have one\n";
+  for (const Json& missing : images["missing"]) {
+    std::cout << "  keyframe " << missing["keyframe_id"] << ": " << missing["reason"].get<std::string>() << "\n";
+  }
+}
+
+}  // namespace
+
+void info(const Arguments& arguments) {
+  const SlamMap map = read_map(arguments.map);
+  Json json{{"map", map.path.string()},           {"format", map.format},
+            {"cameras", cameras_json(map)},       {"keyframes", map.keyframes.size()},
+            {"trajectory", trajectory_json(map)}, {"landmarks", landmarks_json(map)}};
+  if (const std::unique_ptr<ImageSource> source = open_images(arguments, map)) json["images"] = images_json(*source);
+  if (arguments.json) {
+    std::cout << json_text(json);
+  } else {
+    print(json);
+  }
+}
+
+}  // namespace pmsp::tool

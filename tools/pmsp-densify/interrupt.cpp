@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "interrupt.h"
+
+#include <unistd.h>
+#include <atomic>
+#include <csignal>
+#include <cstddef>
+
+#include "exit_code.h"
+
+namespace pmsp::tool {
+namespace {
+
+std::atomic<Densifier*> g_densifier{nullptr};
+std::atomic<int> g_signal{0};
+static_assert(std::atomic<Densifier*>::is_always_lock_free && std::atomic<int>::is_always_lock_free,
+              "a signal handler may only touch lock-free atomics");
+
+extern "C" void on_signal(int signal) {
+  if (g_signal.exchange(signal) != 0) _exit(kExitSignal + signal);
+  if (Densifier* densifier = g_densifier.load()) densifier->cancel();
+}
+
+void install(void (*handler)(int)) {
+  struct sigaction action = {};
+  action.sa_handler = handler;
+  sigemptyset(&action.sa_mask);
+  action.sa_flags = SA_RESTART;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+}  // namespace
+
+InterruptGuard::InterruptGuard(Densifier& densifier) {
+  g_signal = 0;
+  g_densifier = &densifier;
+  install(on_signal);
+}
+
+InterruptGuard::~InterruptGuard() {
+  install(SIG_DFL);
+  g_densifier = nullptr;
+}
+
+void InterruptGuard::check() const {
+  if (const int signal = g_signal.load()) throw Interrupted(signal);
+}
+
+}  // namespace pmsp::tool

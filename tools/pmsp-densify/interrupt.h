@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "pmsp/densifier.h"
+
+namespace pmsp::tool {
+
+/// While it lives, the first SIGINT or SIGTERM cancels the densifier, the second one ends the process at once.
+class InterruptGuard {
+ public:
+  explicit InterruptGuard(Densifier& densifier);
+  ~InterruptGuard();
+  InterruptGuard(const InterruptGuard&) = delete;
+  InterruptGuard& operator=(const InterruptGuard&) = delete;
+
+  /// Throws Interrupted after a signal.
+  void check() const;
+};
+
+}  // namespace pmsp::tool

@@ -1,0 +1,287 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "option_table.h"
+
+#include <algorithm>
+#include <charconv>
+#include <limits>
+#include <numeric>
+#include <system_error>
+
+#include "pmsp/error.h"
+
+namespace pmsp::tool {
+namespace {
+
+using Json = nlohmann::json;
+using Options = DensifierOptions;
+
+constexpr double kMaxSeed = 18446744073709551615.0;
+
+// The shortest text that reads back as the same number.
+std::string number_text(double value) {
+  char text[64];
+  const auto result = std::to_chars(text, text + sizeof(text), value);
+  return {text, result.ptr};
+}
+
+template <class T>
+T parse_number(const std::string& text, bool& ok) {
+  T value{};
+  const char* first = text.data() + (text.size() > 1 && text[0] == '+' ? 1 : 0);
+  const auto result = std::from_chars(first, text.data() + text.size(), value);
+  ok = result.ec == std::errc() && result.ptr == text.data() + text.size() && !text.empty();
+  return value;
+}
+
+std::string range_text(const OptionEntry& entry) {
+  if (entry.is_switch()) return "true or false";
+  if (entry.access.index() == 4) return "auto, scalar, avx2 or avx512";
+  if (entry.access.index() == 3) return "a whole number from 0 to 18446744073709551615";
+  return std::string(entry.access.index() == 1 ? "a whole number from " : "") + number_text(entry.min) + " to " +
+         number_text(entry.max);
+}
+
+[[noreturn]] void refuse(const OptionEntry& entry, const std::string& where, const std::string& value) {
+  const std::string unit = entry.unit[0] != '\0' ? std::string(" [") + entry.unit + "]" : "";
+  throw InvalidOption(where + " is " + value + "; expected " + range_text(entry) + unit);
+}
+
+void check_range(const OptionEntry& entry, double value, const std::string& where, const std::string& text) {
+  if (!(value >= entry.min && value <= entry.max)) refuse(entry, where, text);
+}
+
+void set_from_json(Options& options, const OptionEntry& entry, const Json& value, const std::string& where) {
+  const std::string text = value.dump();
+  if (const auto* as_switch = std::get_if<0>(&entry.access)) {
+    if (!value.is_boolean()) refuse(entry, where, text);
+    (*as_switch)(options) = value.get<bool>();
+  } else if (const auto* as_name = std::get_if<4>(&entry.access)) {
+    if (!value.is_string()) refuse(entry, where, text);
+    set_from_text(options, entry, value.get<std::string>(), where);
+    static_cast<void>(as_name);
+  } else {
+    const bool whole = entry.access.index() != 2;
+    if (!value.is_number() || (whole && !value.is_number_integer())) refuse(entry, where, text);
+    set_from_text(options, entry, text, where);
+  }
+}
+
+void apply_level(Options& options, const Json& json, const std::string& prefix, const std::string& source) {
+  for (const auto& [name, value] : json.items()) {
+    const std::string key = prefix + name;
+    const auto& table = option_table();
+    const auto found = std::find_if(table.begin(), table.end(), [&](const OptionEntry& e) { return key == e.key; });
+    if (found != table.end()) {
+      set_from_json(options, *found, value, source + ": " + key);
+      continue;
+    }
+    const std::string level = key + ".";
+    const bool is_level = std::any_of(table.begin(), table.end(),
+                                      [&](const OptionEntry& e) { return std::string(e.key).rfind(level, 0) == 0; });
+    if (is_level && value.is_object()) {
+      apply_level(options, value, level, source);
+    } else if (is_level) {
+      throw InvalidOption(source + ": " + key + " is " + value.dump().substr(0, 60) + "; expected an object");
+    } else {
+      std::vector<std::string> keys{"quality"};
+      for (const OptionEntry& e : table) keys.emplace_back(e.key);
+      throw InvalidOption(source + ": there is no option \"" + key.substr(0, 100) + "\"; did you mean \"" +
+                          nearest(key, keys) + "\"?");
+    }
+  }
+}
+
+}  // namespace
+
+const std::vector<OptionEntry>& option_table() {
+#define PMSP_AT(type, field) [](Options& o) -> type& { return o.field; }
+  static const std::vector<OptionEntry> table{
+      {"width", "Size and machine", "px", 0, 16384,
+       "Width of the depth maps, even, at least 32; 0 = that of the images", +PMSP_AT(int, width)},
+      {"height", "Size and machine", "px", 0, 8192, "Height of the depth maps, even, at least 16; 0 = half the width",
+       +PMSP_AT(int, height)},
+      {"seed", "Size and machine", "", 0, kMaxSeed, "Start of the random numbers; same input and seed, same bytes",
+       +PMSP_AT(std::uint64_t, seed)},
+      {"threads", "Size and machine", "", 0, 1024, "Threads; 0 = one for each CPU that the process may use",
+       +PMSP_AT(int, threads)},
+      {"simd", "Size and machine", "", 0, 0, "Instruction set; auto takes the widest that this machine has",
+       +PMSP_AT(Simd, simd)},
+      {"view_filter.enabled", "View filter", "", 0, 1, "Leave out keyframes with too little or too much parallax",
+       +PMSP_AT(bool, view_filter.enabled)},
+      {"view_filter.min_parallax_deg", "View filter", "deg", 0, 180, "Smallest useful parallax of a landmark",
+       +PMSP_AT(double, view_filter.min_parallax_deg)},
+      {"view_filter.max_parallax_deg", "View filter", "deg", 0, 180, "Largest useful parallax of a landmark",
+       +PMSP_AT(double, view_filter.max_parallax_deg)},
+      {"view_filter.min_share", "View filter", "", 0, 1,
+       "Share of the common landmarks that must have useful parallax; less accepts more keyframes",
+       +PMSP_AT(double, view_filter.min_share)},
+      {"init.sparse_points", "Initialisation", "", 0, 1, "Start from planes through the keyframe's landmarks",
+       +PMSP_AT(bool, init.sparse_points)},
+      {"init.sparse_radius_px", "Initialisation", "px of the depth map", 0, 100, "How far one landmark spreads",
+       +PMSP_AT(double, init.sparse_radius_px)},
+      {"init.warp_previous", "Initialisation", "", 0, 1, "Start from the previous depth map, moved into this keyframe",
+       +PMSP_AT(bool, init.warp_previous)},
+      {"init.range_margin", "Initialisation", "", 1, 1000, "Factor that widens the landmarks' depth range at both ends",
+       +PMSP_AT(double, init.range_margin)},
+      {"patchmatch.iterations", "PatchMatch", "", 1, 100, "Visits of every pixel",
+       +PMSP_AT(int, patchmatch.iterations)},
+      {"patchmatch.neighbours", "PatchMatch", "", 1, 8, "Keyframes to match with; time grows in proportion",
+       +PMSP_AT(int, patchmatch.neighbours)},
+      {"patchmatch.refinements", "PatchMatch", "", 0, 32, "Random draws per pixel and iteration",
+       +PMSP_AT(int, patchmatch.refinements)},
+      {"patchmatch.patch_spacing_px", "PatchMatch", "px of the depth map", 0.5, 8, "Distance of a patch's samples",
+       +PMSP_AT(double, patchmatch.patch_spacing_px)},
+      {"patchmatch.sigma_color", "PatchMatch", "gray levels", 1, 1000, "Bilateral weight: difference in brightness",
+       +PMSP_AT(double, patchmatch.sigma_color)},
+      {"patchmatch.sigma_space_px", "PatchMatch", "px of the depth map", 0.5, 100, "Bilateral weight: distance",
+       +PMSP_AT(double, patchmatch.sigma_space_px)},
+      {"patchmatch.max_slant_deg", "PatchMatch", "deg", 10, 89, "Largest angle between a plane's normal and the ray",
+       +PMSP_AT(double, patchmatch.max_slant_deg)},
+      {"median.enabled", "Median filter", "", 0, 1, "Remove single outliers", +PMSP_AT(bool, median.enabled)},
+      {"median.max_relative_deviation", "Median filter", "share of the depth", 0, 1,
+       "Deviation from the neighbourhood's median beyond which a pixel is dropped",
+       +PMSP_AT(double, median.max_relative_deviation)},
+      {"median.min_score", "Median filter", "NCC", -1, 1, "Photometric score below which a pixel is dropped",
+       +PMSP_AT(double, median.min_score)},
+      {"consistency.enabled", "Consistency filter", "", 0, 1, "Keep only what several depth maps agree on",
+       +PMSP_AT(bool, consistency.enabled)},
+      {"consistency.window", "Consistency filter", "depth maps", 2, 15,
+       "Depth maps compared, the filtered one included", +PMSP_AT(int, consistency.window)},
+      {"consistency.min_views", "Consistency filter", "depth maps", 1, 15,
+       "Depth maps that must agree, the filtered one included; at most the window",
+       +PMSP_AT(int, consistency.min_views)},
+      {"consistency.max_relative_depth", "Consistency filter", "share of the depth", 0, 1,
+       "Deviation that still counts as agreement", +PMSP_AT(double, consistency.max_relative_depth)},
+      {"fusion.window", "Fusion", "depth maps", 1, 31, "Depth maps that are joined with each other",
+       +PMSP_AT(int, fusion.window)},
+      {"fusion.spacing_px", "Fusion", "px of the nearer depth map", 0, 4, "Points closer than this are one point",
+       +PMSP_AT(double, fusion.spacing_px)},
+      {"fusion.max_relative_depth", "Fusion", "share of the depth", 0, 1,
+       "Deviation up to which two depths are one surface", +PMSP_AT(double, fusion.max_relative_depth)},
+      {"fusion.max_normal_deg", "Fusion", "deg", 0, 180, "Angle of normals up to which they are one surface",
+       +PMSP_AT(double, fusion.max_normal_deg)},
+      {"fusion.min_confidence", "Fusion", "", 0, 1, "Points with less confidence are not written",
+       +PMSP_AT(double, fusion.min_confidence)},
+  };
+#undef PMSP_AT
+  return table;
+}
+
+std::string OptionEntry::flag() const {
+  std::string name = key;
+  std::replace_if(
+      name.begin(), name.end(), [](char c) { return c == '.' || c == '_'; }, '-');
+  return "--" + name;
+}
+
+std::string OptionEntry::negative_flag() const { return "--no-" + flag().substr(2); }
+
+std::string OptionEntry::text_of(const DensifierOptions& options) const {
+  Options copy = options;
+  return std::visit(
+      [&copy](auto at) -> std::string {
+        using T = std::decay_t<decltype(at(copy))>;
+        if constexpr (std::is_same_v<T, bool>) {
+          return at(copy) ? "true" : "false";
+        } else if constexpr (std::is_same_v<T, Simd>) {
+          return name_of(at(copy));
+        } else if constexpr (std::is_same_v<T, double>) {
+          return number_text(at(copy));
+        } else {
+          return std::to_string(at(copy));
+        }
+      },
+      access);
+}
+
+std::string OptionEntry::description() const {
+  const std::string range = is_switch() ? negative_flag() + " for no" : range_text(*this);
+  std::string text = std::string(help) + " [" + (unit[0] != '\0' ? std::string(unit) + ", " : "") + range +
+                     "; default " + text_of(Options());
+  for (const auto& [name, quality] : {std::pair("normal", Quality::kNormal), std::pair("high", Quality::kHigh)}) {
+    const std::string value = text_of(preset(quality));
+    if (value != text_of(Options())) text += std::string(", ") + name + " " + value;
+  }
+  return text + "]";
+}
+
+void set_from_text(DensifierOptions& options, const OptionEntry& entry, const std::string& text,
+                   const std::string& where) {
+  bool ok = true;
+  if (const auto* as_switch = std::get_if<0>(&entry.access)) {
+    if (text != "true" && text != "false") refuse(entry, where, "\"" + text + "\"");
+    (*as_switch)(options) = text == "true";
+  } else if (const auto* as_int = std::get_if<1>(&entry.access)) {
+    const int value = parse_number<int>(text, ok);
+    if (!ok) refuse(entry, where, "\"" + text + "\"");
+    check_range(entry, value, where, text);
+    (*as_int)(options) = value;
+  } else if (const auto* as_double = std::get_if<2>(&entry.access)) {
+    const double value = parse_number<double>(text, ok);
+    if (!ok) refuse(entry, where, "\"" + text + "\"");
+    check_range(entry, value, where, text);
+    (*as_double)(options) = value;
+  } else if (const auto* as_seed = std::get_if<3>(&entry.access)) {
+    const std::uint64_t value = parse_number<std::uint64_t>(text, ok);
+    if (!ok) refuse(entry, where, "\"" + text + "\"");
+    (*as_seed)(options) = value;
+  } else if (const auto* as_name = std::get_if<4>(&entry.access)) {
+    try {
+      (*as_name)(options) = simd_from_name(text);
+    } catch (const InvalidOption&) {
+      refuse(entry, where, "\"" + text + "\"");
+    }
+  }
+}
+
+nlohmann::ordered_json to_json(const DensifierOptions& options) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  Options copy = options;
+  for (const OptionEntry& entry : option_table()) {
+    const std::string key = entry.key;
+    const std::size_t dot = key.find('.');
+    auto& at = dot == std::string::npos ? json[key] : json[key.substr(0, dot)][key.substr(dot + 1)];
+    std::visit(
+        [&](auto access) {
+          if constexpr (std::is_same_v<decltype(access(copy)), Simd&>) {
+            at = name_of(access(copy));
+          } else {
+            at = access(copy);
+          }
+        },
+        entry.access);
+  }
+  return json;
+}
+
+void apply_json(DensifierOptions& options, const nlohmann::json& json, const std::string& source) {
+  if (!json.is_object()) throw InvalidOption(source + ": holds no JSON object");
+  Json rest = json;
+  rest.erase("quality");  // chooses the preset below these values; whoever reads the file looks at it first
+  apply_level(options, rest, "", source);
+}
+
+std::string nearest(const std::string& word, const std::vector<std::string>& candidates) {
+  std::string best;
+  std::size_t best_distance = std::numeric_limits<std::size_t>::max();
+  for (const std::string& candidate : candidates) {
+    std::vector<std::size_t> row(candidate.size() + 1);  // Levenshtein distance, one row at a time
+    std::iota(row.begin(), row.end(), std::size_t{0});
+    for (std::size_t i = 0; i < word.size(); ++i) {
+      std::size_t diagonal = row[0];
+      row[0] = i + 1;
+      for (std::size_t j = 0; j < candidate.size(); ++j) {
+        const std::size_t replaced = diagonal + (word[i] == candidate[j] ? 0 : 1);
+        diagonal = row[j + 1];
+        row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
+      }
+    }
+    if (row.back() < best_distance) {
+      best_distance = row.back();
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "pmsp/options.h"
+
+namespace pmsp::tool {
+
+/// One option of the library. The table of them is the only place that the tool knows them from: command line, help,
+/// configuration file and its printout are all made from it.
+struct OptionEntry {
+  using Access = std::variant<bool& (*)(DensifierOptions&), int& (*)(DensifierOptions&), double& (*)(DensifierOptions&),
+                              std::uint64_t& (*)(DensifierOptions&), Simd& (*)(DensifierOptions&)>;
+  const char* key;    ///< in the configuration file, dots separate levels: "patchmatch.iterations"
+  const char* group;  ///< heading in the help: the stage
+  const char* unit;   ///< "" for none
+  double min;         ///< inclusive; not used for switches and names
+  double max;
+  const char* help;
+  Access access;
+
+  bool is_switch() const { return access.index() == 0; }
+  /// "--patchmatch-iterations"
+  std::string flag() const;
+  /// "--no-view-filter-enabled", for switches
+  std::string negative_flag() const;
+  /// Help, unit, range and default, and the defaults of the other qualities where they differ.
+  std::string description() const;
+  /// Value as text, as the command line takes it.
+  std::string text_of(const DensifierOptions& options) const;
+};
+
+const std::vector<OptionEntry>& option_table();
+
+/// Throws InvalidOption naming `where` (the flag), the value and what was expected.
+void set_from_text(DensifierOptions& options, const OptionEntry& entry, const std::string& text,
+                   const std::string& where);
+
+/// All options, nested by stage, in the order of the table.
+nlohmann::ordered_json to_json(const DensifierOptions& options);
+
+/// Sets what `json` holds. Throws InvalidOption naming `source` (the file) and the key; for an unknown one, the
+/// nearest.
+void apply_json(DensifierOptions& options, const nlohmann::json& json, const std::string& source);
+
+/// The candidate that differs from `word` in the fewest letters; "" when there is none.
+std::string nearest(const std::string& word, const std::vector<std::string>& candidates);
+
+}  // namespace pmsp::tool

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "preview.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "depth_output.h"
+#include "map_figures.h"
+#include "pmsp/error.h"
+#include "progress.h"
+
+namespace pmsp::tool {
+namespace {
+
+constexpr std::size_t kStrips = 4;
+constexpr std::size_t kMaxPoints = 2400000;  // thinned to half of them when reached
+constexpr int kMaxPanelWidth = 960;
+constexpr int kLabelRows = 30;
+
+void write_png(const std::filesystem::path& path, const cv::Mat& image) {
+  std::vector<unsigned char> encoded;
+  if (!cv::imencode(".png", image, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
+  write_file(path, std::string(encoded.begin(), encoded.end()));
+}
+
+cv::Mat view_of(const Image<float>& image) {
+  cv::Mat copy(image.height(), image.width(), CV_32FC1);
+  for (int y = 0; y < image.height(); ++y) std::copy_n(image.row(y), image.width(), copy.ptr<float>(y));
+  return copy;
+}
+
+// Colours of `values` from `low` to `high`; black where there is no depth.
+cv::Mat colored(const cv::Mat& values, const cv::Mat& depth, double low, double high, int map) {
+  cv::Mat gray;
+  const double scale = high > low ? 255.0 / (high - low) : 0.0;
+  values.convertTo(gray, CV_8U, scale, -low * scale);
+  cv::Mat image;
+  cv::applyColorMap(gray, image, map);
+  image.setTo(cv::Scalar(0, 0, 0), depth <= 0.0F);
+  return image;
+}
+
+cv::Mat labelled(const cv::Mat& image, const std::string& words) {
+  cv::Mat small = image;
+  if (image.cols > kMaxPanelWidth) {
+    cv::resize(image, small, {kMaxPanelWidth, std::max(1, image.rows * kMaxPanelWidth / image.cols)}, 0, 0,
+               cv::INTER_AREA);
+  }
+  cv::Mat panel(small.rows + kLabelRows, small.cols, CV_8UC3, cv::Scalar(0, 0, 0));
+  small.copyTo(panel.rowRange(kLabelRows, panel.rows));
+  cv::putText(panel, words, {8, 21}, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(235, 235, 235), 1, cv::LINE_AA);
+  return panel;
+}
+
+std::string text(const char* pattern, double a, double b, double c) {
+  char words[128];
+  std::snprintf(words, sizeof(words), pattern, a, b, c);
+  return words;
+}
+
+cv::Mat strip_of(const cv::Mat& color, const DepthMap& map) {
+  const cv::Mat depth = view_of(map.depth);
+  std::vector<double> inverse;
+  double confidence_sum = 0.0;
+  for (std::size_t i = 0; i < map.depth.size(); ++i) {
+    if (map.depth.pixels()[i] <= 0.0F) continue;
+    inverse.push_back(1.0 / static_cast<double>(map.depth.pixels()[i]));
+    confidence_sum += static_cast<double>(map.confidence.pixels()[i]);
+  }
+  const double far = percentile(inverse, 2.0);
+  const double near = percentile(inverse, 98.0);
+  cv::Mat values;
+  cv::divide(1.0, cv::max(depth, 1e-12), values);
+  const auto valid = static_cast<double>(inverse.size());
+  const std::string depth_words = text("depth: %.1f %% of the pixels; %.3g (red) to %.3g (blue) scene units",
+                                       100.0 * valid / static_cast<double>(map.depth.size()),
+                                       near > 0.0 ? 1.0 / near : 0.0, far > 0.0 ? 1.0 / far : 0.0);
+  const std::string confidence_words =
+      text("confidence: %g (violet) to %g (yellow), mean %.2f", 0.0, 1.0, valid > 0.0 ? confidence_sum / valid : 0.0);
+  cv::Mat strip;
+  cv::hconcat(std::vector<cv::Mat>{labelled(color, "keyframe " + std::to_string(map.keyframe_id)),
+                                   labelled(colored(values, depth, far, near, cv::COLORMAP_TURBO), depth_words),
+                                   labelled(colored(view_of(map.confidence), depth, 0.0, 1.0, cv::COLORMAP_VIRIDIS),
+                                            confidence_words)},
+              strip);
+  return strip;
+}
+
+}  // namespace
+
+Preview::Preview(const std::filesystem::path& folder, std::size_t keyframes) : folder_(folder), keyframes_(keyframes) {
+  make_folder(folder_);
+}
+
+void Preview::add_keyframe(std::size_t index, std::int64_t id, const RigidTransform& cam_from_world,
+                           ImageView<const Rgb> image, int depth_width, int depth_height) {
+  scene_.path.push_back(cam_from_world.center());
+  down_ += cam_from_world.rotation.row(1).transpose();
+  if (strips_ >= kStrips) return;
+  Pending pending{index, id, cv::Mat(image.height, image.width, CV_8UC3)};
+  for (int y = 0; y < image.height; ++y) {
+    auto* to = pending.color.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < image.width; ++x) to[x] = {image(x, y).b, image(x, y).g, image(x, y).r};
+  }
+  const int width = std::min(depth_width, kMaxPanelWidth);
+  const cv::Size size(width, std::max(1, depth_height * width / std::max(depth_width, 1)));
+  cv::resize(pending.color, pending.color, size, 0, 0, cv::INTER_AREA);
+  pending_.push_back(pending);
+}
+
+void Preview::drop_keyframe(std::int64_t id) {
+  if (!pending_.empty() && pending_.back().id == id) pending_.pop_back();
+}
+
+void Preview::add_depth(const DepthMap& map) {
+  // Depth maps come in the order of the keyframes: what lies before this one has had its chance.
+  while (!pending_.empty() && pending_.front().id != map.keyframe_id) pending_.pop_front();
+  if (pending_.empty()) return;
+  const Pending pending = pending_.front();
+  pending_.pop_front();
+  if (strips_ >= kStrips || pending.index < keyframes_ * (2 * strips_ + 1) / (2 * kStrips)) return;
+  char name[64];
+  std::snprintf(name, sizeof(name), "keyframe_%06lld.png", static_cast<long long>(pending.id));
+  write_png(folder_ / name, strip_of(pending.color, map));
+  ++strips_;
+  if (strips_ == kStrips) pending_.clear();
+}
+
+// Keeps one point in each of the smallest cubes that bring the points down to half of what may be kept.
+void Preview::thin() {
+  std::vector<ViewPoint>& points = scene_.points;
+  if (scene_.spacing == 0.0) {
+    std::vector<double> distances;
+    for (std::size_t i = 0; i < points.size(); i += 97) {
+      distances.push_back(static_cast<double>((points[i].position - points[0].position).norm()));
+    }
+    scene_.spacing = std::max(percentile(distances, 90.0), 1e-9) / 2000.0;
+  }
+  std::vector<std::pair<std::array<std::int32_t, 3>, std::uint32_t>> cells(points.size());
+  std::size_t used = 0;
+  for (;; scene_.spacing *= 1.2) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Eigen::Vector3d p = points[i].position.cast<double>() / scene_.spacing;
+      const Eigen::Vector3d cell = p.array().floor().max(-1e9).min(1e9);
+      cells[i] = {{static_cast<std::int32_t>(cell.x()), static_cast<std::int32_t>(cell.y()),
+                   static_cast<std::int32_t>(cell.z())},
+                  static_cast<std::uint32_t>(i)};
+    }
+    std::sort(cells.begin(), cells.end());
+    const auto same = [](const auto& x, const auto& y) { return x.first == y.first; };
+    used = static_cast<std::size_t>(std::unique(cells.begin(), cells.end(), same) - cells.begin());
+    if (used <= kMaxPoints / 2) break;
+  }
+  std::vector<ViewPoint> kept;
+  kept.reserve(kMaxPoints);
+  for (std::size_t i = 0; i < used; ++i) kept.push_back(points[cells[i].second]);
+  points.swap(kept);
+}
+
+void Preview::add_points(const KeyframeCloud& cloud) {
+  const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
+  for (const CloudPoint& point : cloud.points) {
+    ViewPoint kept;
+    kept.position = (world_from_cam * point.position.cast<double>()).cast<float>();
+    const Eigen::Vector3f normal = world_from_cam.rotation.cast<float>() * point.normal;
+    kept.normal = (normal.cwiseMax(-1.0F).cwiseMin(1.0F) * 127.0F).cast<std::int8_t>();
+    kept.color = point.color;
+    if (scene_.points.size() >= kMaxPoints) thin();
+    scene_.points.push_back(kept);
+  }
+}
+
+void Preview::finish(std::int64_t points) {
+  if (scene_.points.empty()) return;
+  if (scene_.spacing > 0.0) thin();  // the last ones as well, so that the picture is even
+  if (down_.norm() > 0.0) scene_.up = -down_.normalized();
+  scene_.caption = count_text(points) + " points";
+  if (scene_.points.size() < static_cast<std::size_t>(points)) {
+    scene_.caption += ", " + count_text(static_cast<std::int64_t>(scene_.points.size())) + " of them drawn";
+  }
+  write_png(folder_ / "cloud_above.png", draw_from_above(scene_));
+  write_png(folder_ / "cloud_corner.png", draw_from_corner(scene_));
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "arguments.h"
+
+namespace pmsp::tool {
+
+/// Where a run stands after one keyframe.
+struct ProgressStep {
+  std::string stage;      ///< "densify", "flush", ...
+  std::size_t index = 0;  ///< keyframes done
+  std::size_t count = 0;  ///< keyframes in all
+  std::int64_t keyframe_id = 0;
+  bool accepted = false;    ///< by the view filter
+  std::int64_t points = 0;  ///< in the cloud so far
+};
+
+/// Tells people on stderr, or programs on stdout (JSON lines), how far a run is.
+class Progress {
+ public:
+  Progress(ProgressMode mode, bool quiet, bool verbose);
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  void message(const std::string& text);
+  void warning(const std::string& text);
+  void step(const ProgressStep& step);
+
+  /// A stage that takes a moment and has no steps: "writing cloud.ply".
+  void stage(const std::string& name);
+
+  /// Last event for programs; `summary` lines go through `message`.
+  void done(const nlohmann::ordered_json& result);
+
+ private:
+  void emit(const nlohmann::ordered_json& event);
+  void draw_bar(const ProgressStep& step, double seconds_each, double seconds_left);
+  void clear_bar();
+
+  ProgressMode mode_;
+  bool quiet_;
+  bool verbose_;
+  bool bar_shown_ = false;
+  bool started_ = false;
+  std::chrono::steady_clock::time_point start_;
+};
+
+/// "1 h 02 min", "3 min 05 s", "12 s"
+std::string duration_text(double seconds);
+
+/// 1234567 as "1 234 567"
+std::string count_text(std::int64_t count);
+
+}  // namespace pmsp::tool

@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "stats.h"
+
+#include <cstdio>
+
+#include <sys/resource.h>
+
+#include "arguments.h"
+#include "option_table.h"
+#include "progress.h"
+
+namespace pmsp::tool {
+namespace {
+
+std::string percent_text(std::int64_t part, std::int64_t whole) {
+  char text[32];
+  const double share = whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0.0;
+  std::snprintf(text, sizeof(text), "%.1f %%", share);
+  return text;
+}
+
+std::string seconds_text(double seconds) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.1f s", seconds);
+  return text;
+}
+
+}  // namespace
+
+double peak_memory_mib() {
+  rusage usage = {};
+  getrusage(RUSAGE_SELF, &usage);
+#ifdef __APPLE__
+  return static_cast<double>(usage.ru_maxrss) / (1024.0 * 1024.0);
+#else
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+#endif
+}
+
+nlohmann::ordered_json to_json(const RunReport& report) {
+  const DensifierStats& s = report.stats;
+  nlohmann::ordered_json json{{"generator", version_text()},
+                              {"build_type", PMSP_BUILD_TYPE},
+                              {"backend", "cpu"},
+                              {"simd", name_of(report.options.simd)},
+                              {"threads", report.options.threads},
+                              {"seed", report.options.seed},
+                              {"map", report.map},
+                              {"images", report.images},
+                              {"output", report.output},
+                              {"options", to_json(report.options)}};
+  json["keyframes"] = {{"in_map", report.keyframes},       {"with_image", report.with_image},
+                       {"added", s.keyframes_added},       {"accepted", s.keyframes_accepted},
+                       {"rejected", s.keyframes_rejected}, {"depth_maps", s.depth_maps}};
+  json["pixels"] = {{"unmasked", s.pixels},
+                    {"matched", s.pixels_matched},
+                    {"after_median", s.pixels_after_median},
+                    {"after_consistency", s.pixels_after_consistency}};
+  json["points"] = s.points;
+  json["seconds"] = {{"total", report.seconds_total},          {"decode_in_background", report.seconds_decode},
+                     {"wait_for_images", report.seconds_wait}, {"verify_images", report.seconds_verify},
+                     {"prepare", s.seconds_prepare},           {"init", s.seconds_init},
+                     {"patchmatch", s.seconds_patchmatch},     {"median", s.seconds_median},
+                     {"consistency", s.seconds_consistency},   {"fusion", s.seconds_fusion}};
+  json["peak_memory_mib"] = peak_memory_mib();
+  if (report.pairing) {
+    json["pairing"] = {{"comparisons", report.pairing->comparisons},
+                       {"agreement", report.pairing->agreement},
+                       {"conclusive", report.pairing->conclusive},
+                       {"belongs", report.pairing->belongs},
+                       {"message", report.pairing->message}};
+  }
+  json["skipped"] = nlohmann::ordered_json::array();
+  for (const SkippedKeyframe& skipped : report.skipped) {
+    json["skipped"].push_back({{"keyframe_id", skipped.keyframe_id}, {"reason", skipped.reason}});
+  }
+  if (!report.empty_reason.empty()) json["empty"] = report.empty_reason;
+  return json;
+}
+
+std::string summary(const RunReport& report) {
+  const DensifierStats& s = report.stats;
+  const auto rate = s.keyframes_added > 0 ? report.seconds_total / static_cast<double>(s.keyframes_added) : 0.0;
+  char each[32];
+  std::snprintf(each, sizeof(each), "%.2f", rate);
+  return "keyframes:   " + std::to_string(report.keyframes) + " in the map, " + std::to_string(report.with_image) +
+         " with an image, " + std::to_string(s.keyframes_accepted) + " accepted by the view filter, " +
+         std::to_string(s.depth_maps) + " depth maps\n" + "pixels kept: PatchMatch " +
+         percent_text(s.pixels_matched, s.pixels) + ", median filter " + percent_text(s.pixels_after_median, s.pixels) +
+         ", consistency filter " + percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) +
+         "\n" + "points:      " + count_text(s.points) + "\n" + "time:        " + seconds_text(report.seconds_total) +
+         " (" + each + " s a keyframe): prepare " + seconds_text(s.seconds_prepare) + ", init " +
+         seconds_text(s.seconds_init) + ", PatchMatch " + seconds_text(s.seconds_patchmatch) + ", median " +
+         seconds_text(s.seconds_median) + ", consistency " + seconds_text(s.seconds_consistency) + ", fusion " +
+         seconds_text(s.seconds_fusion) + ", waiting for images " + seconds_text(report.seconds_wait) + "; " +
+         std::to_string(static_cast<long>(peak_memory_mib())) + " MiB";
+}
+
+std::string explain_empty(const DensifierStats& s, std::size_t with_image) {
+  if (with_image == 0) return "no keyframe has an image; look at what `pmsp-densify info` says about them";
+  if (s.keyframes_accepted == 0) {
+    return "the view filter accepted none of " + std::to_string(s.keyframes_added) +
+           " keyframes; try --view-filter-min-parallax-deg 1 or --no-view-filter-enabled";
+  }
+  if (s.depth_maps == 0) {
+    return "the view filter left " + std::to_string(s.keyframes_accepted) +
+           " keyframe(s), none of which has a neighbour to be matched with; try --view-filter-min-share 0.05 or "
+           "--no-view-filter-enabled";
+  }
+  if (s.pixels == 0) return "the mask covers every pixel; look at --mask (black is ignored, white is used)";
+  if (s.pixels_matched == 0) {
+    return "PatchMatch matched no pixel; try --init-range-margin 10 or --patchmatch-iterations 8";
+  }
+  if (s.pixels_after_median == 0) {
+    return "the median filter dropped all " + std::to_string(s.pixels_matched) +
+           " pixels; try --median-min-score -1 or --no-median-enabled";
+  }
+  if (s.pixels_after_consistency == 0) {
+    return "the consistency filter dropped all " + std::to_string(s.pixels_after_median) +
+           " pixels; try --consistency-min-views 2 or --consistency-max-relative-depth 0.05";
+  }
+  return "fusion kept none of " + std::to_string(s.pixels_after_consistency) + " pixels; try --fusion-min-confidence 0";
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "pmsp/densifier.h"
+#include "pmsp/io/image_source.h"
+
+namespace pmsp::tool {
+
+/// What a run did, for stats.json and for the summary.
+struct RunReport {
+  DensifierOptions options;  ///< in force
+  DensifierStats stats;
+  std::string map;
+  std::string images;  ///< how they were matched
+  std::string output;
+  std::size_t keyframes = 0;  ///< in the map
+  std::size_t with_image = 0;
+  std::vector<SkippedKeyframe> skipped;
+  std::optional<PairingVerifier::Verdict> pairing;
+  double seconds_total = 0.0;
+  double seconds_decode = 0.0;  ///< in the background thread, most of it hidden behind the densifier's work
+  double seconds_wait = 0.0;    ///< for images
+  double seconds_verify = 0.0;
+  std::string empty_reason;  ///< of an empty result
+};
+
+nlohmann::ordered_json to_json(const RunReport& report);
+
+/// Counts of each stage and times, a few lines for people.
+std::string summary(const RunReport& report);
+
+/// Which stage lost the points, and the option to try.
+std::string explain_empty(const DensifierStats& stats, std::size_t with_image);
+
+/// Largest resident memory of this process so far [MiB].
+double peak_memory_mib();
+
+}  // namespace pmsp::tool

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <memory>
+
+#include "arguments.h"
+#include "pmsp/io/image_source.h"
+#include "pmsp/io/map.h"
+
+namespace pmsp::tool {
+
+// Each throws what exit_code_of() knows.
+void run(const Arguments& arguments);
+void info(const Arguments& arguments);
+void config(const Arguments& arguments);
+
+/// What --images or --video names; nullptr without either.
+std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamMap& map);
+
+}  // namespace pmsp::tool

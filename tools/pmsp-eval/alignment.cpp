@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-eval/alignment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+
+#include "pmsp-eval/statistics.h"
+#include "pmsp/error.h"
+
+namespace pmsp::eval {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kLineRatio = 0.02;
+
+using Points = std::vector<Eigen::Vector3d>;
+
+Eigen::Vector3d mean_of(const Points& points) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points) sum += p;
+  return sum / static_cast<double>(points.size());
+}
+
+Eigen::Matrix3d cross_covariance(const Points& target, const Eigen::Vector3d& target_mean, const Points& source,
+                                 const Eigen::Vector3d& source_mean) {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    sum += (target[i] - target_mean) * (source[i] - source_mean).transpose();
+  }
+  return sum / static_cast<double>(source.size());
+}
+
+/// The rotation R that maximises trace(R^T m).
+Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& m) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const double sign = svd.matrixU().determinant() * svd.matrixV().determinant() < 0.0 ? -1.0 : 1.0;
+  return svd.matrixU() * Eigen::Vector3d(1.0, 1.0, sign).asDiagonal() * svd.matrixV().transpose();
+}
+
+/// Scale and translation that go best with a known rotation.
+Similarity with_rotation(const Eigen::Matrix3d& rotation, const Points& source, const Points& target) {
+  const Eigen::Vector3d source_mean = mean_of(source);
+  const Eigen::Vector3d target_mean = mean_of(target);
+  double product = 0.0;
+  double square = 0.0;
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    product += (rotation * (source[i] - source_mean)).dot(target[i] - target_mean);
+    square += (source[i] - source_mean).squaredNorm();
+  }
+  const double scale = product / square;
+  if (!(scale > 0.0) || !std::isfinite(scale)) {
+    throw InvalidInput(
+        "map and truth cannot be aligned: the matched keyframes stand in one place or move the other way; check that "
+        "map "
+        "and truth belong to the same flight");
+  }
+  return {scale, rotation, target_mean - scale * (rotation * source_mean)};
+}
+
+bool is_a_line(const Points& points) {
+  const Eigen::Vector3d mean = mean_of(points);
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross_covariance(points, mean, points, mean));
+  // Singular values of the covariance are the squares of those of the points.
+  return svd.singularValues()[1] < kLineRatio * kLineRatio * svd.singularValues()[0];
+}
+
+int nearest_in_time(const std::vector<TimedPose>& truth, double time) {
+  const auto after = std::lower_bound(truth.begin(), truth.end(), time,
+                                      [](const TimedPose& pose, double t) { return pose.timestamp < t; });
+  if (after == truth.begin()) return 0;
+  const auto before = after - 1;
+  const bool take_before = after == truth.end() || time - before->timestamp <= after->timestamp - time;
+  return static_cast<int>((take_before ? before : after) - truth.begin());
+}
+
+std::string seconds(double value) {
+  char text[64];
+  std::snprintf(text, sizeof(text), "%.3f", value);
+  return text;
+}
+
+[[noreturn]] void throw_too_few(const std::vector<TimedPose>& keyframes, const std::vector<TimedPose>& truth,
+                                const AlignmentOptions& options, const Alignment& result) {
+  double first = keyframes.front().timestamp;
+  double last = first;
+  for (const TimedPose& keyframe : keyframes) {
+    first = std::min(first, keyframe.timestamp);
+    last = std::max(last, keyframe.timestamp);
+  }
+  std::string message = std::to_string(result.matched) + " of " + std::to_string(keyframes.size()) +
+                        " keyframes have a true pose within " + seconds(options.time_tolerance) +
+                        " s, at least 3 are needed. Keyframes: " + seconds(first) + " to " + seconds(last) +
+                        " s, time offset " + seconds(options.time_offset) +
+                        " s, truth: " + seconds(truth.front().timestamp) + " to " + seconds(truth.back().timestamp) +
+                        " s.";
+  if (result.shared_timestamps > 0) {
+    message += " " + std::to_string(result.shared_timestamps) + " keyframes share their timestamp and were left out.";
+  }
+  throw InvalidInput(message +
+                     " Shift the keyframes' time with --time-offset; if both begin together it is --time-offset=" +
+                     seconds(truth.front().timestamp - first) + ".");
+}
+
+void match_by_time(const std::vector<TimedPose>& keyframes, const std::vector<TimedPose>& truth,
+                   const AlignmentOptions& options, Alignment& result) {
+  std::map<double, int> uses;
+  for (const TimedPose& keyframe : keyframes) ++uses[keyframe.timestamp];
+  result.truth_row.assign(keyframes.size(), -1);
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    // Some SLAM front ends repeat a timestamp: at most one of the keyframes can be right, and nobody knows which.
+    if (uses[keyframes[k].timestamp] > 1) {
+      ++result.shared_timestamps;
+      continue;
+    }
+    const double time = keyframes[k].timestamp + options.time_offset;
+    const int row = nearest_in_time(truth, time);
+    if (std::abs(truth[static_cast<std::size_t>(row)].timestamp - time) > options.time_tolerance) continue;
+    result.truth_row[k] = row;
+    ++result.matched;
+  }
+}
+
+double angle_deg(const Eigen::Matrix3d& rotation) {
+  return std::acos(std::clamp((rotation.trace() - 1.0) / 2.0, -1.0, 1.0)) * 180.0 / kPi;
+}
+
+void measure_residuals(const std::vector<TimedPose>& keyframes, const std::vector<TimedPose>& truth,
+                       Alignment& result) {
+  std::vector<double> angles;
+  double square_sum = 0.0;
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    if (result.truth_row[k] < 0) continue;
+    const RigidTransform& actual = truth[static_cast<std::size_t>(result.truth_row[k])].world_from_cam;
+    const RigidTransform aligned = result.truth_from_map * keyframes[k].world_from_cam;
+    const double distance = (aligned.translation - actual.translation).norm();
+    square_sum += distance * distance;
+    result.position_max_m = std::max(result.position_max_m, distance);
+    angles.push_back(angle_deg(actual.rotation.transpose() * aligned.rotation));
+  }
+  result.position_rmse_m = std::sqrt(square_sum / static_cast<double>(angles.size()));
+  result.rotation_max_deg = *std::max_element(angles.begin(), angles.end());
+  result.rotation_median_deg = percentile(angles, 50.0);
+}
+
+}  // namespace
+
+Similarity umeyama(const std::vector<Eigen::Vector3d>& source, const std::vector<Eigen::Vector3d>& target) {
+  if (source.size() != target.size() || source.size() < 3) {
+    throw InvalidInput("an alignment needs at least three pairs of points, got " + std::to_string(source.size()) +
+                       " and " + std::to_string(target.size()) + " points");
+  }
+  // For the optimal rotation, trace(D S) / variance is the same scale as the projection onto the rotated source.
+  return with_rotation(nearest_rotation(cross_covariance(target, mean_of(target), source, mean_of(source))), source,
+                       target);
+}
+
+Alignment align(const std::vector<TimedPose>& keyframes, const std::vector<TimedPose>& truth,
+                const AlignmentOptions& options) {
+  if (keyframes.empty() || truth.empty()) throw InvalidInput("nothing to align: no keyframes or no true poses");
+  Alignment result;
+  match_by_time(keyframes, truth, options, result);
+  if (result.matched < 3) throw_too_few(keyframes, truth, options, result);
+
+  Points source;
+  Points target;
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    if (result.truth_row[k] < 0) continue;
+    const RigidTransform& actual = truth[static_cast<std::size_t>(result.truth_row[k])].world_from_cam;
+    source.push_back(keyframes[k].world_from_cam.translation);
+    target.push_back(actual.translation);
+    turn += actual.rotation * keyframes[k].world_from_cam.rotation.transpose();
+  }
+  if (!options.enabled) {
+    result.method = "none";
+  } else if (is_a_line(target)) {
+    result.method = "positions and orientations";
+    result.truth_from_map = with_rotation(nearest_rotation(turn), source, target);
+  } else {
+    result.method = "positions";
+    result.truth_from_map = umeyama(source, target);
+  }
+  measure_residuals(keyframes, truth, result);
+  return result;
+}
+
+}  // namespace pmsp::eval

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "pmsp-eval/trajectory.h"
+
+namespace pmsp::eval {
+
+/// x_target = scale * rotation * x_source + translation.
+struct Similarity {
+  double scale = 1.0;
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+
+  Eigen::Vector3d operator*(const Eigen::Vector3d& x) const { return scale * (rotation * x) + translation; }
+
+  /// A camera pose moved along: its centre by the similarity, its axes by the rotation.
+  RigidTransform operator*(const RigidTransform& world_from_cam) const {
+    return {rotation * world_from_cam.rotation, *this * world_from_cam.translation};
+  }
+};
+
+/// Least-squares similarity from point pairs (Umeyama, "Least-squares estimation of transformation parameters between
+/// two point patterns", 1991). Needs at least three pairs that do not lie on a line. Throws InvalidInput.
+Similarity umeyama(const std::vector<Eigen::Vector3d>& source, const std::vector<Eigen::Vector3d>& target);
+
+struct AlignmentOptions {
+  bool enabled = true;           ///< false: map and truth share one frame, only match by time
+  double time_offset = 0.0;      ///< added to the timestamps of the keyframes [s]
+  double time_tolerance = 0.04;  ///< largest distance in time between a keyframe and its true pose [s], > 0
+};
+
+struct Alignment {
+  Similarity truth_from_map;
+  std::string method;            ///< "positions", "positions and orientations" (the path is a line) or "none"
+  std::vector<int> truth_row;    ///< for each keyframe its row in the true trajectory, -1 = none
+  int matched = 0;               ///< keyframes with a true pose
+  int shared_timestamps = 0;     ///< keyframes left out because another one has the same timestamp
+  double position_rmse_m = 0.0;  ///< after alignment
+  double position_max_m = 0.0;
+  double rotation_median_deg = 0.0;
+  double rotation_max_deg = 0.0;
+};
+
+/// Matches keyframes to true poses by timestamp and fits the similarity between their positions. Where the path is
+/// almost a straight line (second singular value below 2 % of the first) positions leave a free turn about it; the
+/// rotation is then the mean of the orientations' differences. `truth` ascends in time. Throws InvalidInput when fewer
+/// than three keyframes match, or the matched ones all stand in one place.
+Alignment align(const std::vector<TimedPose>& keyframes, const std::vector<TimedPose>& truth,
+                const AlignmentOptions& options = {});
+
+}  // namespace pmsp::eval

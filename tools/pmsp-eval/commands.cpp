@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-eval/commands.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <iostream>
+#include <set>
+#include <system_error>
+
+#include "pmsp-eval/depth_files.h"
+#include "pmsp-eval/error_images.h"
+#include "pmsp-eval/ground_truth.h"
+#include "pmsp-eval/parallel.h"
+#include "pmsp-eval/report.h"
+#include "pmsp-eval/statistics.h"
+#include "pmsp/error.h"
+#include "pmsp/io/map.h"
+#include "pmsp/io/ply.h"
+
+namespace pmsp::eval {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<TimedPose> read_keyframes(const CommonArguments& common) {
+  return common.map.empty() ? read_tum(common.trajectory) : trajectory_of(read_map(common.map));
+}
+
+Json input_json(const CommonArguments& common) {
+  return {{"truth", common.truth.string()},
+          {"keyframes", common.map.empty() ? common.trajectory.string() : common.map.string()}};
+}
+
+/// Table to standard output; it makes way for JSON that goes there.
+void deliver(const CommonArguments& common, const Json& json, const std::string& table) {
+  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  const bool json_to_stdout = common.json == "-";
+  if (!common.json.empty() && !json_to_stdout) write_file(common.json, text);
+  (json_to_stdout ? std::cerr : std::cout) << table << std::flush;
+  if (json_to_stdout) std::cout << text << std::flush;
+  if (!std::cout) throw OutputError("standard output cannot be written");
+}
+
+void make_folder(const fs::path& folder) {
+  if (folder.empty()) return;
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw OutputError(folder.string() + ": cannot make the folder: " + error.message());
+}
+
+fs::path picture_path(const fs::path& folder, const char* prefix, std::int64_t id) {
+  char name[64];
+  std::snprintf(name, sizeof(name), "%s_%06lld.png", prefix, static_cast<long long>(id));
+  return folder / name;
+}
+
+/// Ids of `count` keyframes, evenly spread; none where no pictures are wanted.
+template <class Items, class Id>
+std::set<std::int64_t> pictured(const RenderArguments& render, const Items& items, const Id& id) {
+  std::set<std::int64_t> ids;
+  if (render.folder.empty()) return ids;
+  for (const std::size_t i : spread_indices(items.size(), static_cast<std::size_t>(render.keyframes))) {
+    ids.insert(id(items[i]));
+  }
+  return ids;
+}
+
+ViewMeasures views_with_pictures(const AlignedCloud& cloud, const Alignment& alignment, const GroundTruth& truth,
+                                 const CloudArguments& arguments) {
+  make_folder(arguments.render.folder);
+  const auto shown = spread_indices(cloud.keyframes.size(), static_cast<std::size_t>(arguments.views.max_keyframes));
+  const auto wanted =
+      pictured(arguments.render, shown, [&](std::size_t keyframe) { return cloud.keyframes[keyframe].id; });
+  const ViewObserver observe = [&](const View& view, const Image<float>& range, const Image<float>& error) {
+    if (wanted.count(view.keyframe_id) == 0) return;
+    write_view_image(picture_path(arguments.render.folder, "view", view.keyframe_id), range, error,
+                     arguments.views.max_relative_error);
+  };
+  return measure_views(cloud, alignment, truth, arguments.views, observe);
+}
+
+/// A depth map with the truth of its keyframe.
+struct Pair {
+  DepthFile file;
+  const GroundTruth::RangeMap* truth = nullptr;
+};
+
+std::vector<Pair> pair_with_truth(const std::vector<DepthFile>& files, const std::vector<TimedPose>& keyframes,
+                                  const Alignment& alignment, const GroundTruth& truth) {
+  std::vector<Pair> pairs;
+  for (const DepthFile& file : files) {
+    const auto keyframe = std::find_if(keyframes.begin(), keyframes.end(),
+                                       [&](const TimedPose& pose) { return pose.id == file.keyframe_id; });
+    if (keyframe == keyframes.end()) {
+      throw InvalidInput(file.path.string() + ": the map has no keyframe " + std::to_string(file.keyframe_id) +
+                         "; depth maps are named by keyframe id, and must come from the same map");
+    }
+    const int row = alignment.truth_row[static_cast<std::size_t>(keyframe - keyframes.begin())];
+    const GroundTruth::RangeMap* range = row >= 0 ? truth.find(row) : nullptr;
+    if (range != nullptr) pairs.push_back({file, range});
+  }
+  if (pairs.empty()) {
+    throw InvalidInput("none of the " + std::to_string(files.size()) +
+                       " depth maps belongs to a keyframe with a true range map; check --time-offset and --gt-fps");
+  }
+  return pairs;
+}
+
+}  // namespace
+
+void run_cloud(const CommonArguments& common, CloudArguments arguments) {
+  arguments.surface.threads = arguments.measures.threads = arguments.views.threads = common.threads;
+  arguments.measures.voxel_m = arguments.surface.voxel_m;
+  const GroundTruth truth(common.truth, common.truth_fps);
+  const std::vector<TimedPose> keyframes = read_keyframes(common);
+  const Alignment alignment = align(keyframes, truth.trajectory(), common.alignment);
+  // Only the positions are kept of what the file holds: clouds are large.
+  const AlignedCloud cloud =
+      align_cloud(read_ply(arguments.cloud).positions, keyframes, alignment.truth_from_map, truth.origin());
+  const ViewMeasures views = views_with_pictures(cloud, alignment, truth, arguments);
+  const CloudMeasures measures = measure_cloud(cloud, build_surface(truth, arguments.surface), arguments.measures);
+
+  Json json = {{"cloud", arguments.cloud.string()}};
+  json.update(input_json(common));
+  json["alignment"] = to_json(alignment);
+  json["points_not_finite"] = cloud.dropped;
+  json["views"] = to_json(views);
+  json["surface"] = to_json(measures);
+  deliver(common, json,
+          "cloud       " + arguments.cloud.string() + "\n" + to_table(alignment) + to_table(views, arguments.views) +
+              to_table(measures));
+}
+
+void run_depth(const CommonArguments& common, DepthArguments arguments) {
+  const auto files = list_depth_files(arguments.inputs, arguments.png_scale, arguments.keyframe);
+  const GroundTruth truth(common.truth, common.truth_fps);
+  const std::vector<TimedPose> keyframes = read_keyframes(common);
+  const Alignment alignment = align(keyframes, truth.trajectory(), common.alignment);
+  arguments.measures.scale = alignment.truth_from_map.scale;
+  const auto pairs = pair_with_truth(files, keyframes, alignment, truth);
+  make_folder(arguments.render.folder);
+  const auto wanted = pictured(arguments.render, pairs, [](const Pair& pair) { return pair.file.keyframe_id; });
+
+  std::vector<KeyframeDepth> maps(pairs.size());
+  parallel_chunks(pairs.size(), 1, common.threads, [&](std::size_t i, std::size_t) {
+    const std::int64_t id = pairs[i].file.keyframe_id;
+    const Image<float> depth = load_depth(pairs[i].file.path, arguments.png_scale);
+    Image<float> error;
+    maps[i] = {id, depth.width(), depth.height(),
+               measure_depth(depth, GroundTruth::load(*pairs[i].truth), arguments.measures, &error)};
+    if (wanted.count(id) > 0) {
+      write_depth_error_image(picture_path(arguments.render.folder, "depth_error", id), error, 720);
+    }
+  });
+
+  Json json = input_json(common);
+  json["alignment"] = to_json(alignment);
+  json["without_truth"] = files.size() - pairs.size();
+  json["depth"] = to_json(maps);
+  std::string table = to_table(alignment) + to_table(maps);
+  if (files.size() > pairs.size()) {
+    table += "  " + std::to_string(files.size() - pairs.size()) + " further depth maps have no truth\n";
+  }
+  deliver(common, json, table);
+}
+
+void run_align(const CommonArguments& common, const AlignArguments& arguments) {
+  std::vector<TimedPose> keyframes = read_keyframes(common);
+  if (common.truth.empty()) {
+    write_tum(arguments.write_trajectory, keyframes);
+    std::cout << "trajectory  " << keyframes.size() << " poses in " << arguments.write_trajectory.string() << std::endl;
+    return;
+  }
+  const Alignment alignment = align(keyframes, read_true_trajectory(common.truth), common.alignment);
+  if (!arguments.write_trajectory.empty()) {
+    for (TimedPose& pose : keyframes) {
+      if (arguments.aligned) pose.world_from_cam = alignment.truth_from_map * pose.world_from_cam;
+    }
+    write_tum(arguments.write_trajectory, keyframes);
+  }
+  Json json = input_json(common);
+  json["alignment"] = to_json(alignment);
+  deliver(common, json, to_table(alignment));
+}
+
+}  // namespace pmsp::eval

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-eval/depth_files.h"
+
+#include <algorithm>
+#include <charconv>
+#include <string>
+#include <system_error>
+
+#include "pmsp/error.h"
+#include "pmsp/io/depth_io.h"
+
+namespace pmsp::eval {
+namespace {
+
+namespace fs = std::filesystem;
+
+void add_folder(const fs::path& folder, const char* extension, std::vector<DepthFile>& files) {
+  std::error_code error;
+  const std::size_t before = files.size();
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const auto id = number_in_name(it->path(), "depth_", extension);
+    if (id) files.push_back({*id, it->path()});
+  }
+  if (error) throw IoError(folder.string() + ": cannot list the folder: " + error.message());
+  if (files.size() == before) {
+    throw InvalidInput(folder.string() + ": holds no depth_<keyframe id>" + extension +
+                       (std::string(extension) == ".pfm" ? " (for 16-bit PNG set --png-scale)" : ""));
+  }
+}
+
+}  // namespace
+
+std::optional<std::int64_t> number_in_name(const fs::path& path, std::string_view prefix, std::string_view extension) {
+  const std::string name = path.filename().string();
+  if (name.size() <= prefix.size() + extension.size()) return std::nullopt;
+  if (name.compare(0, prefix.size(), prefix) != 0) return std::nullopt;
+  if (name.compare(name.size() - extension.size(), extension.size(), extension) != 0) return std::nullopt;
+  const char* begin = name.data() + prefix.size();
+  const char* end = name.data() + name.size() - extension.size();
+  if (!std::all_of(begin, end, [](char c) { return c >= '0' && c <= '9'; })) return std::nullopt;
+  std::int64_t number = 0;
+  if (std::from_chars(begin, end, number).ec != std::errc()) return std::nullopt;
+  return number;
+}
+
+std::vector<DepthFile> list_depth_files(const std::vector<fs::path>& inputs, double png_scale,
+                                        std::optional<std::int64_t> keyframe) {
+  std::vector<DepthFile> files;
+  for (const fs::path& input : inputs) {
+    if (!fs::exists(input)) throw IoError(input.string() + ": no such file or folder");
+    if (fs::is_directory(input)) {
+      add_folder(input, png_scale > 0.0 ? ".png" : ".pfm", files);
+      continue;
+    }
+    const auto id = keyframe ? keyframe : number_in_name(input, "depth_", input.extension().string());
+    if (!id) {
+      throw InvalidInput(input.string() + ": the name is not depth_<keyframe id>; name the keyframe with --keyframe");
+    }
+    files.push_back({*id, input});
+  }
+  if (keyframe && inputs.size() == 1 && fs::is_directory(inputs.front())) {
+    files.erase(std::remove_if(files.begin(), files.end(), [&](const auto& f) { return f.keyframe_id != *keyframe; }),
+                files.end());
+    if (files.empty()) {
+      throw InvalidInput(inputs.front().string() + ": holds no depth map of keyframe " + std::to_string(*keyframe));
+    }
+  }
+  std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) { return a.keyframe_id < b.keyframe_id; });
+  for (std::size_t i = 1; i < files.size(); ++i) {
+    if (files[i].keyframe_id == files[i - 1].keyframe_id) {
+      throw InvalidInput(files[i].path.string() + ": keyframe " + std::to_string(files[i].keyframe_id) +
+                         " has a second depth map, " + files[i - 1].path.string());
+    }
+  }
+  return files;
+}
+
+Image<float> load_depth(const fs::path& path, double png_scale) {
+  Image<float> depth;
+  if (path.extension() == ".png") {
+    if (!(png_scale > 0.0)) {
+      throw InvalidInput(path.string() + ": a PNG needs --png-scale, the length of one gray level in units of the map");
+    }
+    depth = read_png16(path, png_scale);
+  } else {
+    depth = read_pfm(path);
+  }
+  if (depth.empty() || depth.width() != 2 * depth.height()) {
+    throw InvalidInput(path.string() + ": the depth map has " + std::to_string(depth.width()) + " x " +
+                       std::to_string(depth.height()) + " pixels, expected twice as wide as high");
+  }
+  return depth;
+}
+
+}  // namespace pmsp::eval

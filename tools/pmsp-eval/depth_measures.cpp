@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-eval/depth_measures.h"
+
+#include <cmath>
+#include <limits>
+
+#include "pmsp-eval/image_compare.h"
+#include "pmsp-eval/statistics.h"
+
+namespace pmsp::eval {
+namespace {
+
+Image<float> in_metres(const Image<float>& depth, double scale) {
+  Image<float> metres = depth;
+  for (float& value : metres.pixels()) {
+    value = std::isfinite(value) && value > 0.0F ? static_cast<float>(value * scale) : 0.0F;
+  }
+  return metres;
+}
+
+double mean_without_nan(const std::vector<DepthMeasures>& maps, double DepthMeasures::*field) {
+  double sum = 0.0;
+  int count = 0;
+  for (const DepthMeasures& map : maps) {
+    if (std::isnan(map.*field)) continue;
+    sum += map.*field;
+    ++count;
+  }
+  return count > 0 ? sum / count : std::numeric_limits<double>::quiet_NaN();
+}
+
+}  // namespace
+
+DepthMeasures measure_depth(const Image<float>& depth, const Image<float>& truth, const DepthMeasureOptions& options,
+                            Image<float>* error) {
+  const Image<float> metres = in_metres(depth, options.scale);
+  Image<float> relative = relative_error(metres, truth, options.slack_px);
+  Share valid;
+  std::vector<Share> within(options.relative.size());
+  std::vector<Share> of_valid(options.relative.size());
+  std::vector<float> errors;
+  for (int y = 0; y < depth.height(); ++y) {
+    const double weight = row_weight(y, depth.height());
+    for (int x = 0; x < depth.width(); ++x) {
+      float& e = relative(x, y);
+      if (std::isnan(e)) continue;
+      const bool known = metres(x, y) > 0.0F;
+      valid.add(known, true, weight);
+      for (std::size_t t = 0; t < options.relative.size(); ++t) {
+        const bool good = known && e < static_cast<float>(options.relative[t]);
+        within[t].add(good, true, weight);
+        of_valid[t].add(good, known, weight);
+      }
+      if (known) {
+        errors.push_back(e);
+      } else {
+        e = std::numeric_limits<float>::quiet_NaN();
+      }
+    }
+  }
+  DepthMeasures result;
+  result.valid = valid.plain();
+  result.valid_solid_angle = valid.weighted();
+  for (std::size_t t = 0; t < options.relative.size(); ++t) {
+    result.within.push_back({options.relative[t], within[t].plain(), within[t].weighted(), of_valid[t].plain()});
+  }
+  result.error_median = percentile(errors, 50.0);
+  result.error_p90 = percentile(errors, 90.0);
+  if (error != nullptr) *error = std::move(relative);
+  return result;
+}
+
+DepthMeasures mean_of(const std::vector<DepthMeasures>& maps) {
+  DepthMeasures mean;
+  mean.valid = mean_without_nan(maps, &DepthMeasures::valid);
+  mean.valid_solid_angle = mean_without_nan(maps, &DepthMeasures::valid_solid_angle);
+  mean.error_median = mean_without_nan(maps, &DepthMeasures::error_median);
+  mean.error_p90 = mean_without_nan(maps, &DepthMeasures::error_p90);
+  mean.within = maps.front().within;
+  for (std::size_t t = 0; t < mean.within.size(); ++t) {
+    DepthMeasures::Within sum{mean.within[t].threshold, 0.0, 0.0, 0.0};
+    for (const DepthMeasures& map : maps) {
+      sum.share += map.within[t].share / static_cast<double>(maps.size());
+      sum.share_solid_angle += map.within[t].share_solid_angle / static_cast<double>(maps.size());
+      sum.of_valid += map.within[t].of_valid / static_cast<double>(maps.size());
+    }
+    mean.within[t] = sum;
+  }
+  return mean;
+}
+
+}  // namespace pmsp::eval

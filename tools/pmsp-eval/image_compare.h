@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "pmsp/image.h"
+
+namespace pmsp::eval {
+
+/// |estimate - truth| / truth of each pixel of `estimate`, NaN where the truth is unknown. Both images cover the whole
+/// sphere in any size; the truth of a pixel is the value at its centre. With `slack_px` > 0 the best of the
+/// (2 * slack_px + 1)^2 true values about the centre counts, so that half a pixel at an edge is no error.
+/// Unknown estimates (0) have error 1; the caller leaves them out.
+Image<float> relative_error(const Image<float>& estimate, const Image<float>& truth, int slack_px);
+
+/// Solid angle of a pixel of row y, up to a constant factor: cos(latitude).
+double row_weight(int y, int height);
+
+/// Adds up shares of pixels, plain and weighted by solid angle.
+class Share {
+ public:
+  void add(bool counted, bool of, double weight) {
+    if (!of) return;
+    total_ += 1.0;
+    total_weight_ += weight;
+    if (!counted) return;
+    counted_ += 1.0;
+    counted_weight_ += weight;
+  }
+  double plain() const { return total_ > 0.0 ? counted_ / total_ : 0.0; }
+  double weighted() const { return total_weight_ > 0.0 ? counted_weight_ / total_weight_ : 0.0; }
+  double total() const { return total_; }
+
+ private:
+  double counted_ = 0.0;
+  double counted_weight_ = 0.0;
+  double total_ = 0.0;
+  double total_weight_ = 0.0;
+};
+
+}  // namespace pmsp::eval

@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <exception>
+#include <iostream>
+#include <memory>
+#include <new>
+
+#include <CLI/CLI.hpp>
+
+#include "pmsp-eval/commands.h"
+#include "pmsp/error.h"
+
+namespace pmsp::eval {
+namespace {
+
+enum ExitCode { kOk = 0, kUsage = 2, kInput = 3, kOutput = 6 };
+
+constexpr double kLarge = 1e6;
+
+/// What the command line fills; percent and centimetres become shares and metres afterwards.
+struct Arguments {
+  CommonArguments common;
+  CloudArguments cloud;
+  DepthArguments depth;
+  AlignArguments align;
+  std::int64_t keyframe = 0;
+  bool no_align = false;
+  std::vector<double> relative_percent = {1.0, 2.0, 5.0};
+  std::vector<double> absolute_cm = {1.0, 2.0, 5.0, 10.0};
+  double correct_percent = 5.0;
+};
+
+void add_common(CLI::App& app, Arguments& a, bool truth_required) {
+  CLI::Option* truth = app.add_option("--gt", a.common.truth,
+                                      "Folder of ground truth: traj_tum.txt, and range_mm/<frame>.png (16-bit, mm) or "
+                                      "range/<frame>.pfm (m)");
+  truth->required(truth_required)->type_name("DIR");
+  CLI::Option_group* poses = app.add_option_group("keyframes", "Poses of the keyframes, one of:");
+  poses->add_option("--map", a.common.map, "Map that they came from (MessagePack or SQLite)")->type_name("FILE");
+  poses
+      ->add_option("--trajectory", a.common.trajectory,
+                   "TUM file, camera to world, in the frame of the result: ts tx ty tz qx qy qz qw")
+      ->type_name("FILE");
+  poses->require_option(1);
+  app.add_option(
+         "--time-offset", a.common.alignment.time_offset,
+         "Added to the keyframes' timestamps to give the truth's time [s], for maps with Unix times; any number")
+      ->capture_default_str()
+      ->type_name("S");
+  app.add_option("--time-tolerance", a.common.alignment.time_tolerance,
+                 "Largest difference between the times of a keyframe and of its true pose [s]")
+      ->capture_default_str()
+      ->check(CLI::Range(1e-6, kLarge))
+      ->type_name("S");
+  app.add_flag("--no-align", a.no_align, "Map and truth already share one frame and unit: fit no similarity");
+  app.add_option("--json", a.common.json,
+                 "Write all figures as JSON; - = standard output (the table then goes to stderr)")
+      ->type_name("FILE");
+}
+
+template <class T>
+void add_number(CLI::App& app, const char* name, T& value, const char* help, double low, double high) {
+  app.add_option(name, value, help)
+      ->capture_default_str()
+      ->check(CLI::Range(static_cast<T>(low), static_cast<T>(high)))
+      ->type_name("N");
+}
+
+/// A list of thresholds, separated by commas, so that it does not swallow what follows.
+void add_thresholds(CLI::App& app, const char* name, std::vector<double>& values, const char* help) {
+  app.add_option(name, values, help)
+      ->capture_default_str()
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(1e-6, kLarge))
+      ->type_name("N,N,...");
+}
+
+void add_measuring(CLI::App& app, Arguments& a, RenderArguments& render) {
+  app.add_option("--gt-fps", a.common.truth_fps, "Rate that the frame numbers of the range maps count in [1/s]")
+      ->capture_default_str()
+      ->check(CLI::Range(1e-3, kLarge))
+      ->type_name("FPS");
+  add_thresholds(app, "--relative", a.relative_percent, "Thresholds relative to distance [%]");
+  app.add_option("--render", render.folder, "Write error pictures (PNG) into this folder")->type_name("DIR");
+  app.add_option("--render-keyframes", render.keyframes, "Keyframes with a picture, evenly spread; 0 = all")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1000000))
+      ->type_name("N");
+  app.add_option("--threads", a.common.threads, "Threads; 0 = one for each CPU")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024))
+      ->type_name("N");
+}
+
+CLI::App* add_cloud(CLI::App& app, Arguments& a) {
+  CLI::App* cloud = app.add_subcommand(
+      "cloud",
+      "Examples:\n  pmsp-eval cloud cloud.ply --gt gt --map map.msg\n"
+      "  pmsp-eval cloud cloud.ply --gt gt --map map.msg --time-offset=-1763660000.25 --json figures.json\n"
+      "  pmsp-eval cloud cloud.ply --gt gt --trajectory keyframes_tum.txt --render pictures\n\n"
+      "Measures a cloud: how much of each keyframe's view it fills, how much of that is right, and how near cloud and "
+      "true "
+      "surface lie to each other.");
+  cloud->add_option("cloud", a.cloud.cloud, "PLY, in the frame and unit of the keyframes")
+      ->required()
+      ->type_name("CLOUD");
+  add_common(*cloud, a, true);
+  add_measuring(*cloud, a, a.cloud.render);
+  add_thresholds(*cloud, "--absolute", a.absolute_cm, "Thresholds for distances [cm]");
+  add_number(*cloud, "--correct", a.correct_percent, "A hit is correct within this share of the true range [%]", 1e-6,
+             1e3);
+  add_number(*cloud, "--slack", a.cloud.views.slack_px,
+             "Pixels of the range map about the true one that also count [px]", 0, 100);
+  add_number(*cloud, "--view-height", a.cloud.views.height, "Height of the views, half their width [px]", 8, 8192);
+  add_number(*cloud, "--max-keyframes", a.cloud.views.max_keyframes, "Views, evenly spread over the keyframes; 0 = all",
+             0, kLarge);
+  add_number(*cloud, "--max-range", a.cloud.measures.max_range_m,
+             "True surface farther from every keyframe does not count as missing [m]", 1e-3, kLarge);
+  add_number(*cloud, "--voxel", a.cloud.surface.voxel_m, "Spacing of the true surface's samples [m]", 1e-3, 10);
+  add_number(*cloud, "--gt-frames", a.cloud.surface.max_frames, "Range maps that make the true surface; 0 = all", 0,
+             kLarge);
+  add_number(*cloud, "--gt-stride", a.cloud.surface.stride, "Every n-th row and column of a range map is used", 1, 64);
+  add_number(*cloud, "--gt-max-range", a.cloud.surface.max_range_m, "True range beyond which it is not used [m]", 1e-2,
+             kLarge);
+  add_number(*cloud, "--max-points", a.cloud.measures.max_points, "Cloud points drawn for accuracy; 0 = all", 0, 4e9);
+  add_number(*cloud, "--max-gt-points", a.cloud.measures.max_truth, "Surface samples drawn for completeness; 0 = all",
+             0, 4e9);
+  add_number(*cloud, "--seed", a.cloud.measures.seed, "Of the draws", 0, 1e15);
+  return cloud;
+}
+
+CLI::App* add_depth(CLI::App& app, Arguments& a) {
+  CLI::App* depth =
+      app.add_subcommand("depth",
+                         "Examples:\n  pmsp-eval depth depth_maps/ --gt gt --map map.msg\n"
+                         "  pmsp-eval depth depth_maps/ --gt gt --map map.msg --png-scale 0.001 --render pictures\n"
+                         "  pmsp-eval depth estimate.pfm --keyframe 42 --gt gt --map map.msg --json -\n\n"
+                         "Measures depth maps against the true range of their keyframes, pixel by pixel.");
+  depth
+      ->add_option("inputs", a.depth.inputs,
+                   "Folders of depth_<keyframe id>.pfm (with --png-scale: .png), or single files")
+      ->required()
+      ->type_name("PATH");
+  add_common(*depth, a, true);
+  add_measuring(*depth, a, a.depth.render);
+  depth
+      ->add_option("--keyframe", a.keyframe,
+                   "Keyframe id of a single file, or the only one to take from a folder; >= 0")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("ID");
+  depth
+      ->add_option("--png-scale", a.depth.png_scale,
+                   "Length of one gray level of a 16-bit PNG [units of the map]; no default")
+      ->check(CLI::Range(1e-12, 1e12))
+      ->type_name("UNITS");
+  add_number(*depth, "--slack", a.depth.measures.slack_px,
+             "Pixels of the range map about the true one that also count [px]", 0, 100);
+  return depth;
+}
+
+CLI::App* add_align(CLI::App& app, Arguments& a) {
+  CLI::App* align = app.add_subcommand(
+      "align",
+      "Examples:\n  pmsp-eval align --gt gt --map map.msg\n"
+      "  pmsp-eval align --map map.msg --write-trajectory keyframes_tum.txt\n"
+      "  pmsp-eval align --gt gt --map map.msg --write-trajectory aligned_tum.txt --aligned\n\n"
+      "Fits the similarity between a map and the truth, and writes the map's keyframes as a TUM file.");
+  add_common(*align, a, false);
+  align->add_option("--write-trajectory", a.align.write_trajectory, "Write the keyframes' poses, camera to world (TUM)")
+      ->type_name("FILE");
+  align->add_flag("--aligned", a.align.aligned, "Write them in the frame of the truth [m], not of the map; needs --gt");
+  return align;
+}
+
+void run(const CLI::App& cloud, const CLI::App& depth, Arguments& a) {
+  std::vector<double> relative = a.relative_percent;
+  for (double& value : relative) value /= 100.0;
+  for (double& value : a.absolute_cm) value /= 100.0;
+  a.common.alignment.enabled = !a.no_align;
+  if (cloud.parsed()) {
+    a.cloud.measures.relative = relative;
+    a.cloud.measures.absolute_m = a.absolute_cm;
+    a.cloud.views.max_relative_error = a.correct_percent / 100.0;
+    run_cloud(a.common, a.cloud);
+  } else if (depth.parsed()) {
+    a.depth.measures.relative = relative;
+    if (depth.count("--keyframe") > 0) a.depth.keyframe = a.keyframe;
+    run_depth(a.common, a.depth);
+  } else {
+    if (a.common.truth.empty() && (a.align.write_trajectory.empty() || a.align.aligned || !a.common.json.empty())) {
+      throw pmsp::InvalidOption("--gt: needed for everything but a plain --write-trajectory");
+    }
+    run_align(a.common, a.align);
+  }
+}
+
+int fail(ExitCode code, const char* what) {
+  std::cerr << "pmsp-eval: " << what << std::endl;
+  return code;
+}
+
+int run_tool(int argc, char** argv) {
+  CLI::App app(
+      "Examples:\n  pmsp-eval cloud cloud.ply --gt gt --map map.msg\n  pmsp-eval depth depth_maps/ --gt gt --map "
+      "map.msg\n"
+      "  pmsp-eval align --gt gt --map map.msg\n\n"
+      "Compares what pmsp-densify made with ground truth. Exit codes: 0 done, 2 wrong usage, 3 input unusable, 6 "
+      "output "
+      "cannot be written.",
+      "pmsp-eval");
+  Arguments arguments;
+  app.require_subcommand(1);
+  const CLI::App* cloud = add_cloud(app, arguments);
+  const CLI::App* depth = add_depth(app, arguments);
+  add_align(app, arguments);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kOk : kUsage;
+  }
+  run(*cloud, *depth, arguments);
+  return kOk;
+}
+
+}  // namespace
+}  // namespace pmsp::eval
+
+int main(int argc, char** argv) {
+  using pmsp::eval::fail;
+  try {
+    return pmsp::eval::run_tool(argc, argv);
+  } catch (const pmsp::InvalidOption& error) {
+    return fail(pmsp::eval::kUsage, error.what());
+  } catch (const pmsp::OutputError& error) {
+    return fail(pmsp::eval::kOutput, error.what());
+  } catch (const std::bad_alloc&) {
+    return fail(pmsp::eval::kInput, "the input needs more memory than there is");
+  } catch (const std::exception& error) {
+    return fail(pmsp::eval::kInput, error.what());
+  }
+}

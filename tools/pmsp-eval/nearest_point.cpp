@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-eval/nearest_point.h"
+
+#include <cmath>
+
+#include <nanoflann.hpp>
+
+namespace pmsp::eval {
+namespace {
+
+struct PointSet {
+  const std::vector<Eigen::Vector3f>& points;
+
+  std::size_t kdtree_get_point_count() const { return points.size(); }
+  float kdtree_get_pt(std::uint32_t index, std::size_t axis) const {
+    return points[index][static_cast<Eigen::Index>(axis)];
+  }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+
+/// nanoflann's result set for one neighbour inside a given radius.
+// NOLINTBEGIN(readability-identifier-naming): nanoflann calls these names
+class NearestOne {
+ public:
+  using DistanceType = float;
+
+  explicit NearestOne(float max_squared) : squared_(max_squared) {}
+  bool full() const { return true; }
+  std::size_t size() const { return found_ ? 1 : 0; }
+  float worstDist() const { return squared_; }
+  bool addPoint(float squared, std::uint32_t index) {
+    if (squared < squared_) {
+      squared_ = squared;
+      index_ = index;
+      found_ = true;
+    }
+    return true;
+  }
+
+  bool found() const { return found_; }
+  std::uint32_t index() const { return index_; }
+
+ private:
+  float squared_;
+  std::uint32_t index_ = 0;
+  bool found_ = false;
+};
+// NOLINTEND(readability-identifier-naming)
+
+using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointSet, float, std::uint32_t>,
+                                                 PointSet, 3, std::uint32_t>;
+constexpr std::size_t kLeafSize = 16;
+
+}  // namespace
+
+struct NearestPoint::Impl {
+  explicit Impl(const std::vector<Eigen::Vector3f>& points)
+      : set{points}, tree(3, set, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {}
+
+  PointSet set;
+  Tree tree;
+};
+
+NearestPoint::NearestPoint(const std::vector<Eigen::Vector3f>& points) : impl_(std::make_unique<Impl>(points)) {}
+NearestPoint::~NearestPoint() = default;
+
+std::optional<NearestPoint::Hit> NearestPoint::find(const Eigen::Vector3f& point, float max_distance) const {
+  if (impl_->set.points.empty()) return std::nullopt;
+  NearestOne best(max_distance * max_distance);
+  impl_->tree.findNeighbors(best, point.data(), nanoflann::SearchParams());
+  if (!best.found()) return std::nullopt;
+  return Hit{best.index(), std::sqrt(best.worstDist())};
+}
+
+}  // namespace pmsp::eval

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace pmsp::eval {
+
+/// Finds the nearest one of a set of points. Queries may come from several threads at once.
+class NearestPoint {
+ public:
+  /// Keeps a reference to `points`, which must stay unchanged, be finite and number fewer than 2^32.
+  explicit NearestPoint(const std::vector<Eigen::Vector3f>& points);
+  ~NearestPoint();
+
+  struct Hit {
+    std::uint32_t index = 0;
+    float distance = 0.0F;
+  };
+
+  /// nullopt when no point lies nearer than `max_distance`.
+  std::optional<Hit> find(const Eigen::Vector3f& point,
+                          float max_distance = std::numeric_limits<float>::infinity()) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace pmsp::eval

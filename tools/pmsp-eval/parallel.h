@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace pmsp::eval {
+
+/// `threads` itself, or for 0 one for each CPU.
+inline int resolve_threads(int threads) {
+  return threads > 0 ? threads : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+}
+
+/// Calls `work(begin, end)` for pieces of [0, count) of at most `chunk`, spread over threads (0 = one for each CPU).
+/// The first exception ends the work and is thrown again.
+template <class Work>
+void parallel_chunks(std::size_t count, std::size_t chunk, int threads, const Work& work) {
+  std::atomic<std::size_t> next{0};
+  std::exception_ptr error;
+  std::mutex error_mutex;
+  const auto run = [&] {
+    try {
+      for (std::size_t begin = next.fetch_add(chunk); begin < count; begin = next.fetch_add(chunk)) {
+        work(begin, std::min(begin + chunk, count));
+      }
+    } catch (...) {
+      const std::lock_guard<std::mutex> lock(error_mutex);
+      if (!error) error = std::current_exception();
+      next = count;
+    }
+  };
+  std::vector<std::thread> pool;
+  const std::size_t pieces = (count + chunk - 1) / chunk;
+  const std::size_t workers = std::min(pieces, static_cast<std::size_t>(resolve_threads(threads)));
+  for (std::size_t i = 1; i < workers; ++i) pool.emplace_back(run);
+  run();
+  for (std::thread& thread : pool) thread.join();
+  if (error) std::rethrow_exception(error);
+}
+
+}  // namespace pmsp::eval

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-eval/report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+#include "export/atomic_file.h"
+
+namespace pmsp::eval {
+namespace {
+
+[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
+  char text[256];
+  va_list arguments;
+  va_start(arguments, pattern);
+  std::vsnprintf(text, sizeof(text), pattern, arguments);
+  va_end(arguments);
+  return text;
+}
+
+Json to_json(const std::vector<CloudScore>& scores) {
+  Json list = Json::array();
+  for (const CloudScore& score : scores) {
+    list.push_back({{"threshold", score.threshold},
+                    {"accuracy", score.accuracy},
+                    {"accuracy_point", score.accuracy_point},
+                    {"completeness", score.completeness},
+                    {"completeness_visible", score.completeness_visible},
+                    {"f", score.f()},
+                    {"f_visible", score.f_visible()}});
+  }
+  return list;
+}
+
+Json to_json(const View& view) {
+  Json json = {{"hit", view.hit}, {"hit_solid_angle", view.hit_solid_angle}};
+  if (view.correct) {
+    json["correct"] = view.correct->share;
+    json["correct_solid_angle"] = view.correct->share_solid_angle;
+    json["correct_of_hit"] = view.correct->of_hit;
+    json["error_median_relative"] = view.correct->error_median;
+  }
+  return json;
+}
+
+std::string score_lines(const std::vector<CloudScore>& scores, double factor, const char* unit) {
+  std::string text;
+  for (const CloudScore& s : scores) {
+    const std::string threshold = format("%g %s", s.threshold * factor, unit);
+    text += format("  %-10s %7.2f %%   %7.2f %%   %7.2f %%   %6.4f   %6.4f\n", threshold.c_str(), 100.0 * s.accuracy,
+                   100.0 * s.completeness, 100.0 * s.completeness_visible, s.f(), s.f_visible());
+  }
+  return text;
+}
+
+DepthMeasures mean_of(const std::vector<KeyframeDepth>& maps) {
+  std::vector<DepthMeasures> measures;
+  measures.reserve(maps.size());
+  for (const KeyframeDepth& map : maps) measures.push_back(map.measures);
+  return eval::mean_of(measures);
+}
+
+std::string depth_line(const std::string& name, const DepthMeasures& m) {
+  std::string line = format("  %-10s %7.2f", name.c_str(), 100.0 * m.valid);
+  for (const auto& within : m.within) line += format("   %7.2f", 100.0 * within.share);
+  return line + format("   %7.3f   %7.3f\n", 100.0 * m.error_median, 100.0 * m.error_p90);
+}
+
+}  // namespace
+
+Json to_json(const Alignment& a) {
+  const Eigen::Matrix3d& r = a.truth_from_map.rotation;
+  const Eigen::Vector3d& t = a.truth_from_map.translation;
+  Json rows = Json::array();
+  for (int i = 0; i < 3; ++i) rows.push_back({r(i, 0), r(i, 1), r(i, 2)});
+  return {{"method", a.method},
+          {"scale", a.truth_from_map.scale},
+          {"rotation", rows},
+          {"translation_m", {t.x(), t.y(), t.z()}},
+          {"keyframes", a.truth_row.size()},
+          {"matched", a.matched},
+          {"shared_timestamps", a.shared_timestamps},
+          {"position_rmse_m", a.position_rmse_m},
+          {"position_max_m", a.position_max_m},
+          {"rotation_median_deg", a.rotation_median_deg},
+          {"rotation_max_deg", a.rotation_max_deg}};
+}
+
+Json to_json(const CloudMeasures& m) {
+  return {{"points", m.points},
+          {"surface_samples", m.surface_samples},
+          {"error_median_m", m.error_median_m},
+          {"error_p90_m", m.error_p90_m},
+          {"error_median_point_m", m.error_median_point_m},
+          {"error_p90_point_m", m.error_p90_point_m},
+          {"error_median_relative", m.error_median_relative},
+          {"error_p90_relative", m.error_p90_relative},
+          {"relative", to_json(m.relative)},
+          {"absolute_m", to_json(m.absolute)}};
+}
+
+Json to_json(const ViewMeasures& m) {
+  Json json = to_json(m.mean);
+  json["keyframes"] = m.views.size();
+  json["keyframes_with_truth"] = m.with_truth;
+  json["per_keyframe"] = Json::array();
+  for (const View& view : m.views) {
+    Json entry = {{"id", view.keyframe_id}, {"timestamp", view.timestamp}};
+    entry.update(to_json(view));
+    json["per_keyframe"].push_back(entry);
+  }
+  return json;
+}
+
+Json to_json(const DepthMeasures& m) {
+  Json json = {{"valid", m.valid}, {"valid_solid_angle", m.valid_solid_angle}};
+  json["within"] = Json::array();
+  for (const auto& within : m.within) {
+    json["within"].push_back({{"threshold", within.threshold},
+                              {"share", within.share},
+                              {"share_solid_angle", within.share_solid_angle},
+                              {"of_valid", within.of_valid}});
+  }
+  json["error_median_relative"] = m.error_median;
+  json["error_p90_relative"] = m.error_p90;
+  return json;
+}
+
+Json to_json(const std::vector<KeyframeDepth>& maps) {
+  Json json = {{"keyframes", maps.size()}, {"mean", to_json(mean_of(maps))}};
+  json["per_keyframe"] = Json::array();
+  for (const KeyframeDepth& map : maps) {
+    Json entry = {{"id", map.keyframe_id}, {"width", map.width}, {"height", map.height}};
+    entry.update(to_json(map.measures));
+    json["per_keyframe"].push_back(entry);
+  }
+  return json;
+}
+
+std::string to_table(const Alignment& a) {
+  std::string text = format("alignment   by %s, %g m per unit of the map, %d of %zu keyframes matched\n",
+                            a.method.c_str(), a.truth_from_map.scale, a.matched, a.truth_row.size()) +
+                     format("            position %.4f m rms, %.4f m max; rotation %.3f deg median, %.3f deg max\n",
+                            a.position_rmse_m, a.position_max_m, a.rotation_median_deg, a.rotation_max_deg);
+  if (a.shared_timestamps > 0) {
+    text += format("            %d keyframes share their timestamp with another one and were not matched\n",
+                   a.shared_timestamps);
+  }
+  return text;
+}
+
+std::string to_table(const CloudMeasures& m) {
+  return format("surface     %zu cloud points, %zu surface samples\n", m.points, m.surface_samples) +
+         format("  error     median %.4f m, %.3f %% of the distance; 90th percentile %.4f m, %.3f %%\n",
+                m.error_median_m, 100.0 * m.error_median_relative, m.error_p90_m, 100.0 * m.error_p90_relative) +
+         "  within     accuracy   completeness  by visibility    F      F visible\n" +
+         score_lines(m.relative, 100.0, "%") + score_lines(m.absolute, 100.0, "cm");
+}
+
+std::string to_table(const ViewMeasures& m, const ViewOptions& options) {
+  std::string text = format("views       %zu keyframes, %d x %d, %d with truth\n", m.views.size(), 2 * options.height,
+                            options.height, m.with_truth);
+  text += "                          plain   by solid angle\n";
+  text += format("  hit                %8.2f %%   %8.2f %%\n", 100.0 * m.mean.hit, 100.0 * m.mean.hit_solid_angle);
+  if (!m.mean.correct) return text + "  no keyframe has a range map: correctness is unknown\n";
+  const View::Correct& c = *m.mean.correct;
+  text += format("  correct (%3g %%)    %8.2f %%   %8.2f %%\n", 100.0 * options.max_relative_error, 100.0 * c.share,
+                 100.0 * c.share_solid_angle);
+  text += format("  correct of hit     %8.2f %%\n", 100.0 * c.of_hit);
+  return text + format("  median error of hit %7.3f %%\n", 100.0 * c.error_median);
+}
+
+std::string to_table(const std::vector<KeyframeDepth>& maps) {
+  const DepthMeasures mean = mean_of(maps);
+  std::string text =
+      format("depth       %zu keyframes; all figures in %%, shares of the pixels with truth\n", maps.size());
+  text += "  keyframe     valid";
+  for (const auto& within : mean.within) text += format("   < %3g %% ", 100.0 * within.threshold);
+  text += "   median       p90\n";
+  for (const KeyframeDepth& map : maps) text += depth_line(std::to_string(map.keyframe_id), map.measures);
+  text += depth_line("mean", mean);
+  text += format("  solid angle%7.2f", 100.0 * mean.valid_solid_angle);
+  for (const auto& within : mean.within) text += format("   %7.2f", 100.0 * within.share_solid_angle);
+  text += "\n  of valid          ";
+  for (const auto& within : mean.within) text += format("   %7.2f", 100.0 * within.of_valid);
+  return text + "\n";
+}
+
+void write_file(const std::filesystem::path& path, const std::string& bytes) {
+  AtomicFile file(path);
+  file.write(bytes);
+  file.commit();
+}
+
+}  // namespace pmsp::eval

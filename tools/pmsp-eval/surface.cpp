@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-eval/surface.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include <Eigen/Geometry>
+
+#include "pmsp-eval/image_compare.h"
+#include "pmsp-eval/parallel.h"
+#include "pmsp-eval/statistics.h"
+#include "pmsp/camera.h"
+#include "pmsp/error.h"
+
+namespace pmsp::eval {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kNormalReachPx = 3;             // farther than one pixel, because ranges are rounded to millimetres
+constexpr double kMinCosIncidence = 0.05;     // bounds the spacing of samples that are seen edge-on
+constexpr double kMaxCell = 2e9;              // cells are numbered in 32 bits
+constexpr std::size_t kMergeEvery = 2000000;  // samples that may wait until they are merged; bounds the memory
+
+struct Sample {
+  std::array<std::int32_t, 3> cell;
+  Eigen::Vector3f position;
+  Eigen::Vector3f normal;
+  float weight;
+  float spacing;
+};
+
+/// Sorted by cell, the sample that was seen from nearest first.
+bool before(const Sample& a, const Sample& b) { return a.cell != b.cell ? a.cell < b.cell : a.spacing < b.spacing; }
+
+/// Leaves one sample in each cell: the one with the finest spacing, with the weights of all.
+void merge_cells(std::vector<Sample>& samples) {
+  if (samples.empty()) return;
+  std::sort(samples.begin(), samples.end(), before);
+  std::size_t last = 0;
+  for (std::size_t i = 1; i < samples.size(); ++i) {
+    if (samples[i].cell == samples[last].cell) {
+      samples[last].weight += samples[i].weight;
+    } else {
+      samples[++last] = samples[i];
+    }
+  }
+  samples.resize(last + 1);
+}
+
+/// One range map with its points in the camera's frame.
+class RangeView {
+ public:
+  explicit RangeView(const Image<float>& range) : range_(range) {}
+
+  int width() const { return range_.width(); }
+  int height() const { return range_.height(); }
+  float range(int x, int y) const { return range_((x + range_.width()) % range_.width(), y); }
+  Eigen::Vector3d bearing(int x, int y) const {
+    return bearing_from_pixel({x + 0.5, y + 0.5}, range_.width(), range_.height());
+  }
+  Eigen::Vector3d point(int x, int y) const { return static_cast<double>(range(x, y)) * bearing(x, y); }
+
+  /// Along the surface from pixel (x, y), towards whichever of the two neighbours at (+-dx, +-dy) is nearer in range,
+  /// so that the difference does not reach across an edge.
+  std::optional<Eigen::Vector3d> tangent(int x, int y, int dx, int dy) const {
+    const float ahead_step = step(x, y, x + dx, y + dy);
+    const float behind_step = step(x, y, x - dx, y - dy);
+    if (std::isinf(ahead_step) && std::isinf(behind_step)) return std::nullopt;
+    if (ahead_step <= behind_step) return point(x + dx, y + dy) - point(x, y);
+    return point(x, y) - point(x - dx, y - dy);
+  }
+
+  std::optional<Eigen::Vector3d> normal(int x, int y) const {
+    // Rows shrink towards the poles; a quarter of a row is as far as a tangent makes sense.
+    const int reach = std::min(static_cast<int>(std::lround(kNormalReachPx / row_weight(y, height()))), width() / 4);
+    const auto along = tangent(x, y, reach, 0);
+    const auto down = tangent(x, y, 0, kNormalReachPx);
+    if (!along || !down) return std::nullopt;
+    const Eigen::Vector3d cross = along->cross(*down);
+    const double length = cross.norm();
+    if (!(length > 0.0)) return std::nullopt;
+    return cross / length;
+  }
+
+ private:
+  /// Difference in range between two pixels; infinite where the second one is unknown or beyond a pole.
+  float step(int x, int y, int other_x, int other_y) const {
+    if (other_y < 0 || other_y >= height() || !is_range(range(other_x, other_y))) return INFINITY;
+    return std::abs(range(other_x, other_y) - range(x, y));
+  }
+
+  const Image<float>& range_;
+};
+
+std::vector<Sample> sample_range_map(const Image<float>& range, const RigidTransform& world_from_cam,
+                                     const Eigen::Vector3d& origin, const SurfaceOptions& options) {
+  const RangeView view(range);
+  std::vector<Sample> samples;
+  for (int y = 0; y < range.height(); y += options.stride) {
+    const double cos_latitude = row_weight(y, range.height());
+    for (int x = 0; x < range.width(); x += options.stride) {
+      const float distance = view.range(x, y);
+      if (!is_range(distance) || distance >= static_cast<float>(options.max_range_m)) continue;
+      const auto normal = view.normal(x, y);
+      if (!normal) continue;
+      const double cos_incidence = std::abs(normal->dot(view.bearing(x, y)));
+      const double spacing =
+          distance * (kPi / range.height()) * options.stride / std::max(cos_incidence, kMinCosIncidence);
+      const Eigen::Vector3d position = world_from_cam * view.point(x, y) - origin;
+      const Eigen::Array3d cell = (position / options.voxel_m).array().floor();
+      if (!(cell.abs().maxCoeff() < kMaxCell)) {
+        throw InvalidInput("the true trajectory reaches too far for a voxel of " + std::to_string(options.voxel_m) +
+                           " m");
+      }
+      samples.push_back({{static_cast<std::int32_t>(cell.x()), static_cast<std::int32_t>(cell.y()),
+                          static_cast<std::int32_t>(cell.z())},
+                         position.cast<float>(),
+                         (world_from_cam.rotation * *normal).cast<float>(),
+                         static_cast<float>(cos_latitude),
+                         static_cast<float>(spacing)});
+    }
+  }
+  merge_cells(samples);
+  return samples;
+}
+
+Surface to_columns(const std::vector<Sample>& samples) {
+  Surface surface;
+  surface.positions.reserve(samples.size());
+  surface.normals.reserve(samples.size());
+  surface.weights.reserve(samples.size());
+  surface.spacings.reserve(samples.size());
+  for (const Sample& sample : samples) {
+    surface.positions.push_back(sample.position);
+    surface.normals.push_back(sample.normal);
+    surface.weights.push_back(sample.weight);
+    surface.spacings.push_back(sample.spacing);
+  }
+  return surface;
+}
+
+}  // namespace
+
+Surface build_surface(const GroundTruth& truth, const SurfaceOptions& options) {
+  const auto chosen = spread_indices(truth.range_maps().size(), static_cast<std::size_t>(options.max_frames));
+  const auto batch = static_cast<std::size_t>(resolve_threads(options.threads));
+  std::vector<Sample> samples;
+  std::size_t merged = 0;
+  // In batches and appended in order, so that the result does not depend on which thread is faster.
+  for (std::size_t start = 0; start < chosen.size(); start += batch) {
+    std::vector<std::vector<Sample>> parts(std::min(batch, chosen.size() - start));
+    parallel_chunks(parts.size(), 1, options.threads, [&](std::size_t begin, std::size_t) {
+      const GroundTruth::RangeMap& map = truth.range_maps()[chosen[start + begin]];
+      const TimedPose& pose = truth.trajectory()[static_cast<std::size_t>(map.row)];
+      parts[begin] = sample_range_map(GroundTruth::load(map), pose.world_from_cam, truth.origin(), options);
+    });
+    for (const auto& part : parts) samples.insert(samples.end(), part.begin(), part.end());
+    if (samples.size() - merged > kMergeEvery) {
+      merge_cells(samples);
+      merged = samples.size();
+    }
+  }
+  merge_cells(samples);
+  if (samples.empty()) {
+    throw InvalidInput("the range maps hold no surface nearer than " + std::to_string(options.max_range_m) + " m");
+  }
+  return to_columns(samples);
+}
+
+}  // namespace pmsp::eval

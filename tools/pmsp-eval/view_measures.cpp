@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-eval/view_measures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "pmsp-eval/image_compare.h"
+#include "pmsp-eval/parallel.h"
+#include "pmsp-eval/statistics.h"
+#include "pmsp/camera.h"
+
+namespace pmsp::eval {
+namespace {
+
+constexpr double kMinRange = 1e-6;
+
+void measure_hits(const Image<float>& range, View& view) {
+  Share hits;
+  for (int y = 0; y < range.height(); ++y) {
+    const double weight = row_weight(y, range.height());
+    for (int x = 0; x < range.width(); ++x) hits.add(range(x, y) > 0.0F, true, weight);
+  }
+  view.hit = hits.plain();
+  view.hit_solid_angle = hits.weighted();
+}
+
+View::Correct measure_correct(const Image<float>& range, const Image<float>& error, double max_error) {
+  Share correct;
+  Share of_hit;
+  std::vector<float> errors;
+  for (int y = 0; y < range.height(); ++y) {
+    const double weight = row_weight(y, range.height());
+    for (int x = 0; x < range.width(); ++x) {
+      if (std::isnan(error(x, y))) continue;
+      const bool hit = range(x, y) > 0.0F;
+      const bool good = hit && error(x, y) <= static_cast<float>(max_error);
+      correct.add(good, true, weight);
+      of_hit.add(good, hit, weight);
+      if (hit) errors.push_back(error(x, y));
+    }
+  }
+  return {correct.plain(), correct.weighted(), of_hit.plain(), percentile(errors, 50.0)};
+}
+
+View mean_view(const std::vector<View>& views, int with_truth) {
+  View mean;
+  View::Correct correct;
+  double medians = 0.0;
+  for (const View& view : views) {
+    mean.hit += view.hit / static_cast<double>(views.size());
+    mean.hit_solid_angle += view.hit_solid_angle / static_cast<double>(views.size());
+    if (!view.correct) continue;
+    correct.share += view.correct->share / with_truth;
+    correct.share_solid_angle += view.correct->share_solid_angle / with_truth;
+    correct.of_hit += view.correct->of_hit / with_truth;
+    if (std::isnan(view.correct->error_median)) continue;
+    correct.error_median += view.correct->error_median;
+    medians += 1.0;
+  }
+  correct.error_median = medians > 0.0 ? correct.error_median / medians : std::numeric_limits<double>::quiet_NaN();
+  if (with_truth > 0) mean.correct = correct;
+  return mean;
+}
+
+}  // namespace
+
+Image<float> render_range(const std::vector<Eigen::Vector3f>& points, const RigidTransform& cam_from_world,
+                          int height) {
+  const int width = 2 * height;
+  Image<float> range(width, height);
+  for (const Eigen::Vector3f& point : points) {
+    const Eigen::Vector3d in_cam = cam_from_world * point.cast<double>();
+    const double distance = in_cam.norm();
+    if (!(distance > kMinRange)) continue;
+    const Eigen::Vector2d pixel = pixel_from_bearing(in_cam, width, height);
+    float& nearest =
+        range(std::min(static_cast<int>(pixel.x()), width - 1), std::min(static_cast<int>(pixel.y()), height - 1));
+    if (nearest <= 0.0F || distance < nearest) nearest = static_cast<float>(distance);
+  }
+  return range;
+}
+
+ViewMeasures measure_views(const AlignedCloud& cloud, const Alignment& alignment, const GroundTruth& truth,
+                           const ViewOptions& options, const ViewObserver& observe) {
+  const auto chosen = spread_indices(cloud.keyframes.size(), static_cast<std::size_t>(options.max_keyframes));
+  ViewMeasures result;
+  result.views.resize(chosen.size());
+  parallel_chunks(chosen.size(), 1, options.threads, [&](std::size_t i, std::size_t) {
+    const TimedPose& keyframe = cloud.keyframes[chosen[i]];
+    View& view = result.views[i];
+    view.keyframe_id = keyframe.id;
+    view.timestamp = keyframe.timestamp;
+    const Image<float> range = render_range(cloud.points, keyframe.world_from_cam.inverse(), options.height);
+    measure_hits(range, view);
+    Image<float> error;
+    const int row = alignment.truth_row[chosen[i]];
+    if (const GroundTruth::RangeMap* map = row >= 0 ? truth.find(row) : nullptr) {
+      error = relative_error(range, GroundTruth::load(*map), options.slack_px);
+      view.correct = measure_correct(range, error, options.max_relative_error);
+    }
+    if (observe) observe(view, range, error);
+  });
+  result.with_truth = static_cast<int>(
+      std::count_if(result.views.begin(), result.views.end(), [](const View& v) { return v.correct.has_value(); }));
+  result.mean = mean_view(result.views, result.with_truth);
+  return result;
+}
+
+}  // namespace pmsp::eval

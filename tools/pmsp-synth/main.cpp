@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <iostream>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "pmsp-densify/exit_code.h"
+#include "pmsp-synth/mission_files.h"
+#include "support/mission.h"
+
+namespace {
+
+using namespace pmsp;
+using MakeMission = std::function<synth::Mission(const synth::Recipe&)>;
+
+const std::map<std::string, MakeMission>& scenes() {
+  static const std::map<std::string, MakeMission> kScenes = {{"room", synth::textured_room},
+                                                             {"empty", synth::empty_room},
+                                                             {"sphere", synth::sphere_inside},
+                                                             {"plane", synth::slanted_plane},
+                                                             {"corridor", synth::corridor_across_seam},
+                                                             {"floor", synth::floor_at_nadir}};
+  return kScenes;
+}
+
+struct Arguments {
+  std::string scene = "room";
+  synth::Recipe recipe;
+  synth_tool::MissionFilesOptions files;
+};
+
+constexpr const char* kFooter = R"(
+What it writes into DIR:
+  images/%06d.png        the keyframes' images, named by frame index (.jpg with --jpeg)
+  map.msg                the map, as stella_vslam stores it (MessagePack); frame f has the timestamp f / 10 s
+  gt/traj_tum.txt        true poses, "ts tx ty tz qx qy qz qw", camera to world, metres
+  gt/range_mm/%06d.png   16-bit: true distance along the ray of each pixel's centre [mm]; 0 = unknown
+  mask.png               with --mask-nadir: 0 = ignore
+
+Examples:
+  pmsp-synth --scene room -o room
+  pmsp-densify run room/map.msg --images room/images -o room/cloud.ply
+
+  pmsp-synth --scene corridor --keyframes 10 --width 1920 --noise 2 --gain-drift 0.05 --map-scale 0.7 -o corridor
+  pmsp-synth --scene floor --mask-nadir 25 --jpeg 92 -o floor
+
+Exit codes: 0 done, 2 wrong usage, 6 the mission cannot be written.)";
+
+void add_scene_options(CLI::App& app, Arguments& arguments) {
+  std::vector<std::string> names;
+  for (const auto& [name, make] : scenes()) {
+    names.push_back(name);
+  }
+  const std::string group = "Scene and flight";
+  app.add_option("--scene", arguments.scene,
+                 "room (with furniture), empty (the same without), sphere (from inside), plane (slanted), corridor "
+                 "(a wall across the seam), floor (at the nadir)")
+      ->check(CLI::IsMember(names))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--keyframes", arguments.recipe.keyframes, "keyframes; each scene has room for about ten")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--yaw", arguments.recipe.yaw_deg, "turns all cameras to the right [deg]")
+      ->check(CLI::Range(-360.0, 360.0))
+      ->capture_default_str()
+      ->group(group);
+  app.add_flag("--weak", arguments.recipe.weak_texture, "plaster: contrast of a few gray levels")->group(group);
+  app.add_option("--seed", arguments.recipe.texture_seed, "of textures, landmarks and noise; same seed, same bytes")
+      ->check(CLI::Range(0, 1000000000))
+      ->capture_default_str()
+      ->group(group);
+}
+
+void add_image_options(CLI::App& app, Arguments& arguments) {
+  synth::MissionOptions& mission = arguments.recipe.mission;
+  const std::string group = "Images";
+  app.add_option("-w,--width", arguments.recipe.width, "of the images [px], a multiple of 4; the height is half of it")
+      ->check(CLI::Range(64, 8192))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--samples", mission.render.samples, "colour samples per pixel along each axis")
+      ->check(CLI::Range(1, 16))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--noise", mission.render.noise_sigma, "standard deviation of the sensor's noise [gray levels]")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--gain-drift", mission.gain_drift, "amplitude of the exposure's drift, relative")
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--jpeg", arguments.files.jpeg_quality, "write JPEG of this quality, 1 to 100; 0 = PNG")
+      ->check(CLI::Range(0, 100))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--mask-nadir", arguments.files.mask_nadir_deg,
+                 "a dark rig below the camera, of this radius [deg], and a mask that hides it; 0 = none")
+      ->check(CLI::Range(0.0, 90.0))
+      ->capture_default_str()
+      ->group(group);
+}
+
+void add_map_options(CLI::App& app, Arguments& arguments) {
+  synth::LandmarkOptions& landmarks = arguments.recipe.mission.landmarks;
+  const std::string group = "Map";
+  app.add_option("--landmarks", landmarks.count, "landmarks in the map")
+      ->check(CLI::Range(0, 1000000))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--landmark-noise", landmarks.noise, "error of their positions, relative to their distance")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--map-scale", arguments.files.map.scale, "map units per metre, as a SLAM with one camera chooses it")
+      ->check(CLI::Range(1e-6, 1e6))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--frame-step", arguments.files.frame_step, "frames from one keyframe to the next")
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str()
+      ->group(group);
+}
+
+void run(Arguments& arguments) {
+  synth::Recipe& recipe = arguments.recipe;
+  if (recipe.width % 4 != 0) {
+    throw InvalidOption("--width = " + std::to_string(recipe.width) + " is no multiple of 4.");
+  }
+  recipe.height = recipe.width / 2;
+  recipe.mission.render.seed = recipe.texture_seed;
+  recipe.mission.landmarks.seed = recipe.texture_seed + 7;
+  arguments.files.map.seed = recipe.texture_seed;
+  check_folder(arguments.files);
+
+  synth::Mission mission = scenes().at(arguments.scene)(recipe);
+  if (arguments.files.mask_nadir_deg > 0.0) {
+    synth_tool::add_rig(mission, arguments.files.mask_nadir_deg);
+  }
+  synth_tool::write_mission(mission, arguments.files);
+  const std::string folder = arguments.files.folder.string();
+  std::cout << folder << ": scene \"" << arguments.scene << "\", " << mission.frames.size() << " keyframes of "
+            << mission.width << " x " << mission.height << ", " << mission.points.size() << " landmarks\n"
+            << "next: pmsp-densify run " << folder << "/map.msg --images " << folder << "/images"
+            << (mission.mask.empty() ? "" : " --mask " + folder + "/mask.png") << " -o " << folder << "/cloud.ply\n";
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments arguments;
+  arguments.recipe.width = 1280;
+  CLI::App app("Writes a synthetic 360-degree mission with known truth: images, a SLAM's map, poses and ranges.",
+               "pmsp-synth");
+  app.footer(kFooter);
+  app.add_option("-o,--output", arguments.files.folder, "folder for the mission; made when it does not exist")
+      ->required()
+      ->option_text("DIR REQUIRED");
+  app.add_flag("--force", arguments.files.overwrite, "replace the mission that is in the folder");
+  add_scene_options(app, arguments);
+  add_image_options(app, arguments);
+  add_map_options(app, arguments);
+  try {
+    app.parse(argc, argv);
+    run(arguments);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? tool::kExitOk : tool::kExitUsage;
+  } catch (const std::exception& error) {
+    std::cerr << "pmsp-synth: " << error.what() << '\n';
+    return tool::exit_code_of(error);
+  }
+  return tool::kExitOk;
+}
