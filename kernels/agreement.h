@@ -4,9 +4,9 @@
 #include "equirect.h"
 #include "plane.h"
 
-// How a surface point of one keyframe looks from another one's depth map: the common ground of the consistency filter and of
-// fusion. Depths are compared along the ray, with the other map's plane rather than its pixel's depth, so that a slanted
-// surface does not disagree with itself between pixel centres.
+// How a surface point of one keyframe looks from another one's depth map: the common ground of the consistency filter
+// and of fusion. Depths are compared along the ray, with the other map's plane rather than its pixel's depth, so that a
+// slanted surface does not disagree with itself between pixel centres.
 namespace pmsp::kernels {
 
 /// The other keyframe's map: planes in row order (zero = no estimate).
@@ -19,10 +19,10 @@ struct PlaneMapView {
 
 template <class F>
 struct Agreement {
-  F closeness;        ///< range of the point over the range of the other map's surface in its direction; 0 = nothing there
-  F implied_depth;    ///< depth along the first keyframe's ray at which it meets the other map's plane
-  F offset_px;        ///< distance of the point from the centre of the other map's pixel, in pixels at the equator
-  IntOf<F> index;     ///< of that pixel
+  F closeness;  ///< range of the point over the range of the other map's surface in its direction; 0 = nothing there
+  F implied_depth;  ///< depth along the first keyframe's ray at which it meets the other map's plane
+  F offset_px;      ///< distance of the point from the centre of the other map's pixel, in pixels at the equator
+  IntOf<F> index;   ///< of that pixel
 };
 
 /// `bearing` (unit) and `depth` > 0 in the first keyframe.
@@ -43,7 +43,7 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Pla
   const auto valid = (closeness > F(0)) & (along_ray > F(0)) & (rest > F(0));
   const F dx = at.x - from_int<F>(column_index) - F(0.5F);
   const F dy = at.y - from_int<F>(row_index) - F(0.5F);
-  const F horizontal = sqrt(fma(p.x, p.x, p.z * p.z) / dot(p, p));   // cosine of the latitude
+  const F horizontal = sqrt(fma(p.x, p.x, p.z * p.z) / dot(p, p));  // cosine of the latitude
   return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)),
           sqrt(fma(dx * horizontal, dx * horizontal, dy * dy)), index};
 }

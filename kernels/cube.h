@@ -5,18 +5,18 @@
 
 // A panorama as six square faces, so that a direction becomes a texture address by one division, without trigonometry.
 // Faces are ordered +x, -x, +y, -y, +z, -z; on each, the two other coordinates (in the order x, y, z) divided by the
-// magnitude of the leading one run over [-1, 1]. Nodes (texels) lie on a regular grid that includes the borders: node k of
-// `size` + 1 is at -1 + 2 k / size.
+// magnitude of the leading one run over [-1, 1]. Nodes (texels) lie on a regular grid that includes the borders: node k
+// of `size` + 1 is at -1 + 2 k / size.
 namespace pmsp::kernels {
 
-/// Gray values of a face map. `quads[face * face_elements + j * (size + 1) + i]` packs the 2 x 2 nodes from (i, j) on as four
-/// bytes, lowest byte first: (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1); one 32-bit read serves one bilinear sample. The
-/// nodes beyond the border come from the neighbouring faces' directions.
+/// Gray values of a face map. `quads[face * face_elements + j * (size + 1) + i]` packs the 2 x 2 nodes from (i, j) on
+/// as four bytes, lowest byte first: (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1); one 32-bit read serves one
+/// bilinear sample. The nodes beyond the border come from the neighbouring faces' directions.
 struct CubeView {
   const std::uint32_t* quads;
-  float half_size;              ///< size / 2
-  float row_elements;           ///< size + 1
-  std::int32_t face_elements;   ///< (size + 1)^2
+  float half_size;             ///< size / 2
+  float row_elements;          ///< size + 1
+  std::int32_t face_elements;  ///< (size + 1)^2
 };
 
 /// Address on the cube: face coordinates in [0, size] and the index of the face's first element.
@@ -34,7 +34,7 @@ PMSP_HD CubePoint<F> cube_point(const Vec3<F>& p, const CubeView& cube) {
   const F az = abs(p.z);
   const F lead = max(ax, max(ay, az));
   const auto along_x = ax == lead;
-  const auto along_y = ay == lead;   // where both hold, x wins below
+  const auto along_y = ay == lead;  // where both hold, x wins below
   const F scale = F(cube.half_size) / lead;
   const F first = select(along_x, p.y, p.x);
   const F second = select(along_x, p.z, select(along_y, p.z, p.y));

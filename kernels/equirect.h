@@ -4,8 +4,8 @@
 #include "math.h"
 #include "vec3.h"
 
-// The equirectangular camera. Axes x right, y down, z forward; longitude = atan2(x, z), latitude = -asin(y / |p|). Image
-// points are measured from the upper left corner of the image: the centre of pixel (i, j) is (i + 0.5, j + 0.5).
+// The equirectangular camera. Axes x right, y down, z forward; longitude = atan2(x, z), latitude = -asin(y / |p|).
+// Image points are measured from the upper left corner of the image: the centre of pixel (i, j) is (i + 0.5, j + 0.5).
 namespace pmsp::kernels {
 
 /// Unit bearing of sines and cosines of a pixel's longitude and latitude.
@@ -39,8 +39,8 @@ PMSP_HD Pixel<F> project(const Vec3<F>& p, const F& width, const F& height) {
           height * fma(minus_latitude, F(static_cast<float>(1.0 / kPi)), F(0.5F))};
 }
 
-/// The same in double precision through the standard library: exact to rounding, for the few points that deserve it and as
-/// the reference of the tests. x in [0, width), y in [0, height].
+/// The same in double precision through the standard library: exact to rounding, for the few points that deserve it and
+/// as the reference of the tests. x in [0, width), y in [0, height].
 inline Pixel<double> project_exactly(const Vec3<double>& p, int width, int height) {
   const double longitude = std::atan2(p.x, p.z);
   const double minus_latitude = std::atan2(p.y, std::hypot(p.x, p.z));

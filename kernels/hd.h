@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-// The one place that knows which compiler is at work. PMSP_HD marks a function that runs on the host and on a device; it is
-// always inlined, so that a function compiled with wide vector instructions never becomes the copy that a narrower machine
-// calls.
+// The one place that knows which compiler is at work. PMSP_HD marks a function that runs on the host and on a device;
+// it is always inlined, so that a function compiled with wide vector instructions never becomes the copy that a
+// narrower machine calls.
 #if defined(__CUDACC__)
 #define PMSP_HD __host__ __device__ __forceinline__
 #else

@@ -13,7 +13,7 @@ constexpr double kPi = 3.14159265358979323846;
 /// [-ln 2 / 2, ln 2 / 2] (Taylor to the sixth degree).
 template <class F>
 PMSP_HD F exp(const F& x) {
-  const F shifted = fma(x, F(1.44269504088896F), F(128.5F));   // > 0, so that its whole part rounds down
+  const F shifted = fma(x, F(1.44269504088896F), F(128.5F));  // > 0, so that its whole part rounds down
   const F n = whole(shifted) - F(128);
   const F r = fma(n, F(-0.693359375F), x) + n * F(2.12194440e-4F);
   F p = F(1.0F / 720.0F);

@@ -37,8 +37,8 @@ PMSP_HD F median9(F* v) {
   return v[4];
 }
 
-/// The depth if it lies close to the median of its neighbourhood and its score is good enough, else 0. `around`: the 3 x 3
-/// depths, the pixel's own in the middle; those without an estimate (0) count as the pixel's own. Changes `around`.
+/// The depth if it lies close to the median of its neighbourhood and its score is good enough, else 0. `around`: the 3
+/// x 3 depths, the pixel's own in the middle; those without an estimate (0) count as the pixel's own. Changes `around`.
 template <class F>
 PMSP_HD F median_filtered(F* around, const F& score, const F& max_relative_deviation, const F& min_score) {
   const F depth = around[4];

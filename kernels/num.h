@@ -62,7 +62,8 @@ PMSP_HD double abs(double a) { return ::fabs(a); }
 PMSP_HD float sqrt(float a) { return ::sqrtf(a); }
 PMSP_HD double sqrt(double a) { return ::sqrt(a); }
 
-/// a * b + c. Fused where the machine has it for F; plain arithmetic for host floats, whose fused form is a library call.
+/// a * b + c. Fused where the machine has it for F; plain arithmetic for host floats, whose fused form is a library
+/// call.
 PMSP_HD float fma(float a, float b, float c) { return a * b + c; }
 PMSP_HD double fma(double a, double b, double c) { return a * b + c; }
 

@@ -5,22 +5,22 @@
 #include "math.h"
 #include "plane.h"
 
-// The photometric score of a plane: bilaterally weighted normalised cross-correlation (NCC) between a patch on the tangent
-// plane of the reference pixel and what the plane makes of it in a neighbouring view. The patch is a regular grid on the
-// tangent plane, so it has one angular size everywhere on the sphere, and a plane maps it to the neighbour by a homography:
-// three multiply-adds a sample, no trigonometry.
+// The photometric score of a plane: bilaterally weighted normalised cross-correlation (NCC) between a patch on the
+// tangent plane of the reference pixel and what the plane makes of it in a neighbouring view. The patch is a regular
+// grid on the tangent plane, so it has one angular size everywhere on the sphere, and a plane maps it to the neighbour
+// by a homography: three multiply-adds a sample, no trigonometry.
 namespace pmsp::kernels {
 
-constexpr int kPatchSide = 6;                          ///< samples along one side
+constexpr int kPatchSide = 6;  ///< samples along one side
 constexpr int kPatchSamples = kPatchSide * kPatchSide;
-constexpr int kMaxViews = 8;                           ///< neighbour views of one depth map
+constexpr int kMaxViews = 8;  ///< neighbour views of one depth map
 
 /// How patches are taken. All of it is the same for all pixels.
 struct PatchLayout {
-  float spacing;                            ///< distance of samples on the tangent plane (tangent of the angle)
-  float color_factor;                       ///< -1 / (2 sigma_color^2)
-  float space_weight[kPatchSamples];        ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
-  float min_variance;                       ///< variance (gray levels squared) that is noise rather than texture
+  float spacing;                      ///< distance of samples on the tangent plane (tangent of the angle)
+  float color_factor;                 ///< -1 / (2 sigma_color^2)
+  float space_weight[kPatchSamples];  ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
+  float min_variance;                 ///< variance (gray levels squared) that is noise rather than texture
 };
 
 /// Offset of sample i (0 to kPatchSide - 1) from the centre, in steps of `spacing`.
@@ -29,9 +29,9 @@ PMSP_HD float patch_offset(int i) { return static_cast<float>(i) - 0.5F * static
 /// What a reference pixel's patch contributes to all scores at this pixel: computed once for all planes and views.
 template <class F>
 struct ReferencePatch {
-  F weight[kPatchSamples];     ///< bilateral weights, sum 1
-  F contrast[kPatchSamples];   ///< weight * (gray - mean) / standard deviation
-  F variance;                  ///< of the patch [gray levels squared]
+  F weight[kPatchSamples];    ///< bilateral weights, sum 1
+  F contrast[kPatchSamples];  ///< weight * (gray - mean) / standard deviation
+  F variance;                 ///< of the patch [gray levels squared]
 };
 
 /// The frame of a pixel: its bearing and the two tangent vectors, scaled to the patch's spacing.
@@ -41,7 +41,8 @@ struct PatchFrame {
 };
 
 template <class F>
-PMSP_HD ReferencePatch<F> reference_patch(const CubeView& image, const PatchFrame<F>& frame, const PatchLayout& layout) {
+PMSP_HD ReferencePatch<F> reference_patch(const CubeView& image, const PatchFrame<F>& frame,
+                                          const PatchLayout& layout) {
   ReferencePatch<F> patch;
   const F center = sample(image, frame.bearing);
   F sum(0);
@@ -75,7 +76,7 @@ PMSP_HD ReferencePatch<F> reference_patch(const CubeView& image, const PatchFram
 /// One neighbour view: its image and `view_from_ref`.
 struct SourceView {
   CubeView image;
-  CubeView usable;   ///< 255 where a patch may be matched, 0 where the mask forbids it; no quads = everywhere
+  CubeView usable;  ///< 255 where a patch may be matched, 0 where the mask forbids it; no quads = everywhere
   Rigid view_from_ref;
 };
 
@@ -91,8 +92,8 @@ PMSP_HD RotatedFrame<F> rotated(const PatchFrame<F>& frame, const SourceView& vi
           rotate(view.view_from_ref, frame.down)};
 }
 
-/// NCC of the reference patch with one neighbour under a plane, in [-1, 1]. A direction x of the reference meets the plane at
-/// x / (plane . x); up to that length the neighbour sees it along R x + t (plane . x), which is linear in x.
+/// NCC of the reference patch with one neighbour under a plane, in [-1, 1]. A direction x of the reference meets the
+/// plane at x / (plane . x); up to that length the neighbour sees it along R x + t (plane . x), which is linear in x.
 template <class F>
 PMSP_HD F view_score(const ReferencePatch<F>& patch, const PatchFrame<F>& frame, const RotatedFrame<F>& turned,
                      const SourceView& view, const Vec3<F>& plane, const PatchLayout& layout) {
@@ -123,9 +124,9 @@ PMSP_HD F view_score(const ReferencePatch<F>& patch, const PatchFrame<F>& frame,
   return select(sample(view.usable, center) > F(127), score, F(-1));
 }
 
-/// Score of a plane over all views, between the mean over the better half of them and the mean over all. In the better half, a
-/// view that does not see the surface has no say; all together are less noisy. Half of each measured best (two views: 0.75 and
-/// 0.25). The order of the views does not matter.
+/// Score of a plane over all views, between the mean over the better half of them and the mean over all. In the better
+/// half, a view that does not see the surface has no say; all together are less noisy. Half of each measured best (two
+/// views: 0.75 and 0.25). The order of the views does not matter.
 template <class F>
 PMSP_HD F plane_score(const ReferencePatch<F>& patch, const PatchFrame<F>& frame, const RotatedFrame<F>* turned,
                       const SourceView* views, int num_views, const Vec3<F>& plane, const PatchLayout& layout) {
@@ -135,7 +136,7 @@ PMSP_HD F plane_score(const ReferencePatch<F>& patch, const PatchFrame<F>& frame
   for (int view = 0; view < num_views; ++view) {
     F score = view_score(patch, frame, turned[view], views[view], plane, layout);
     all = all + score;
-    for (int k = 0; k < kept; ++k) {   // insertion into the sorted list of the best
+    for (int k = 0; k < kept; ++k) {  // insertion into the sorted list of the best
       const F better = max(best[k], score);
       score = min(best[k], score);
       best[k] = better;

@@ -4,8 +4,9 @@
 #include "equirect.h"
 #include "patch.h"
 
-// One pixel's share of red-black PatchMatch (Barnes 2009; Galliani 2015; Surmann 2022). A pixel's state is its best plane and
-// that plane's score. Every step proposes planes; a proposal that is allowed and scores higher replaces the state.
+// One pixel's share of red-black PatchMatch (Barnes 2009; Galliani 2015; Surmann 2022). A pixel's state is its best
+// plane and that plane's score. Every step proposes planes; a proposal that is allowed and scores higher replaces the
+// state.
 namespace pmsp::kernels {
 
 template <class F>
@@ -21,9 +22,9 @@ struct Matching {
   int num_views;
   PatchLayout layout;
   PlaneLimits limits;
-  float log_depth_span;   ///< ln(largest depth / smallest depth)
+  float log_depth_span;  ///< ln(largest depth / smallest depth)
   RandomKey random;
-  int refinements;        ///< random draws per visit
+  int refinements;  ///< random draws per visit
 };
 
 /// What is fixed for one visit to a pixel: computed once, used by all proposals.
@@ -68,7 +69,8 @@ PMSP_HD Hypothesis<F> start(const UIntOf<F>& pixel, const Visit<F>& visit, const
 
 /// Random search around the present plane. The steps shrink from draw to draw; the first iterations reach further.
 template <class F>
-PMSP_HD void refine(Hypothesis<F>& best, const UIntOf<F>& pixel, int iteration, const Visit<F>& visit, const Matching& m) {
+PMSP_HD void refine(Hypothesis<F>& best, const UIntOf<F>& pixel, int iteration, const Visit<F>& visit,
+                    const Matching& m) {
   const float reach = iteration == 0 ? 1.0F : 1.0F / static_cast<float>(1 << (iteration < 3 ? iteration : 3));
   float depth_step = 0.06F * reach;
   float normal_step = 0.9F * reach;
@@ -83,8 +85,8 @@ PMSP_HD void refine(Hypothesis<F>& best, const UIntOf<F>& pixel, int iteration, 
   }
 }
 
-/// The neighbours whose planes a pixel tries: distances 1 and 3 along the four directions. Their sum of coordinates is odd,
-/// so they all have the other colour.
+/// The neighbours whose planes a pixel tries: distances 1 and 3 along the four directions. Their sum of coordinates is
+/// odd, so they all have the other colour.
 struct NeighbourOffset {
   int dx, dy;
 };
@@ -94,6 +96,27 @@ PMSP_HD NeighbourOffset neighbour_offset(int i) {
   const int dx = (i & 3) == 0 ? distance : (i & 3) == 1 ? -distance : 0;
   const int dy = (i & 3) == 2 ? distance : (i & 3) == 3 ? -distance : 0;
   return {dx, dy};
+}
+
+/// Where the neighbour (dx, dy) of a pixel lies in checkerboard order (src/sphere/grid.h): its row, and how many places
+/// to the right of the pixel's own among that row's pixels of the other colour, which close to a ring. Beyond a pole
+/// the row comes back on the opposite meridian; there one column more or less is no angle to speak of, and is chosen so
+/// that the neighbour has the other colour.
+struct NeighbourRing {
+  int y;
+  int shift;
+};
+PMSP_HD NeighbourRing neighbour_ring(int width, int height, int y, int colour, int dx, int dy) {
+  int row = y + dy;
+  int columns = dx;
+  if (row < 0 || row >= height) {
+    row = row < 0 ? -1 - row : 2 * height - 1 - row;
+    columns = width / 2;
+    if (((columns + row - y) & 1) == 0) ++columns;
+  }
+  const int parity = (y + colour) & 1;
+  const int other_parity = (row + 1 - colour) & 1;
+  return {row, (parity + columns - other_parity) / 2};
 }
 
 }  // namespace pmsp::kernels

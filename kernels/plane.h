@@ -4,16 +4,16 @@
 #include "random.h"
 #include "vec3.h"
 
-// A hypothesis is a plane, written as the vector v with v . X = 1 for all its points X (camera frame). The range along a
-// unit bearing b is 1 / (v . b); the unit normal that faces the camera is -v / |v|. One vector per pixel therefore holds
-// depth and normal, and a neighbour's plane is a candidate as it stands. The zero vector means "no plane".
+// A hypothesis is a plane, written as the vector v with v . X = 1 for all its points X (camera frame). The range along
+// a unit bearing b is 1 / (v . b); the unit normal that faces the camera is -v / |v|. One vector per pixel therefore
+// holds depth and normal, and a neighbour's plane is a candidate as it stands. The zero vector means "no plane".
 namespace pmsp::kernels {
 
 /// What a plane must satisfy at a pixel.
 struct PlaneLimits {
-  float min_inverse_depth;   ///< 1 / largest depth
-  float max_inverse_depth;   ///< 1 / smallest depth
-  float min_cos2_slant;      ///< squared cosine of the largest angle between normal and ray
+  float min_inverse_depth;  ///< 1 / largest depth
+  float max_inverse_depth;  ///< 1 / smallest depth
+  float min_cos2_slant;     ///< squared cosine of the largest angle between normal and ray
 };
 
 template <class F>
@@ -23,7 +23,8 @@ PMSP_HD MaskOf<F> is_allowed(const Vec3<F>& plane, const Vec3<F>& bearing, const
          (inverse_depth * inverse_depth >= F(limits.min_cos2_slant) * dot(plane, plane));
 }
 
-/// The plane through depth * bearing with the (unit or not) normal `normal`, which faces the camera: normal . bearing < 0.
+/// The plane through depth * bearing with the (unit or not) normal `normal`, which faces the camera: normal . bearing <
+/// 0.
 template <class F>
 PMSP_HD Vec3<F> plane_from(const F& inverse_depth, const Vec3<F>& normal, const Vec3<F>& bearing) {
   return (inverse_depth / dot(normal, bearing)) * normal;
@@ -39,15 +40,14 @@ PMSP_HD Vec3<F> random_offset(const RandomKey& key, const UIntOf<F>& pixel, std:
 template <class F>
 PMSP_HD Vec3<F> random_plane(const RandomKey& key, const UIntOf<F>& pixel, std::uint32_t draw, const Vec3<F>& bearing,
                              const PlaneLimits& limits, float log_depth_span) {
-  const F inverse_depth =
-      F(limits.min_inverse_depth) * exp(uniform<F>(key, pixel, draw) * F(log_depth_span));
+  const F inverse_depth = F(limits.min_inverse_depth) * exp(uniform<F>(key, pixel, draw) * F(log_depth_span));
   const Vec3<F> normal = F(0.85F) * random_offset<F>(key, pixel, draw + 1) - F(1.2F) * bearing;
   const auto facing = dot(normal, bearing) < F(-0.2F);
   return plane_from(inverse_depth, select(facing, normal, F(-1) * bearing), bearing);
 }
 
-/// The plane moved at random: depth by a relative step of at most `depth_step`, unit normal by at most `normal_step` along
-/// each axis. Draws 0 to 3.
+/// The plane moved at random: depth by a relative step of at most `depth_step`, unit normal by at most `normal_step`
+/// along each axis. Draws 0 to 3.
 template <class F>
 PMSP_HD Vec3<F> perturbed(const Vec3<F>& plane, const RandomKey& key, const UIntOf<F>& pixel, std::uint32_t draw,
                           const Vec3<F>& bearing, const F& depth_step, const F& normal_step) {
@@ -57,8 +57,8 @@ PMSP_HD Vec3<F> perturbed(const Vec3<F>& plane, const RandomKey& key, const UInt
   return plane_from(inverse_depth, select(facing, normal, F(-1) * bearing), bearing);
 }
 
-/// The plane of another camera's frame in this one: v . (R X + t) = 1 becomes (R^T v) . X = 1 - v . t. Zero when the camera
-/// lies on the plane or behind it.
+/// The plane of another camera's frame in this one: v . (R X + t) = 1 becomes (R^T v) . X = 1 - v . t. Zero when the
+/// camera lies on the plane or behind it.
 template <class F>
 PMSP_HD Vec3<F> moved_plane(const Vec3<F>& plane, const Rigid& from_here) {
   const F rest = F(1) - dot(plane, translation<F>(from_here));

@@ -2,86 +2,20 @@
 #include "pmsp/densifier.h"
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
-#include <deque>
-#include <set>
+#include <string>
 #include <utility>
 
 #include "densifier_checks.h"
+#include "densifier_impl.h"
 #include "patchmatch/neighbours.h"
 #include "pmsp/error.h"
 #include "pmsp/filters.h"
 #include "pmsp/fusion.h"
 #include "pmsp/initialiser.h"
-#include "pmsp/panorama.h"
 #include "pmsp/patchmatch.h"
-#include "pmsp/view_filter.h"
+#include "util/stopwatch.h"
 
 namespace pmsp {
-namespace {
-
-/// An accepted keyframe on its way through the stages.
-struct View {
-  Keyframe keyframe;   ///< its image and mask are gone; what is left of them is in the panorama
-  Panorama panorama;
-  DepthMap median;     ///< after PatchMatch and the median filter
-  DepthMap map;        ///< after the consistency filter
-  std::vector<std::uint8_t> covered;
-};
-
-/// Adds the time until it goes out of scope.
-class Stopwatch {
- public:
-  explicit Stopwatch(double& seconds) : seconds_(seconds), start_(std::chrono::steady_clock::now()) {}
-  ~Stopwatch() { seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
-
- private:
-  double& seconds_;
-  std::chrono::steady_clock::time_point start_;
-};
-
-}  // namespace
-
-/// Stages run as soon as the keyframes that they look at are there: matching waits for `match_ahead` keyframes after its own,
-/// the consistency filter for the maps of `filter_ahead`, fusion for `fuse_ahead`. Indices count from the start of the sequence.
-struct Densifier::Impl {
-  Impl(const DensifierOptions& given, DensifierCallbacks to)
-      : options(given), callbacks(std::move(to)), executor(given.threads, given.simd), view_filter(given.view_filter) {
-    options.threads = executor.threads();
-    options.simd = executor.simd();
-  }
-
-  View& view(std::int64_t i) { return views[static_cast<std::size_t>(i - first)]; }
-  std::int64_t end() const { return first + static_cast<std::int64_t>(views.size()); }
-  bool stopped() const { return cancel.load(std::memory_order_relaxed); }
-
-  std::int64_t match_ahead() const { return neighbour_reach(options.patchmatch.neighbours); }
-  std::int64_t filter_ahead() const { return options.consistency.enabled ? (options.consistency.window - 1) / 2 : 0; }
-  std::int64_t fuse_ahead() const { return (options.fusion.window - 1) / 2; }
-
-  void prepare(const Keyframe& keyframe);
-  void advance(bool last);
-  void match(std::int64_t i);
-  void filter(std::int64_t i);
-  void fuse_view(std::int64_t i);
-  void forget();
-
-  DensifierOptions options;
-  DensifierCallbacks callbacks;
-  Executor executor;
-  ViewFilter view_filter;
-  DensifierStats stats;
-  std::atomic<bool> cancel{false};
-  std::set<std::int64_t> ids;
-  std::deque<View> views;
-  std::int64_t first = 0;   ///< index of views.front()
-  std::int64_t next_match = 0;
-  std::int64_t next_filter = 0;
-  std::int64_t next_fuse = 0;
-};
 
 void Densifier::Impl::prepare(const Keyframe& keyframe) {
   const Stopwatch watch(stats.seconds_prepare);
@@ -106,7 +40,8 @@ void Densifier::Impl::match(std::int64_t i) {
   for (std::int64_t k = from; k < to; ++k) sequence.push_back(&view(k).keyframe);
   View& reference = view(i);
   MatchInput input{reference.keyframe.id, {&reference.panorama, reference.keyframe.cam_from_world}, {}, {}, {}};
-  for (const std::size_t k : choose_neighbours(sequence, static_cast<std::size_t>(i - from), options.patchmatch.neighbours)) {
+  for (const std::size_t k :
+       choose_neighbours(sequence, static_cast<std::size_t>(i - from), options.patchmatch.neighbours)) {
     const View& neighbour = view(from + static_cast<std::int64_t>(k));
     input.neighbours.push_back({&neighbour.panorama, neighbour.keyframe.cam_from_world});
   }
@@ -174,7 +109,8 @@ void Densifier::Impl::fuse_view(std::int64_t i) {
 
 /// Lets go of keyframes that no stage will look at again.
 void Densifier::Impl::forget() {
-  const std::int64_t keep = std::min({next_match - match_ahead(), next_filter - filter_ahead(), next_fuse - fuse_ahead()});
+  const std::int64_t keep =
+      std::min({next_match - match_ahead(), next_filter - filter_ahead(), next_fuse - fuse_ahead()});
   for (; first < keep && !views.empty(); ++first) views.pop_front();
 }
 

@@ -26,16 +26,19 @@ void check_keyframe(const Keyframe& keyframe) {
   const auto& image = keyframe.image;
   const auto& mask = keyframe.mask;
   if (image.empty() || image.width % 2 != 0 || image.height % 2 != 0) {
-    throw InvalidInput(who + "the image is " + size_text(image.width, image.height) + "; expected an even width and height");
+    throw InvalidInput(who + "the image is " + size_text(image.width, image.height) +
+                       "; expected an even width and height");
   }
   if (!mask.empty() && (mask.width != image.width || mask.height != image.height)) {
     throw InvalidInput(who + "the mask is " + size_text(mask.width, mask.height) + ", the image " +
                        size_text(image.width, image.height) + "; expected equal sizes");
   }
   const Eigen::Matrix3d& r = keyframe.cam_from_world.rotation;
-  const bool rotation = r.allFinite() && (r * r.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-3 && r.determinant() > 0;
+  const bool rotation =
+      r.allFinite() && (r * r.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-3 && r.determinant() > 0;
   if (!rotation || !keyframe.cam_from_world.translation.allFinite()) {
-    throw InvalidInput(who + "cam_from_world is no rigid transform; expected an orthonormal rotation and finite numbers");
+    throw InvalidInput(who +
+                       "cam_from_world is no rigid transform; expected an orthonormal rotation and finite numbers");
   }
   for (const Landmark& landmark : keyframe.landmarks) {
     if (!landmark.position_world.allFinite()) {
@@ -49,7 +52,8 @@ void fill_in_size(DensifierOptions& options, int image_width, int image_height) 
     options.width = options.height != 0 ? 2 * options.height : even(std::min(image_width, kLargestWidth));
   }
   if (options.height == 0) {
-    options.height = even(static_cast<int>(std::lround(static_cast<double>(options.width) * image_height / image_width)));
+    options.height =
+        even(static_cast<int>(std::lround(static_cast<double>(options.width) * image_height / image_width)));
   }
 }
 

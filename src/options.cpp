@@ -10,7 +10,7 @@ namespace pmsp {
 namespace {
 
 void check(const char* field, double value, double low, double high) {
-  if (value >= low && value <= high) return;   // false for NaN
+  if (value >= low && value <= high) return;  // false for NaN
   std::ostringstream text;
   text << field << " is " << value << "; expected " << low << " to " << high;
   throw InvalidOption(text.str());
@@ -19,7 +19,8 @@ void check(const char* field, double value, double low, double high) {
 void check_size(const char* field, int value, int low, int high) {
   if (value == 0) return;
   check(field, value, low, high);
-  if (value % 2 != 0) throw InvalidOption(std::string(field) + " is " + std::to_string(value) + "; expected an even number");
+  if (value % 2 != 0)
+    throw InvalidOption(std::string(field) + " is " + std::to_string(value) + "; expected an even number");
 }
 
 }  // namespace
@@ -80,7 +81,7 @@ void DensifierOptions::validate() const {
 }
 
 DensifierOptions preset(Quality quality) {
-  DensifierOptions options;   // the defaults are the online setting
+  DensifierOptions options;  // the defaults are the online setting
   if (quality == Quality::kOnline) return options;
   options.width = quality == Quality::kNormal ? 1440 : 0;
   options.height = quality == Quality::kNormal ? 720 : 0;

@@ -15,32 +15,34 @@ namespace pmsp {
 /// What happened to the pixels of all keyframes so far, stage by stage, and how long it took.
 struct DensifierStats {
   std::int64_t keyframes_added = 0;
-  std::int64_t keyframes_accepted = 0;        ///< by the view filter
-  std::int64_t keyframes_rejected = 0;        ///< by the view filter: too little or too much parallax, too few landmarks in common
-  std::int64_t depth_maps = 0;                ///< accepted keyframes that had a neighbour to be matched with
-  std::int64_t pixels = 0;                    ///< unmasked pixels of these depth maps
-  std::int64_t pixels_matched = 0;            ///< with an estimate after PatchMatch
+  std::int64_t keyframes_accepted = 0;  ///< by the view filter
+  std::int64_t keyframes_rejected =
+      0;                        ///< by the view filter: too little or too much parallax, too few landmarks in common
+  std::int64_t depth_maps = 0;  ///< accepted keyframes that had a neighbour to be matched with
+  std::int64_t pixels = 0;      ///< unmasked pixels of these depth maps
+  std::int64_t pixels_matched = 0;  ///< with an estimate after PatchMatch
   std::int64_t pixels_after_median = 0;
   std::int64_t pixels_after_consistency = 0;
-  std::int64_t points = 0;                    ///< in the cloud
-  double seconds_prepare = 0.0;               ///< resizing, gray values, cube maps [s]
-  double seconds_init = 0.0;                  ///< [s]
-  double seconds_patchmatch = 0.0;            ///< [s]
-  double seconds_median = 0.0;                ///< [s]
-  double seconds_consistency = 0.0;           ///< [s]
-  double seconds_fusion = 0.0;                ///< [s]
+  std::int64_t points = 0;           ///< in the cloud
+  double seconds_prepare = 0.0;      ///< resizing, gray values, cube maps [s]
+  double seconds_init = 0.0;         ///< [s]
+  double seconds_patchmatch = 0.0;   ///< [s]
+  double seconds_median = 0.0;       ///< [s]
+  double seconds_consistency = 0.0;  ///< [s]
+  double seconds_fusion = 0.0;       ///< [s]
 };
 
 /// Receives results as soon as they are final. Members that are not set are not called. All calls come from inside
 /// `add` and `flush`, on the thread that called them, in the order in which the keyframes were added.
 struct DensifierCallbacks {
-  std::function<void(const DepthMap&)> raw_depth;        ///< straight from PatchMatch
-  std::function<void(const DepthMap&)> filtered_depth;   ///< after the median and consistency filters
-  std::function<void(const KeyframeCloud&)> cloud;       ///< a keyframe's share of the cloud; once for each depth map
+  std::function<void(const DepthMap&)> raw_depth;       ///< straight from PatchMatch
+  std::function<void(const DepthMap&)> filtered_depth;  ///< after the median and consistency filters
+  std::function<void(const KeyframeCloud&)> cloud;      ///< a keyframe's share of the cloud; once for each depth map
 };
 
-/// Turns keyframes into dense points, one keyframe at a time, holding a small window of them: PatchMatch-Stereo-Panorama
-/// (Surmann, Thurow, Slomma 2022) from images to points. Keyframes come in the order of flight.
+/// Turns keyframes into dense points, one keyframe at a time, holding a small window of them:
+/// PatchMatch-Stereo-Panorama (Surmann, Thurow, Slomma 2022) from images to points. Keyframes come in the order of
+/// flight.
 ///
 /// A Densifier has no global state; several may live in one process. One of them must not be used from two threads at
 /// once. Results depend on the input and the seed only, not on the number of threads.
@@ -52,9 +54,9 @@ class Densifier {
   Densifier(Densifier&&) noexcept;
   Densifier& operator=(Densifier&&) noexcept;
 
-  /// Takes one keyframe; image and mask are copied as far as they are needed. Returns whether the view filter accepted it.
-  /// Throws InvalidInput when image, mask or pose are unusable, or the id was added before; the Densifier then is as if
-  /// the call had not been made.
+  /// Takes one keyframe; image and mask are copied as far as they are needed. Returns whether the view filter accepted
+  /// it. Throws InvalidInput when image, mask or pose are unusable, or the id was added before; the Densifier then is
+  /// as if the call had not been made.
   bool add(const Keyframe& keyframe);
 
   /// Finishes what waits in the windows: after it, every accepted keyframe that has a neighbour has had its callbacks.

@@ -14,10 +14,10 @@ namespace pmsp {
 /// pmsp::Keyframe) and are indexed (column, row).
 struct DepthMap {
   std::int64_t keyframe_id = 0;
-  RigidTransform cam_from_world;   ///< as it was when the keyframe was added
-  Image<float> depth;              ///< Euclidean distance from the camera centre along the bearing [scene units]; 0 = no estimate
-  Image<Eigen::Vector3f> normal;   ///< unit, camera frame, facing the camera; (0, 0, 0) where depth is 0
-  Image<float> confidence;         ///< 0 (none) to 1; 0 where depth is 0
+  RigidTransform cam_from_world;  ///< as it was when the keyframe was added
+  Image<float> depth;  ///< Euclidean distance from the camera centre along the bearing [scene units]; 0 = no estimate
+  Image<Eigen::Vector3f> normal;  ///< unit, camera frame, facing the camera; (0, 0, 0) where depth is 0
+  Image<float> confidence;        ///< 0 (none) to 1; 0 where depth is 0
 };
 
 }  // namespace pmsp

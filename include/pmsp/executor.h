@@ -7,8 +7,8 @@
 
 namespace pmsp {
 
-/// The threads and the instruction set that stages run on. Results never depend on the number of threads. One executor serves
-/// one stage at a time; several executors do not disturb each other.
+/// The threads and the instruction set that stages run on. Results never depend on the number of threads. One executor
+/// serves one stage at a time; several executors do not disturb each other.
 class Executor {
  public:
   /// `threads`: 1 to 1024, or 0 for one for each CPU that the process may use. Throws InvalidOption for other numbers,
@@ -19,10 +19,10 @@ class Executor {
   Executor& operator=(Executor&&) noexcept;
 
   int threads() const;
-  Simd simd() const;   ///< never kAuto
+  Simd simd() const;  ///< never kAuto
 
   struct Impl;
-  Impl& impl() const { return *impl_; }   ///< for the stages
+  Impl& impl() const { return *impl_; }  ///< for the stages
 
  private:
   std::unique_ptr<Impl> impl_;

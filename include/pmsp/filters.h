@@ -11,20 +11,22 @@
 namespace pmsp {
 
 struct FilterStats {
-  std::int64_t before = 0;   ///< pixels with a depth
+  std::int64_t before = 0;  ///< pixels with a depth
   std::int64_t after = 0;
 };
 
-/// Drops depths that deviate from the median of their 3 x 3 neighbourhood (around the seam and over the poles too) or whose
-/// photometric score (`confidence` of a map from `patchmatch`) is too low. What stays keeps its depth and normal.
-void median_filter(DepthMap& map, const MedianFilterOptions& options, const Executor& executor, FilterStats* stats = nullptr);
+/// Drops depths that deviate from the median of their 3 x 3 neighbourhood (around the seam and over the poles too) or
+/// whose photometric score (`confidence` of a map from `patchmatch`) is too low. What stays keeps its depth and normal.
+void median_filter(DepthMap& map, const MedianFilterOptions& options, const Executor& executor,
+                   FilterStats* stats = nullptr);
 
 /// Drops depths on which fewer than `options.min_views` maps agree, `map` included; where fewer maps are at hand than
-/// `options.window`, in proportion (at least one other), and depths that as many maps contradict as agree: those whose surface lies clearly behind the point, so
-/// that they have looked through it. Confidence becomes the photometric score times the share of the other maps that
-/// agree. A point agrees with another map if that map's surface in the point's direction is as far, within
-/// `options.max_relative_depth`.
-void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others, const ConsistencyFilterOptions& options,
-                        const Executor& executor, FilterStats* stats = nullptr);
+/// `options.window`, in proportion (at least one other), and depths that as many maps contradict as agree: those whose
+/// surface lies clearly behind the point, so that they have looked through it. Confidence becomes the photometric score
+/// times the share of the other maps that agree. A point agrees with another map if that map's surface in the point's
+/// direction is as far, within `options.max_relative_depth`.
+void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others,
+                        const ConsistencyFilterOptions& options, const Executor& executor,
+                        FilterStats* stats = nullptr);
 
 }  // namespace pmsp

@@ -15,16 +15,16 @@ namespace pmsp {
 /// A depth map on its way through fusion.
 struct FusionInput {
   const DepthMap* map = nullptr;
-  const Image<Rgb>* color = nullptr;   ///< of the map's size
-  /// Of the map's size; nonzero where a point of an earlier keyframe already stands for the pixel. Written for maps that come
-  /// later; all 0 at first.
+  const Image<Rgb>* color = nullptr;  ///< of the map's size
+  /// Of the map's size; nonzero where a point of an earlier keyframe already stands for the pixel. Written for maps
+  /// that come later; all 0 at first.
   std::vector<std::uint8_t>* covered = nullptr;
 };
 
-/// Makes points of the pixels of `window[current]` that no earlier point stands for. Depth, normal and colour are averages
-/// over the maps that agree, weighted with their confidence and the inverse square of their distance. Each point covers the
-/// pixels of the later maps (`window[current + 1]` on) whose centre lies within `options.spacing_px` of it. A pixel that a
-/// later map sees from much closer is left to that map.
+/// Makes points of the pixels of `window[current]` that no earlier point stands for. Depth, normal and colour are
+/// averages over the maps that agree, weighted with their confidence and the inverse square of their distance. Each
+/// point covers the pixels of the later maps (`window[current + 1]` on) whose centre lies within `options.spacing_px`
+/// of it. A pixel that a later map sees from much closer is left to that map.
 KeyframeCloud fuse(const std::vector<FusionInput>& window, std::size_t current, const FusionOptions& options,
                    const Executor& executor);
 

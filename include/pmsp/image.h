@@ -30,7 +30,8 @@ struct ImageView {
 
   ImageView() = default;
   ImageView(T* pixels, int w, int h) : ImageView(pixels, w, h, w) {}
-  ImageView(T* pixels, int w, int h, std::ptrdiff_t row_stride) : data(pixels), width(w), height(h), stride(row_stride) {}
+  ImageView(T* pixels, int w, int h, std::ptrdiff_t row_stride)
+      : data(pixels), width(w), height(h), stride(row_stride) {}
 
   /// A view of mutable pixels converts to a view of const ones.
   operator ImageView<const T>() const { return {data, width, height, stride}; }  // NOLINT(google-explicit-constructor)
@@ -45,8 +46,11 @@ template <class T>
 class Image {
  public:
   Image() = default;
+  /// Elements are copies of `fill`. Fixed-size Eigen vectors have no initial value of their own: give them one.
   Image(int width, int height, const T& fill = T())
-      : width_(width), height_(height), pixels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), fill) {}
+      : width_(width),
+        height_(height),
+        pixels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), fill) {}
 
   int width() const { return width_; }
   int height() const { return height_; }

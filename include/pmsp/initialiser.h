@@ -13,8 +13,9 @@
 
 namespace pmsp {
 
-/// A plane for each pixel of a depth map: the vector v with v . X = 1 for the points X of the plane, in the camera frame. The
-/// range along a unit bearing b is 1 / (v . b), the unit normal that faces the camera -v / |v|. Zero = no plane.
+/// A plane for each pixel of a depth map: the vector v with v . X = 1 for the points X of the plane, in the camera
+/// frame. The range along a unit bearing b is 1 / (v . b), the unit normal that faces the camera -v / |v|. Zero = no
+/// plane.
 using PlaneImage = Image<Eigen::Vector3f>;
 
 /// Smallest and largest range that a keyframe's pixels are looked for in [scene units].
@@ -23,17 +24,17 @@ struct DepthRange {
   double max = 0.0;
 };
 
-/// Range of the keyframe's landmarks (2nd to 98th percentile), widened by `options.range_margin` at both ends; {0, 0} when it
-/// observes none.
+/// Range of the keyframe's landmarks (2nd to 98th percentile), widened by `options.range_margin` at both ends; {0, 0}
+/// when it observes none.
 DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options);
 
-/// Planes through the keyframe's landmarks, `width` x `height`: each pixel within `options.sparse_radius_px` of a landmark gets
-/// the plane of the nearest one, perpendicular to the ray to it.
+/// Planes through the keyframe's landmarks, `width` x `height`: each pixel within `options.sparse_radius_px` of a
+/// landmark gets the plane of the nearest one, perpendicular to the ray to it.
 PlaneImage planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options);
 
-/// The planes of one keyframe's depth map moved into another keyframe, `previous`' size: each is seen where its pixel's surface
-/// point is; where several meet, the nearest to the camera wins. (Surmann et al. 2022, section III-B; normals turn with the
-/// camera.)
+/// The planes of one keyframe's depth map moved into another keyframe, `previous`' size: each is seen where its pixel's
+/// surface point is; where several meet, the nearest to the camera wins. (Surmann et al. 2022, section III-B; normals
+/// turn with the camera.)
 PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_world, const Executor& executor);
 
 }  // namespace pmsp

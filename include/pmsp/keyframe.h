@@ -13,8 +13,8 @@ namespace pmsp {
 
 /// A sparse point of the SLAM map, as one keyframe observes it.
 struct Landmark {
-  std::int64_t id = 0;                                        ///< the same in all keyframes that observe it
-  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();   ///< [scene units]
+  std::int64_t id = 0;                                       ///< the same in all keyframes that observe it
+  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();  ///< [scene units]
 };
 
 /// What a SLAM hands over for one keyframe: a full 360° x 180° equirectangular image, its pose, and the landmarks that
@@ -26,11 +26,11 @@ struct Landmark {
 /// from them go through `cam_from_slam_cam` (pmsp/camera.h) first; the map readers of pmsp_io have done so already.
 struct Keyframe {
   std::int64_t id = 0;
-  double timestamp = 0.0;          ///< [s]
-  RigidTransform cam_from_world;   ///< translation in scene units
+  double timestamp = 0.0;         ///< [s]
+  RigidTransform cam_from_world;  ///< translation in scene units
   std::vector<Landmark> landmarks;
-  ImageView<const Rgb> image;            ///< even width and height; only read during the call that it is given to
-  ImageView<const std::uint8_t> mask;    ///< 0 = ignore, any other = use; size of `image`; empty = use all
+  ImageView<const Rgb> image;          ///< even width and height; only read during the call that it is given to
+  ImageView<const std::uint8_t> mask;  ///< 0 = ignore, any other = use; size of `image`; empty = use all
 };
 
 }  // namespace pmsp

@@ -9,8 +9,8 @@ namespace pmsp {
 /// Decides which keyframes are worth a depth map (Surmann et al. 2022, section III).
 struct ViewFilterOptions {
   bool enabled = true;
-  double min_parallax_deg = 6.0;    ///< [deg], 0 to 180, below max_parallax_deg
-  double max_parallax_deg = 60.0;   ///< [deg], 0 to 180
+  double min_parallax_deg = 6.0;   ///< [deg], 0 to 180, below max_parallax_deg
+  double max_parallax_deg = 60.0;  ///< [deg], 0 to 180
   /// Share of the landmarks in common with the newest accepted keyframe whose parallax must lie between the two angles,
   /// 0 to 1. Larger accepts fewer keyframes.
   double min_share = 0.20;
@@ -33,13 +33,14 @@ struct InitOptions {
 
 /// Red-black PatchMatch on the sphere.
 struct PatchMatchOptions {
-  int iterations = 4;                 ///< 1 to 100; each visits every pixel once
-  int neighbours = 2;                 ///< source keyframes per depth map, 1 to 8; cost grows in proportion
-  int refinements = 6;                ///< random draws per pixel and iteration, 0 to 32
-  double patch_spacing_px = 2.0;      ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
-  double sigma_color = 20.0;          ///< bilateral weight: gray levels (0 to 255), 1 to 1000
-  double sigma_space_px = 5.0;        ///< bilateral weight: pixels of the depth map, 0.5 to 100
-  double max_slant_deg = 80.0;        ///< largest angle between a plane's normal and the ray [deg], 10 to 89
+  int iterations = 4;   ///< 1 to 100; each visits every pixel once
+  int neighbours = 2;   ///< source keyframes per depth map, 1 to 8; cost grows in proportion
+  int refinements = 6;  ///< random draws per pixel and iteration, 0 to 32
+  double patch_spacing_px =
+      2.0;                      ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
+  double sigma_color = 20.0;    ///< bilateral weight: gray levels (0 to 255), 1 to 1000
+  double sigma_space_px = 5.0;  ///< bilateral weight: pixels of the depth map, 0.5 to 100
+  double max_slant_deg = 80.0;  ///< largest angle between a plane's normal and the ray [deg], 10 to 89
 
   void validate() const;
 };
@@ -47,8 +48,8 @@ struct PatchMatchOptions {
 /// Removes single outliers from a depth map.
 struct MedianFilterOptions {
   bool enabled = true;
-  double max_relative_deviation = 0.05;   ///< from the median of the 3 x 3 neighbourhood, 0 to 1; more is dropped
-  double min_score = 0.1;                 ///< photometric score (NCC, -1 to 1) below which a pixel is dropped
+  double max_relative_deviation = 0.05;  ///< from the median of the 3 x 3 neighbourhood, 0 to 1; more is dropped
+  double min_score = 0.1;                ///< photometric score (NCC, -1 to 1) below which a pixel is dropped
 
   void validate() const;
 };
@@ -65,11 +66,11 @@ struct ConsistencyFilterOptions {
 
 /// Joins depth maps into a cloud without duplicates.
 struct FusionOptions {
-  int window = 5;                     ///< depth maps that are joined with each other, 1 to 31
-  double spacing_px = 0.4;            ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
-  double max_relative_depth = 0.02;   ///< deviation up to which two depths are one surface, 0 to 1
-  double max_normal_deg = 60.0;       ///< angle of normals up to which they are one surface [deg], 0 to 180
-  double min_confidence = 0.0;        ///< points below are not written, 0 to 1
+  int window = 5;                    ///< depth maps that are joined with each other, 1 to 31
+  double spacing_px = 0.4;           ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
+  double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
+  double max_normal_deg = 60.0;      ///< angle of normals up to which they are one surface [deg], 0 to 180
+  double min_confidence = 0.0;       ///< points below are not written, 0 to 1
 
   void validate() const;
 };
@@ -79,18 +80,18 @@ enum class Simd { kAuto, kScalar, kAvx2, kAvx512 };
 
 /// How much time a depth map may take.
 enum class Quality {
-  kOnline,   ///< the paper's setting: 640 x 320, 2 neighbours, 4 iterations; keeps up with a flying drone on a CPU
-  kNormal,   ///< 1440 x 720, 4 neighbours, 6 iterations
-  kHigh,     ///< the video's own size up to 5760 x 2880, 6 neighbours, 6 iterations
+  kOnline,  ///< the paper's setting: 640 x 320, 2 neighbours, 4 iterations; keeps up with a flying drone on a CPU
+  kNormal,  ///< 1440 x 720, 4 neighbours, 6 iterations
+  kHigh,    ///< the video's own size up to 5760 x 2880, 6 neighbours, 6 iterations
 };
 
 /// Everything that a Densifier can be told.
 struct DensifierOptions {
-  int width = 640;    ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images
-  int height = 320;   ///< of the depth maps [px], even, 16 to 8192; 0 = half the width
-  std::uint64_t seed = 1;     ///< of the random planes; same input and seed, same bytes
-  int threads = 0;            ///< 1 to 1024; 0 = one for each CPU that the process may use
-  Simd simd = Simd::kAuto;    ///< kAuto takes the widest that this machine has
+  int width = 640;          ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images
+  int height = 320;         ///< of the depth maps [px], even, 16 to 8192; 0 = half the width
+  std::uint64_t seed = 1;   ///< of the random planes; same input and seed, same bytes
+  int threads = 0;          ///< 1 to 1024; 0 = one for each CPU that the process may use
+  Simd simd = Simd::kAuto;  ///< kAuto takes the widest that this machine has
   ViewFilterOptions view_filter;
   InitOptions init;
   PatchMatchOptions patchmatch;

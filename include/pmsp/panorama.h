@@ -9,14 +9,16 @@
 
 namespace pmsp {
 
-/// A keyframe's image made ready for matching at one resolution: colours on the grid of the depth map, and gray values on the
-/// six faces of a cube, which is how neighbours are looked up (one division instead of two arcus functions a sample).
-/// Resampling averages over each pixel's area; near the poles, where columns crowd, over an area as wide as at the equator.
+/// A keyframe's image made ready for matching at one resolution: colours on the grid of the depth map, and gray values
+/// on the six faces of a cube, which is how neighbours are looked up (one division instead of two arcus functions a
+/// sample). Resampling averages over each pixel's area; near the poles, where columns crowd, over an area as wide as at
+/// the equator.
 class Panorama {
  public:
-  /// `image`: equirectangular, any even size. `mask`: same size or empty; 0 = ignore. `width`, `height`: of the depth map, even.
-  /// Throws InvalidInput.
-  Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height, const Executor& executor);
+  /// `image`: equirectangular, any even size. `mask`: same size or empty; 0 = ignore. `width`, `height`: of the depth
+  /// map, even. Throws InvalidInput.
+  Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
+           const Executor& executor);
   ~Panorama();
   Panorama(Panorama&&) noexcept;
   Panorama& operator=(Panorama&&) noexcept;
@@ -27,12 +29,12 @@ class Panorama {
   /// Colours, `width` x `height`.
   const Image<Rgb>& color() const;
 
-  /// 255 where a depth is wanted, 0 where the mask forbids it (a pixel that covers any masked pixel is masked); `width` x
-  /// `height`; empty without a mask.
+  /// 255 where a depth is wanted, 0 where the mask forbids it (a pixel that covers any masked pixel is masked); `width`
+  /// x `height`; empty without a mask.
   const Image<std::uint8_t>& usable() const;
 
   struct Data;
-  const Data& data() const { return *data_; }   ///< for the stages
+  const Data& data() const { return *data_; }  ///< for the stages
 
  private:
   std::unique_ptr<Data> data_;

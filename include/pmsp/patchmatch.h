@@ -22,23 +22,24 @@ struct PosedPanorama {
 
 /// What a depth map is made from.
 struct MatchInput {
-  std::int64_t keyframe_id = 0;            ///< names the random numbers
+  std::int64_t keyframe_id = 0;  ///< names the random numbers
   PosedPanorama reference;
-  std::vector<PosedPanorama> neighbours;   ///< 1 to 8, of the reference's size, from other places
+  std::vector<PosedPanorama> neighbours;  ///< 1 to 8, of the reference's size, from other places
   DepthRange range;
-  std::vector<const PlaneImage*> candidates;   ///< planes to try besides the random ones, of the reference's size
+  std::vector<const PlaneImage*> candidates;  ///< planes to try besides the random ones, of the reference's size
 };
 
 struct PatchMatchStats {
-  std::int64_t pixels = 0;    ///< unmasked
-  std::int64_t matched = 0;   ///< with a plane at the end
+  std::int64_t pixels = 0;   ///< unmasked
+  std::int64_t matched = 0;  ///< with a plane at the end
 };
 
-/// Red-black PatchMatch on the sphere (Barnes et al. 2009; Galliani et al. 2015; Surmann et al. 2022): finds for each unmasked
-/// pixel of the reference a plane under which its patch looks alike in the neighbours. Confidence is the photometric score
-/// (NCC, 0 to 1) here. `seed` and the keyframe's id determine all random numbers.
-/// When `cancel` becomes true, returns early with an empty map. Throws InvalidInput and InvalidOption.
-DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed, const Executor& executor,
-                    PatchMatchStats* stats = nullptr, const std::atomic<bool>* cancel = nullptr);
+/// Red-black PatchMatch on the sphere (Barnes et al. 2009; Galliani et al. 2015; Surmann et al. 2022): finds for each
+/// unmasked pixel of the reference a plane under which its patch looks alike in the neighbours. Confidence is the
+/// photometric score (NCC, 0 to 1) here. `seed` and the keyframe's id determine all random numbers. When `cancel`
+/// becomes true, returns early with an empty map. Throws InvalidInput and InvalidOption.
+DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
+                    const Executor& executor, PatchMatchStats* stats = nullptr,
+                    const std::atomic<bool>* cancel = nullptr);
 
 }  // namespace pmsp

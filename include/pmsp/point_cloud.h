@@ -13,11 +13,11 @@ namespace pmsp {
 
 /// One point of a dense cloud.
 struct CloudPoint {
-  Eigen::Vector3f position = Eigen::Vector3f::Zero();   ///< [scene units], frame as the owner says
-  Eigen::Vector3f normal = Eigen::Vector3f::Zero();     ///< unit, facing the camera, same frame as `position`
+  Eigen::Vector3f position = Eigen::Vector3f::Zero();  ///< [scene units], frame as the owner says
+  Eigen::Vector3f normal = Eigen::Vector3f::Zero();    ///< unit, facing the camera, same frame as `position`
   Rgb color;
-  std::uint8_t views = 0;       ///< number of keyframes whose depth maps agree on the point, saturating at 255
-  float confidence = 0.0F;      ///< 0 to 1
+  std::uint8_t views = 0;   ///< number of keyframes whose depth maps agree on the point, saturating at 255
+  float confidence = 0.0F;  ///< 0 to 1
 };
 
 /// The points that one keyframe contributes, in that keyframe's camera frame. Because they stay attached to their
@@ -25,7 +25,7 @@ struct CloudPoint {
 /// pose (`transform_points`).
 struct KeyframeCloud {
   std::int64_t keyframe_id = 0;
-  RigidTransform cam_from_world;   ///< as it was when the keyframe was added
+  RigidTransform cam_from_world;  ///< as it was when the keyframe was added
   std::vector<CloudPoint> points;
 };
 

@@ -9,8 +9,8 @@ namespace pmsp {
 /// translation. Plain 3x3 matrix and 3-vector on purpose: their alignment does not depend on the compiler flags of the
 /// program that links the library, as that of Eigen's quaternions and 4x4 matrices does.
 struct RigidTransform {
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();     ///< orthonormal, determinant +1
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();      ///< [scene units]
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< orthonormal, determinant +1
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< [scene units]
 
   Eigen::Vector3d operator*(const Eigen::Vector3d& x) const { return rotation * x + translation; }
 

@@ -12,9 +12,9 @@ namespace pmsp {
 
 /// Parallax of the landmarks that two camera centres have in common.
 struct CommonParallax {
-  int landmarks = 0;          ///< observed from both
-  int in_range = 0;           ///< with a parallax between the two angles
-  double median_deg = 0.0;    ///< 0 without common landmarks
+  int landmarks = 0;        ///< observed from both
+  int in_range = 0;         ///< with a parallax between the two angles
+  double median_deg = 0.0;  ///< 0 without common landmarks
 };
 
 /// Parallax of a landmark = angle between the rays to it from the two centres. `a` and `b` need not be sorted.
@@ -22,8 +22,8 @@ CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vect
                                const std::vector<Landmark>& b, const Eigen::Vector3d& center_b, double min_deg,
                                double max_deg);
 
-/// Accepts keyframes that see enough of what the newest accepted one saw from a usefully different place. The first one is
-/// always accepted; one without common landmarks never (Surmann et al. 2022, section III-A).
+/// Accepts keyframes that see enough of what the newest accepted one saw from a usefully different place. The first one
+/// is always accepted; one without common landmarks never (Surmann et al. 2022, section III-A).
 class ViewFilter {
  public:
   /// Throws InvalidOption.

@@ -21,9 +21,7 @@ struct Num<xsimd::batch<float, Arch>> {
   static PMSP_HD F from_uint(const UInt& a) { return xsimd::to_float(xsimd::bitwise_cast<Int>(a)); }
   static PMSP_HD F gather(const float* data, const Int& index) { return F::gather(data, index); }
   static PMSP_HD UInt gather(const std::uint32_t* data, const Int& index) { return UInt::gather(data, index); }
-  static PMSP_HD F pow2(const Int& exponent) {
-    return xsimd::bitwise_cast<F>(Int(exponent + Int(127)) << 23);
-  }
+  static PMSP_HD F pow2(const Int& exponent) { return xsimd::bitwise_cast<F>(Int(exponent + Int(127)) << 23); }
 };
 
 }  // namespace pmsp::kernels

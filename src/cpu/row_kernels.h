@@ -6,14 +6,14 @@
 #include "agreement.h"
 #include "patchmatch.h"
 
-// The CPU backend: the kernels over one row of pixels, once for each instruction set. This header is included by code of
-// every instruction set and therefore holds plain data only.
+// The CPU backend: the kernels over one row of pixels, once for each instruction set. This header is included by code
+// of every instruction set and therefore holds plain data only.
 namespace pmsp::cpu {
 
 /// Tables of a SphereGrid.
 struct GridTables {
   int width, height;
-  const float* sin_lon[3];   ///< even columns, odd columns, all columns
+  const float* sin_lon[3];  ///< even columns, odd columns, all columns
   const float* cos_lon[3];
   const float* sin_lat;
   const float* cos_lat;
@@ -37,9 +37,9 @@ struct MatchJob {
   kernels::Matching matching;
   GridTables grid;
   PlaneArrays planes;
-  const ConstPlaneArrays* candidates;   ///< proposals of the initialiser; the zero plane proposes nothing
+  const ConstPlaneArrays* candidates;  ///< proposals of the initialiser; the zero plane proposes nothing
   int num_candidates;
-  const float* usable;                  ///< checkerboard order, 0 = masked; nullptr = all
+  const float* usable;  ///< checkerboard order, 0 = masked; nullptr = all
 };
 
 /// Median filter of a depth map, rows of `width` floats.
@@ -49,13 +49,13 @@ struct MedianJob {
   const float* score;
   float max_relative_deviation;
   float min_score;
-  float* filtered;   ///< depth or 0
+  float* filtered;  ///< depth or 0
 };
 
 /// Comparison of a keyframe's surface with another keyframe's map.
 struct CompareJob {
   GridTables grid;
-  const float* depth;   ///< of the first keyframe
+  const float* depth;  ///< of the first keyframe
   kernels::PlaneMapView other;
   kernels::Rigid other_from_first;
 };

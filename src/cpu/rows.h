@@ -84,26 +84,6 @@ void start_row(const MatchJob& job, int y) {
   }
 }
 
-/// Where a pixel's neighbour (dx, dy) lies: its row, and how many places to the right of the pixel's own in the ring of the
-/// other colour. Beyond a pole the row comes back on the opposite meridian; there one column more or less is no angle to
-/// speak of, and is chosen so that the neighbour has the other colour.
-struct NeighbourRing {
-  int y;
-  int shift;
-};
-PMSP_HD NeighbourRing neighbour_ring(const GridTables& grid, int y, int colour, int dx, int dy) {
-  int row = y + dy;
-  int columns = dx;
-  if (row < 0 || row >= grid.height) {
-    row = row < 0 ? -1 - row : 2 * grid.height - 1 - row;
-    columns = grid.width / 2;
-    if (((columns + row - y) & 1) == 0) ++columns;
-  }
-  const int parity = (y + colour) & 1;
-  const int other_parity = (row + 1 - colour) & 1;
-  return {row, (parity + columns - other_parity) / 2};
-}
-
 template <class F>
 void iterate_row(const MatchJob& job, int y, int colour, int iteration) {
   const int half = job.grid.width / 2;
@@ -118,7 +98,8 @@ void iterate_row(const MatchJob& job, int y, int colour, int iteration) {
     kernels::Hypothesis<F> best{plane_at<F>(job.planes, ring, k, half), load_ring<F>(job.planes.score + ring, k, half)};
     for (int i = 0; i < kernels::kNeighbours; ++i) {
       const kernels::NeighbourOffset offset = kernels::neighbour_offset(i);
-      const NeighbourRing from = neighbour_ring(job.grid, y, colour, offset.dx, offset.dy);
+      const kernels::NeighbourRing from =
+          kernels::neighbour_ring(job.grid.width, job.grid.height, y, colour, offset.dx, offset.dy);
       const std::size_t other = ring_start(job, from.y, 1 - colour);
       kernels::propose(best, plane_at<F>(job.planes, other, k + from.shift, half), visit, job.matching);
     }
@@ -134,7 +115,7 @@ void median_row(const MedianJob& job, int y) {
     for (int dy = -1; dy <= 1; ++dy) {
       int row = y + dy;
       int shift = 0;
-      if (row < 0 || row >= job.height) {   // beyond a pole, on the opposite meridian
+      if (row < 0 || row >= job.height) {  // beyond a pole, on the opposite meridian
         row = y;
         shift = job.width / 2;
       }
@@ -158,9 +139,9 @@ void compare_row(const CompareJob& job, int y, const CompareRow& out) {
     load(cos_lon, job.grid.cos_lon[2] + x);
     const F depth = load_ring<F>(job.depth + at, x, job.grid.width);
     const auto known = depth > F(0);
-    const auto seen = kernels::agreement(
-        kernels::bearing(sin_lon, cos_lon, F(job.grid.sin_lat[y]), F(job.grid.cos_lat[y])), select(known, depth, F(1)),
-        job.other, job.other_from_first);
+    const auto seen =
+        kernels::agreement(kernels::bearing(sin_lon, cos_lon, F(job.grid.sin_lat[y]), F(job.grid.cos_lat[y])),
+                           select(known, depth, F(1)), job.other, job.other_from_first);
     const int count = job.grid.width - x;
     store_some(select(known, seen.closeness, F(0)), out.closeness + x, count);
     store_some(seen.implied_depth, out.implied_depth + x, count);

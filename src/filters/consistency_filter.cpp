@@ -9,7 +9,8 @@
 namespace pmsp {
 namespace {
 
-/// Where another map's surface lies behind the point by more than this many tolerances, that keyframe has looked through it.
+/// Where another map's surface lies behind the point by more than this many tolerances, that keyframe has looked
+/// through it.
 constexpr float kSeenThrough = 2.0F;
 
 /// What the other maps say of one pixel.
@@ -25,8 +26,8 @@ struct Votes {
 
 }  // namespace
 
-void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others, const ConsistencyFilterOptions& options,
-                        const Executor& executor, FilterStats* stats) {
+void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others,
+                        const ConsistencyFilterOptions& options, const Executor& executor, FilterStats* stats) {
   options.validate();
   const std::int64_t before = count_depths(map);
   if (options.enabled && !others.empty()) {
@@ -35,7 +36,7 @@ void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& other
     ThreadPool& pool = executor.impl().pool;
     const SphereGrid grid(width, height);
     std::vector<PlaneRows> planes;
-    planes.reserve(others.size());   // jobs point into it
+    planes.reserve(others.size());  // jobs point into it
     std::vector<cpu::CompareJob> jobs;
     for (const DepthMap* other : others) {
       planes.emplace_back(*other, grid, pool);

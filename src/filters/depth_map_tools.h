@@ -32,11 +32,16 @@ inline void clear_where_no_depth(DepthMap& map) {
 class PlaneRows {
  public:
   PlaneRows(const DepthMap& map, const SphereGrid& grid, ThreadPool& pool)
-      : width_(map.depth.width()), height_(map.depth.height()), x_(map.depth.size()), y_(map.depth.size()), z_(map.depth.size()) {
+      : width_(map.depth.width()),
+        height_(map.depth.height()),
+        x_(map.depth.size()),
+        y_(map.depth.size()),
+        z_(map.depth.size()) {
     pool.for_each(height_, [&](int row) {
       for (int column = 0; column < width_; ++column) {
         const float depth = map.depth(column, row);
-        const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(column);
+        const std::size_t at =
+            static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(column);
         if (depth <= 0.0F) continue;
         const kernels::Vec3<float> normal = to_vec3(map.normal(column, row));
         const kernels::Vec3<float> plane = kernels::plane_from(

@@ -91,7 +91,7 @@ class RowFuser {
       sums.add(weight_of(other.input->map->confidence.pixels()[at], other_depth), rows[i].implied_depth[column], turned,
                other.input->color->pixels()[at]);
       if (other.later && rows[i].offset_px[column] <= static_cast<float>(options_.spacing_px)) {
-        __atomic_store_n(&(*other.input->covered)[at], std::uint8_t{1}, __ATOMIC_RELAXED);   // rows run in parallel
+        __atomic_store_n(&(*other.input->covered)[at], std::uint8_t{1}, __ATOMIC_RELAXED);  // rows run in parallel
       }
     }
     if (confidence < static_cast<float>(options_.min_confidence)) return;
@@ -124,13 +124,14 @@ KeyframeCloud fuse(const std::vector<FusionInput>& window, std::size_t current, 
   const SphereGrid grid(map.depth.width(), map.depth.height());
   ThreadPool& pool = executor.impl().pool;
   std::vector<PlaneRows> planes;
-  planes.reserve(window.size());   // jobs point into it
+  planes.reserve(window.size());  // jobs point into it
   std::vector<Other> others;
   for (std::size_t i = 0; i < window.size(); ++i) {
     if (i == current) continue;
     const RigidTransform other_from_ref = window[i].map->cam_from_world * map.cam_from_world.inverse();
     planes.emplace_back(*window[i].map, grid, pool);
-    others.push_back({&window[i], i > current,
+    others.push_back({&window[i],
+                      i > current,
                       {grid.tables(), map.depth.pixels().data(), planes.back().view(), to_rigid(other_from_ref)},
                       other_from_ref.rotation.transpose().cast<float>()});
   }

@@ -11,7 +11,7 @@ namespace pmsp {
 
 PlaneImage planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options) {
   PlaneImage planes(width, height, Eigen::Vector3f::Zero());
-  Image<float> nearest(width, height, std::numeric_limits<float>::max());   // squared distance [px]
+  Image<float> nearest(width, height, std::numeric_limits<float>::max());  // squared distance [px]
   const double radius = options.sparse_radius_px;
   for (const Landmark& landmark : keyframe.landmarks) {
     const Eigen::Vector3d p = keyframe.cam_from_world * landmark.position_world;

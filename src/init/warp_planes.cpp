@@ -19,7 +19,8 @@ PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_
   const kernels::Rigid forward = to_rigid(cam_from_previous);
   const kernels::Rigid backward = to_rigid(cam_from_previous.inverse());
   const auto surface_point = [&](int x, int y) {
-    return previous.depth(x, y) * kernels::bearing(grid.sin_lon()[x], grid.cos_lon()[x], grid.sin_lat()[y], grid.cos_lat()[y]);
+    return previous.depth(x, y) *
+           kernels::bearing(grid.sin_lon()[x], grid.cos_lon()[x], grid.sin_lat()[y], grid.cos_lat()[y]);
   };
 
   // Where each pixel goes: independent of each other, on all threads.

@@ -28,11 +28,13 @@ double usefulness(const Keyframe& reference, const Keyframe& other) {
 
 }  // namespace
 
-std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference, int count) {
+std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference,
+                                           int count) {
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     if (i == reference) continue;
-    const double baseline = (sequence[i]->cam_from_world.center() - sequence[reference]->cam_from_world.center()).norm();
+    const double baseline =
+        (sequence[i]->cam_from_world.center() - sequence[reference]->cam_from_world.center()).norm();
     if (!(baseline > 0.0)) continue;
     candidates.push_back({i, i > reference, usefulness(*sequence[reference], *sequence[i])});
   }
@@ -41,7 +43,7 @@ std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& s
   std::vector<std::size_t> chosen;
   std::size_t per_side[2] = {0, 0};
   const std::size_t wanted = static_cast<std::size_t>(count);
-  for (int round = 0; round < 2; ++round) {   // first the best of each side, then whatever is left
+  for (int round = 0; round < 2; ++round) {  // first the best of each side, then whatever is left
     for (const Candidate& candidate : candidates) {
       const bool known = std::find(chosen.begin(), chosen.end(), candidate.index) != chosen.end();
       if (known || chosen.size() >= wanted) continue;

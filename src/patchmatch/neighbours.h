@@ -8,10 +8,11 @@
 
 namespace pmsp {
 
-/// Chooses source keyframes for a depth map among `sequence` (in the order of flight): those whose parallax with the reference
-/// is most useful for matching, from both sides of it where both exist. `count` at most; none from the same place.
-/// Returns indices into `sequence`, the most useful first. Only poses and landmarks are read.
-std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference, int count);
+/// Chooses source keyframes for a depth map among `sequence` (in the order of flight): those whose parallax with the
+/// reference is most useful for matching, from both sides of it where both exist. `count` at most; none from the same
+/// place. Returns indices into `sequence`, the most useful first. Only poses and landmarks are read.
+std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference,
+                                           int count);
 
 /// How far from the reference, in accepted keyframes, neighbours are looked for.
 int neighbour_reach(int count);

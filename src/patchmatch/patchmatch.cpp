@@ -18,8 +18,8 @@ namespace {
 /// Stages of a keyframe that draw random numbers.
 constexpr std::uint32_t kPatchMatchStage = 1;
 
-/// Variance of gray levels that rounding to bytes makes (1 / 12). Patches that vary no more than that score low. More would
-/// cost plaster and bare roofs their depth: noise of the camera itself is averaged away by the resampling.
+/// Variance of gray levels that rounding to bytes makes (1 / 12). Patches that vary no more than that score low. More
+/// would cost plaster and bare roofs their depth: noise of the camera itself is averaged away by the resampling.
 constexpr float kNoiseVariance = 0.1F;
 
 /// Planes in checkerboard order.
@@ -42,7 +42,8 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
                        std::to_string(kernels::kMaxViews));
   }
   for (const PosedPanorama& neighbour : input.neighbours) {
-    if (neighbour.panorama == nullptr || neighbour.panorama->width() != width || neighbour.panorama->height() != height) {
+    if (neighbour.panorama == nullptr || neighbour.panorama->width() != width ||
+        neighbour.panorama->height() != height) {
       throw InvalidInput("patchmatch: a neighbour is missing or not of the reference's size");
     }
   }
@@ -125,8 +126,8 @@ DepthMap to_depth_map(const Planes& planes, const std::vector<float>& score, con
 
 }  // namespace
 
-DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed, const Executor& executor,
-                    PatchMatchStats* stats, const std::atomic<bool>* cancel) {
+DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
+                    const Executor& executor, PatchMatchStats* stats, const std::atomic<bool>* cancel) {
   check(input, options);
   const Panorama& reference = *input.reference.panorama;
   ThreadPool& pool = executor.impl().pool;
@@ -142,17 +143,20 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   Planes planes(grid.size());
   std::vector<float> score(grid.size(), -1.0F);
 
-  const cpu::MatchJob job{
-      {reference.data().gray.view(), views.data(), static_cast<int>(views.size()), make_layout(options, reference.width()),
-       {static_cast<float>(1.0 / input.range.max), static_cast<float>(1.0 / input.range.min),
-        static_cast<float>(min_cos * min_cos)},
-       static_cast<float>(std::log(input.range.max / input.range.min)),
-       kernels::random_key(seed, static_cast<std::uint64_t>(input.keyframe_id), kPatchMatchStage), options.refinements},
-      grid.tables(),
-      {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
-      candidate_views.data(),
-      static_cast<int>(candidate_views.size()),
-      usable.empty() ? nullptr : usable.data()};
+  const cpu::MatchJob job{{reference.data().gray.view(),
+                           views.data(),
+                           static_cast<int>(views.size()),
+                           make_layout(options, reference.width()),
+                           {static_cast<float>(1.0 / input.range.max), static_cast<float>(1.0 / input.range.min),
+                            static_cast<float>(min_cos * min_cos)},
+                           static_cast<float>(std::log(input.range.max / input.range.min)),
+                           kernels::random_key(seed, static_cast<std::uint64_t>(input.keyframe_id), kPatchMatchStage),
+                           options.refinements},
+                          grid.tables(),
+                          {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
+                          candidate_views.data(),
+                          static_cast<int>(candidate_views.size()),
+                          usable.empty() ? nullptr : usable.data()};
 
   const auto cancelled = [&] { return cancel != nullptr && cancel->load(std::memory_order_relaxed); };
   pool.for_each(grid.height(), [&](int y) { rows.start_row(job, y); });

@@ -54,7 +54,7 @@ Image<Eigen::Vector3f> area_resize(ImageView<const Rgb> image, int width, int he
   const std::vector<Span> columns = make_spans(image.width, width);
   const std::vector<Span> rows = make_spans(image.height, height);
   Image<Eigen::Vector3f> result(width, height, Eigen::Vector3f::Zero());
-  constexpr int kRowsPerTask = 16;   // rows share one buffer
+  constexpr int kRowsPerTask = 16;  // rows share one buffer
   pool.for_each((height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
     std::vector<float> sum(static_cast<std::size_t>(image.width) * 3);
     for (int y = task * kRowsPerTask; y < std::min(height, (task + 1) * kRowsPerTask); ++y) {

@@ -8,8 +8,9 @@
 
 namespace pmsp {
 
-/// Resizes an equirectangular image: each target pixel is the mean over the area that it covers (partial pixels by their
-/// share), or, when enlarging, linear interpolation between pixel centres. x wraps. Values stay on the scale 0 to 255.
+/// Resizes an equirectangular image: each target pixel is the mean over the area that it covers (partial pixels by
+/// their share), or, when enlarging, linear interpolation between pixel centres. x wraps. Values stay on the scale 0 to
+/// 255.
 Image<Eigen::Vector3f> area_resize(ImageView<const Rgb> image, int width, int height, ThreadPool& pool);
 
 /// Resizes a mask: 255 where all that a target pixel covers is usable (nonzero), else 0.

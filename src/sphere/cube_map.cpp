@@ -67,7 +67,7 @@ float sample_cubic(const Image<float>& gray, const Pixel<float>& at) {
 /// Fills a cube from a function of direction, then packs its 2 x 2 quads.
 template <class Function>
 CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
-  const int nodes = size + 2;   // the last quad of a row needs one node beyond the border
+  const int nodes = size + 2;  // the last quad of a row needs one node beyond the border
   std::vector<std::uint8_t> values(static_cast<std::size_t>(6 * nodes) * static_cast<std::size_t>(nodes));
   pool.for_each(6 * nodes, [&](int line) {
     const int face = line / nodes;

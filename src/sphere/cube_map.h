@@ -22,7 +22,8 @@ struct CubeMap {
 /// Faces as fine at their centres as an equirectangular image of this width is at the equator.
 int cube_size_for(int width);
 
-/// Resamples a gray equirectangular image (values 0 to 255) by cubic convolution (Catmull-Rom; Keys 1981), rounded to bytes.
+/// Resamples a gray equirectangular image (values 0 to 255) by cubic convolution (Catmull-Rom; Keys 1981), rounded to
+/// bytes.
 CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool);
 
 /// 255 where a patch may be matched, 0 where it would reach into the mask: where any pixel within `radius_rad` is 0.

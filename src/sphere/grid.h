@@ -11,9 +11,9 @@ namespace pmsp {
 /// Longest SIMD batch; tables and rows are padded by as much, so that the last batch of a row may read past its end.
 constexpr int kMaxLanes = 16;
 
-/// Sines and cosines of an equirectangular image's columns and rows, and the checkerboard order in which PatchMatch keeps
-/// its pixels: each row's pixels of colour 0, then those of colour 1, where colour = (x + y) mod 2. The k-th pixel of
-/// colour c in row y is x = 2 k + (y + c) mod 2.
+/// Sines and cosines of an equirectangular image's columns and rows, and the checkerboard order in which PatchMatch
+/// keeps its pixels: each row's pixels of colour 0, then those of colour 1, where colour = (x + y) mod 2. The k-th
+/// pixel of colour c in row y is x = 2 k + (y + c) mod 2.
 class SphereGrid {
  public:
   SphereGrid(int width, int height);
@@ -42,7 +42,8 @@ class SphereGrid {
   const float* cos_lat() const { return cos_lat_.data(); }
 
   cpu::GridTables tables() const {
-    return {width_, height_, {sin_lon(0), sin_lon(1), sin_lon()}, {cos_lon(0), cos_lon(1), cos_lon()}, sin_lat(), cos_lat()};
+    return {width_,    height_,  {sin_lon(0), sin_lon(1), sin_lon()}, {cos_lon(0), cos_lon(1), cos_lon()},
+            sin_lat(), cos_lat()};
   }
 
  private:

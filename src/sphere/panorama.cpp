@@ -36,8 +36,8 @@ void equalize_rows(Image<float>& gray, ThreadPool& pool) {
   pool.for_each(gray.height(), [&](int y) {
     const double lat = (0.5 - (y + 0.5) / gray.height()) * kernels::kPi;
     const double span = std::min(1.0 / std::cos(lat), 0.5 * width);
-    const int reach = static_cast<int>((span - 1.0) / 2.0);                            // whole pixels to each side
-    const float rest = static_cast<float>(((span - 1.0) / 2.0 - reach) / span);        // weight of the partial ones
+    const int reach = static_cast<int>((span - 1.0) / 2.0);                      // whole pixels to each side
+    const float rest = static_cast<float>(((span - 1.0) / 2.0 - reach) / span);  // weight of the partial ones
     const float whole = static_cast<float>(1.0 / span);
     if (reach == 0 && rest < 0.02F) return;
     const std::vector<float> row(gray.row(y), gray.row(y) + width);
@@ -61,7 +61,7 @@ Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mas
   const Image<Eigen::Vector3f> resized = area_resize(image, width, height, pool);
   data_->color = Image<Rgb>(width, height);
   Image<float> gray(width, height);
-  const Eigen::Vector3f luma(0.299F, 0.587F, 0.114F);   // ITU-R BT.601
+  const Eigen::Vector3f luma(0.299F, 0.587F, 0.114F);  // ITU-R BT.601
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const Eigen::Vector3f& value = resized(x, y);
@@ -75,7 +75,7 @@ Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mas
   data_->gray = make_cube_map(gray, size, pool);
   if (mask.empty()) return;
   data_->usable = shrink_mask(mask, width, height);
-  constexpr double kPatchReachPx = 3.0;   // samples within this of the centre carry most of a patch's weight
+  constexpr double kPatchReachPx = 3.0;  // samples within this of the centre carry most of a patch's weight
   data_->matchable = make_usable_cube(data_->usable, size, kPatchReachPx * 2.0 * kernels::kPi / width, pool);
 }
 

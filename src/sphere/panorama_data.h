@@ -8,9 +8,9 @@ namespace pmsp {
 
 struct Panorama::Data {
   Image<Rgb> color;
-  Image<std::uint8_t> usable;   ///< empty without a mask
+  Image<std::uint8_t> usable;  ///< empty without a mask
   CubeMap gray;
-  CubeMap matchable;            ///< where neighbours may be sampled; empty without a mask
+  CubeMap matchable;  ///< where neighbours may be sampled; empty without a mask
 };
 
 }  // namespace pmsp

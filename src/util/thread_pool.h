@@ -21,8 +21,8 @@ class ThreadPool {
 
   int threads() const { return static_cast<int>(workers_.size()) + 1; }
 
-  /// Calls body(i) for each i in [0, count), in any order, on all threads; returns when all are done. The first exception
-  /// is rethrown. Not re-entrant: body must not call for_each of the same pool.
+  /// Calls body(i) for each i in [0, count), in any order, on all threads; returns when all are done. The first
+  /// exception is rethrown. Not re-entrant: body must not call for_each of the same pool.
   void for_each(int count, const std::function<void(int)>& body);
 
  private:

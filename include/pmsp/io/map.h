@@ -33,32 +33,33 @@ struct MapObservation {
 
 struct MapKeyframe {
   std::int64_t id = 0;
-  double timestamp = 0.0;                      ///< what the SLAM was fed [s]
-  std::optional<std::int64_t> source_frame;    ///< index of the frame among those fed; only in maps before stella_vslam 0.3.6
-  int camera = 0;                              ///< index into SlamMap::cameras
-  RigidTransform cam_from_world;               ///< for pixel centres at index + 0.5, see SlamMap
-  std::vector<MapObservation> observations;    ///< of landmarks that exist in the map, each once
+  double timestamp = 0.0;  ///< what the SLAM was fed [s]
+  std::optional<std::int64_t>
+      source_frame;               ///< index of the frame among those fed; only in maps before stella_vslam 0.3.6
+  int camera = 0;                 ///< index into SlamMap::cameras
+  RigidTransform cam_from_world;  ///< for pixel centres at index + 0.5, see SlamMap
+  std::vector<MapObservation> observations;  ///< of landmarks that exist in the map, each once
 };
 
 struct MapLandmark {
   std::int64_t id = 0;
-  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();   ///< [scene units]
+  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();  ///< [scene units]
 };
 
 /// What a SLAM left: cameras, keyframes and landmarks, without descriptors.
 ///
 /// The SLAM programs put the centre of the first pixel at 0 where this library puts it at 0.5. In longitude that is a
-/// constant turn of the camera by half a pixel, which their poses have absorbed; the readers turn it back (cam_from_world
-/// = Ry(+pi / width) * cam_from_world of the file). In latitude half a pixel remains in the landmarks. Nothing outside the
-/// readers knows of the offset.
+/// constant turn of the camera by half a pixel, which their poses have absorbed; the readers turn it back
+/// (cam_from_world = Ry(+pi / width) * cam_from_world of the file). In latitude half a pixel remains in the landmarks.
+/// Nothing outside the readers knows of the offset.
 struct SlamMap {
   std::filesystem::path path;
-  std::string format;                  ///< for people, e.g. "stella_vslam >= 0.3.6, MessagePack"
-  std::vector<MapCamera> cameras;      ///< ascending name, unique
-  std::vector<MapKeyframe> keyframes;  ///< ascending id, unique
-  std::vector<MapLandmark> landmarks;  ///< ascending id, unique
-  std::size_t observations_skipped = 0;       ///< they name landmarks that are not in the map
-  std::size_t observations_repeated = 0;      ///< the same landmark more than once in one keyframe; the first one is kept
+  std::string format;                     ///< for people, e.g. "stella_vslam >= 0.3.6, MessagePack"
+  std::vector<MapCamera> cameras;         ///< ascending name, unique
+  std::vector<MapKeyframe> keyframes;     ///< ascending id, unique
+  std::vector<MapLandmark> landmarks;     ///< ascending id, unique
+  std::size_t observations_skipped = 0;   ///< they name landmarks that are not in the map
+  std::size_t observations_repeated = 0;  ///< the same landmark more than once in one keyframe; the first one is kept
 
   /// nullptr when there is no such id.
   const MapLandmark* find_landmark(std::int64_t id) const;
@@ -68,8 +69,8 @@ struct SlamMap {
 /// Reads a map of OpenVSLAM or stella_vslam: MessagePack of every version up to 0.6, or stella_vslam's SQLite database.
 /// The format is told by content, never by the file's name. Memory stays in proportion to keyframes and landmarks:
 /// descriptors are skipped as they stream by.
-/// Throws IoError when the file cannot be read, InvalidInput (naming file, key and what was expected) when it is no such
-/// map, is truncated or broken, holds no keyframe, or has a camera that is not equirectangular.
+/// Throws IoError when the file cannot be read, InvalidInput (naming file, key and what was expected) when it is no
+/// such map, is truncated or broken, holds no keyframe, or has a camera that is not equirectangular.
 SlamMap read_map(const std::filesystem::path& path);
 
 }  // namespace pmsp

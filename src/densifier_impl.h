@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "patchmatch/neighbours.h"
+#include "pmsp/densifier.h"
+#include "pmsp/executor.h"
+#include "pmsp/panorama.h"
+#include "pmsp/view_filter.h"
+
+namespace pmsp {
+
+/// An accepted keyframe on its way through the stages.
+struct View {
+  Keyframe keyframe;  ///< its image and mask are gone; what is left of them is in the panorama
+  Panorama panorama;
+  DepthMap median;  ///< after PatchMatch and the median filter
+  DepthMap map;     ///< after the consistency filter
+  std::vector<std::uint8_t> covered;
+};
+
+/// Stages run as soon as the keyframes that they look at are there: matching waits for `match_ahead` keyframes after
+/// its own, the consistency filter for the maps of `filter_ahead`, fusion for `fuse_ahead`. Indices count from the
+/// start of the sequence.
+struct Densifier::Impl {
+  Impl(const DensifierOptions& given, DensifierCallbacks to)
+      : options(given), callbacks(std::move(to)), executor(given.threads, given.simd), view_filter(given.view_filter) {
+    options.threads = executor.threads();
+    options.simd = executor.simd();
+  }
+
+  View& view(std::int64_t i) { return views[static_cast<std::size_t>(i - first)]; }
+  std::int64_t end() const { return first + static_cast<std::int64_t>(views.size()); }
+  bool stopped() const { return cancel.load(std::memory_order_relaxed); }
+
+  std::int64_t match_ahead() const { return neighbour_reach(options.patchmatch.neighbours); }
+  std::int64_t filter_ahead() const { return options.consistency.enabled ? (options.consistency.window - 1) / 2 : 0; }
+  std::int64_t fuse_ahead() const { return (options.fusion.window - 1) / 2; }
+
+  void prepare(const Keyframe& keyframe);
+  void advance(bool last);
+  void match(std::int64_t i);
+  void filter(std::int64_t i);
+  void fuse_view(std::int64_t i);
+  void forget();
+
+  DensifierOptions options;
+  DensifierCallbacks callbacks;
+  Executor executor;
+  ViewFilter view_filter;
+  DensifierStats stats;
+  std::atomic<bool> cancel{false};
+  std::set<std::int64_t> ids;
+  std::deque<View> views;
+  std::int64_t first = 0;  ///< index of views.front()
+  std::int64_t next_match = 0;
+  std::int64_t next_filter = 0;
+  std::int64_t next_fuse = 0;
+};
+
+}  // namespace pmsp
