@@ -41,7 +41,7 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Pla
   const F along_ray = dot(plane, turned);
   const F rest = F(1) - dot(plane, t);
   const auto valid = (closeness > F(0)) & (along_ray > F(0)) & (rest > F(0));
-  const F dx = at.x - from_int<F>(column_index) - F(0.5F);
+  const F dx = at.x - whole(at.x) - F(0.5F);  // not the column: the right border is column 0
   const F dy = at.y - from_int<F>(row_index) - F(0.5F);
   const F horizontal = sqrt(fma(p.x, p.x, p.z * p.z) / dot(p, p));  // cosine of the latitude
   return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)),

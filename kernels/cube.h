@@ -15,7 +15,7 @@ namespace pmsp::kernels {
 struct CubeView {
   const std::uint32_t* quads;
   float half_size;             ///< size / 2
-  float row_elements;          ///< size + 1
+  std::int32_t row_elements;   ///< size + 1
   std::int32_t face_elements;  ///< (size + 1)^2
 };
 
@@ -52,7 +52,7 @@ PMSP_HD F sample(const CubeView& cube, const Vec3<F>& p) {
   const CubePoint<F> at = cube_point(p, cube);
   const F iu = whole(at.u);
   const F iv = whole(at.v);
-  const I index = at.face_start + to_int(fma(iv, F(cube.row_elements), iu));
+  const I index = at.face_start + to_int(iv) * I(cube.row_elements) + to_int(iu);
   const U quad = gather<F>(cube.quads, index);
   const F t00 = from_uint<F>(U(quad & U(255U)));
   const F t10 = from_uint<F>(U((quad >> 8) & U(255U)));

@@ -53,6 +53,7 @@ PMSP_HD float select(bool mask, float a, float b) { return mask ? a : b; }
 PMSP_HD double select(bool mask, double a, double b) { return mask ? a : b; }
 
 PMSP_HD bool any(bool mask) { return mask; }
+PMSP_HD bool all(bool mask) { return mask; }
 PMSP_HD float min(float a, float b) { return b < a ? b : a; }
 PMSP_HD double min(double a, double b) { return b < a ? b : a; }
 PMSP_HD float max(float a, float b) { return a < b ? b : a; }

@@ -18,6 +18,8 @@ constexpr int kMaxViews = 8;  ///< neighbour views of one depth map
 /// How patches are taken. All of it is the same for all pixels.
 struct PatchLayout {
   float spacing;                      ///< distance of samples on the tangent plane (tangent of the angle)
+  float fine_spacing;                 ///< the same where the fine patch has texture enough to be told from others
+  float fine_variance;                ///< that much: variance [gray levels squared]
   float color_factor;                 ///< -1 / (2 sigma_color^2)
   float space_weight[kPatchSamples];  ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
   float min_variance;                 ///< variance (gray levels squared) that is noise rather than texture

@@ -35,14 +35,24 @@ struct Visit {
   ReferencePatch<F> patch;
 };
 
+/// A fine patch keeps edges where they are; a coarse one is needed where there is little texture. Each pixel gets the
+/// fine one if that varies enough.
 template <class F>
 PMSP_HD void begin_visit(Visit<F>& visit, const Matching& m, const F& sin_lon, const F& cos_lon, const F& sin_lat,
                          const F& cos_lat) {
-  const F spacing(m.layout.spacing);
-  visit.frame = {bearing(sin_lon, cos_lon, sin_lat, cos_lat), spacing * tangent_right(sin_lon, cos_lon),
-                 spacing * tangent_down(sin_lon, cos_lon, sin_lat, cos_lat)};
-  for (int view = 0; view < m.num_views; ++view) visit.turned[view] = rotated(visit.frame, m.views[view]);
+  const Vec3<F> right = tangent_right(sin_lon, cos_lon);
+  const Vec3<F> down = tangent_down(sin_lon, cos_lon, sin_lat, cos_lat);
+  const F fine(m.layout.fine_spacing);
+  visit.frame = {bearing(sin_lon, cos_lon, sin_lat, cos_lat), fine * right, fine * down};
   visit.patch = reference_patch(m.reference, visit.frame, m.layout);
+  const auto textured = visit.patch.variance > F(m.layout.fine_variance);
+  if (!all(textured)) {
+    const F spacing = select(textured, fine, F(m.layout.spacing));
+    visit.frame.right = spacing * right;
+    visit.frame.down = spacing * down;
+    visit.patch = reference_patch(m.reference, visit.frame, m.layout);
+  }
+  for (int view = 0; view < m.num_views; ++view) visit.turned[view] = rotated(visit.frame, m.views[view]);
 }
 
 /// Scores a plane and keeps it where it is allowed and better.

@@ -46,8 +46,8 @@ PMSP_HD Vec3<F> random_plane(const RandomKey& key, const UIntOf<F>& pixel, std::
   return plane_from(inverse_depth, select(facing, normal, F(-1) * bearing), bearing);
 }
 
-/// The plane moved at random: depth by a relative step of at most `depth_step`, unit normal by at most `normal_step`
-/// along each axis. Draws 0 to 3.
+/// The plane moved at random: inverse depth by a relative step of at most `depth_step`, unit normal by at most
+/// `normal_step` along each axis. Draws 0 to 3.
 template <class F>
 PMSP_HD Vec3<F> perturbed(const Vec3<F>& plane, const RandomKey& key, const UIntOf<F>& pixel, std::uint32_t draw,
                           const Vec3<F>& bearing, const F& depth_step, const F& normal_step) {

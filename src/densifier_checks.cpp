@@ -17,6 +17,9 @@ constexpr int kLargestWidth = 5760;
 
 std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
+/// Finite, and small enough that products of coordinates stay inside the range of single precision.
+bool is_reasonable(const Eigen::Vector3d& position) { return position.allFinite() && position.norm() <= 1e12; }
+
 int even(int value) { return std::max(2, value / 2 * 2); }
 
 }  // namespace
@@ -25,9 +28,9 @@ void check_keyframe(const Keyframe& keyframe) {
   const std::string who = "keyframe " + std::to_string(keyframe.id) + ": ";
   const auto& image = keyframe.image;
   const auto& mask = keyframe.mask;
-  if (image.empty() || image.width % 2 != 0 || image.height % 2 != 0) {
+  if (image.width < 16 || image.height < 8 || image.width % 2 != 0 || image.height % 2 != 0 || image.empty()) {
     throw InvalidInput(who + "the image is " + size_text(image.width, image.height) +
-                       "; expected an even width and height");
+                       "; expected an even width from 16 and an even height from 8");
   }
   if (!mask.empty() && (mask.width != image.width || mask.height != image.height)) {
     throw InvalidInput(who + "the mask is " + size_text(mask.width, mask.height) + ", the image " +
@@ -36,13 +39,15 @@ void check_keyframe(const Keyframe& keyframe) {
   const Eigen::Matrix3d& r = keyframe.cam_from_world.rotation;
   const bool rotation =
       r.allFinite() && (r * r.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-3 && r.determinant() > 0;
-  if (!rotation || !keyframe.cam_from_world.translation.allFinite()) {
+  if (!rotation || !is_reasonable(keyframe.cam_from_world.translation)) {
     throw InvalidInput(who +
-                       "cam_from_world is no rigid transform; expected an orthonormal rotation and finite numbers");
+                       "cam_from_world is no rigid transform; expected an orthonormal rotation and a translation "
+                       "within 1e12 scene units");
   }
   for (const Landmark& landmark : keyframe.landmarks) {
-    if (!landmark.position_world.allFinite()) {
-      throw InvalidInput(who + "landmark " + std::to_string(landmark.id) + " has a position that is not finite");
+    if (!is_reasonable(landmark.position_world)) {
+      throw InvalidInput(who + "landmark " + std::to_string(landmark.id) +
+                         " is not at a finite position within 1e12 scene units");
     }
   }
 }

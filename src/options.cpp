@@ -44,6 +44,8 @@ void PatchMatchOptions::validate() const {
   check("patchmatch.neighbours", neighbours, 1, 8);
   check("patchmatch.refinements", refinements, 0, 32);
   check("patchmatch.patch_spacing_px", patch_spacing_px, 0.5, 8.0);
+  check("patchmatch.fine_patch", fine_patch, 0.1, 1.0);
+  check("patchmatch.fine_patch_contrast", fine_patch_contrast, 0.0, 255.0);
   check("patchmatch.sigma_color", sigma_color, 1.0, 1000.0);
   check("patchmatch.sigma_space_px", sigma_space_px, 0.5, 100.0);
   check("patchmatch.max_slant_deg", max_slant_deg, 10.0, 89.0);

@@ -37,10 +37,12 @@ struct PatchMatchOptions {
   int neighbours = 2;   ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   int refinements = 6;  ///< random draws per pixel and iteration, 0 to 32
   double patch_spacing_px =
-      2.0;                      ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
-  double sigma_color = 20.0;    ///< bilateral weight: gray levels (0 to 255), 1 to 1000
-  double sigma_space_px = 5.0;  ///< bilateral weight: pixels of the depth map, 0.5 to 100
-  double max_slant_deg = 80.0;  ///< largest angle between a plane's normal and the ray [deg], 10 to 89
+      2.0;                  ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
+  double fine_patch = 0.6;  ///< size of the patch of textured pixels, relative to that of others, 0.1 to 1
+  double fine_patch_contrast = 3.0;  ///< standard deviation that makes a patch textured [gray levels], 0 to 255
+  double sigma_color = 20.0;         ///< bilateral weight: gray levels (0 to 255), 1 to 1000
+  double sigma_space_px = 5.0;       ///< bilateral weight: pixels of the depth map, 0.5 to 100
+  double max_slant_deg = 80.0;       ///< largest angle between a plane's normal and the ray [deg], 10 to 89
 
   void validate() const;
 };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 #include <string>
 #include <utility>
 
@@ -52,15 +53,25 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
       throw InvalidInput("patchmatch: candidate planes are not of the reference's size");
     }
   }
-  if (!(input.range.min > 0.0) || !(input.range.max > input.range.min) || !std::isfinite(input.range.max)) {
-    throw InvalidInput("patchmatch: the depth range is " + std::to_string(input.range.min) + " to " +
-                       std::to_string(input.range.max) + "; expected 0 < min < max");
+  // Products of these numbers must stay inside the range of single precision.
+  if (!(input.range.min >= 1e-12) || !(input.range.max > input.range.min) || !(input.range.max <= 1e12)) {
+    std::ostringstream text;
+    text << "patchmatch: the depth range is " << input.range.min << " to " << input.range.max
+         << "; expected 1e-12 <= min < max <= 1e12";
+    throw InvalidInput(text.str());
+  }
+  for (const PosedPanorama& neighbour : input.neighbours) {
+    const double distance = (neighbour.cam_from_world.center() - input.reference.cam_from_world.center()).norm();
+    if (!(distance <= 4e12)) throw InvalidInput("patchmatch: a neighbour is more than 4e12 scene units away");
   }
 }
 
 kernels::PatchLayout make_layout(const PatchMatchOptions& options, int width) {
   kernels::PatchLayout layout{};
-  layout.spacing = static_cast<float>(std::tan(options.patch_spacing_px * 2.0 * kernels::kPi / width));
+  const auto spacing = [&](double pixels) { return static_cast<float>(std::tan(pixels * 2.0 * kernels::kPi / width)); };
+  layout.spacing = spacing(options.patch_spacing_px);
+  layout.fine_spacing = spacing(options.patch_spacing_px * options.fine_patch);
+  layout.fine_variance = static_cast<float>(options.fine_patch_contrast * options.fine_patch_contrast);
   layout.color_factor = static_cast<float>(-0.5 / (options.sigma_color * options.sigma_color));
   layout.min_variance = kNoiseVariance;
   const double steps = options.sigma_space_px / options.patch_spacing_px;

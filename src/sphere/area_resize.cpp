@@ -22,7 +22,7 @@ std::vector<Span> make_spans(int source, int target) {
     if (scale >= 1.0) {
       const double low = i * scale;
       const double high = std::min<double>((i + 1) * scale, source);
-      span.first = static_cast<int>(low);
+      span.first = static_cast<int>(low + 1e-9);  // i * scale may miss a whole number by a rounding error
       for (int k = span.first; k < high; ++k) {
         const double share = std::min(k + 1.0, high) - std::max<double>(k, low);
         if (share > 1e-9) span.weights.push_back(static_cast<float>(share / scale));

@@ -91,11 +91,32 @@ CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
   return cube;
 }
 
+/// 0 wherever a pixel of the image is 0 within `radius_px` (pixels at the equator), 255 elsewhere.
+Image<std::uint8_t> eroded(const Image<std::uint8_t>& usable, double radius_px) {
+  const int width = usable.width();
+  const int height = usable.height();
+  Image<std::uint8_t> result(width, height, 255);
+  const int rows = static_cast<int>(std::ceil(radius_px));
+  for (int y = 0; y < height; ++y) {
+    for (int dy = -rows; dy <= rows; ++dy) {
+      const int to = y + dy;
+      if (to < 0 || to >= height) continue;
+      const double narrowing = std::cos((0.5 - (to + 0.5) / height) * kernels::kPi);
+      const double across = std::sqrt(std::max(radius_px * radius_px - dy * dy, 0.0)) / std::max(narrowing, 1e-6);
+      const int reach = static_cast<int>(std::min(std::ceil(across), 0.5 * width));
+      for (int x = 0; x < width; ++x) {
+        if (usable(x, y) != 0) continue;
+        for (int dx = -reach; dx <= reach; ++dx) result((x + dx + width) % width, to) = 0;
+      }
+    }
+  }
+  return result;
+}
+
 }  // namespace
 
 kernels::CubeView CubeMap::view() const {
-  return {quads.empty() ? nullptr : quads.data(), 0.5F * static_cast<float>(size), static_cast<float>(size + 1),
-          (size + 1) * (size + 1)};
+  return {quads.empty() ? nullptr : quads.data(), 0.5F * static_cast<float>(size), size + 1, (size + 1) * (size + 1)};
 }
 
 int cube_size_for(int width) { return std::max(8, 2 * static_cast<int>(std::lround(width / (2.0 * kernels::kPi)))); }
@@ -109,28 +130,13 @@ CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool) {
   });
 }
 
-CubeMap make_usable_cube(const Image<std::uint8_t>& usable, int size, double radius_rad, ThreadPool& pool) {
+CubeMap make_usable_cube(const Image<std::uint8_t>& usable, int size, double radius_px, ThreadPool& pool) {
   const float width = static_cast<float>(usable.width());
   const float height = static_cast<float>(usable.height());
-  const float reach = static_cast<float>(std::tan(radius_rad));
+  const Image<std::uint8_t> inside = eroded(usable, radius_px);
   return fill_cube(size, pool, [&](const Vec3<float>& direction) {
-    const Vec3<float> center = kernels::normalized(direction);
-    const Vec3<float> helper = std::fabs(center.y) < 0.9F ? Vec3<float>{0, 1, 0} : Vec3<float>{1, 0, 0};
-    const Vec3<float> right = kernels::normalized(Vec3<float>{center.y * helper.z - center.z * helper.y,
-                                                              center.z * helper.x - center.x * helper.z,
-                                                              center.x * helper.y - center.y * helper.x});
-    const Vec3<float> down{center.y * right.z - center.z * right.y, center.z * right.x - center.x * right.z,
-                           center.x * right.y - center.y * right.x};
-    for (int j = -1; j <= 1; ++j) {
-      for (int i = -1; i <= 1; ++i) {
-        const Vec3<float> p = center + (reach * static_cast<float>(i)) * right + (reach * static_cast<float>(j)) * down;
-        const Pixel<float> at = kernels::project(p, width, height);
-        if (usable(kernels::column(at.x, usable.width()), kernels::row(at.y, usable.height())) == 0) {
-          return std::uint8_t{0};
-        }
-      }
-    }
-    return std::uint8_t{255};
+    const Pixel<float> at = kernels::project(direction, width, height);
+    return inside(kernels::column(at.x, usable.width()), kernels::row(at.y, usable.height()));
   });
 }
 

@@ -26,7 +26,8 @@ int cube_size_for(int width);
 /// bytes.
 CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool);
 
-/// 255 where a patch may be matched, 0 where it would reach into the mask: where any pixel within `radius_rad` is 0.
-CubeMap make_usable_cube(const Image<std::uint8_t>& usable, int size, double radius_rad, ThreadPool& pool);
+/// 255 where a patch may be matched, 0 where it would reach into the mask: where any pixel is 0 within
+/// `radius_px`, counted in pixels at the equator.
+CubeMap make_usable_cube(const Image<std::uint8_t>& usable, int size, double radius_px, ThreadPool& pool);
 
 }  // namespace pmsp

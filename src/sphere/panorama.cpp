@@ -21,8 +21,9 @@ void check(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int w
   if (image.empty() || image.width % 2 != 0 || image.height % 2 != 0) {
     throw InvalidInput("the image is " + size_text(image.width, image.height) + "; expected an even width and height");
   }
-  if (width < 2 || height < 2 || width % 2 != 0 || height % 2 != 0) {
-    throw InvalidInput("the depth map is to be " + size_text(width, height) + "; expected an even width and height");
+  if (width < 16 || height < 8 || width % 2 != 0 || height % 2 != 0) {
+    throw InvalidInput("the depth map is to be " + size_text(width, height) +
+                       "; expected an even width from 16 and an even height from 8");
   }
   if (!mask.empty() && (mask.width != image.width || mask.height != image.height)) {
     throw InvalidInput("the mask is " + size_text(mask.width, mask.height) + ", the image " +
@@ -76,7 +77,7 @@ Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mas
   if (mask.empty()) return;
   data_->usable = shrink_mask(mask, width, height);
   constexpr double kPatchReachPx = 3.0;  // samples within this of the centre carry most of a patch's weight
-  data_->matchable = make_usable_cube(data_->usable, size, kPatchReachPx * 2.0 * kernels::kPi / width, pool);
+  data_->matchable = make_usable_cube(data_->usable, size, kPatchReachPx, pool);
 }
 
 Panorama::~Panorama() = default;

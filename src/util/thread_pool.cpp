@@ -2,6 +2,7 @@
 #include "util/thread_pool.h"
 
 #include <algorithm>
+#include <system_error>
 #include <utility>
 
 #if defined(__linux__)
@@ -21,7 +22,11 @@ int usable_cpus() {
 ThreadPool::ThreadPool(int threads) {
   const int wanted = threads > 0 ? threads : usable_cpus();
   workers_.reserve(static_cast<std::size_t>(wanted - 1));
-  for (int i = 1; i < wanted; ++i) workers_.emplace_back([this] { work(); });
+  try {
+    for (int i = 1; i < wanted; ++i) workers_.emplace_back([this] { work(); });
+  } catch (const std::system_error&) {
+    // The system has no more threads to give; the work gets done by those that are there.
+  }
 }
 
 ThreadPool::~ThreadPool() {

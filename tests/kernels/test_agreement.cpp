@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include "agreement.h"
+#include "kernels/helpers.h"
+
+using namespace pmsp;
+using pmsp::kernels::Vec3;
+using pmsp::test::cast;
+using pmsp::test::Draws;
+using pmsp::test::frame_at;
+namespace k = pmsp::kernels;
+
+namespace {
+
+constexpr int kWidth = 320;
+constexpr int kHeight = 160;
+
+/// The planes of a map, given as a function of the pixel's bearing.
+struct PlaneMap {
+  explicit PlaneMap(const std::function<Vec3<double>(const Vec3<double>&)>& plane_at)
+      : x(kWidth * kHeight), y(x.size()), z(x.size()) {
+    for (int row = 0; row < kHeight; ++row) {
+      for (int column = 0; column < kWidth; ++column) {
+        const std::size_t at = static_cast<std::size_t>(row * kWidth + column);
+        const Vec3<float> plane = cast<float>(plane_at(frame_at(column + 0.5, row + 0.5, kWidth, kHeight).bearing));
+        x[at] = plane.x;
+        y[at] = plane.y;
+        z[at] = plane.z;
+      }
+    }
+  }
+  k::PlaneMapView view() const { return {x.data(), y.data(), z.data(), kWidth, kHeight}; }
+
+  std::vector<float> x, y, z;
+};
+
+Vec3<double> apply(const RigidTransform& transform, const Vec3<double>& p) {
+  const Eigen::Vector3d q = transform * Eigen::Vector3d(p.x, p.y, p.z);
+  return {q.x(), q.y(), q.z()};
+}
+
+const Vec3<double> kWall{0.1, -0.2, 0.45};  // a plane of the other camera, at about 2
+
+PlaneMap wall_map() {
+  return PlaneMap([](const Vec3<double>& bearing) {
+    return k::dot(kWall, bearing) > 0.05 ? kWall : Vec3<double>{0.0, 0.0, 0.0};
+  });
+}
+
+const k::Rigid kIdentity{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}};
+
+}  // namespace
+
+TEST_CASE("agreement with a plane: closeness is the ratio of the ranges, the implied depth is exact") {
+  const PlaneMap map = wall_map();
+  Draws draws(1);
+  int tested = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const RigidTransform other_from_first = draws.transform(kernels::kPi, 0.5);
+    const Vec3<double> seen_from_other = draws.direction();
+    const double height = k::dot(kWall, seen_from_other);
+    if (height < 0.15) continue;
+    const double ratio = draws.uniform(0.7, 1.4);
+    const Vec3<double> point = apply(other_from_first.inverse(), (ratio / height) * seen_from_other);
+    const double depth = test::length(point);
+    const Vec3<double> bearing = (1.0 / depth) * point;
+    const auto seen =
+        k::agreement(cast<float>(bearing), static_cast<float>(depth), map.view(), to_rigid(other_from_first));
+    REQUIRE(seen.closeness == Approx(ratio).epsilon(1e-4));
+    // where the first camera's ray meets the plane
+    const Eigen::Vector3d turned = other_from_first.rotation * Eigen::Vector3d(bearing.x, bearing.y, bearing.z);
+    const double along = k::dot(kWall, {turned.x(), turned.y(), turned.z()});
+    const Vec3<double> origin = apply(other_from_first, {0.0, 0.0, 0.0});
+    if (along < 0.05) continue;
+    REQUIRE(seen.implied_depth == Approx((1.0 - k::dot(kWall, origin)) / along).epsilon(1e-3));
+    const k::Pixel<double> at = k::project_exactly(seen_from_other, kWidth, kHeight);
+    const double dx = at.x - std::floor(at.x) - 0.5;
+    const double dy = at.y - std::floor(at.y) - 0.5;
+    const double margin = 0.5 - std::max(std::fabs(dx), std::fabs(dy));
+    if (margin < 1e-3) continue;
+    REQUIRE(seen.index == static_cast<int>(at.y) * kWidth + static_cast<int>(at.x));
+    const double cos_latitude = std::hypot(seen_from_other.x, seen_from_other.z);
+    REQUIRE(seen.offset_px == Approx(std::hypot(dx * cos_latitude, dy)).margin(1e-3));
+    ++tested;
+  }
+  CHECK(tested > 2000);
+}
+
+TEST_CASE("agreement: the same surface seen from elsewhere is 1, on a sphere up to its curvature within a pixel") {
+  // both cameras inside a sphere of radius 3
+  const Eigen::Vector3d center(0.3, -0.2, 0.4);  // in the other camera's frame
+  const auto range = [&](const Vec3<double>& bearing) {
+    const double b = bearing.x * center.x() + bearing.y * center.y() + bearing.z * center.z();
+    return b + std::sqrt(b * b - center.squaredNorm() + 9.0);
+  };
+  const PlaneMap map([&](const Vec3<double>& bearing) {
+    const double depth = range(bearing);
+    const Vec3<double> outward = depth * bearing - Vec3<double>{center.x(), center.y(), center.z()};
+    return k::plane_from(1.0 / depth, -1.0 * outward, bearing);
+  });
+  Draws draws(2);
+  double worst = 0.0;
+  double worst_implied = 0.0;
+  for (int i = 0; i < 10000; ++i) {
+    const RigidTransform other_from_first = draws.transform(kernels::kPi, 0.5);
+    const Vec3<double> direction = draws.direction();
+    const Vec3<double> point = apply(other_from_first.inverse(), range(direction) * direction);
+    const double depth = test::length(point);
+    const auto seen = k::agreement(cast<float>((1.0 / depth) * point), static_cast<float>(depth), map.view(),
+                                   to_rigid(other_from_first));
+    worst = std::max(worst, std::fabs(seen.closeness - 1.0));
+    worst_implied = std::max(worst_implied, std::fabs(seen.implied_depth / depth - 1.0));
+  }
+  INFO(worst << " " << worst_implied);
+  CHECK(worst < 3e-4);
+  CHECK(worst_implied < 3e-4);
+}
+
+TEST_CASE("agreement: nothing there, behind the other map's surface, or behind the camera gives 0") {
+  const PlaneMap map = wall_map();
+  const auto closeness = [&](const Vec3<double>& point, const k::Rigid& other_from_first) {
+    const double depth = test::length(point);
+    const auto seen =
+        k::agreement(cast<float>((1.0 / depth) * point), static_cast<float>(depth), map.view(), other_from_first);
+    CHECK(std::isfinite(seen.implied_depth));
+    CHECK(std::isfinite(seen.offset_px));
+    return seen.closeness;
+  };
+  CHECK(closeness({0.0, 0.0, 2.0}, kIdentity) == Approx(0.9));
+  CHECK(closeness({0.0, 0.0, -2.0}, kIdentity) == 0.0F);  // the map has no plane there
+  // the first camera stands behind the other one's wall
+  const k::Rigid behind{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 5}};
+  CHECK(closeness({0.0, 0.0, 1.0}, behind) == 0.0F);
+}
+
+TEST_CASE("agreement: index and offset at pixel centres, corners, seam and poles") {
+  const PlaneMap map([](const Vec3<double>& bearing) { return 0.5 * bearing; });
+  const auto at = [&](double x, double y) {
+    const Vec3<double> bearing = frame_at(x, y, kWidth, kHeight).bearing;
+    return k::agreement(cast<float>(bearing), 2.0F, map.view(), kIdentity);
+  };
+  for (const int x : {0, 1, 160, 318, 319}) {
+    for (const int y : {0, 1, 80, 158, 159}) {
+      const auto seen = at(x + 0.5, y + 0.5);
+      CHECK(seen.index == y * kWidth + x);
+      CHECK(seen.offset_px < 1e-3F);
+      CHECK(seen.closeness == Approx(1.0).epsilon(1e-5));
+      CHECK(seen.implied_depth == Approx(2.0).epsilon(1e-5));
+    }
+  }
+  CHECK(at(319.9, 80.5).index == 80 * kWidth + 319);
+  CHECK(at(319.9, 80.5).offset_px == Approx(0.4).margin(1e-3));
+  CHECK(at(0.1, 80.5).index == 80 * kWidth);
+  CHECK(at(0.1, 80.5).offset_px == Approx(0.4).margin(1e-3));
+  CHECK(at(100.5, 0.1).offset_px == Approx(0.4).margin(1e-3));
+  CHECK(at(100.9, 40.5).offset_px == Approx(0.4 * std::sin(40.5 / 160.0 * kernels::kPi)).margin(1e-3));
+}
+
+TEST_CASE("agreement: a point exactly on the seam is half a pixel from the centre of its pixel") {
+  const PlaneMap map([](const Vec3<double>& bearing) { return 0.5 * bearing; });
+  for (const float x : {-1e-6F, -1e-8F, -1e-12F, 0.0F, 1e-12F, 1e-8F, 1e-6F}) {
+    const auto seen = k::agreement(Vec3<float>{x, 0.0F, -1.0F}, 2.0F, map.view(), kIdentity);
+    INFO("x " << x << ", index " << seen.index);
+    CHECK(seen.offset_px == Approx(std::sqrt(0.5)).margin(2e-2));  // the equator lies between two rows
+  }
+}
