@@ -91,7 +91,7 @@ DensifierOptions preset(Quality quality) {
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
   options.consistency.window = 7;
   options.consistency.min_views = 4;
-  options.fusion.spacing_px = 0.8;  // pixels are small here; a finer cloud would hold little but repetitions
+  options.fusion.spacing_px = 0.5;  // pixels are small here; a finer cloud would hold little but repetitions
   return options;
 }
 

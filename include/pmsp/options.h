@@ -69,7 +69,7 @@ struct ConsistencyFilterOptions {
 /// Joins depth maps into a cloud without duplicates.
 struct FusionOptions {
   int window = 5;                    ///< depth maps that are joined with each other, 1 to 31
-  double spacing_px = 0.4;           ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
+  double spacing_px = 0.3;           ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
   double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
   double max_normal_deg = 60.0;      ///< angle of normals up to which they are one surface [deg], 0 to 180
   double min_confidence = 0.0;       ///< points below are not written, 0 to 1

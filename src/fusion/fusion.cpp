@@ -77,6 +77,7 @@ class RowFuser {
     const float confidence = map.confidence(x, y);
     const float min_cos = static_cast<float>(std::cos(options_.max_normal_deg * kernels::kPi / 180.0));
     const std::size_t column = static_cast<std::size_t>(x);
+    if (confidence < static_cast<float>(options_.min_confidence)) return;
     Sums sums;
     sums.add(weight_of(confidence, depth), depth, normal, (*current_.color)(x, y));
     for (std::size_t i = 0; i < others_.size(); ++i) {
@@ -90,11 +91,7 @@ class RowFuser {
       if (other.later && other_depth < kMuchCloser * depth) return;
       sums.add(weight_of(other.input->map->confidence.pixels()[at], other_depth), rows[i].implied_depth[column], turned,
                other.input->color->pixels()[at]);
-      if (other.later && rows[i].offset_px[column] <= static_cast<float>(options_.spacing_px)) {
-        __atomic_store_n(&(*other.input->covered)[at], std::uint8_t{1}, __ATOMIC_RELAXED);  // rows run in parallel
-      }
     }
-    if (confidence < static_cast<float>(options_.min_confidence)) return;
     const kernels::Vec3<float> bearing =
         kernels::bearing(grid_.sin_lon()[x], grid_.cos_lon()[x], grid_.sin_lat()[y], grid_.cos_lat()[y]);
     CloudPoint point;
@@ -105,6 +102,35 @@ class RowFuser {
     point.confidence = confidence;
     point.views = static_cast<std::uint8_t>(std::min(sums.views, 255));
     points.push_back(point);
+    for (const Other& other : others_) {
+      if (other.later) cover(other, to_vec3(point.position));
+    }
+  }
+
+  /// Marks the pixels of a later map that the point stands for: those of the same surface whose centre lies within the
+  /// spacing. Near the poles these are many, since columns crowd there.
+  void cover(const Other& other, const kernels::Vec3<float>& point) const {
+    const DepthMap& map = *other.input->map;
+    const int width = grid_.width();
+    const float spacing = static_cast<float>(options_.spacing_px);
+    const kernels::Vec3<float> p = kernels::transform(other.job.other_from_first, point);
+    const float range = std::sqrt(kernels::dot(p, p));
+    const auto at = kernels::project(p, static_cast<float>(width), static_cast<float>(grid_.height()));
+    const int first_row = std::max(0, static_cast<int>(std::floor(at.y - spacing)));
+    const int last_row = std::min(grid_.height() - 1, static_cast<int>(std::floor(at.y + spacing)));
+    for (int row = first_row; row <= last_row; ++row) {
+      const float dy = static_cast<float>(row) + 0.5F - at.y;
+      if (std::fabs(dy) > spacing) continue;
+      const float reach = std::min(std::sqrt(spacing * spacing - dy * dy) / grid_.cos_lat()[row],
+                                   0.5F * static_cast<float>(width) - 1.0F);
+      const int last = static_cast<int>(std::floor(at.x + reach - 0.5F));
+      for (int column = static_cast<int>(std::ceil(at.x - reach - 0.5F)); column <= last; ++column) {
+        const std::size_t index = pixel((column + width) % width, row);
+        const float depth = map.depth.pixels()[index];
+        if (std::fabs(depth - range) > static_cast<float>(options_.max_relative_depth) * range) continue;
+        __atomic_store_n(&(*other.input->covered)[index], std::uint8_t{1}, __ATOMIC_RELAXED);  // rows run in parallel
+      }
+    }
   }
 
   const FusionInput& current_;

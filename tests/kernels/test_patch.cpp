@@ -293,10 +293,8 @@ TEST_CASE("score: one garbage neighbour lowers it but does not change which dept
 
 TEST_CASE("score: a masked neighbour gives -1 and no more") {
   ThreadPool pool(0);
-  const CubeMap none =
-      make_usable_cube(Image<std::uint8_t>(kWidth, kHeight, 0), cube_size_for(kWidth), 3.0, pool);
-  const CubeMap all =
-      make_usable_cube(Image<std::uint8_t>(kWidth, kHeight, 255), cube_size_for(kWidth), 3.0, pool);
+  const CubeMap none = make_usable_cube(Image<std::uint8_t>(kWidth, kHeight, 0), cube_size_for(kWidth), 3.0, pool);
+  const CubeMap all = make_usable_cube(Image<std::uint8_t>(kWidth, kHeight, 255), cube_size_for(kWidth), 3.0, pool);
   for (std::size_t i = 0; i < 100; ++i) {
     const Sample& sample = room().samples[i];
     k::SourceView view = room().view(2);

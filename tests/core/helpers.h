@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "pmsp/depth_map.h"
+#include "pmsp/executor.h"
+#include "pmsp/options.h"
+#include "pmsp/patchmatch.h"
+#include "support/mission.h"
+
+/// Tag of tests that need images large enough for good depths. Under a sanitizer, where PatchMatch takes a hundred
+/// times as long, they are hidden; the others run there with tiny images.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define PMSP_ACCURACY "[.accuracy]"
+#define PMSP_SANITIZED 1
+#else
+#define PMSP_ACCURACY "[accuracy]"
+#define PMSP_SANITIZED 0
+#endif
+
+namespace pmsp::test {
+
+constexpr bool kSanitized = PMSP_SANITIZED != 0;
+
+/// Width of images whose depths need not be good.
+constexpr int width_of_any(int usual) { return kSanitized ? 48 : usual; }
+
+/// Three keyframes of a ready-made mission, small enough for many runs.
+synth::Recipe small_recipe(int width, int keyframes = 3);
+
+/// What a single run of PatchMatch is given besides the mission.
+struct MatchSetup {
+  std::vector<std::size_t> neighbours = {};  ///< indices of frames; empty = the one before and the one after
+  PatchMatchOptions options = {};
+  std::uint64_t seed = 1;
+  int threads = 0;
+  Simd simd = Simd::kAuto;
+};
+
+/// PatchMatch on one frame of a mission, starting from random planes and landmarks as in the Densifier.
+DepthMap match(const synth::Mission& mission, std::size_t reference, const MatchSetup& setup = {},
+               PatchMatchStats* stats = nullptr);
+
+/// The truth of a frame as a depth map that a perfect PatchMatch would give.
+DepthMap truth_map(const synth::Frame& frame, float confidence = 1.0F);
+std::vector<DepthMap> truth_maps(const synth::Mission& mission, float confidence = 1.0F);
+
+/// Byte for byte.
+bool same(const Image<float>& a, const Image<float>& b);
+bool same(const DepthMap& a, const DepthMap& b);
+
+/// Share of the pixels with a depth in either image where both have one and `a` deviates by at most `relative` from
+/// `b`.
+double agreement(const Image<float>& a, const Image<float>& b, double relative);
+
+/// Share of the pixels with a depth whose normal is within `degrees` of the truth.
+double normals_within(const DepthMap& map, const synth::Frame& frame, double degrees);
+
+/// Share of the pixels with a depth.
+double filled(const Image<float>& depth);
+
+Eigen::Vector3d bearing_of(const Image<float>& depth, int x, int y);
+
+/// Angle between a pixel's bearing and the nearer end of the line of flight, by the frames before and after.
+double degrees_from_motion(const synth::Mission& mission, std::size_t reference, int x, int y);
+
+/// Instruction sets that this machine and build have, the plain one first.
+std::vector<Simd> available_simd();
+
+}  // namespace pmsp::test

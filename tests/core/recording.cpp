@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "core/recording.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pmsp::test {
+
+DensifierCallbacks Recording::callbacks() {
+  DensifierCallbacks result;
+  result.raw_depth = [this](const DepthMap& map) {
+    raw.push_back(map);
+    order.emplace_back('r', map.keyframe_id);
+  };
+  result.filtered_depth = [this](const DepthMap& map) {
+    filtered.push_back(map);
+    order.emplace_back('f', map.keyframe_id);
+  };
+  result.cloud = [this](const KeyframeCloud& cloud) {
+    clouds.push_back(cloud);
+    order.emplace_back('c', cloud.keyframe_id);
+  };
+  return result;
+}
+
+std::size_t Recording::points() const {
+  std::size_t sum = 0;
+  for (const KeyframeCloud& cloud : clouds) sum += cloud.points.size();
+  return sum;
+}
+
+bool same(const KeyframeCloud& a, const KeyframeCloud& b) {
+  return a.keyframe_id == b.keyframe_id && a.cam_from_world.rotation == b.cam_from_world.rotation &&
+         a.cam_from_world.translation == b.cam_from_world.translation &&
+         std::equal(a.points.begin(), a.points.end(), b.points.begin(), b.points.end(),
+                    [](const CloudPoint& p, const CloudPoint& q) {
+                      return p.position == q.position && p.normal == q.normal && p.color == q.color &&
+                             p.views == q.views && p.confidence == q.confidence;
+                    });
+}
+
+bool same(const Recording& a, const Recording& b) {
+  const auto maps = [](const DepthMap& p, const DepthMap& q) { return same(p, q); };
+  const auto clouds = [](const KeyframeCloud& p, const KeyframeCloud& q) { return same(p, q); };
+  return a.order == b.order && std::equal(a.raw.begin(), a.raw.end(), b.raw.begin(), b.raw.end(), maps) &&
+         std::equal(a.filtered.begin(), a.filtered.end(), b.filtered.begin(), b.filtered.end(), maps) &&
+         std::equal(a.clouds.begin(), a.clouds.end(), b.clouds.begin(), b.clouds.end(), clouds);
+}
+
+DensifierOptions fast_options(int width, int threads) {
+  DensifierOptions options = preset(Quality::kOnline);
+  options.width = width;
+  options.height = width / 2;
+  options.threads = threads;
+  options.patchmatch.iterations = kSanitized ? 1 : 3;
+  return options;
+}
+
+void fly_through(Densifier& densifier, const synth::Mission& mission) {
+  for (std::size_t i = 0; i < mission.frames.size(); ++i) densifier.add(synth::keyframe_of(mission, i));
+  densifier.flush();
+}
+
+Recording densify(const synth::Mission& mission, const DensifierOptions& options) {
+  Recording recording;
+  Densifier densifier(options, recording.callbacks());
+  fly_through(densifier, mission);
+  return recording;
+}
+
+const synth::Mission& test_flight() {
+  static const synth::Mission kFlight = synth::empty_room(small_recipe(kFlightWidth, 7));
+  return kFlight;
+}
+
+const Recording& test_result() {
+  static const Recording kResult = densify(test_flight(), fast_options());
+  return kResult;
+}
+
+double points_on_surface(const synth::Scene& scene, const std::vector<KeyframeCloud>& clouds, double relative) {
+  std::size_t total = 0;
+  std::size_t good = 0;
+  for (const KeyframeCloud& cloud : clouds) {
+    const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
+    for (const CloudPoint& point : cloud.points) {
+      ++total;
+      const auto hit =
+          scene.intersect(world_from_cam.translation, world_from_cam.rotation * point.position.cast<double>());
+      good += hit && std::abs(static_cast<double>(point.position.norm()) / hit->distance - 1.0) <= relative ? 1 : 0;
+    }
+  }
+  return total > 0 ? static_cast<double>(good) / static_cast<double>(total) : 0.0;
+}
+
+}  // namespace pmsp::test

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "core/helpers.h"
+#include "pmsp/densifier.h"
+
+namespace pmsp::test {
+
+/// Everything that a Densifier handed out.
+struct Recording {
+  std::vector<DepthMap> raw;
+  std::vector<DepthMap> filtered;
+  std::vector<KeyframeCloud> clouds;
+  std::vector<std::pair<char, std::int64_t>> order;  ///< 'r', 'f' or 'c' and the keyframe's id
+
+  DensifierCallbacks callbacks();  ///< they point to this object
+  std::size_t points() const;
+};
+
+bool same(const KeyframeCloud& a, const KeyframeCloud& b);
+bool same(const Recording& a, const Recording& b);
+
+constexpr int kFlightWidth = width_of_any(128);
+constexpr int kFlightHeight = kFlightWidth / 2;
+
+/// The online preset at a small size, fewer iterations.
+DensifierOptions fast_options(int width = kFlightWidth, int threads = 2);
+
+/// Adds all frames and flushes.
+void fly_through(Densifier& densifier, const synth::Mission& mission);
+Recording densify(const synth::Mission& mission, const DensifierOptions& options);
+
+/// An empty room with seven keyframes, and what becomes of it with `fast_options()`.
+const synth::Mission& test_flight();
+const Recording& test_result();
+
+/// Share of the points within `relative` of the scene's surfaces, seen from their keyframes.
+double points_on_surface(const synth::Scene& scene, const std::vector<KeyframeCloud>& clouds, double relative);
+
+}  // namespace pmsp::test

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/helpers.h"
+#include "pmsp/error.h"
+#include "pmsp/filters.h"
+#include "support/rng.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+constexpr int kWidth = 160;
+
+const synth::Mission& room() {
+  static const synth::Mission kRoom = synth::empty_room(small_recipe(kWidth, 5));
+  return kRoom;
+}
+
+/// The maps besides `maps[reference]`.
+std::vector<const DepthMap*> others_of(const std::vector<DepthMap>& maps, std::size_t reference) {
+  std::vector<const DepthMap*> others;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    if (i != reference) others.push_back(&maps[i]);
+  }
+  return others;
+}
+
+DepthMap filtered(const DepthMap& map, const std::vector<const DepthMap*>& others,
+                  const ConsistencyFilterOptions& options = {}, FilterStats* stats = nullptr) {
+  DepthMap result = map;
+  consistency_filter(result, others, options, Executor(2), stats);
+  return result;
+}
+
+DepthMap without_depths(DepthMap map) {
+  map.depth = Image<float>(map.depth.width(), map.depth.height(), 0.0F);
+  map.normal = Image<Eigen::Vector3f>(map.depth.width(), map.depth.height(), Eigen::Vector3f::Zero());
+  map.confidence = Image<float>(map.depth.width(), map.depth.height(), 0.0F);
+  return map;
+}
+
+/// Every 37th pixel: no two of them are neighbours.
+void plant(DepthMap& map, float factor) {
+  for (std::size_t i = 5; i < map.depth.size(); i += 37) map.depth.pixels()[i] *= factor;
+}
+
+}  // namespace
+
+TEST_CASE("true maps agree with each other", "[consistency]") {
+  const std::vector<std::pair<std::string, std::function<synth::Mission(const synth::Recipe&)>>> scenes = {
+      {"empty_room", synth::empty_room},         {"sphere_inside", synth::sphere_inside},
+      {"slanted_plane", synth::slanted_plane},   {"corridor_across_seam", synth::corridor_across_seam},
+      {"floor_at_nadir", synth::floor_at_nadir}, {"textured_room", synth::textured_room}};
+  for (const auto& [name, make] : scenes) {
+    synth::Recipe recipe = small_recipe(kWidth, 5);
+    recipe.mission.render.samples = 1;
+    const synth::Mission mission = make(recipe);
+    const std::vector<DepthMap> maps = truth_maps(mission);
+    for (const std::size_t i : {std::size_t{0}, std::size_t{2}, std::size_t{4}}) {
+      FilterStats stats;
+      const DepthMap map = filtered(maps[i], others_of(maps, i), {}, &stats);
+      INFO(name << ", map " << i);
+      CHECK(stats.before == static_cast<std::int64_t>(map.depth.size()));
+      const bool occlusions = name == "textured_room";
+      CHECK(static_cast<double>(stats.after) >= (occlusions ? 0.95 : 0.995) * static_cast<double>(stats.before));
+    }
+  }
+}
+
+TEST_CASE("a floor seen at grazing angles does not disagree with itself", "[consistency]") {
+  synth::Scene scene;
+  scene.add(synth::Plane{Eigen::Vector3d(0.0, 1.0, 0.0), -Eigen::Vector3d::UnitY()}, synth::textured(1));
+  scene.add(synth::Sphere{Eigen::Vector3d::Zero(), 9.0}, synth::textured(2));
+  synth::Flight flight;
+  flight.keyframes = 5;
+  flight.step = 0.2;
+  const synth::Mission mission =
+      synth::make_mission(scene, synth::fly(flight), kWidth, kWidth / 2, small_recipe(kWidth).mission);
+  const std::vector<DepthMap> maps = truth_maps(mission);
+  const DepthMap map = filtered(maps[2], others_of(maps, 2));
+  const synth::Frame& frame = mission.frames[2];
+  const auto is_grazing = [&](int x, int y) { return frame.surface(x, y) == 0 && frame.depth(x, y) > 3.0F; };
+  const Image<float>& depth = map.depth;
+  CHECK(synth::share_within(depth, frame.depth, 0.0, is_grazing) > 0.97);
+  // One row of pixels covers more than a tenth of the range there: no depth of a pixel is that of its neighbour.
+  CHECK(frame.depth(80, 44) > 1.1F * frame.depth(80, 45));
+}
+
+TEST_CASE("wrong depths are dropped, what stays is unchanged", "[consistency]") {
+  const std::vector<DepthMap> maps = truth_maps(room());
+  for (const float factor : {0.5F, 0.92F, 1.08F, 3.0F}) {
+    INFO(factor);
+    DepthMap planted = maps[2];
+    plant(planted, factor);
+    const DepthMap map = filtered(planted, others_of(maps, 2));
+    int survived = 0;
+    int lost = 0;
+    for (std::size_t i = 0; i < map.depth.size(); ++i) {
+      const bool wrong = planted.depth.pixels()[i] != maps[2].depth.pixels()[i];
+      const float depth = map.depth.pixels()[i];
+      survived += wrong && depth > 0.0F ? 1 : 0;
+      lost += !wrong && (depth != maps[2].depth.pixels()[i] || map.normal.pixels()[i] != maps[2].normal.pixels()[i])
+                  ? 1
+                  : 0;
+      if (depth <= 0.0F) REQUIRE((map.normal.pixels()[i].norm() == 0.0F && map.confidence.pixels()[i] == 0.0F));
+    }
+    CHECK(survived <= 2);
+    CHECK(lost <= static_cast<int>(map.depth.size()) / 500);
+  }
+}
+
+TEST_CASE("deviations inside the tolerance stay", "[consistency]") {
+  const std::vector<DepthMap> maps = truth_maps(synth::sphere_inside(small_recipe(kWidth, 5)));
+  DepthMap deviating = maps[2];
+  for (float& depth : deviating.depth.pixels()) depth *= 1.008F;
+  CHECK(filled(filtered(deviating, others_of(maps, 2)).depth) > 0.99);
+  ConsistencyFilterOptions strict;
+  strict.max_relative_depth = 0.002;
+  CHECK(filled(filtered(deviating, others_of(maps, 2), strict).depth) < 0.1);
+}
+
+TEST_CASE("holes are no agreement", "[consistency]") {
+  const std::vector<DepthMap> maps = truth_maps(room());
+  const DepthMap hole1 = without_depths(maps[1]);
+  const DepthMap hole3 = without_depths(maps[3]);
+  const DepthMap hole4 = without_depths(maps[4]);
+  CHECK(filled(filtered(maps[2], {&maps[0], &maps[1], &hole3, &hole4}).depth) > 0.985);  // two others agree
+  CHECK(filled(filtered(maps[2], {&maps[0], &hole1, &hole3, &hole4}).depth) == 0.0);     // one
+  const DepthMap hole0 = without_depths(maps[0]);
+  CHECK(filled(filtered(maps[2], {&hole0, &hole1, &hole3, &hole4}).depth) == 0.0);
+  CHECK(filled(filtered(without_depths(maps[2]), others_of(maps, 2)).depth) == 0.0);
+}
+
+TEST_CASE("at the ends of a sequence fewer maps must agree, but one other at least", "[consistency]") {
+  const std::vector<DepthMap> maps = truth_maps(room());
+  const DepthMap hole = without_depths(maps[1]);
+  CHECK(filled(filtered(maps[0], {&maps[1], &maps[2]}).depth) > 0.995);
+  CHECK(filled(filtered(maps[0], {&hole, &maps[2]}).depth) > 0.995);
+  CHECK(filled(filtered(maps[0], {&hole, &hole}).depth) == 0.0);
+  CHECK(filled(filtered(maps[0], {&maps[1]}).depth) > 0.995);
+  CHECK(filled(filtered(maps[0], {&hole}).depth) == 0.0);
+  ConsistencyFilterOptions wide;
+  wide.window = 15;
+  CHECK(filled(filtered(maps[0], {&hole}, wide).depth) == 0.0);
+  CHECK(filled(filtered(maps[0], {&maps[1]}, wide).depth) > 0.995);
+}
+
+TEST_CASE("min_views counts the map itself", "[consistency]") {
+  const std::vector<DepthMap> maps = truth_maps(room());
+  const DepthMap hole = without_depths(maps[1]);
+  const std::vector<const DepthMap*> one_agrees = {&maps[1], &hole, &hole, &hole};
+  ConsistencyFilterOptions options;
+  for (const auto& [min_views, kept] : {std::pair{1, true}, {2, true}, {3, false}, {5, false}}) {
+    INFO(min_views);
+    options.min_views = min_views;
+    CHECK((filled(filtered(maps[2], one_agrees, options).depth) > 0.995) == kept);
+  }
+  options.min_views = 5;
+  CHECK(filled(filtered(maps[2], others_of(maps, 2), options).depth) > 0.98);
+}
+
+TEST_CASE("confidence is the score times the share of the maps that agree", "[consistency]") {
+  std::vector<DepthMap> maps = truth_maps(room(), 0.8F);
+  const DepthMap hole = without_depths(maps[1]);
+  const DepthMap all = filtered(maps[2], others_of(maps, 2));
+  CHECK(all.confidence(100, 30) == Approx(0.8F));
+  const DepthMap half = filtered(maps[2], {&maps[0], &hole, &maps[3], &hole});
+  CHECK(half.confidence(100, 30) == Approx(0.4F));
+}
+
+TEST_CASE("a consistency filter that is switched off changes nothing, bad options are refused", "[consistency]") {
+  const std::vector<DepthMap> maps = truth_maps(room());
+  const DepthMap hole = without_depths(maps[1]);
+  ConsistencyFilterOptions options;
+  options.enabled = false;
+  CHECK(same(filtered(maps[2], {&hole, &hole}, options), maps[2]));
+  options.min_views = 6;
+  CHECK_THROWS_AS(filtered(maps[2], {&hole}, options), InvalidOption);
+}
+
+TEST_CASE("the consistency filter gives the same bytes for any number of threads", "[consistency]") {
+  std::vector<DepthMap> maps = truth_maps(room());
+  for (std::size_t k = 0; k < maps.size(); ++k) {
+    for (std::size_t i = 0; i < maps[k].depth.size(); ++i) {
+      maps[k].depth.pixels()[i] *= static_cast<float>(1.0 + 0.015 * synth::gaussian(k, i));
+    }
+  }
+  DepthMap one = maps[2];
+  consistency_filter(one, others_of(maps, 2), {}, Executor(1));
+  CHECK(filled(one.depth) < 0.98);
+  DepthMap five = maps[2];
+  consistency_filter(five, others_of(maps, 2), {}, Executor(5));
+  CHECK(same(one, five));
+  for (const Simd simd : available_simd()) {
+    DepthMap map = maps[2];
+    consistency_filter(map, others_of(maps, 2), {}, Executor(2, simd));
+    INFO(name_of(simd));
+    CHECK(agreement(map.depth, one.depth, 0.001) > 0.995);
+  }
+}

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <functional>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/recording.h"
+#include "pmsp/error.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+const Image<Rgb> kOdd(127, 64);
+const Image<std::uint8_t> kSmallMask(64, 32, 255);
+
+struct Mistake {
+  const char* name;
+  std::function<void(Keyframe&)> make;
+  const char* complaint;
+};
+
+const std::vector<Mistake>& mistakes() {
+  static const std::vector<Mistake> kMistakes = {
+      {"no image", [](Keyframe& k) { k.image = {}; }, "image"},
+      {"odd width", [](Keyframe& k) { k.image = kOdd.view(); }, "127 x 64"},
+      {"mask of another size", [](Keyframe& k) { k.mask = kSmallMask.view(); }, "64 x 32"},
+      {"scaled rotation", [](Keyframe& k) { k.cam_from_world.rotation *= 1.1; }, "rotation"},
+      {"mirrored rotation", [](Keyframe& k) { k.cam_from_world.rotation.col(0) *= -1.0; }, "rotation"},
+      {"zero rotation", [](Keyframe& k) { k.cam_from_world.rotation.setZero(); }, "rotation"},
+      {"NaN in the rotation",
+       [](Keyframe& k) { k.cam_from_world.rotation(1, 1) = std::numeric_limits<double>::quiet_NaN(); },
+       "cam_from_world"},
+      {"infinite translation",
+       [](Keyframe& k) { k.cam_from_world.translation.x() = std::numeric_limits<double>::infinity(); },
+       "cam_from_world"},
+      {"NaN in a landmark",
+       [](Keyframe& k) { k.landmarks[3].position_world.z() = std::numeric_limits<double>::quiet_NaN(); }, "landmark"},
+  };
+  return kMistakes;
+}
+
+}  // namespace
+
+TEST_CASE("a keyframe that makes no sense is refused by name, and it is as if it had not come", "[densifier]") {
+  Recording recording;
+  Densifier densifier(fast_options(), recording.callbacks());
+  for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
+    const Keyframe good = synth::keyframe_of(test_flight(), i);
+    for (const Mistake& mistake : mistakes()) {
+      Keyframe bad = good;
+      mistake.make(bad);
+      INFO(mistake.name);
+      CHECK_THROWS_AS(densifier.add(bad), InvalidInput);
+      CHECK_THROWS_WITH(densifier.add(bad),
+                        Catch::Contains("keyframe " + std::to_string(good.id)) && Catch::Contains(mistake.complaint));
+    }
+    CHECK(densifier.stats().keyframes_added == static_cast<std::int64_t>(i));
+    CHECK(densifier.add(good));
+    CHECK_THROWS_AS(densifier.add(good), InvalidInput);  // its id was there before
+    CHECK_THROWS_WITH(densifier.add(good), Catch::Contains("keyframe " + std::to_string(good.id)));
+  }
+  densifier.flush();
+  CHECK(same(recording, test_result()));
+}
+
+TEST_CASE("an id stays taken over a flush and over a rejection", "[densifier]") {
+  Densifier densifier(fast_options(), {});
+  const Keyframe first = synth::keyframe_of(test_flight(), 0);
+  Keyframe lost = first;
+  lost.id = 50;
+  lost.landmarks.clear();
+  CHECK(densifier.add(first));
+  CHECK_FALSE(densifier.add(lost));
+  CHECK_THROWS_AS(densifier.add(lost), InvalidInput);
+  densifier.flush();
+  CHECK_THROWS_AS(densifier.add(first), InvalidInput);
+}
+
+TEST_CASE("bad options are refused when the Densifier is made", "[densifier]") {
+  DensifierOptions options;
+  options.width = 33;
+  CHECK_THROWS_AS(Densifier(options, {}), InvalidOption);
+  options = {};
+  options.patchmatch.iterations = 0;
+  CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("patchmatch.iterations"));
+  options = {};
+  options.threads = 5000;
+  CHECK_THROWS_AS(Densifier(options, {}), InvalidOption);
+}
+
+TEST_CASE("an instruction set that the machine lacks is refused", "[densifier]") {
+  const std::vector<Simd> sets = available_simd();
+  for (const Simd simd : {Simd::kScalar, Simd::kAvx2, Simd::kAvx512}) {
+    DensifierOptions options = fast_options();
+    options.simd = simd;
+    INFO(name_of(simd));
+    if (std::find(sets.begin(), sets.end(), simd) == sets.end()) {
+      CHECK_THROWS_AS(Densifier(options, {}), BackendUnavailable);
+    } else {
+      CHECK(Densifier(options, {}).options().simd == simd);
+    }
+  }
+}
+
+TEST_CASE("what a callback throws comes out of add or flush", "[densifier]") {
+  DensifierCallbacks callbacks;
+  callbacks.raw_depth = [](const DepthMap&) { throw std::runtime_error("disk full"); };
+  Densifier densifier(fast_options(), callbacks);
+  CHECK_THROWS_WITH(fly_through(densifier, test_flight()), "disk full");
+}

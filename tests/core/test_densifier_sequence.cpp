@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "core/recording.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+using Eigen::Vector3d;
+
+namespace {
+
+std::vector<std::int64_t> ids_of(const Recording& recording, char kind) {
+  std::vector<std::int64_t> ids;
+  for (const auto& [what, id] : recording.order) {
+    if (what == kind) ids.push_back(id);
+  }
+  return ids;
+}
+
+/// Keyframes `from` to `to` - 1 of the test flight.
+synth::Mission part(std::size_t from, std::size_t to) {
+  synth::Mission mission = test_flight();
+  mission.frames.erase(mission.frames.begin() + static_cast<std::ptrdiff_t>(to), mission.frames.end());
+  mission.frames.erase(mission.frames.begin(), mission.frames.begin() + static_cast<std::ptrdiff_t>(from));
+  return mission;
+}
+
+}  // namespace
+
+TEST_CASE("every keyframe's results come once, in order, both ends included", "[densifier]") {
+  const std::vector<std::int64_t> all = {0, 1, 2, 3, 4, 5, 6};
+  for (const char kind : {'r', 'f', 'c'}) {
+    INFO(kind);
+    CHECK(ids_of(test_result(), kind) == all);
+  }
+  for (const std::int64_t id : all) {
+    const auto at = [&](char kind) {
+      return std::find(test_result().order.begin(), test_result().order.end(), std::pair<char, std::int64_t>(kind, id));
+    };
+    CHECK(at('r') < at('f'));
+    CHECK(at('f') < at('c'));
+  }
+  for (const KeyframeCloud& cloud : test_result().clouds) {
+    INFO(cloud.keyframe_id);
+    CHECK_FALSE(cloud.points.empty());
+  }
+}
+
+TEST_CASE("short sequences: one keyframe gives nothing, two give both", "[densifier]") {
+  CHECK(densify(part(0, 1), fast_options()).order.empty());
+  CHECK(densify(part(0, 0), fast_options()).order.empty());
+  for (const std::size_t count : {std::size_t{2}, std::size_t{3}}) {
+    const Recording recording = densify(part(0, count), fast_options());
+    CHECK(recording.raw.size() == count);
+    CHECK(recording.filtered.size() == count);
+    REQUIRE(recording.clouds.size() == count);
+    CHECK(filled(recording.filtered[0].depth) > (kSanitized ? 0.0 : 0.25));
+    CHECK_FALSE(recording.clouds[0].points.empty());
+  }
+}
+
+TEST_CASE("results arrive while the flight goes on", "[densifier]") {
+  const synth::Mission flight = synth::empty_room(small_recipe(kFlightWidth / 2, 12));
+  Recording recording;
+  Densifier densifier(fast_options(kFlightWidth / 2), recording.callbacks());
+  constexpr std::size_t kLate = 6;  // two keyframes each for matching, consistency and fusion
+  for (std::size_t i = 0; i < flight.frames.size(); ++i) {
+    REQUIRE(densifier.add(synth::keyframe_of(flight, i)));
+    INFO("after keyframe " << i);
+    CHECK(recording.raw.size() == (i < 2 ? 0 : i - 1));
+    CHECK(recording.clouds.size() == (i < kLate ? 0 : i - kLate + 1));
+  }
+  densifier.flush();
+  CHECK(recording.clouds.size() == flight.frames.size());
+}
+
+TEST_CASE("a flush that comes twice or at once does no harm", "[densifier]") {
+  Recording recording;
+  Densifier densifier(fast_options(), recording.callbacks());
+  densifier.flush();
+  fly_through(densifier, test_flight());
+  densifier.flush();
+  CHECK(same(recording, test_result()));
+}
+
+TEST_CASE("after a flush a new sequence starts as in a new Densifier", "[densifier]") {
+  synth::Recipe recipe = small_recipe(kFlightWidth, 4);
+  recipe.mission.first_id = 100;
+  const synth::Mission second = synth::sphere_inside(recipe);
+  Recording both;
+  Densifier densifier(fast_options(), both.callbacks());
+  fly_through(densifier, test_flight());
+  const std::size_t first_order = both.order.size();
+  const std::size_t first_clouds = both.clouds.size();
+  fly_through(densifier, second);
+  const Recording alone = densify(second, fast_options());
+  REQUIRE(both.order.size() == first_order + alone.order.size());
+  REQUIRE(both.clouds.size() == first_clouds + alone.clouds.size());
+  for (std::size_t i = 0; i < alone.clouds.size(); ++i) CHECK(same(both.clouds[first_clouds + i], alone.clouds[i]));
+  CHECK(densifier.stats().keyframes_accepted == 11);
+  CHECK(densifier.stats().depth_maps == 11);
+}
+
+TEST_CASE("keyframes that the view filter rejects have no part in the result", "[densifier]") {
+  Recording recording;
+  Densifier densifier(fast_options(), recording.callbacks());
+  for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
+    const Keyframe keyframe = synth::keyframe_of(test_flight(), i);
+    CHECK(densifier.add(keyframe));
+    Keyframe again = keyframe;  // from the same place
+    again.id += 1000;
+    CHECK_FALSE(densifier.add(again));
+  }
+  densifier.flush();
+  CHECK(same(recording, test_result()));
+  CHECK(densifier.stats().keyframes_added == 14);
+  CHECK(densifier.stats().keyframes_accepted == 7);
+  CHECK(densifier.stats().keyframes_rejected == 7);
+}
+
+TEST_CASE("statistics add up", "[densifier]") {
+  Recording recording;
+  Densifier densifier(fast_options(), recording.callbacks());
+  fly_through(densifier, test_flight());
+  const DensifierStats& stats = densifier.stats();
+  const auto depths = [](const std::vector<DepthMap>& maps) {
+    double sum = 0.0;
+    for (const DepthMap& map : maps) sum += filled(map.depth) * static_cast<double>(map.depth.size());
+    return std::llround(sum);
+  };
+  CHECK(stats.keyframes_added == 7);
+  CHECK(stats.keyframes_accepted == 7);
+  CHECK(stats.keyframes_rejected == 0);
+  CHECK(stats.depth_maps == 7);
+  CHECK(stats.pixels == 7 * kFlightWidth * kFlightHeight);
+  CHECK(stats.pixels_matched == depths(recording.raw));
+  CHECK(stats.pixels_after_median <= stats.pixels_matched);
+  CHECK(stats.pixels_after_consistency <= stats.pixels_after_median);
+  CHECK(stats.pixels_after_consistency == depths(recording.filtered));
+  CHECK(stats.points == static_cast<std::int64_t>(recording.points()));
+  for (const double seconds : {stats.seconds_prepare, stats.seconds_init, stats.seconds_patchmatch,
+                               stats.seconds_median, stats.seconds_consistency, stats.seconds_fusion}) {
+    CHECK(seconds > 0.0);
+    CHECK(seconds < 600.0);
+  }
+}
+
+TEST_CASE("the cloud lies on the room's walls and is not doubled", "[densifier]" PMSP_ACCURACY) {
+  const synth::Mission room = synth::textured_room(small_recipe(256, 5));
+  const Recording recording = densify(room, fast_options(256));
+  const double share = points_on_surface(room.scene, recording.clouds, 0.02);
+  CAPTURE(share);
+  CHECK(share > 0.9);
+  std::size_t kept = 0;
+  std::size_t most = 0;
+  for (const DepthMap& map : recording.filtered) {
+    const auto here = static_cast<std::size_t>(std::llround(filled(map.depth) * static_cast<double>(map.depth.size())));
+    kept += here;
+    most = std::max(most, here);
+  }
+  CAPTURE(kept, most, recording.points());
+  CHECK(recording.points() < kept * 2 / 3);
+  CHECK(recording.points() > most);
+}
+
+TEST_CASE("filtering raises the share of good depths", "[densifier]" PMSP_ACCURACY) {
+  for (std::size_t i = 0; i < test_result().raw.size(); ++i) {
+    const auto share = [&](const DepthMap& map) {
+      const Image<float>& truth = test_flight().frames[i].depth;
+      return synth::share_within(map.depth, truth, 0.02, [&](int x, int y) { return map.depth(x, y) > 0.0F; });
+    };
+    INFO("keyframe " << i);
+    CHECK(share(test_result().filtered[i]) > share(test_result().raw[i]));
+  }
+}
+
+TEST_CASE("images may be gone once add returns", "[densifier]") {
+  Recording recording;
+  Densifier densifier(fast_options(), recording.callbacks());
+  for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
+    auto image = std::make_unique<Image<Rgb>>(test_flight().frames[i].image);
+    auto mask = std::make_unique<Image<std::uint8_t>>(kFlightWidth, kFlightHeight, std::uint8_t{255});
+    Keyframe keyframe = synth::keyframe_of(test_flight(), i);
+    keyframe.image = std::as_const(*image).view();
+    densifier.add(keyframe);
+    std::fill(image->pixels().begin(), image->pixels().end(), Rgb{});
+    image.reset();
+    mask.reset();
+  }
+  densifier.flush();
+  CHECK(same(recording, test_result()));
+}
+
+TEST_CASE("images with padded rows give the same result", "[densifier]") {
+  Recording recording;
+  Densifier densifier(fast_options(), recording.callbacks());
+  for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
+    const Image<Rgb>& image = test_flight().frames[i].image;
+    Image<Rgb> padded(image.width() + 5, image.height(), {255, 0, 255});
+    for (int y = 0; y < image.height(); ++y) std::copy(image.row(y), image.row(y) + image.width(), padded.row(y));
+    Keyframe keyframe = synth::keyframe_of(test_flight(), i);
+    keyframe.image = {padded.row(0), image.width(), image.height(), padded.width()};
+    densifier.add(keyframe);
+  }
+  densifier.flush();
+  CHECK(same(recording, test_result()));
+}
+
+TEST_CASE("depth maps have the size that was asked for, or that of the images", "[densifier]") {
+  const synth::Mission two = part(0, 2);
+  DensifierOptions options = fast_options();
+  const auto size_with = [&](int width, int height) {
+    options.width = width;
+    options.height = height;
+    Recording recording;
+    Densifier densifier(options, recording.callbacks());
+    fly_through(densifier, two);
+    const Image<float>& depth = recording.filtered.at(0).depth;
+    CHECK(densifier.options().width == depth.width());
+    CHECK(densifier.options().height == depth.height());
+    return std::pair{depth.width(), depth.height()};
+  };
+  CHECK(size_with(0, 0) == std::pair{kFlightWidth, kFlightHeight});
+  CHECK(size_with(64, 0) == std::pair{64, 32});
+  CHECK(size_with(0, 40) == std::pair{80, 40});
+  CHECK(size_with(96, 52) == std::pair{96, 52});
+  CHECK(size_with(160, 80) == std::pair{160, 80});  // larger than the images
+}
+
+TEST_CASE("the options in force have nothing automatic left", "[densifier]") {
+  DensifierOptions options = fast_options(kFlightWidth, 0);
+  const Densifier densifier(options, {});
+  CHECK(densifier.options().threads >= 1);
+  CHECK(densifier.options().simd == widest_simd());
+}
+
+TEST_CASE("a cloud follows its keyframe when poses are corrected", "[densifier]" PMSP_ACCURACY) {
+  // The whole map turned and moved, as by a loop closure: same points in the camera frames, attached to the new poses.
+  const RigidTransform moved_from_world{
+      Eigen::AngleAxisd(1.1, Vector3d(0.2, 1.0, -0.4).normalized()).toRotationMatrix(), Vector3d(20.0, -7.0, 3.0)};
+  synth::Mission moved = test_flight();
+  for (synth::Frame& frame : moved.frames) {
+    frame.cam_from_world = frame.cam_from_world * moved_from_world.inverse();
+    for (Landmark& landmark : frame.landmarks) landmark.position_world = moved_from_world * landmark.position_world;
+  }
+  const Recording recording = densify(moved, fast_options());
+  REQUIRE(recording.clouds.size() == test_result().clouds.size());
+  for (std::size_t i = 0; i < recording.clouds.size(); ++i) {
+    INFO("keyframe " << i);
+    CHECK(agreement(recording.raw[i].depth, test_result().raw[i].depth, 0.01) > 0.97);
+    KeyframeCloud cloud = recording.clouds[i];
+    CHECK(cloud.cam_from_world.translation == moved.frames[i].cam_from_world.translation);
+    cloud.cam_from_world = test_flight().frames[i].cam_from_world;  // the corrected pose
+    CHECK(points_on_surface(test_flight().scene, {cloud}, 0.02) >
+          points_on_surface(test_flight().scene, {test_result().clouds[i]}, 0.02) - 0.02);
+  }
+}
+
+TEST_CASE("no callback need be set", "[densifier]") {
+  Densifier densifier(fast_options(), {});
+  fly_through(densifier, test_flight());
+  CHECK(densifier.stats().points == static_cast<std::int64_t>(test_result().points()));
+}
+
+TEST_CASE("a Densifier that is moved goes on", "[densifier]") {
+  Recording recording;
+  auto first = std::make_unique<Densifier>(fast_options(), recording.callbacks());
+  for (std::size_t i = 0; i < 3; ++i) first->add(synth::keyframe_of(test_flight(), i));
+  Densifier second(std::move(*first));
+  first.reset();
+  for (std::size_t i = 3; i < 7; ++i) second.add(synth::keyframe_of(test_flight(), i));
+  second.flush();
+  CHECK(same(recording, test_result()));
+}
+
+TEST_CASE("masked pixels stay empty through all stages", "[densifier][mask]") {
+  synth::Mission masked = part(0, 4);
+  masked.mask = Image<std::uint8_t>(kFlightWidth, kFlightHeight, 255);
+  for (int y = kFlightHeight * 3 / 4; y < kFlightHeight; ++y) {
+    for (int x = 0; x < kFlightWidth; ++x) masked.mask(x, y) = 0;
+  }
+  const Recording recording = densify(masked, fast_options());
+  for (const DepthMap& map : recording.filtered) {
+    int below = 0;
+    for (int y = kFlightHeight * 3 / 4; y < kFlightHeight; ++y) {
+      for (int x = 0; x < kFlightWidth; ++x) below += map.depth(x, y) > 0.0F ? 1 : 0;
+    }
+    CHECK(below == 0);
+    CHECK(filled(map.depth) > (kSanitized ? 0.0 : 0.2));
+  }
+}
+
+TEST_CASE("warping the previous planes and sparse points can be switched off", "[densifier]" PMSP_ACCURACY) {
+  DensifierOptions options = fast_options();
+  options.init.warp_previous = false;
+  const Recording cold = densify(part(0, 4), options);
+  options.init.sparse_points = false;
+  const Recording colder = densify(part(0, 4), options);
+  CHECK_FALSE(same(cold, colder));
+  CHECK(cold.clouds.size() == 4);
+  const auto share = [&](const Recording& recording) {
+    return synth::share_within(recording.raw[2].depth, test_flight().frames[2].depth, 0.02);
+  };
+  CAPTURE(share(test_result()), share(cold), share(colder));
+  CHECK(share(test_result()) > share(colder));
+}

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <cstdint>
+#include <thread>
+#include <utility>
+
+#include "core/recording.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+TEST_CASE("the number of threads changes no byte of the result", "[densifier][threads]") {
+  for (const int threads : {1, 5}) {
+    INFO(threads);
+    CHECK(same(densify(test_flight(), fast_options(kFlightWidth, threads)), test_result()));
+  }
+}
+
+TEST_CASE("two Densifiers at once give what each gives alone", "[densifier][threads]") {
+  synth::Recipe recipe = small_recipe(kFlightWidth, 4);
+  recipe.mission.first_id = 100;
+  const synth::Mission other = synth::sphere_inside(recipe);
+  const Recording other_alone = densify(other, fast_options());
+  test_result();
+  Recording first;
+  Recording second;
+  std::thread one([&] { first = densify(test_flight(), fast_options()); });
+  std::thread two([&] { second = densify(other, fast_options()); });
+  one.join();
+  two.join();
+  CHECK(same(first, test_result()));
+  CHECK(same(second, other_alone));
+}
+
+TEST_CASE("a Densifier may be used from another thread than the one that made it", "[densifier][threads]") {
+  Recording recording;
+  Densifier densifier(fast_options(), recording.callbacks());
+  std::thread([&] { fly_through(densifier, test_flight()); }).join();
+  CHECK(same(recording, test_result()));
+}
+
+TEST_CASE("callbacks come on the thread that calls add and flush", "[densifier][threads]") {
+  const std::thread::id here = std::this_thread::get_id();
+  int elsewhere = 0;
+  DensifierCallbacks callbacks;
+  callbacks.raw_depth = [&](const DepthMap&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
+  callbacks.filtered_depth = callbacks.raw_depth;
+  callbacks.cloud = [&](const KeyframeCloud&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
+  Densifier densifier(fast_options(kFlightWidth / 2), callbacks);
+  fly_through(densifier, test_flight());
+  CHECK(elsewhere == 0);
+}
+
+TEST_CASE("after cancel nothing more is handed out", "[densifier][threads]") {
+  for (const std::size_t at : {std::size_t{1}, std::size_t{3}, std::size_t{7}}) {
+    INFO("after " << at << " results");
+    Recording recording;
+    Densifier* running = nullptr;
+    DensifierCallbacks callbacks = recording.callbacks();
+    const auto record = callbacks.raw_depth;
+    callbacks.raw_depth = [&](const DepthMap& map) {
+      record(map);
+      if (recording.raw.size() == at) std::thread([&] { running->cancel(); }).join();
+    };
+    Densifier densifier(fast_options(), callbacks);
+    running = &densifier;
+    CHECK_FALSE(densifier.cancelled());
+    fly_through(densifier, test_flight());
+    CHECK(densifier.cancelled());
+    CHECK(recording.raw.size() == at);
+    CHECK(recording.order.back() == std::pair<char, std::int64_t>('r', static_cast<std::int64_t>(at) - 1));
+    for (std::size_t i = 0; i < recording.order.size(); ++i) CHECK(recording.order[i] == test_result().order[i]);
+    Keyframe late = synth::keyframe_of(test_flight(), 0);
+    late.id = 500;
+    CHECK_FALSE(densifier.add(late));
+    densifier.flush();
+    CHECK(recording.raw.size() == at);
+  }
+}
+
+TEST_CASE("cancel stops a running match soon", "[densifier][threads]") {
+  DensifierOptions options = fast_options();
+  options.patchmatch.iterations = 100;  // minutes in all
+  options.patchmatch.refinements = 32;
+  Recording recording;
+  Densifier densifier(options, recording.callbacks());
+  densifier.add(synth::keyframe_of(test_flight(), 0));
+  densifier.add(synth::keyframe_of(test_flight(), 1));
+  std::atomic<bool> started{false};
+  std::chrono::steady_clock::time_point cancelled_at;
+  std::thread other([&] {
+    while (!started) std::this_thread::yield();
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    cancelled_at = std::chrono::steady_clock::now();
+    densifier.cancel();
+  });
+  started = true;
+  densifier.flush();
+  const auto returned = std::chrono::steady_clock::now();
+  other.join();
+  const double late = std::chrono::duration<double>(returned - cancelled_at).count();
+  CAPTURE(late);
+  CHECK(late > 0.0);  // it was still running
+  CHECK(late < (kSanitized ? 20.0 : 2.0));
+  CHECK(recording.order.empty());
+  CHECK(densifier.stats().depth_maps == 0);
+}

@@ -1,0 +1,340 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <array>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <map>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "core/helpers.h"
+#include "pmsp/error.h"
+#include "pmsp/fusion.h"
+#include "support/rng.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr int kWidth = 160;
+constexpr double kPixel = 2.0 * 3.14159265358979323846 / kWidth;  // [rad]
+
+const synth::Mission& sphere() {
+  static const synth::Mission kSphere = synth::sphere_inside(small_recipe(kWidth, 3));
+  return kSphere;
+}
+
+/// Fuses all maps of a mission one after the other, as one window.
+class Fusion {
+ public:
+  explicit Fusion(const synth::Mission& mission, float confidence = 1.0F) : maps(truth_maps(mission, confidence)) {
+    for (const synth::Frame& frame : mission.frames) colors.push_back(frame.image);
+    covered.assign(maps.size(), std::vector<std::uint8_t>(maps[0].depth.size(), 0));
+  }
+
+  KeyframeCloud fuse_one(std::size_t i, const FusionOptions& options = {}, int threads = 2) {
+    std::vector<FusionInput> window;
+    for (std::size_t k = 0; k < maps.size(); ++k) window.push_back({&maps[k], &colors[k], &covered[k]});
+    return fuse(window, i, options, Executor(threads));
+  }
+
+  std::vector<KeyframeCloud> fuse_all(const FusionOptions& options = {}, int threads = 2) {
+    std::vector<KeyframeCloud> clouds;
+    for (std::size_t i = 0; i < maps.size(); ++i) clouds.push_back(fuse_one(i, options, threads));
+    return clouds;
+  }
+
+  std::vector<DepthMap> maps;
+  std::vector<Image<Rgb>> colors;
+  std::vector<std::vector<std::uint8_t>> covered;
+};
+
+std::size_t count(const std::vector<KeyframeCloud>& clouds) {
+  std::size_t sum = 0;
+  for (const KeyframeCloud& cloud : clouds) sum += cloud.points.size();
+  return sum;
+}
+
+Vector3d in_world(const KeyframeCloud& cloud, const CloudPoint& point) {
+  return cloud.cam_from_world.inverse() * point.position.cast<double>();
+}
+
+/// Distance from the true surface along the ray, relative to the range.
+double error_of(const synth::Scene& scene, const KeyframeCloud& cloud, const CloudPoint& point) {
+  const Vector3d center = cloud.cam_from_world.center();
+  const auto hit = scene.intersect(center, in_world(cloud, point) - center);
+  return hit ? std::abs(static_cast<double>(point.position.norm()) / hit->distance - 1.0) : 1.0;
+}
+
+double latitude_deg(const CloudPoint& point) {
+  return std::asin(static_cast<double>(std::abs(point.position.y()) / point.position.norm())) * 360.0 /
+         (kPixel * kWidth);
+}
+
+/// Share of the points of later keyframes, between two latitudes of theirs, that have a point of an earlier keyframe
+/// within `distance_px` of their own pixels.
+double crowded(const std::vector<KeyframeCloud>& clouds, double distance_px, double min_latitude, double max_latitude) {
+  using Cell = std::array<int, 3>;
+  std::size_t total = 0;
+  std::size_t close = 0;
+  constexpr double kCell = 0.2;  // above any distance asked for
+  const auto cell_of = [](const Vector3d& p) {
+    return Cell{static_cast<int>(std::floor(p.x() / kCell)), static_cast<int>(std::floor(p.y() / kCell)),
+                static_cast<int>(std::floor(p.z() / kCell))};
+  };
+  std::map<Cell, std::vector<Vector3d>> earlier;
+  for (const KeyframeCloud& cloud : clouds) {
+    for (const CloudPoint& point : cloud.points) {
+      const double latitude = latitude_deg(point);
+      if (latitude < min_latitude || latitude > max_latitude || &cloud == &clouds.front()) continue;
+      ++total;
+      const Vector3d p = in_world(cloud, point);
+      const double reach = distance_px * kPixel * static_cast<double>(point.position.norm());
+      const Cell center = cell_of(p);
+      bool found = false;
+      for (int i = 0; i < 27 && !found; ++i) {
+        const auto cell = earlier.find({center[0] + i % 3 - 1, center[1] + i / 3 % 3 - 1, center[2] + i / 9 - 1});
+        if (cell == earlier.end()) continue;
+        found = std::any_of(cell->second.begin(), cell->second.end(),
+                            [&](const Vector3d& q) { return (p - q).norm() < reach; });
+      }
+      close += found ? 1 : 0;
+    }
+    for (const CloudPoint& point : cloud.points)
+      earlier[cell_of(in_world(cloud, point))].push_back(in_world(cloud, point));
+  }
+  return total > 0 ? static_cast<double>(close) / static_cast<double>(total) : 0.0;
+}
+
+FusionOptions with_spacing(double spacing_px) {
+  FusionOptions options;
+  options.spacing_px = spacing_px;
+  return options;
+}
+
+bool same_points(const KeyframeCloud& a, const KeyframeCloud& b) {
+  return a.keyframe_id == b.keyframe_id && std::equal(a.points.begin(), a.points.end(), b.points.begin(),
+                                                      b.points.end(), [](const CloudPoint& p, const CloudPoint& q) {
+                                                        return p.position == q.position && p.normal == q.normal &&
+                                                               p.color == q.color && p.views == q.views &&
+                                                               p.confidence == q.confidence;
+                                                      });
+}
+
+}  // namespace
+
+TEST_CASE("fused points lie on the true surfaces, with true normals", "[fusion]") {
+  const synth::Mission mission = synth::textured_room(small_recipe(kWidth, 4));
+  const std::vector<KeyframeCloud> clouds = Fusion(mission).fuse_all();
+  std::size_t far = 0;
+  std::size_t turned = 0;
+  for (std::size_t k = 0; k < clouds.size(); ++k) {
+    CHECK(clouds[k].keyframe_id == mission.frames[k].id);
+    CHECK(clouds[k].cam_from_world.rotation == mission.frames[k].cam_from_world.rotation);
+    const Vector3d center = clouds[k].cam_from_world.center();
+    for (const CloudPoint& point : clouds[k].points) {
+      far += error_of(mission.scene, clouds[k], point) > 0.003 ? 1 : 0;
+      const auto hit = mission.scene.intersect(center, in_world(clouds[k], point) - center);
+      const Vector3d normal = clouds[k].cam_from_world.rotation.transpose() * point.normal.cast<double>();
+      REQUIRE(normal.norm() == Approx(1.0).epsilon(1e-4));
+      turned += normal.dot(hit->normal) < 0.996 ? 1 : 0;  // 5 degrees
+    }
+  }
+  CHECK(count(clouds) > clouds[0].points.size());
+  CHECK(far < count(clouds) / 50);  // at edges, where maps agree within the tolerance but not exactly
+  CHECK(turned < count(clouds) / 25);
+}
+
+TEST_CASE("a map alone gives a point for each depth, unchanged", "[fusion]") {
+  Fusion fusion(sphere(), 0.7F);
+  fusion.maps.resize(1);
+  fusion.maps[0].depth(3, 3) = 0.0F;
+  const KeyframeCloud cloud = fusion.fuse_one(0);
+  REQUIRE(cloud.points.size() == fusion.maps[0].depth.size() - 1);
+  const auto at = static_cast<std::size_t>(20 * kWidth + 33 - 1);
+  const CloudPoint& point = cloud.points[at];
+  const Vector3d expected =
+      static_cast<double>(fusion.maps[0].depth(33, 20)) * bearing_of(fusion.maps[0].depth, 33, 20);
+  CHECK((point.position.cast<double>() - expected).norm() < 1e-5);
+  CHECK(point.normal.dot(fusion.maps[0].normal(33, 20)) == Approx(1.0));
+  CHECK(point.color == fusion.colors[0](33, 20));
+  CHECK(point.views == 1);
+  CHECK(point.confidence == Approx(0.7F));
+}
+
+TEST_CASE("what several maps see becomes one point", "[fusion]") {
+  const std::size_t pixels = sphere().frames[0].depth.size();
+  const std::vector<KeyframeCloud> fused = Fusion(sphere()).fuse_all(with_spacing(0.75));
+  const std::vector<KeyframeCloud> all = Fusion(sphere()).fuse_all(with_spacing(0.0));
+  CHECK(100 * count(all) > 299 * pixels);  // nothing lies closer than 0
+  CHECK(fused[0].points.size() == pixels);
+  CHECK(10 * count(fused) < 15 * pixels);
+  const std::vector<KeyframeCloud> half = Fusion(sphere()).fuse_all(with_spacing(0.5));
+  CHECK(count(half) > count(fused));
+  CHECK(count(half) < 2 * pixels);
+}
+
+TEST_CASE("no two keyframes have points closer than the spacing", "[fusion]") {
+  CHECK(crowded(Fusion(sphere()).fuse_all(with_spacing(0.5)), 0.3, 0.0, 45.0) < 0.01);
+  CHECK(crowded(Fusion(sphere()).fuse_all(with_spacing(0.0)), 0.3, 0.0, 45.0) > 0.1);
+}
+
+// Columns crowd near a pole: there a point stands for several pixels of a row.
+TEST_CASE("nor do they near the poles", "[fusion]") {
+  CHECK(crowded(Fusion(sphere()).fuse_all(with_spacing(0.5)), 0.3, 65.0, 90.0) < 0.01);
+}
+
+TEST_CASE("a spacing of several pixels thins the cloud further", "[fusion]") {
+  const std::size_t near = count(Fusion(sphere()).fuse_all(with_spacing(0.75)));
+  const std::size_t far = count(Fusion(sphere()).fuse_all(with_spacing(2.0)));
+  CAPTURE(near, far);
+  CHECK(far < near);
+}
+
+TEST_CASE("spacing loses no surface", "[fusion]") {
+  // Each pixel of the last map must have some point near by.
+  const std::vector<KeyframeCloud> clouds = Fusion(sphere()).fuse_all(with_spacing(0.75));
+  std::set<std::pair<int, int>> hit;
+  const RigidTransform& pose = sphere().frames[2].cam_from_world;
+  constexpr int kCells = 20;  // coarse: 18 degrees
+  const auto cell = [](const Vector3d& p) {
+    const double lon = std::atan2(p.x(), p.z()) / 3.14159265358979323846;
+    return std::pair{static_cast<int>((lon + 1.0) * 0.5 * kCells),
+                     static_cast<int>((p.y() / p.norm() + 1.0) * 0.5 * kCells)};
+  };
+  for (const KeyframeCloud& cloud : clouds) {
+    for (const CloudPoint& point : cloud.points) hit.insert(cell(pose * in_world(cloud, point)));
+  }
+  CHECK(hit.size() >= kCells * kCells);
+}
+
+TEST_CASE("a fused position is nearer to the truth than its inputs", "[fusion]") {
+  constexpr double kNoise = 0.004;
+  const synth::Mission mission = synth::sphere_inside(small_recipe(kWidth, 5));
+  Fusion fusion(mission);
+  for (std::size_t k = 0; k < fusion.maps.size(); ++k) {
+    for (std::size_t i = 0; i < fusion.maps[k].depth.size(); ++i) {
+      fusion.maps[k].depth.pixels()[i] *= static_cast<float>(1.0 + kNoise * synth::gaussian(50 + k, i));
+    }
+  }
+  const KeyframeCloud cloud = fusion.fuse_one(2);
+  double squares = 0.0;
+  for (const CloudPoint& point : cloud.points) squares += std::pow(error_of(mission.scene, cloud, point), 2);
+  const double rms = std::sqrt(squares / static_cast<double>(cloud.points.size()));
+  CAPTURE(rms);
+  CHECK(rms < 0.65 * kNoise);  // five independent ones: 0.45 at best
+}
+
+TEST_CASE("views counts the maps that agree", "[fusion]") {
+  Fusion fusion(sphere());
+  for (float& depth : fusion.maps[2].depth.pixels()) depth *= 1.5F;  // another surface
+  const KeyframeCloud cloud = fusion.fuse_one(0);
+  const auto two =
+      std::count_if(cloud.points.begin(), cloud.points.end(), [](const CloudPoint& p) { return p.views == 2; });
+  CHECK(static_cast<double>(two) > 0.97 * static_cast<double>(cloud.points.size()));
+  const KeyframeCloud all = Fusion(sphere()).fuse_one(0);
+  const auto three =
+      std::count_if(all.points.begin(), all.points.end(), [](const CloudPoint& p) { return p.views == 3; });
+  CHECK(static_cast<double>(three) > 0.99 * static_cast<double>(all.points.size()));
+}
+
+TEST_CASE("surfaces that face another way are not averaged", "[fusion]") {
+  Fusion fusion(sphere());
+  for (std::size_t k = 1; k < 3; ++k) {
+    for (int y = 0; y < kWidth / 2; ++y) {
+      for (int x = 0; x < kWidth; ++x) {  // 70 degrees off, through the same points
+        const Eigen::Vector3f b = bearing_of(fusion.maps[k].depth, x, y).cast<float>();
+        const Eigen::Vector3f side = b.unitOrthogonal();
+        fusion.maps[k].normal(x, y) = -0.342F * b + 0.940F * side;
+      }
+    }
+  }
+  const KeyframeCloud cloud = fusion.fuse_one(0);
+  const auto one =
+      std::count_if(cloud.points.begin(), cloud.points.end(), [](const CloudPoint& p) { return p.views == 1; });
+  CHECK(static_cast<double>(one) > 0.5 * static_cast<double>(cloud.points.size()));
+}
+
+TEST_CASE("colours are averaged with the weight of confidence over squared distance", "[fusion]") {
+  Fusion fusion(sphere());
+  fusion.maps.resize(2);
+  fusion.colors[0] = Image<Rgb>(kWidth, kWidth / 2, {100, 0, 200});
+  fusion.colors[1] = Image<Rgb>(kWidth, kWidth / 2, {200, 0, 100});
+  for (float& confidence : fusion.maps[1].confidence.pixels()) confidence = 0.5F;
+  const KeyframeCloud cloud = fusion.fuse_one(0);
+  int wrong = 0;
+  const Vector3d other = cloud.cam_from_world * fusion.maps[1].cam_from_world.center();
+  for (const CloudPoint& point : cloud.points) {
+    if (point.views != 2) continue;
+    const double first = 1.0 / static_cast<double>(point.position.squaredNorm());
+    const double second = 0.5 / (point.position.cast<double>() - other).squaredNorm();
+    const double red = (100.0 * first + 200.0 * second) / (first + second);
+    wrong += std::abs(point.color.r - red) > 3.0 || std::abs(point.color.b - (300.0 - red)) > 3.0 || point.color.g != 0
+                 ? 1
+                 : 0;
+  }
+  CHECK(wrong == 0);
+}
+
+TEST_CASE("what a later map sees from much closer is left to it", "[fusion]") {
+  synth::Scene scene;
+  scene.add(synth::Box{Vector3d::Zero(), {2.0, 2.0, 6.0}, Eigen::Matrix3d::Identity()}, synth::textured(1));
+  const std::vector<RigidTransform> poses = {
+      {Eigen::Matrix3d::Identity(), Vector3d(0.0, 0.0, 4.0)},
+      {Eigen::Matrix3d::Identity(), Vector3d(0.0, 0.0, -3.0)}};  // centres -4 and 3
+  const synth::Mission mission = synth::make_mission(scene, poses, kWidth, kWidth / 2, small_recipe(kWidth).mission);
+  Fusion fusion(mission);
+  const std::vector<KeyframeCloud> clouds = fusion.fuse_all();
+  const auto on_far_wall = [](const KeyframeCloud& cloud) {
+    return std::count_if(cloud.points.begin(), cloud.points.end(),
+                         [&](const CloudPoint& p) { return in_world(cloud, p).z() > 5.9; });
+  };
+  CHECK(on_far_wall(clouds[0]) <= 4);
+  CHECK(on_far_wall(clouds[1]) > 500);
+  std::reverse(fusion.maps.begin(), fusion.maps.end());  // now the nearer map comes first: it keeps what it has
+  fusion.covered.assign(2, std::vector<std::uint8_t>(fusion.maps[0].depth.size(), 0));
+  const std::vector<KeyframeCloud> reversed = fusion.fuse_all();
+  CHECK(on_far_wall(reversed[0]) > 500);
+  CHECK(on_far_wall(reversed[1]) < 100);
+}
+
+TEST_CASE("points below the wanted confidence are not written", "[fusion]") {
+  FusionOptions options;
+  options.min_confidence = 0.5;
+  Fusion fusion(sphere(), 0.49F);
+  CHECK(count(fusion.fuse_all(options)) == 0);
+  Fusion above(sphere(), 0.51F);
+  CHECK(count(above.fuse_all(options)) > 0);
+}
+
+TEST_CASE("a point that is not written does not stand for those of later maps", "[fusion]") {
+  FusionOptions options;
+  options.min_confidence = 0.5;
+  Fusion fusion(sphere(), 0.9F);
+  for (float& confidence : fusion.maps[0].confidence.pixels()) confidence = 0.2F;
+  const std::vector<KeyframeCloud> clouds = fusion.fuse_all(options);
+  CHECK(clouds[0].points.empty());
+  CHECK(clouds[1].points.size() == fusion.maps[1].depth.size());
+}
+
+TEST_CASE("fusion gives the same points for any number of threads", "[fusion]") {
+  const synth::Mission mission = synth::textured_room(small_recipe(kWidth, 4));
+  const std::vector<KeyframeCloud> one = Fusion(mission, 0.6F).fuse_all({}, 1);
+  for (const int threads : {2, 5}) {
+    const std::vector<KeyframeCloud> several = Fusion(mission, 0.6F).fuse_all({}, threads);
+    for (std::size_t k = 0; k < one.size(); ++k) CHECK(same_points(one[k], several[k]));
+  }
+}
+
+TEST_CASE("fusion refuses bad options and a keyframe that is not there", "[fusion]") {
+  Fusion fusion(sphere());
+  CHECK_THROWS_AS(fusion.fuse_one(3), InvalidInput);
+  FusionOptions options;
+  options.spacing_px = -1.0;
+  CHECK_THROWS_AS(fusion.fuse_one(0, options), InvalidOption);
+}

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pmsp/options.h"
+
+namespace pmsp::bench {
+
+constexpr int kRepetitions = 3;
+
+struct Arguments {
+  std::vector<std::string> qualities = {"online"};
+  int width = 0;        ///< of the depth maps; 0 = what the quality says
+  int image_width = 0;  ///< of the keyframes' images; 0 = 1920, or the depth maps' if that is more
+  std::vector<std::string> stages;
+  std::vector<Simd> simds;         ///< scalar first
+  std::vector<int> threads;        ///< ascending
+  std::optional<int> repetitions;  ///< empty: kRepetitions, but one of the slowest benchmark
+  bool list = false;
+  std::filesystem::path json;            ///< empty = none
+  std::vector<std::string> google_args;  ///< --benchmark_*, for Google Benchmark
+};
+
+/// Empty when only help or version was asked for. Throws tool::UsageError, InvalidOption and BackendUnavailable.
+std::optional<Arguments> parse_arguments(int argc, char** argv);
+
+}  // namespace pmsp::bench

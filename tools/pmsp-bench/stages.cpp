@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-bench/stages.h"
+
+#include "pmsp/error.h"
+#include "pmsp/filters.h"
+#include "pmsp/fusion.h"
+
+namespace pmsp::bench {
+namespace {
+
+void prepare(benchmark::State& state, const Workload& workload, const Executor& executor) {
+  const Keyframe& keyframe = workload.keyframes[workload.current];
+  while (state.KeepRunning()) {
+    const Panorama panorama(keyframe.image, keyframe.mask, workload.options.width, workload.options.height, executor);
+    benchmark::DoNotOptimize(panorama.color().pixels().data());
+  }
+}
+
+void sparse(benchmark::State& state, const Workload& workload, const Executor&) {
+  const DensifierOptions& options = workload.options;
+  while (state.KeepRunning()) {
+    const PlaneImage planes =
+        planes_from_landmarks(workload.keyframes[workload.current], options.width, options.height, options.init);
+    benchmark::DoNotOptimize(planes.pixels().data());
+  }
+}
+
+void warp(benchmark::State& state, const Workload& workload, const Executor& executor) {
+  const DepthMap& previous = workload.median[workload.current - 1];
+  while (state.KeepRunning()) {
+    const PlaneImage planes = warp_planes(previous, workload.keyframes[workload.current].cam_from_world, executor);
+    benchmark::DoNotOptimize(planes.pixels().data());
+  }
+}
+
+void match(benchmark::State& state, const Workload& workload, const Executor& executor) {
+  while (state.KeepRunning()) {
+    const DepthMap map = patchmatch(workload.match, workload.options.patchmatch, workload.options.seed, executor);
+    benchmark::DoNotOptimize(map.depth.pixels().data());
+  }
+}
+
+void median(benchmark::State& state, const Workload& workload, const Executor& executor) {
+  DepthMap map;
+  while (state.KeepRunning()) {
+    state.PauseTiming();
+    map = workload.raw[workload.current];
+    state.ResumeTiming();
+    median_filter(map, workload.options.median, executor);
+    benchmark::DoNotOptimize(map.depth.pixels().data());
+  }
+}
+
+void consistency(benchmark::State& state, const Workload& workload, const Executor& executor) {
+  const std::size_t reach = static_cast<std::size_t>(workload.options.consistency.window - 1) / 2;
+  std::vector<const DepthMap*> others;
+  for (std::size_t i = workload.current - reach; i <= workload.current + reach; ++i) {
+    if (i != workload.current) others.push_back(&workload.median[i]);
+  }
+  DepthMap map;
+  while (state.KeepRunning()) {
+    state.PauseTiming();
+    map = workload.median[workload.current];
+    state.ResumeTiming();
+    consistency_filter(map, others, workload.options.consistency, executor);
+    benchmark::DoNotOptimize(map.depth.pixels().data());
+  }
+}
+
+void fuse_current(benchmark::State& state, const Workload& workload, const Executor& executor) {
+  const std::size_t reach = static_cast<std::size_t>(workload.options.fusion.window - 1) / 2;
+  std::vector<std::vector<std::uint8_t>> covered = workload.covered;
+  std::vector<FusionInput> window;
+  for (std::size_t i = workload.current - reach; i <= workload.current + reach; ++i) {
+    window.push_back({&workload.filtered[i], &workload.panoramas[i].color(), &covered[i]});
+  }
+  while (state.KeepRunning()) {
+    state.PauseTiming();
+    covered = workload.covered;
+    state.ResumeTiming();
+    const KeyframeCloud cloud = fuse(window, reach, workload.options.fusion, executor);
+    benchmark::DoNotOptimize(cloud.points.data());
+  }
+}
+
+/// The whole flight through a Densifier; a keyframe's share of it counts as one iteration.
+void keyframe(benchmark::State& state, const Workload& workload, const Executor& executor) {
+  DensifierOptions options = workload.options;
+  options.simd = executor.simd();
+  options.threads = executor.threads();
+  const benchmark::IterationCount keyframes = static_cast<benchmark::IterationCount>(workload.keyframes.size());
+  while (state.KeepRunningBatch(keyframes)) {
+    std::size_t points = 0;
+    DensifierCallbacks callbacks;
+    callbacks.cloud = [&](const KeyframeCloud& cloud) { points += cloud.points.size(); };
+    Densifier densifier(options, callbacks);
+    for (const Keyframe& next : workload.keyframes) densifier.add(next);
+    densifier.flush();
+    benchmark::DoNotOptimize(points);
+    if (densifier.stats().depth_maps != keyframes) {
+      throw InvalidInput("only " + std::to_string(densifier.stats().depth_maps) + " of the flight's " +
+                         std::to_string(keyframes) + " keyframes gave a depth map; expected all of them to do so");
+    }
+  }
+}
+
+}  // namespace
+
+const std::vector<Stage>& all_stages() {
+  static const std::vector<Stage> kStages = {
+      {"prepare", "resizing, gray values and cube map of one image (Panorama)", false, prepare},
+      {"sparse", "planes from landmarks (planes_from_landmarks; plain code on one thread)", false, sparse},
+      {"warp", "planes of the previous depth map, moved (warp_planes)", true, warp},
+      {"patchmatch", "one depth map, all iterations (patchmatch)", true, match},
+      {"median", "median filter of one depth map", true, median},
+      {"consistency", "consistency filter of one depth map in its window", true, consistency},
+      {"fuse", "one depth map's share of the cloud, in its window", true, fuse_current},
+      {"keyframe", "Densifier from image to points, per accepted keyframe of a short flight", false, keyframe}};
+  return kStages;
+}
+
+const Stage& stage_named(const std::string& name) {
+  for (const Stage& stage : all_stages()) {
+    if (name == stage.name) return stage;
+  }
+  throw InvalidOption("stage is '" + name + "'; pmsp-bench --help lists the stages");
+}
+
+}  // namespace pmsp::bench

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-bench/workload.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "pmsp/error.h"
+#include "pmsp/filters.h"
+
+namespace pmsp::bench {
+namespace {
+
+/// As many as the preset asks for, the nearest ones before and after the current keyframe in turn.
+std::vector<std::size_t> neighbours_of(std::size_t current, std::size_t keyframes, int count) {
+  std::vector<std::size_t> chosen;
+  for (std::size_t away = 1; away < keyframes; ++away) {
+    if (away <= current) chosen.push_back(current - away);
+    if (current + away < keyframes) chosen.push_back(current + away);
+  }
+  chosen.resize(std::min(chosen.size(), static_cast<std::size_t>(count)));
+  return chosen;
+}
+
+void make_maps(Workload& workload, const Executor& executor) {
+  DensifierCallbacks callbacks;
+  callbacks.raw_depth = [&](const DepthMap& map) { workload.raw.push_back(map); };
+  callbacks.filtered_depth = [&](const DepthMap& map) { workload.filtered.push_back(map); };
+  Densifier densifier(workload.options, callbacks);
+  for (const Keyframe& keyframe : workload.keyframes) densifier.add(keyframe);
+  densifier.flush();
+  if (workload.raw.size() != workload.keyframes.size() || workload.filtered.size() != workload.keyframes.size()) {
+    throw InvalidInput("the synthetic flight has " + std::to_string(workload.keyframes.size()) +
+                       " keyframes, but only " + std::to_string(workload.filtered.size()) +
+                       " gave a depth map; expected all of them to do so");
+  }
+  workload.median = workload.raw;
+  for (DepthMap& map : workload.median) median_filter(map, workload.options.median, executor);
+}
+
+void make_match_input(Workload& workload, const Executor& executor) {
+  const std::size_t current = workload.current;
+  const auto posed = [&](std::size_t i) {
+    return PosedPanorama{&workload.panoramas[i], workload.keyframes[i].cam_from_world};
+  };
+  workload.match.keyframe_id = workload.keyframes[current].id;
+  workload.match.reference = posed(current);
+  const int count = workload.options.patchmatch.neighbours;
+  for (const std::size_t i : neighbours_of(current, workload.keyframes.size(), count)) {
+    workload.match.neighbours.push_back(posed(i));
+  }
+  workload.match.range = depth_range(workload.keyframes[current], workload.options.init);
+  workload.sparse = planes_from_landmarks(workload.keyframes[current], workload.options.width, workload.options.height,
+                                          workload.options.init);
+  workload.warped = warp_planes(workload.median[current - 1], workload.keyframes[current].cam_from_world, executor);
+  workload.match.candidates = {&workload.sparse, &workload.warped};
+}
+
+/// Fusion in the middle of a flight: the keyframes before have left their marks.
+void make_covered(Workload& workload, const Executor& executor) {
+  std::vector<FusionInput> window;
+  workload.covered.assign(workload.filtered.size(), std::vector<std::uint8_t>(workload.filtered[0].depth.size(), 0));
+  for (std::size_t i = 0; i < workload.filtered.size(); ++i) {
+    window.push_back({&workload.filtered[i], &workload.panoramas[i].color(), &workload.covered[i]});
+  }
+  for (std::size_t i = 0; i < workload.current; ++i) fuse(window, i, workload.options.fusion, executor);
+}
+
+}  // namespace
+
+int image_width_of(const WorkloadRequest& request) {
+  if (request.image_width != 0) return request.image_width;
+  const int width = request.width != 0 ? request.width : preset(quality_from_name(request.quality)).width;
+  return std::max(width, 1920);
+}
+
+int flight_length(const DensifierOptions& options) {
+  return std::max({options.consistency.window, options.fusion.window, options.patchmatch.neighbours + 1});
+}
+
+std::unique_ptr<Workload> outline(const WorkloadRequest& request) {
+  auto workload = std::make_unique<Workload>();
+  workload->quality = request.quality;
+  workload->options = preset(quality_from_name(request.quality));
+  if (request.width != 0) workload->options.width = request.width;
+  if (workload->options.width == 0) workload->options.width = image_width_of(request);
+  workload->options.height = workload->options.width / 2;
+  workload->options.validate();
+  return workload;
+}
+
+std::shared_ptr<const synth::Mission> render_flight(int image_width, int keyframes) {
+  synth::Recipe recipe;
+  recipe.width = image_width;
+  recipe.height = image_width / 2;
+  recipe.keyframes = keyframes;
+  return std::make_shared<const synth::Mission>(synth::textured_room(recipe));
+}
+
+void fill(Workload& workload, std::shared_ptr<const synth::Mission> mission, bool with_maps) {
+  const Executor executor;
+  workload.mission = std::move(mission);
+  const std::size_t keyframes = static_cast<std::size_t>(flight_length(workload.options));
+  workload.current = keyframes / 2;
+  for (std::size_t i = 0; i < keyframes; ++i) workload.keyframes.push_back(keyframe_of(*workload.mission, i));
+  if (!with_maps) return;
+  for (const Keyframe& keyframe : workload.keyframes) {
+    workload.panoramas.emplace_back(keyframe.image, keyframe.mask, workload.options.width, workload.options.height,
+                                    executor);
+  }
+  make_maps(workload, executor);
+  make_match_input(workload, executor);
+  make_covered(workload, executor);
+}
+
+}  // namespace pmsp::bench

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "pmsp/densifier.h"
+#include "pmsp/fusion.h"
+#include "pmsp/initialiser.h"
+#include "pmsp/panorama.h"
+#include "pmsp/patchmatch.h"
+#include "support/mission.h"
+
+namespace pmsp::bench {
+
+/// What each stage of one quality is given: a short flight, and what the stages before have made of it. Nothing in here
+/// changes while benchmarks run.
+struct Workload {
+  std::string quality;
+  DensifierOptions options;                       ///< sizes filled in
+  std::shared_ptr<const synth::Mission> mission;  ///< shared by the qualities that have images of one size
+  std::size_t current = 0;                        ///< the keyframe in the middle of the flight, which stages work on
+
+  std::vector<Keyframe> keyframes;
+  std::vector<Panorama> panoramas;
+  std::vector<DepthMap> raw;       ///< after PatchMatch
+  std::vector<DepthMap> median;    ///< after the median filter
+  std::vector<DepthMap> filtered;  ///< after the consistency filter
+  PlaneImage sparse;
+  PlaneImage warped;
+  MatchInput match;
+  std::vector<std::vector<std::uint8_t>> covered;  ///< by the keyframes before `current`
+
+  Workload() = default;
+  Workload(const Workload&) = delete;  // `match` points to members
+  Workload& operator=(const Workload&) = delete;
+};
+
+struct WorkloadRequest {
+  std::string quality;
+  int width = 0;        ///< of the depth maps; 0 = the quality's
+  int image_width = 0;  ///< 0 = 1920, or the depth maps' if that is more
+};
+
+/// The options and sizes only: what is needed to name the benchmarks. Throws InvalidOption.
+std::unique_ptr<Workload> outline(const WorkloadRequest& request);
+int image_width_of(const WorkloadRequest& request);
+
+/// Renders the flight of keyframes that the workload's windows ask for.
+std::shared_ptr<const synth::Mission> render_flight(int image_width, int keyframes);
+int flight_length(const DensifierOptions& options);
+
+/// Fills in all that is missing. `with_maps`: depth maps as well, which takes a run of the Densifier.
+void fill(Workload& workload, std::shared_ptr<const synth::Mission> mission, bool with_maps);
+
+}  // namespace pmsp::bench
