@@ -21,7 +21,6 @@ template <class F>
 struct Agreement {
   F closeness;  ///< range of the point over the range of the other map's surface in its direction; 0 = nothing there
   F implied_depth;  ///< depth along the first keyframe's ray at which it meets the other map's plane
-  F offset_px;      ///< distance of the point from the centre of the other map's pixel, in pixels at the equator
   IntOf<F> index;   ///< of that pixel
 };
 
@@ -41,11 +40,7 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Pla
   const F along_ray = dot(plane, turned);
   const F rest = F(1) - dot(plane, t);
   const auto valid = (closeness > F(0)) & (along_ray > F(0)) & (rest > F(0));
-  const F dx = at.x - whole(at.x) - F(0.5F);  // not the column: the right border is column 0
-  const F dy = at.y - from_int<F>(row_index) - F(0.5F);
-  const F horizontal = sqrt(fma(p.x, p.x, p.z * p.z) / dot(p, p));  // cosine of the latitude
-  return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)),
-          sqrt(fma(dx * horizontal, dx * horizontal, dy * dy)), index};
+  return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), index};
 }
 
 }  // namespace pmsp::kernels

@@ -29,4 +29,8 @@ struct KeyframeCloud {
   std::vector<CloudPoint> points;
 };
 
+/// The cloud's points in world coordinates with the keyframe at `cam_from_world`: the cloud's own pose, or a newer one
+/// from a loop closure or a bundle adjustment. Positions are rounded to single precision.
+std::vector<CloudPoint> transform_points(const KeyframeCloud& cloud, const RigidTransform& cam_from_world);
+
 }  // namespace pmsp

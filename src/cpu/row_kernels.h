@@ -64,7 +64,6 @@ struct CompareJob {
 struct CompareRow {
   float* closeness;
   float* implied_depth;
-  float* offset_px;
   std::int32_t* index;
 };
 

@@ -145,7 +145,6 @@ void compare_row(const CompareJob& job, int y, const CompareRow& out) {
     const int count = job.grid.width - x;
     store_some(select(known, seen.closeness, F(0)), out.closeness + x, count);
     store_some(seen.implied_depth, out.implied_depth + x, count);
-    store_some(seen.offset_px, out.offset_px + x, count);
     store_some(seen.index, out.index + x, count);
   }
 }

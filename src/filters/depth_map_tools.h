@@ -64,14 +64,11 @@ class PlaneRows {
 /// Buffers for one row of comparisons.
 struct CompareBuffers {
   explicit CompareBuffers(int width)
-      : closeness(static_cast<std::size_t>(width)),
-        implied_depth(closeness.size()),
-        offset_px(closeness.size()),
-        index(closeness.size()) {}
+      : closeness(static_cast<std::size_t>(width)), implied_depth(closeness.size()), index(closeness.size()) {}
 
-  cpu::CompareRow out() { return {closeness.data(), implied_depth.data(), offset_px.data(), index.data()}; }
+  cpu::CompareRow out() { return {closeness.data(), implied_depth.data(), index.data()}; }
 
-  std::vector<float> closeness, implied_depth, offset_px;
+  std::vector<float> closeness, implied_depth;
   std::vector<std::int32_t> index;
 };
 

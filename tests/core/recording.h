@@ -26,6 +26,7 @@ bool same(const Recording& a, const Recording& b);
 
 constexpr int kFlightWidth = width_of_any(128);
 constexpr int kFlightHeight = kFlightWidth / 2;
+constexpr int kTinyWidth = kSanitized ? 32 : 64;
 
 /// The online preset at a small size, fewer iterations.
 DensifierOptions fast_options(int width = kFlightWidth, int threads = 2);

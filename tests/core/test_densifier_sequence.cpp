@@ -68,9 +68,9 @@ TEST_CASE("short sequences: one keyframe gives nothing, two give both", "[densif
 }
 
 TEST_CASE("results arrive while the flight goes on", "[densifier]") {
-  const synth::Mission flight = synth::empty_room(small_recipe(kFlightWidth / 2, 12));
+  const synth::Mission flight = synth::empty_room(small_recipe(kTinyWidth, 12));
   Recording recording;
-  Densifier densifier(fast_options(kFlightWidth / 2), recording.callbacks());
+  Densifier densifier(fast_options(kTinyWidth), recording.callbacks());
   constexpr std::size_t kLate = 6;  // two keyframes each for matching, consistency and fusion
   for (std::size_t i = 0; i < flight.frames.size(); ++i) {
     REQUIRE(densifier.add(synth::keyframe_of(flight, i)));

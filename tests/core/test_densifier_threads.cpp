@@ -48,7 +48,7 @@ TEST_CASE("callbacks come on the thread that calls add and flush", "[densifier][
   callbacks.raw_depth = [&](const DepthMap&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
   callbacks.filtered_depth = callbacks.raw_depth;
   callbacks.cloud = [&](const KeyframeCloud&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
-  Densifier densifier(fast_options(kFlightWidth / 2), callbacks);
+  Densifier densifier(fast_options(kTinyWidth), callbacks);
   fly_through(densifier, test_flight());
   CHECK(elsewhere == 0);
 }

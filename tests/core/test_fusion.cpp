@@ -338,3 +338,20 @@ TEST_CASE("fusion refuses bad options and a keyframe that is not there", "[fusio
   options.spacing_px = -1.0;
   CHECK_THROWS_AS(fusion.fuse_one(0, options), InvalidOption);
 }
+
+TEST_CASE("points go into the world by the pose that is given", "[fusion]") {
+  KeyframeCloud cloud;
+  CloudPoint point;
+  point.position = {1.0F, 2.0F, 3.0F};
+  point.normal = {0.0F, 0.0F, -1.0F};
+  point.views = 4;
+  cloud.points = {point};
+  RigidTransform cam_from_world;
+  cam_from_world.rotation << 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0;
+  cam_from_world.translation = {10.0, 20.0, 30.0};
+  const std::vector<CloudPoint> world = transform_points(cloud, cam_from_world);
+  REQUIRE(world.size() == 1);
+  CHECK((cam_from_world * world[0].position.cast<double>() - Eigen::Vector3d(1.0, 2.0, 3.0)).norm() < 1e-5);
+  CHECK((world[0].normal - Eigen::Vector3f(1.0F, 0.0F, 0.0F)).norm() < 1e-6F);
+  CHECK(world[0].views == 4);
+}

@@ -69,7 +69,7 @@ float median_at(const std::vector<float>& depth, const std::vector<float>& score
 }
 
 struct Comparison {
-  std::vector<float> closeness, implied_depth, offset_px;
+  std::vector<float> closeness, implied_depth;
   std::vector<std::int32_t> index;
 };
 
@@ -104,13 +104,12 @@ Comparison compare(Simd simd, const CompareInput& input) {
   const std::size_t width = static_cast<std::size_t>(input.grid.width());
   const std::size_t size = input.grid.size() + kGuard;
   Comparison out{std::vector<float>(size, kUntouched), std::vector<float>(size, kUntouched),
-                 std::vector<float>(size, kUntouched), std::vector<std::int32_t>(size, -77)};
+                 std::vector<std::int32_t>(size, -77)};
   const k::PlaneMapView other{input.x.data(), input.y.data(), input.z.data(), input.grid.width(), input.grid.height()};
   const cpu::CompareJob job{input.grid.tables(), input.depth.data(), other, input.other_from_first};
   for (int y = 0; y < input.grid.height(); ++y) {
     const std::size_t at = static_cast<std::size_t>(y) * width;
-    executor.impl().rows.compare_row(job, y,
-                                     {&out.closeness[at], &out.implied_depth[at], &out.offset_px[at], &out.index[at]});
+    executor.impl().rows.compare_row(job, y, {&out.closeness[at], &out.implied_depth[at], &out.index[at]});
   }
   return out;
 }
@@ -167,7 +166,6 @@ TEST_CASE("comparison rows: the kernel at every pixel, in scalar") {
       ++agreeing;
       REQUIRE(rows.closeness[at] == Approx(truth.closeness).epsilon(1e-4));
       REQUIRE(rows.implied_depth[at] == Approx(truth.implied_depth).epsilon(1e-4));
-      REQUIRE(rows.offset_px[at] == Approx(truth.offset_px).margin(1e-3));
     }
   }
   CHECK(known > 1000);
@@ -191,14 +189,12 @@ TEST_CASE("comparison rows: all instruction sets agree with scalar, nothing beyo
         if (scalar.closeness[i] > 0.0F) ++positive;
         REQUIRE(close(wide.closeness[i], scalar.closeness[i], 1e-4));
         REQUIRE(close(wide.implied_depth[i], scalar.implied_depth[i], 1e-4));
-        REQUIRE(close(wide.offset_px[i], scalar.offset_px[i], 1e-3));
       }
       CHECK(other_pixel <= 2 + static_cast<int>(input.grid.size() / 1000));
       CHECK(positive > static_cast<int>(input.grid.size() / 2));
       for (std::size_t i = input.grid.size(); i < scalar.index.size(); ++i) {
         REQUIRE(wide.closeness[i] == kUntouched);
         REQUIRE(wide.implied_depth[i] == kUntouched);
-        REQUIRE(wide.offset_px[i] == kUntouched);
         REQUIRE(wide.index[i] == -77);
       }
     }
