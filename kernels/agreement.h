@@ -18,15 +18,21 @@ struct PlaneMapView {
 };
 
 template <class F>
+PMSP_HD Vec3<F> plane_at(const PlaneMapView& map, const IntOf<F>& index) {
+  return {gather<F>(map.x, index), gather<F>(map.y, index), gather<F>(map.z, index)};
+}
+
+template <class F>
 struct Agreement {
   F closeness;  ///< range of the point over the range of the other map's surface in its direction; 0 = nothing there
   F implied_depth;  ///< depth along the first keyframe's ray at which it meets the other map's plane
   IntOf<F> index;   ///< of that pixel
 };
 
-/// `bearing` (unit) and `depth` > 0 in the first keyframe.
-template <class F>
-PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const PlaneMapView& other,
+/// `bearing` (unit) and `depth` > 0 in the first keyframe. `Map`: PlaneMapView, or any other type with `width`,
+/// `height` and `plane_at`.
+template <class F, class Map>
+PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map& other,
                                const Rigid& other_from_first) {
   const Vec3<F> turned = rotate(other_from_first, bearing);
   const Vec3<F> t = translation<F>(other_from_first);
@@ -35,12 +41,28 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Pla
   const IntOf<F> column_index = column(at.x, other.width);
   const IntOf<F> row_index = row(at.y, other.height);
   const IntOf<F> index = row_index * IntOf<F>(other.width) + column_index;
-  const Vec3<F> plane{gather<F>(other.x, index), gather<F>(other.y, index), gather<F>(other.z, index)};
+  const Vec3<F> plane = plane_at<F>(other, index);
   const F closeness = dot(plane, p);
   const F along_ray = dot(plane, turned);
   const F rest = F(1) - dot(plane, t);
   const auto valid = (closeness > F(0)) & (along_ray > F(0)) & (rest > F(0));
   return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), index};
 }
+
+/// Where another map's surface lies behind the point by more than this many tolerances, that keyframe has looked
+/// through it.
+constexpr float kSeenThrough = 2.0F;
+
+/// What the other maps say of one pixel.
+struct Votes {
+  int agree = 0;
+  int contradict = 0;
+
+  PMSP_HD void add(float closeness, float tolerance) {
+    if (abs(closeness - 1.0F) <= tolerance) ++agree;
+    if (closeness > 0.0F && closeness < 1.0F - kSeenThrough * tolerance) ++contradict;
+  }
+  PMSP_HD bool keep(int wanted) const { return agree >= wanted && (wanted == 0 || agree > contradict); }
+};
 
 }  // namespace pmsp::kernels

@@ -19,6 +19,9 @@ struct CubeView {
   std::int32_t face_elements;  ///< (size + 1)^2
 };
 
+/// Whether there is no image behind a view.
+PMSP_HD bool is_empty(const CubeView& cube) { return cube.quads == nullptr; }
+
 /// Address on the cube: face coordinates in [0, size] and the index of the face's first element.
 template <class F>
 struct CubePoint {

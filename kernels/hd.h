@@ -3,9 +3,12 @@
 
 // The one place that knows which compiler is at work. PMSP_HD marks a function that runs on the host and on a device;
 // it is always inlined, so that a function compiled with wide vector instructions never becomes the copy that a
-// narrower machine calls.
+// narrower machine calls. PMSP_UNROLL stands before loops whose arrays a GPU keeps in registers only if it unrolls
+// them.
 #if defined(__CUDACC__)
 #define PMSP_HD __host__ __device__ __forceinline__
+#define PMSP_UNROLL _Pragma("unroll")
 #else
 #define PMSP_HD inline __attribute__((always_inline))
+#define PMSP_UNROLL
 #endif

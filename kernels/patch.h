@@ -29,11 +29,21 @@ struct PatchLayout {
 PMSP_HD float patch_offset(int i) { return static_cast<float>(i) - 0.5F * static_cast<float>(kPatchSide - 1); }
 
 /// What a reference pixel's patch contributes to all scores at this pixel: computed once for all planes and views.
+/// Whatever holds a patch more tightly (src/cuda/packed_patch.h) has the same members and rounds what it is given.
 template <class F>
 struct ReferencePatch {
-  F weight[kPatchSamples];    ///< bilateral weights, sum 1
-  F contrast[kPatchSamples];  ///< weight * (gray - mean) / standard deviation
-  F variance;                 ///< of the patch [gray levels squared]
+  F weights[kPatchSamples];
+  F contrasts[kPatchSamples];
+  F variance;      ///< of the patch [gray levels squared]
+  F weight_sum;    ///< 1 but for rounding
+  F contrast_sum;  ///< 0 but for rounding
+
+  PMSP_HD F weight(int k) const { return weights[k]; }      ///< bilateral weight
+  PMSP_HD F contrast(int k) const { return contrasts[k]; }  ///< weight * (gray - mean) / standard deviation
+  PMSP_HD void put(int k, const F& weight, const F& contrast) {
+    weights[k] = weight;
+    contrasts[k] = contrast;
+  }
 };
 
 /// The frame of a pixel: its bearing and the two tangent vectors, scaled to the patch's spacing.
@@ -42,22 +52,23 @@ struct PatchFrame {
   Vec3<F> bearing, right, down;
 };
 
-template <class F>
-PMSP_HD ReferencePatch<F> reference_patch(const CubeView& image, const PatchFrame<F>& frame,
-                                          const PatchLayout& layout) {
-  ReferencePatch<F> patch;
+/// `Cube`: CubeView, or any other type for which `sample` and `is_empty` are there. `Patch`: ReferencePatch<F> or
+/// alike.
+template <class Patch, class F, class Cube>
+PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& frame, const PatchLayout& layout) {
   const F center = sample(image, frame.bearing);
   F sum(0);
   F sum_gray(0);
   F sum_square(0);
+  PMSP_UNROLL
   for (int j = 0; j < kPatchSide; ++j) {
     const Vec3<F> left = fma(F(patch_offset(j)), frame.down, frame.bearing);
+    PMSP_UNROLL
     for (int i = 0; i < kPatchSide; ++i) {
       const int k = j * kPatchSide + i;
       const F gray = sample(image, fma(F(patch_offset(i)), frame.right, left)) - center;
       const F weight = F(layout.space_weight[k]) * exp(max(gray * gray * F(layout.color_factor), F(-40)));
-      patch.weight[k] = weight;
-      patch.contrast[k] = gray;
+      patch.put(k, weight, gray);
       sum = sum + weight;
       sum_gray = fma(weight, gray, sum_gray);
       sum_square = fma(weight * gray, gray, sum_square);
@@ -67,76 +78,72 @@ PMSP_HD ReferencePatch<F> reference_patch(const CubeView& image, const PatchFram
   const F mean = sum_gray * scale;
   patch.variance = max(fma(F(0) - mean, mean, sum_square * scale), F(0));
   const F inverse_deviation = F(1) / sqrt(patch.variance + F(layout.min_variance));
+  patch.weight_sum = F(0);
+  patch.contrast_sum = F(0);
+  PMSP_UNROLL
   for (int k = 0; k < kPatchSamples; ++k) {
-    const F weight = patch.weight[k] * scale;
-    patch.weight[k] = weight;
-    patch.contrast[k] = weight * (patch.contrast[k] - mean) * inverse_deviation;
+    const F weight = patch.weight(k) * scale;
+    patch.put(k, weight, weight * (patch.contrast(k) - mean) * inverse_deviation);
+    patch.weight_sum = patch.weight_sum + patch.weight(k);
+    patch.contrast_sum = patch.contrast_sum + patch.contrast(k);
   }
-  return patch;
 }
 
 /// One neighbour view: its image and `view_from_ref`.
+template <class Cube>
 struct SourceView {
-  CubeView image;
-  CubeView usable;  ///< 255 where a patch may be matched, 0 where the mask forbids it; no quads = everywhere
+  Cube image;
+  Cube usable;  ///< 255 where a patch may be matched, 0 where the mask forbids it; empty = everywhere
   Rigid view_from_ref;
 };
 
-/// The patch frame as a neighbour's camera sees it, rotation only: computed once for all planes.
-template <class F>
-struct RotatedFrame {
-  Vec3<F> bearing, right, down;
-};
-
-template <class F>
-PMSP_HD RotatedFrame<F> rotated(const PatchFrame<F>& frame, const SourceView& view) {
-  return {rotate(view.view_from_ref, frame.bearing), rotate(view.view_from_ref, frame.right),
-          rotate(view.view_from_ref, frame.down)};
-}
-
 /// NCC of the reference patch with one neighbour under a plane, in [-1, 1]. A direction x of the reference meets the
 /// plane at x / (plane . x); up to that length the neighbour sees it along R x + t (plane . x), which is linear in x.
-template <class F>
-PMSP_HD F view_score(const ReferencePatch<F>& patch, const PatchFrame<F>& frame, const RotatedFrame<F>& turned,
-                     const SourceView& view, const Vec3<F>& plane, const PatchLayout& layout) {
+template <class Patch, class F, class Cube>
+PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view, const Vec3<F>& plane,
+                     const PatchLayout& layout) {
   const Vec3<F> t = translation<F>(view.view_from_ref);
-  const Vec3<F> right = fma(dot(plane, frame.right), t, turned.right);
-  const Vec3<F> down = fma(dot(plane, frame.down), t, turned.down);
-  const Vec3<F> center = fma(dot(plane, frame.bearing), t, turned.bearing);
+  const Vec3<F> right = fma(dot(plane, frame.right), t, rotate(view.view_from_ref, frame.right));
+  const Vec3<F> down = fma(dot(plane, frame.down), t, rotate(view.view_from_ref, frame.down));
+  const Vec3<F> center = fma(dot(plane, frame.bearing), t, rotate(view.view_from_ref, frame.bearing));
   Vec3<F> left = fma(F(patch_offset(0)), right, fma(F(patch_offset(0)), down, center));
   F sum(0);
   F square(0);
   F product(0);
+  PMSP_UNROLL
   for (int j = 0; j < kPatchSide; ++j) {
     Vec3<F> p = left;
+    PMSP_UNROLL
     for (int i = 0; i < kPatchSide; ++i) {
       const int k = j * kPatchSide + i;
       const F gray = sample(view.image, p);
-      const F weighted = patch.weight[k] * gray;
+      const F weighted = patch.weight(k) * gray;
       sum = sum + weighted;
       square = fma(weighted, gray, square);
-      product = fma(patch.contrast[k], gray, product);
+      product = fma(patch.contrast(k), gray, product);
       p = p + right;
     }
     left = left + down;
   }
-  const F variance = max(fma(F(0) - sum, sum, square), F(0));
-  const F score = product / sqrt(variance + F(layout.min_variance));
-  if (view.usable.quads == nullptr) return score;
+  const F scale = F(1) / patch.weight_sum;
+  const F mean = sum * scale;
+  const F variance = max(fma(F(0) - mean, mean, square * scale), F(0));
+  const F score = fma(F(0) - mean, patch.contrast_sum, product) / sqrt(variance + F(layout.min_variance));
+  if (is_empty(view.usable)) return score;
   return select(sample(view.usable, center) > F(127), score, F(-1));
 }
 
 /// Score of a plane over all views, between the mean over the better half of them and the mean over all. In the better
 /// half, a view that does not see the surface has no say; all together are less noisy. Half of each measured best (two
 /// views: 0.75 and 0.25). The order of the views does not matter.
-template <class F>
-PMSP_HD F plane_score(const ReferencePatch<F>& patch, const PatchFrame<F>& frame, const RotatedFrame<F>* turned,
-                      const SourceView* views, int num_views, const Vec3<F>& plane, const PatchLayout& layout) {
+template <class Patch, class F, class Cube>
+PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>* views, int num_views,
+                      const Vec3<F>& plane, const PatchLayout& layout) {
   const int kept = (num_views + 1) / 2;
   F best[(kMaxViews + 1) / 2] = {F(-1), F(-1), F(-1), F(-1)};
   F all(0);
   for (int view = 0; view < num_views; ++view) {
-    F score = view_score(patch, frame, turned[view], views[view], plane, layout);
+    F score = view_score(patch, frame, views[view], plane, layout);
     all = all + score;
     for (int k = 0; k < kept; ++k) {  // insertion into the sorted list of the best
       const F better = max(best[k], score);

@@ -16,9 +16,10 @@ struct Hypothesis {
 };
 
 /// What is fixed for a whole keyframe.
+template <class Cube>
 struct Matching {
-  CubeView reference;
-  const SourceView* views;
+  Cube reference;
+  const SourceView<Cube>* views;
   int num_views;
   PatchLayout layout;
   PlaneLimits limits;
@@ -28,39 +29,37 @@ struct Matching {
 };
 
 /// What is fixed for one visit to a pixel: computed once, used by all proposals.
-template <class F>
+template <class F, class Patch = ReferencePatch<F>>
 struct Visit {
   PatchFrame<F> frame;
-  RotatedFrame<F> turned[kMaxViews];
-  ReferencePatch<F> patch;
+  Patch patch;
 };
 
 /// A fine patch keeps edges where they are; a coarse one is needed where there is little texture. Each pixel gets the
 /// fine one if that varies enough.
-template <class F>
-PMSP_HD void begin_visit(Visit<F>& visit, const Matching& m, const F& sin_lon, const F& cos_lon, const F& sin_lat,
-                         const F& cos_lat) {
+template <class F, class Patch, class Cube>
+PMSP_HD void begin_visit(Visit<F, Patch>& visit, const Matching<Cube>& m, const F& sin_lon, const F& cos_lon,
+                         const F& sin_lat, const F& cos_lat) {
   const Vec3<F> right = tangent_right(sin_lon, cos_lon);
   const Vec3<F> down = tangent_down(sin_lon, cos_lon, sin_lat, cos_lat);
   const F fine(m.layout.fine_spacing);
   visit.frame = {bearing(sin_lon, cos_lon, sin_lat, cos_lat), fine * right, fine * down};
-  visit.patch = reference_patch(m.reference, visit.frame, m.layout);
+  take_patch(visit.patch, m.reference, visit.frame, m.layout);
   const auto textured = visit.patch.variance > F(m.layout.fine_variance);
   if (!all(textured)) {
     const F spacing = select(textured, fine, F(m.layout.spacing));
     visit.frame.right = spacing * right;
     visit.frame.down = spacing * down;
-    visit.patch = reference_patch(m.reference, visit.frame, m.layout);
+    take_patch(visit.patch, m.reference, visit.frame, m.layout);
   }
-  for (int view = 0; view < m.num_views; ++view) visit.turned[view] = rotated(visit.frame, m.views[view]);
 }
 
 /// Scores a plane and keeps it where it is allowed and better.
-template <class F>
-PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, const Visit<F>& visit, const Matching& m) {
+template <class F, class Patch, class Cube>
+PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, const Visit<F, Patch>& visit, const Matching<Cube>& m) {
   const auto allowed = is_allowed(plane, visit.frame.bearing, m.limits);
   if (!any(allowed)) return;
-  const F score = plane_score(visit.patch, visit.frame, visit.turned, m.views, m.num_views, plane, m.layout);
+  const F score = plane_score(visit.patch, visit.frame, m.views, m.num_views, plane, m.layout);
   const auto better = allowed & (score > best.score);
   best.plane = select(better, plane, best.plane);
   best.score = select(better, score, best.score);
@@ -69,30 +68,27 @@ PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, const Visit<F>& 
 /// Number of draws that one proposal of random numbers takes.
 constexpr std::uint32_t kDrawsPerProposal = 4;
 
-/// Starts a pixel: a random plane, whatever it scores.
-template <class F>
-PMSP_HD Hypothesis<F> start(const UIntOf<F>& pixel, const Visit<F>& visit, const Matching& m) {
-  Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
-  propose(best, random_plane<F>(m.random, pixel, 0, visit.frame.bearing, m.limits, m.log_depth_span), visit, m);
-  return best;
+/// The random plane that a pixel starts with, whatever it scores.
+template <class F, class Cube>
+PMSP_HD Vec3<F> random_start(const UIntOf<F>& pixel, const Vec3<F>& bearing, const Matching<Cube>& m) {
+  return random_plane<F>(m.random, pixel, 0, bearing, m.limits, m.log_depth_span);
 }
 
-/// Random search around the present plane. The steps shrink from draw to draw; the first iterations reach further.
-template <class F>
-PMSP_HD void refine(Hypothesis<F>& best, const UIntOf<F>& pixel, int iteration, const Visit<F>& visit,
-                    const Matching& m) {
-  const float reach = iteration == 0 ? 1.0F : 1.0F / static_cast<float>(1 << (iteration < 3 ? iteration : 3));
-  float depth_step = 0.06F * reach;
-  float normal_step = 0.9F * reach;
-  std::uint32_t draw = kDrawsPerProposal * (1U + static_cast<std::uint32_t>(iteration * m.refinements));
-  for (int i = 0; i < m.refinements; ++i) {
-    const auto has_plane = dot(best.plane, best.plane) > F(0);
-    const Vec3<F> from = select(has_plane, best.plane, F(m.limits.min_inverse_depth) * visit.frame.bearing);
-    propose(best, perturbed(from, m.random, pixel, draw, visit.frame.bearing, F(depth_step), F(normal_step)), visit, m);
-    draw += kDrawsPerProposal;
+/// Random search around the present plane: proposal number `draw` (0 to m.refinements - 1) of an iteration. The steps
+/// shrink from draw to draw; the first iterations reach further.
+template <class F, class Cube>
+PMSP_HD Vec3<F> refined(const Hypothesis<F>& best, const UIntOf<F>& pixel, int iteration, int draw,
+                        const Vec3<F>& bearing, const Matching<Cube>& m) {
+  float depth_step = 0.06F / static_cast<float>(1 << (iteration < 3 ? iteration : 3));
+  float normal_step = 15.0F * depth_step;
+  for (int i = 0; i < draw; ++i) {
     depth_step *= 0.5F;
     normal_step *= 0.7F;
   }
+  const std::uint32_t first = kDrawsPerProposal * (1U + static_cast<std::uint32_t>(iteration * m.refinements + draw));
+  const auto has_plane = dot(best.plane, best.plane) > F(0);
+  const Vec3<F> from = select(has_plane, best.plane, F(m.limits.min_inverse_depth) * bearing);
+  return perturbed(from, m.random, pixel, first, bearing, F(depth_step), F(normal_step));
 }
 
 /// The neighbours whose planes a pixel tries: distances 1 and 3 along the four directions. Their sum of coordinates is

@@ -7,21 +7,26 @@
 
 #include "densifier_checks.h"
 #include "densifier_impl.h"
+#include "make_engine.h"
 #include "patchmatch/neighbours.h"
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
-#include "pmsp/fusion.h"
 #include "pmsp/initialiser.h"
-#include "pmsp/patchmatch.h"
-#include "util/stopwatch.h"
 
 namespace pmsp {
 
+Densifier::Impl::Impl(const DensifierOptions& given, DensifierCallbacks to)
+    : options(given), callbacks(std::move(to)), view_filter(given.view_filter) {
+  engine = make_engine({options, callbacks, stats, cancel}, options, backend);
+  requested = given.backend;
+}
+
 void Densifier::Impl::prepare(const Keyframe& keyframe) {
-  const Stopwatch watch(stats.seconds_prepare);
-  fill_in_size(options, keyframe.image.width, keyframe.image.height);
-  Panorama panorama(keyframe.image, keyframe.mask, options.width, options.height, executor);
-  views.push_back({keyframe, std::move(panorama), {}, {}, {}});
+  if (options.width == 0 || options.height == 0) {  // only now is known how much memory it takes
+    fill_in_size(options, keyframe.image.width, keyframe.image.height);
+    options.backend = requested;
+    engine = make_engine({options, callbacks, stats, cancel}, options, backend);
+  }
+  views.push_back({keyframe, engine->prepare(keyframe)});
   views.back().keyframe.image = {};
   views.back().keyframe.mask = {};
 }
@@ -29,7 +34,7 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
 void Densifier::Impl::advance(bool last) {
   while (!stopped() && (last ? next_match < end() : next_match + match_ahead() < end())) match(next_match++);
   while (!stopped() && (last ? next_filter < end() : next_filter + filter_ahead() < next_match)) filter(next_filter++);
-  while (!stopped() && (last ? next_fuse < end() : next_fuse + fuse_ahead() < next_filter)) fuse_view(next_fuse++);
+  while (!stopped() && (last ? next_fuse < end() : next_fuse + fuse_ahead() < next_filter)) fuse(next_fuse++);
   forget();
 }
 
@@ -39,72 +44,40 @@ void Densifier::Impl::match(std::int64_t i) {
   std::vector<const Keyframe*> sequence;
   for (std::int64_t k = from; k < to; ++k) sequence.push_back(&view(k).keyframe);
   View& reference = view(i);
-  MatchInput input{reference.keyframe.id, {&reference.panorama, reference.keyframe.cam_from_world}, {}, {}, {}};
+  Engine::MatchTask task;
+  task.reference = reference.frame.get();
+  task.keyframe = &reference.keyframe;
   for (const std::size_t k :
        choose_neighbours(sequence, static_cast<std::size_t>(i - from), options.patchmatch.neighbours)) {
-    const View& neighbour = view(from + static_cast<std::int64_t>(k));
-    input.neighbours.push_back({&neighbour.panorama, neighbour.keyframe.cam_from_world});
+    task.neighbours.push_back(view(from + static_cast<std::int64_t>(k)).frame.get());
   }
-  input.range = depth_range(reference.keyframe, options.init);
-  if (input.neighbours.empty() || !(input.range.max > input.range.min)) return;
-  PlaneImage sparse;
-  PlaneImage warped;
-  {
-    const Stopwatch watch(stats.seconds_init);
-    if (options.init.sparse_points) {
-      sparse = planes_from_landmarks(reference.keyframe, options.width, options.height, options.init);
-      input.candidates.push_back(&sparse);
-    }
-    if (options.init.warp_previous && i > first && !view(i - 1).median.depth.empty()) {
-      warped = warp_planes(view(i - 1).median, reference.keyframe.cam_from_world, executor);
-      input.candidates.push_back(&warped);
-    }
+  task.range = depth_range(reference.keyframe, options.init);
+  if (task.neighbours.empty() || !(task.range.max > task.range.min)) return;
+  if (options.init.warp_previous && i > first && view(i - 1).frame->matched) {
+    task.previous = view(i - 1).frame.get();
   }
-  PatchMatchStats matched;
-  {
-    const Stopwatch watch(stats.seconds_patchmatch);
-    reference.median = patchmatch(input, options.patchmatch, options.seed, executor, &matched, &cancel);
-  }
-  if (stopped()) return;
-  if (callbacks.raw_depth) callbacks.raw_depth(reference.median);
-  const Stopwatch watch(stats.seconds_median);
-  FilterStats filtered;
-  median_filter(reference.median, options.median, executor, &filtered);
-  ++stats.depth_maps;
-  stats.pixels += matched.pixels;
-  stats.pixels_matched += matched.matched;
-  stats.pixels_after_median += filtered.after;
+  engine->match(task);
 }
 
 void Densifier::Impl::filter(std::int64_t i) {
-  const Stopwatch watch(stats.seconds_consistency);
-  View& reference = view(i);
-  if (reference.median.depth.empty()) return;
-  reference.map = reference.median;
-  std::vector<const DepthMap*> others;
+  Engine::Frame& reference = *view(i).frame;
+  if (!reference.matched) return;
+  std::vector<const Engine::Frame*> others;
   for (std::int64_t k = std::max(first, i - filter_ahead()); k <= std::min(end() - 1, i + filter_ahead()); ++k) {
-    if (k != i && !view(k).median.depth.empty()) others.push_back(&view(k).median);
+    if (k != i && view(k).frame->matched) others.push_back(view(k).frame.get());
   }
-  FilterStats filtered;
-  consistency_filter(reference.map, others, options.consistency, executor, &filtered);
-  stats.pixels_after_consistency += filtered.after;
-  reference.covered.assign(reference.map.depth.size(), 0);
-  if (callbacks.filtered_depth) callbacks.filtered_depth(reference.map);
+  engine->filter(reference, others);
 }
 
-void Densifier::Impl::fuse_view(std::int64_t i) {
-  const Stopwatch watch(stats.seconds_fusion);
-  if (view(i).map.depth.empty()) return;
-  std::vector<FusionInput> window;
+void Densifier::Impl::fuse(std::int64_t i) {
+  if (!view(i).frame->matched || !callbacks.cloud) return;
+  std::vector<Engine::Frame*> window;
   std::size_t current = 0;
   for (std::int64_t k = std::max(first, i - fuse_ahead()); k <= std::min(end() - 1, i + fuse_ahead()); ++k) {
     if (k == i) current = window.size();
-    View& member = view(k);
-    if (!member.map.depth.empty()) window.push_back({&member.map, &member.panorama.color(), &member.covered});
+    if (view(k).frame->matched) window.push_back(view(k).frame.get());
   }
-  const KeyframeCloud cloud = fuse(window, current, options.fusion, executor);
-  stats.points += static_cast<std::int64_t>(cloud.points.size());
-  if (callbacks.cloud) callbacks.cloud(cloud);
+  engine->fuse(window, current);
 }
 
 /// Lets go of keyframes that no stage will look at again.
@@ -137,11 +110,13 @@ bool Densifier::add(const Keyframe& keyframe) {
   ++impl_->stats.keyframes_accepted;
   impl_->prepare(keyframe);
   impl_->advance(false);
+  impl_->engine->deliver(false);
   return true;
 }
 
 void Densifier::flush() {
   impl_->advance(true);
+  impl_->engine->deliver(true);
   impl_->views.clear();
   impl_->first = impl_->next_match = impl_->next_filter = impl_->next_fuse = 0;
   impl_->view_filter.reset();
@@ -151,5 +126,6 @@ void Densifier::cancel() noexcept { impl_->cancel.store(true, std::memory_order_
 bool Densifier::cancelled() const noexcept { return impl_->stopped(); }
 const DensifierStats& Densifier::stats() const { return impl_->stats; }
 const DensifierOptions& Densifier::options() const { return impl_->options; }
+const std::string& Densifier::backend() const { return impl_->backend; }
 
 }  // namespace pmsp

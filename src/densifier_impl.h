@@ -4,36 +4,28 @@
 #include <atomic>
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <set>
-#include <utility>
-#include <vector>
+#include <string>
 
+#include "engine.h"
 #include "patchmatch/neighbours.h"
 #include "pmsp/densifier.h"
-#include "pmsp/executor.h"
-#include "pmsp/panorama.h"
 #include "pmsp/view_filter.h"
 
 namespace pmsp {
 
 /// An accepted keyframe on its way through the stages.
 struct View {
-  Keyframe keyframe;  ///< its image and mask are gone; what is left of them is in the panorama
-  Panorama panorama;
-  DepthMap median;  ///< after PatchMatch and the median filter
-  DepthMap map;     ///< after the consistency filter
-  std::vector<std::uint8_t> covered;
+  Keyframe keyframe;  ///< its image and mask are gone; what is left of them is in the frame
+  std::unique_ptr<Engine::Frame> frame;
 };
 
 /// Stages run as soon as the keyframes that they look at are there: matching waits for `match_ahead` keyframes after
 /// its own, the consistency filter for the maps of `filter_ahead`, fusion for `fuse_ahead`. Indices count from the
 /// start of the sequence.
 struct Densifier::Impl {
-  Impl(const DensifierOptions& given, DensifierCallbacks to)
-      : options(given), callbacks(std::move(to)), executor(given.threads, given.simd), view_filter(given.view_filter) {
-    options.threads = executor.threads();
-    options.simd = executor.simd();
-  }
+  Impl(const DensifierOptions& given, DensifierCallbacks to);
 
   View& view(std::int64_t i) { return views[static_cast<std::size_t>(i - first)]; }
   std::int64_t end() const { return first + static_cast<std::int64_t>(views.size()); }
@@ -47,16 +39,18 @@ struct Densifier::Impl {
   void advance(bool last);
   void match(std::int64_t i);
   void filter(std::int64_t i);
-  void fuse_view(std::int64_t i);
+  void fuse(std::int64_t i);
   void forget();
 
   DensifierOptions options;
   DensifierCallbacks callbacks;
-  Executor executor;
   ViewFilter view_filter;
   DensifierStats stats;
   std::atomic<bool> cancel{false};
   std::set<std::int64_t> ids;
+  Backend requested = Backend::kAuto;
+  std::string backend;             ///< the one in force, and why
+  std::unique_ptr<Engine> engine;  ///< before the views, whose frames must not outlive it
   std::deque<View> views;
   std::int64_t first = 0;  ///< index of views.front()
   std::int64_t next_match = 0;

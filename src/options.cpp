@@ -73,6 +73,7 @@ void FusionOptions::validate() const {
 void DensifierOptions::validate() const {
   check_size("width", width, 32, 16384);
   check_size("height", height, 16, 8192);
+  check("device", device, 0, 255);
   check("threads", threads, 0, 1024);
   view_filter.validate();
   init.validate();
@@ -100,6 +101,25 @@ Quality quality_from_name(const std::string& name) {
   if (name == "normal") return Quality::kNormal;
   if (name == "high") return Quality::kHigh;
   throw InvalidOption("quality is '" + name + "'; expected online, normal or high");
+}
+
+Backend backend_from_name(const std::string& name) {
+  for (const Backend backend : {Backend::kAuto, Backend::kCpu, Backend::kCuda}) {
+    if (name == name_of(backend)) return backend;
+  }
+  throw InvalidOption("backend is '" + name + "'; expected auto, cpu or cuda");
+}
+
+const char* name_of(Backend backend) {
+  switch (backend) {
+    case Backend::kCpu:
+      return "cpu";
+    case Backend::kCuda:
+      return "cuda";
+    case Backend::kAuto:
+      break;
+  }
+  return "auto";
 }
 
 Simd simd_from_name(const std::string& name) {

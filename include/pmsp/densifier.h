@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <string>
 
 #include "pmsp/depth_map.h"
 #include "pmsp/keyframe.h"
@@ -32,7 +33,8 @@ struct DensifierStats {
   double seconds_fusion = 0.0;       ///< [s]
 };
 
-/// Receives results as soon as they are final. Members that are not set are not called. All calls come from inside
+/// Receives results as soon as they are final. Members that are not set are not called, and what only they need is not
+/// computed. All calls come from inside
 /// `add` and `flush`, on the thread that called them, in the order in which the keyframes were added.
 struct DensifierCallbacks {
   std::function<void(const DepthMap&)> raw_depth;       ///< straight from PatchMatch
@@ -48,7 +50,8 @@ struct DensifierCallbacks {
 /// once. Results depend on the input and the seed only, not on the number of threads.
 class Densifier {
  public:
-  /// Throws InvalidOption; BackendUnavailable when `options.simd` asks for more than this machine has.
+  /// Throws InvalidOption; BackendUnavailable when `options.backend` or `options.simd` asks for more than this machine
+  /// or build has.
   Densifier(const DensifierOptions& options, DensifierCallbacks callbacks);
   ~Densifier();
   Densifier(Densifier&&) noexcept;
@@ -70,8 +73,12 @@ class Densifier {
 
   const DensifierStats& stats() const;
 
-  /// The options in force: sizes filled in, simd and threads resolved.
+  /// The options in force: sizes filled in, backend, simd and threads resolved.
   const DensifierOptions& options() const;
+
+  /// The backend in force in words, and why it is that one, for a log: "CUDA device 0, NVIDIA H200" or "CPU, 2 threads,
+  /// avx512 (CUDA: no device answers)".
+  const std::string& backend() const;
 
  private:
   struct Impl;

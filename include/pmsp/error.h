@@ -37,6 +37,13 @@ class OutputError : public Error {
   using Error::Error;
 };
 
+/// A call to the GPU failed while it worked, or its memory ran out. The message names the call and what to do. Whoever
+/// threw it must not be used any further.
+class DeviceError : public Error {
+ public:
+  using Error::Error;
+};
+
 /// The requested backend was not built in, or this machine cannot run it.
 class BackendUnavailable : public Error {
  public:

@@ -28,6 +28,9 @@ class Executor {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Whether this build holds the CUDA backend; whether a device answers is another matter.
+bool has_cuda();
+
 /// The widest instruction set that this machine has and this build holds.
 Simd widest_simd();
 

@@ -80,6 +80,13 @@ struct FusionOptions {
 /// Instruction set of the CPU backend.
 enum class Simd { kAuto, kScalar, kAvx2, kAvx512 };
 
+/// Where the stages run.
+enum class Backend {
+  kAuto,  ///< CUDA where it was built in, a device answers and its memory suffices; else the CPU
+  kCpu,
+  kCuda,
+};
+
 /// How much time a depth map may take.
 enum class Quality {
   kOnline,  ///< the paper's setting: 640 x 320, 2 neighbours, 4 iterations; keeps up with a flying drone on a CPU
@@ -92,6 +99,10 @@ struct DensifierOptions {
   int width = 640;          ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images
   int height = 320;         ///< of the depth maps [px], even, 16 to 8192; 0 = half the width
   std::uint64_t seed = 1;   ///< of the random planes; same input and seed, same bytes
+  Backend backend = Backend::kAuto;
+  int device = 0;           ///< CUDA device, as the driver numbers them, 0 to 255
+  bool pipelined = false;   ///< CUDA: `add` returns while its work goes on, and results come with the next call, so
+                            ///< that copies and kernels of successive keyframes overlap; the CPU ignores it
   int threads = 0;          ///< 1 to 1024; 0 = one for each CPU that the process may use
   Simd simd = Simd::kAuto;  ///< kAuto takes the widest that this machine has
   ViewFilterOptions view_filter;
@@ -114,5 +125,9 @@ Quality quality_from_name(const std::string& name);
 /// "auto", "scalar", "avx2" or "avx512". Throws InvalidOption for any other.
 Simd simd_from_name(const std::string& name);
 const char* name_of(Simd simd);
+
+/// "auto", "cpu" or "cuda". Throws InvalidOption for any other.
+Backend backend_from_name(const std::string& name);
+const char* name_of(Backend backend);
 
 }  // namespace pmsp

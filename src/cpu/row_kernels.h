@@ -34,7 +34,7 @@ struct ConstPlaneArrays {
 
 /// A keyframe's match: everything that a row needs.
 struct MatchJob {
-  kernels::Matching matching;
+  kernels::Matching<kernels::CubeView> matching;
   GridTables grid;
   PlaneArrays planes;
   const ConstPlaneArrays* candidates;  ///< proposals of the initialiser; the zero plane proposes nothing

@@ -74,7 +74,8 @@ void start_row(const MatchJob& job, int y) {
       kernels::Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
       if (any_usable(job, at, count < lanes<F>() ? count : lanes<F>())) {
         begin(visit, job, y, parity, k);
-        best = kernels::start<F>(pixel_numbers<F>(job, y, parity, k), visit, job.matching);
+        const auto pixel = pixel_numbers<F>(job, y, parity, k);
+        kernels::propose(best, kernels::random_start<F>(pixel, visit.frame.bearing, job.matching), visit, job.matching);
         for (int i = 0; i < job.num_candidates; ++i) {
           kernels::propose(best, plane_at<F>(job.candidates[i], ring, k, half), visit, job.matching);
         }
@@ -103,7 +104,11 @@ void iterate_row(const MatchJob& job, int y, int colour, int iteration) {
       const std::size_t other = ring_start(job, from.y, 1 - colour);
       kernels::propose(best, plane_at<F>(job.planes, other, k + from.shift, half), visit, job.matching);
     }
-    kernels::refine(best, pixel_numbers<F>(job, y, parity, k), iteration, visit, job.matching);
+    const auto pixel = pixel_numbers<F>(job, y, parity, k);
+    for (int draw = 0; draw < job.matching.refinements; ++draw) {
+      kernels::propose(best, kernels::refined(best, pixel, iteration, draw, visit.frame.bearing, job.matching), visit,
+                       job.matching);
+    }
     keep(best, job, at, count);
   }
 }

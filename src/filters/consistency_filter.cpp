@@ -7,25 +7,6 @@
 #include "pmsp/filters.h"
 
 namespace pmsp {
-namespace {
-
-/// Where another map's surface lies behind the point by more than this many tolerances, that keyframe has looked
-/// through it.
-constexpr float kSeenThrough = 2.0F;
-
-/// What the other maps say of one pixel.
-struct Votes {
-  int agree = 0;
-  int contradict = 0;
-
-  void add(float closeness, float tolerance) {
-    if (std::fabs(closeness - 1.0F) <= tolerance) ++agree;
-    if (closeness > 0.0F && closeness < 1.0F - kSeenThrough * tolerance) ++contradict;
-  }
-};
-
-}  // namespace
-
 void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others,
                         const ConsistencyFilterOptions& options, const Executor& executor, FilterStats* stats) {
   options.validate();
@@ -43,23 +24,20 @@ void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& other
       jobs.push_back({grid.tables(), map.depth.pixels().data(), planes.back().view(),
                       to_rigid(other->cam_from_world * map.cam_from_world.inverse())});
     }
-    const double share = static_cast<double>(others.size()) / (options.window - 1);
-    const int full = options.min_views - 1;
-    const int wanted = std::min(full, std::max(1, static_cast<int>(std::lround(full * std::min(share, 1.0)))));
+    const int wanted = agreeing_maps_wanted(options, others.size());
     const float tolerance = static_cast<float>(options.max_relative_depth);
     Image<float> filtered = map.depth;
     pool.for_each(height, [&](int y) {
       CompareBuffers buffers(width);
-      std::vector<Votes> votes(static_cast<std::size_t>(width));
+      std::vector<kernels::Votes> votes(static_cast<std::size_t>(width));
       for (const cpu::CompareJob& job : jobs) {
         executor.impl().rows.compare_row(job, y, buffers.out());
         for (std::size_t x = 0; x < votes.size(); ++x) votes[x].add(buffers.closeness[x], tolerance);
       }
       for (int x = 0; x < width; ++x) {
-        const Votes& vote = votes[static_cast<std::size_t>(x)];
+        const kernels::Votes& vote = votes[static_cast<std::size_t>(x)];
         map.confidence(x, y) *= static_cast<float>(vote.agree) / static_cast<float>(others.size());
-        const bool kept = vote.agree >= wanted && (wanted == 0 || vote.agree > vote.contradict);
-        if (!kept) filtered(x, y) = 0.0F;
+        if (!vote.keep(wanted)) filtered(x, y) = 0.0F;
       }
     });
     map.depth = std::move(filtered);

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
 #include "agreement.h"
 #include "equirect.h"
 #include "pmsp/depth_map.h"
+#include "pmsp/options.h"
 #include "sphere/grid.h"
 #include "util/eigen_kernels.h"
 #include "util/thread_pool.h"
@@ -26,6 +28,13 @@ inline void clear_where_no_depth(DepthMap& map) {
     map.normal.pixels()[i].setZero();
     map.confidence.pixels()[i] = 0.0F;
   }
+}
+
+/// How many of the other maps must agree: where fewer are at hand than the window holds, in proportion.
+inline int agreeing_maps_wanted(const ConsistencyFilterOptions& options, std::size_t others) {
+  const double share = static_cast<double>(others) / (options.window - 1);
+  const int full = options.min_views - 1;
+  return std::min(full, std::max(1, static_cast<int>(std::lround(full * std::min(share, 1.0)))));
 }
 
 /// A depth map's planes in row order, one array a coordinate, as kernels::agreement reads them.

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "cpu/executor_impl.h"
+#include "patchmatch/match_setup.h"
 #include "pmsp/error.h"
 #include "sphere/grid.h"
 #include "sphere/panorama_data.h"
@@ -16,12 +17,7 @@
 namespace pmsp {
 namespace {
 
-/// Stages of a keyframe that draw random numbers.
-constexpr std::uint32_t kPatchMatchStage = 1;
-
-/// Variance of gray levels that rounding to bytes makes (1 / 12). Patches that vary no more than that score low. More
-/// would cost plaster and bare roofs their depth: noise of the camera itself is averaged away by the resampling.
-constexpr float kNoiseVariance = 0.1F;
+using CubeSource = kernels::SourceView<kernels::CubeView>;
 
 /// Planes in checkerboard order.
 struct Planes {
@@ -66,26 +62,9 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
   }
 }
 
-kernels::PatchLayout make_layout(const PatchMatchOptions& options, int width) {
-  kernels::PatchLayout layout{};
-  const auto spacing = [&](double pixels) { return static_cast<float>(std::tan(pixels * 2.0 * kernels::kPi / width)); };
-  layout.spacing = spacing(options.patch_spacing_px);
-  layout.fine_spacing = spacing(options.patch_spacing_px * options.fine_patch);
-  layout.fine_variance = static_cast<float>(options.fine_patch_contrast * options.fine_patch_contrast);
-  layout.color_factor = static_cast<float>(-0.5 / (options.sigma_color * options.sigma_color));
-  layout.min_variance = kNoiseVariance;
-  const double steps = options.sigma_space_px / options.patch_spacing_px;
-  for (int k = 0; k < kernels::kPatchSamples; ++k) {
-    const double dx = kernels::patch_offset(k % kernels::kPatchSide);
-    const double dy = kernels::patch_offset(k / kernels::kPatchSide);
-    layout.space_weight[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (steps * steps)));
-  }
-  return layout;
-}
-
-std::vector<kernels::SourceView> make_views(const MatchInput& input) {
+std::vector<CubeSource> make_views(const MatchInput& input) {
   const RigidTransform world_from_ref = input.reference.cam_from_world.inverse();
-  std::vector<kernels::SourceView> views;
+  std::vector<CubeSource> views;
   for (const PosedPanorama& neighbour : input.neighbours) {
     const Panorama::Data& data = neighbour.panorama->data();
     views.push_back({data.gray.view(), data.matchable.view(), to_rigid(neighbour.cam_from_world * world_from_ref)});
@@ -144,25 +123,17 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   ThreadPool& pool = executor.impl().pool;
   const cpu::RowKernels& rows = executor.impl().rows;
   const SphereGrid grid(reference.width(), reference.height());
-  const std::vector<kernels::SourceView> views = make_views(input);
+  const std::vector<CubeSource> views = make_views(input);
   std::vector<Planes> candidates;
   std::vector<cpu::ConstPlaneArrays> candidate_views;
   for (const PlaneImage* image : input.candidates) candidates.push_back(to_checkerboard(*image, grid));
   for (const Planes& planes : candidates) candidate_views.push_back(planes.view());
   const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
-  const double min_cos = std::cos(options.max_slant_deg * kernels::kPi / 180.0);
   Planes planes(grid.size());
   std::vector<float> score(grid.size(), -1.0F);
 
-  const cpu::MatchJob job{{reference.data().gray.view(),
-                           views.data(),
-                           static_cast<int>(views.size()),
-                           make_layout(options, reference.width()),
-                           {static_cast<float>(1.0 / input.range.max), static_cast<float>(1.0 / input.range.min),
-                            static_cast<float>(min_cos * min_cos)},
-                           static_cast<float>(std::log(input.range.max / input.range.min)),
-                           kernels::random_key(seed, static_cast<std::uint64_t>(input.keyframe_id), kPatchMatchStage),
-                           options.refinements},
+  const cpu::MatchJob job{make_matching(reference.data().gray.view(), views.data(), static_cast<int>(views.size()),
+                                        options, reference.width(), input.range, seed, input.keyframe_id),
                           grid.tables(),
                           {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
                           candidate_views.data(),

@@ -8,17 +8,24 @@
 namespace pmsp {
 namespace {
 
-/// The source elements of one target element: weights[i] belongs to first + i.
-struct Span {
-  int first = 0;
-  std::vector<float> weights;
-};
+/// One target row before its columns are joined: the weighted sum of source rows, three floats a pixel.
+void join_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::vector<float>& sum) {
+  std::fill(sum.begin(), sum.end(), 0.0F);
+  for (std::size_t i = 0; i < rows.weights.size(); ++i) {
+    const int y = std::clamp(rows.first + static_cast<int>(i), 0, image.height - 1);
+    const float weight = rows.weights[i];
+    const std::uint8_t* bytes = &image.row(y)->r;
+    for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += weight * static_cast<float>(bytes[k]);
+  }
+}
 
-std::vector<Span> make_spans(int source, int target) {
-  std::vector<Span> spans(static_cast<std::size_t>(target));
+}  // namespace
+
+std::vector<ResampleSpan> resample_spans(int source, int target) {
+  std::vector<ResampleSpan> spans(static_cast<std::size_t>(target));
   const double scale = static_cast<double>(source) / target;
   for (int i = 0; i < target; ++i) {
-    Span& span = spans[static_cast<std::size_t>(i)];
+    ResampleSpan& span = spans[static_cast<std::size_t>(i)];
     if (scale >= 1.0) {
       const double low = i * scale;
       const double high = std::min<double>((i + 1) * scale, source);
@@ -37,22 +44,9 @@ std::vector<Span> make_spans(int source, int target) {
   return spans;
 }
 
-/// One target row before its columns are joined: the weighted sum of source rows, three floats a pixel.
-void join_rows(ImageView<const Rgb> image, const Span& rows, std::vector<float>& sum) {
-  std::fill(sum.begin(), sum.end(), 0.0F);
-  for (std::size_t i = 0; i < rows.weights.size(); ++i) {
-    const int y = std::clamp(rows.first + static_cast<int>(i), 0, image.height - 1);
-    const float weight = rows.weights[i];
-    const std::uint8_t* bytes = &image.row(y)->r;
-    for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += weight * static_cast<float>(bytes[k]);
-  }
-}
-
-}  // namespace
-
 Image<Eigen::Vector3f> area_resize(ImageView<const Rgb> image, int width, int height, ThreadPool& pool) {
-  const std::vector<Span> columns = make_spans(image.width, width);
-  const std::vector<Span> rows = make_spans(image.height, height);
+  const std::vector<ResampleSpan> columns = resample_spans(image.width, width);
+  const std::vector<ResampleSpan> rows = resample_spans(image.height, height);
   Image<Eigen::Vector3f> result(width, height, Eigen::Vector3f::Zero());
   constexpr int kRowsPerTask = 16;  // rows share one buffer
   pool.for_each((height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
@@ -60,7 +54,7 @@ Image<Eigen::Vector3f> area_resize(ImageView<const Rgb> image, int width, int he
     for (int y = task * kRowsPerTask; y < std::min(height, (task + 1) * kRowsPerTask); ++y) {
       join_rows(image, rows[static_cast<std::size_t>(y)], sum);
       for (int x = 0; x < width; ++x) {
-        const Span& span = columns[static_cast<std::size_t>(x)];
+        const ResampleSpan& span = columns[static_cast<std::size_t>(x)];
         Eigen::Vector3f value = Eigen::Vector3f::Zero();
         for (std::size_t i = 0; i < span.weights.size(); ++i) {
           const int column = (span.first + static_cast<int>(i) + image.width) % image.width;

@@ -1,12 +1,24 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <vector>
+
 #include <Eigen/Core>
 
 #include "pmsp/image.h"
 #include "util/thread_pool.h"
 
 namespace pmsp {
+
+/// The source elements of one target element: weights[i] belongs to first + i.
+struct ResampleSpan {
+  int first = 0;
+  std::vector<float> weights;
+};
+
+/// Spans of all target elements along one axis: means over the area, or linear interpolation when enlarging. They may
+/// reach one element beyond either end.
+std::vector<ResampleSpan> resample_spans(int source, int target);
 
 /// Resizes an equirectangular image: each target pixel is the mean over the area that it covers (partial pixels by
 /// their share), or, when enlarging, linear interpolation between pixel centres. x wraps. Values stay on the scale 0 to

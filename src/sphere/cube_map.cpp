@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "equirect.h"
+#include "resample.h"
 
 namespace pmsp {
 namespace {
@@ -19,49 +20,6 @@ Vec3<float> node_direction(int face, int i, int j, int size) {
   if (face < 2) return {lead, a, b};
   if (face < 4) return {a, lead, b};
   return {a, b, lead};
-}
-
-/// Pixel of an equirectangular image with rows beyond the poles continued on the opposite meridian.
-float pixel_around(const Image<float>& image, int x, int y) {
-  const int width = image.width();
-  const int height = image.height();
-  if (y < 0 || y >= height) {
-    y = y < 0 ? -1 - y : 2 * height - 1 - y;
-    x += width / 2;
-  }
-  x %= width;
-  return image(x < 0 ? x + width : x, y);
-}
-
-void cubic_weights(float t, float* weights) {
-  weights[0] = ((-0.5F * t + 1.0F) * t - 0.5F) * t;
-  weights[1] = (1.5F * t - 2.5F) * t * t + 1.0F;
-  weights[2] = ((-1.5F * t + 2.0F) * t + 0.5F) * t;
-  weights[3] = (0.5F * t - 0.5F) * t * t;
-}
-
-float sample_cubic(const Image<float>& gray, const Pixel<float>& at) {
-  const float x = at.x - 0.5F;
-  const float y = at.y - 0.5F;
-  const int x0 = static_cast<int>(std::floor(x));
-  const int y0 = static_cast<int>(std::floor(y));
-  float wx[4];
-  float wy[4];
-  cubic_weights(x - static_cast<float>(x0), wx);
-  cubic_weights(y - static_cast<float>(y0), wy);
-  const bool inside = x0 >= 1 && y0 >= 1 && x0 + 2 < gray.width() && y0 + 2 < gray.height();
-  float sum = 0.0F;
-  for (int j = 0; j < 4; ++j) {
-    float line = 0.0F;
-    if (inside) {
-      const float* row = gray.row(y0 - 1 + j) + (x0 - 1);
-      line = wx[0] * row[0] + wx[1] * row[1] + wx[2] * row[2] + wx[3] * row[3];
-    } else {
-      for (int i = 0; i < 4; ++i) line += wx[i] * pixel_around(gray, x0 - 1 + i, y0 - 1 + j);
-    }
-    sum += wy[j] * line;
-  }
-  return sum;
 }
 
 /// Fills a cube from a function of direction, then packs its 2 x 2 quads.
@@ -122,10 +80,9 @@ kernels::CubeView CubeMap::view() const {
 int cube_size_for(int width) { return std::max(8, 2 * static_cast<int>(std::lround(width / (2.0 * kernels::kPi)))); }
 
 CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool) {
-  const float width = static_cast<float>(gray.width());
-  const float height = static_cast<float>(gray.height());
+  const kernels::GrayView view{gray.pixels().data(), gray.width(), gray.height()};
   return fill_cube(size, pool, [&](const Vec3<float>& direction) {
-    const float value = sample_cubic(gray, kernels::project(direction, width, height));
+    const float value = kernels::sample_cubic(view, direction);
     return static_cast<std::uint8_t>(std::clamp(value + 0.5F, 0.0F, 255.0F));
   });
 }

@@ -76,7 +76,6 @@ Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mas
   data_->gray = make_cube_map(gray, size, pool);
   if (mask.empty()) return;
   data_->usable = shrink_mask(mask, width, height);
-  constexpr double kPatchReachPx = 3.0;  // samples within this of the centre carry most of a patch's weight
   data_->matchable = make_usable_cube(data_->usable, size, kPatchReachPx, pool);
 }
 

@@ -6,6 +6,9 @@
 
 namespace pmsp {
 
+/// Samples within this of a patch's centre carry most of its weight: so far a patch stays away from masked pixels.
+constexpr double kPatchReachPx = 3.0;
+
 struct Panorama::Data {
   Image<Rgb> color;
   Image<std::uint8_t> usable;  ///< empty without a mask

@@ -21,6 +21,7 @@ nlohmann::json at(const nlohmann::json& json, const std::string& key) {
 std::string other_value(const tool::OptionEntry& entry) {
   if (entry.is_switch()) return entry.text_of(DensifierOptions()) == "true" ? "false" : "true";
   if (std::string(entry.key) == "simd") return "scalar";
+  if (std::string(entry.key) == "backend") return "cpu";
   if (std::string(entry.key) == "width") return "512";
   if (std::string(entry.key) == "height") return "256";
   if (std::string(entry.key) == "seed") return "18446744073709551615";
@@ -36,7 +37,7 @@ std::string other_value(const tool::OptionEntry& entry) {
 TEST_CASE("the table covers every option of the library") {
   // These stop compiling when a struct gains or loses a field; then the table needs the same change.
   const DensifierOptions all;
-  [[maybe_unused]] const auto& [width, height, seed, threads, simd, view_filter, init, patchmatch, median, consistency,
+  [[maybe_unused]] const auto& [width, height, seed, backend, device, pipelined, threads, simd, view_filter, init, patchmatch, median, consistency,
                                 fusion] = all;
   [[maybe_unused]] const auto& [v1, v2, v3, v4] = view_filter;
   [[maybe_unused]] const auto& [i1, i2, i3, i4] = init;
@@ -44,7 +45,7 @@ TEST_CASE("the table covers every option of the library") {
   [[maybe_unused]] const auto& [m1, m2, m3] = median;
   [[maybe_unused]] const auto& [c1, c2, c3, c4] = consistency;
   [[maybe_unused]] const auto& [f1, f2, f3, f4, f5] = fusion;
-  CHECK(tool::option_table().size() == 5 + 4 + 4 + 9 + 3 + 4 + 5);
+  CHECK(tool::option_table().size() == 8 + 4 + 4 + 9 + 3 + 4 + 5);
 }
 
 TEST_CASE("every option is in the help, in the configuration, and taken from flag and file") {

@@ -17,6 +17,7 @@ using pmsp::test::cast;
 using pmsp::test::Draws;
 using pmsp::test::frame_at;
 namespace k = pmsp::kernels;
+using Source = k::SourceView<k::CubeView>;
 
 namespace {
 
@@ -70,8 +71,8 @@ class Room {
     choose_samples();
   }
 
-  k::SourceView view(std::size_t frame) const { return view(frame, cubes[frame]); }
-  k::SourceView view(std::size_t frame, const CubeMap& image) const {
+  Source view(std::size_t frame) const { return view(frame, cubes[frame]); }
+  Source view(std::size_t frame, const CubeMap& image) const {
     return {image.view(), CubeMap().view(),
             to_rigid(mission->frames[frame].cam_from_world * mission->frames[1].cam_from_world.inverse())};
   }
@@ -127,16 +128,15 @@ k::PatchFrame<F> frame_cast(const k::PatchFrame<double>& frame) {
 
 template <class F>
 F score(const k::CubeView& reference, const k::PatchLayout& layout, const Sample& sample,
-        const std::vector<k::SourceView>& views, double depth_factor = 1.0) {
+        const std::vector<Source>& views, double depth_factor = 1.0) {
   const k::PatchFrame<F> frame = frame_cast<F>(sample.frame);
-  const k::ReferencePatch<F> patch = k::reference_patch(reference, frame, layout);
-  std::vector<k::RotatedFrame<F>> turned;
-  for (const k::SourceView& view : views) turned.push_back(k::rotated(frame, view));
-  return k::plane_score(patch, frame, turned.data(), views.data(), static_cast<int>(views.size()),
+  k::ReferencePatch<F> patch;
+  k::take_patch(patch, reference, frame, layout);
+  return k::plane_score(patch, frame, views.data(), static_cast<int>(views.size()),
                         cast<F>((1.0 / depth_factor) * sample.plane), layout);
 }
 
-float score(const Sample& sample, const std::vector<k::SourceView>& views, double depth_factor = 1.0) {
+float score(const Sample& sample, const std::vector<Source>& views, double depth_factor = 1.0) {
   return score<float>(room().reference(), room().layout, sample, views, depth_factor);
 }
 
@@ -146,7 +146,7 @@ double median(std::vector<double> values) {
 }
 
 /// The depth factor of the highest score among steps of 1 % around the truth.
-double best_factor(const Sample& sample, const std::vector<k::SourceView>& views) {
+double best_factor(const Sample& sample, const std::vector<Source>& views) {
   double best = 0.0;
   float highest = -2.0F;
   for (int step = -20; step <= 20; ++step) {
@@ -163,7 +163,7 @@ double best_factor(const Sample& sample, const std::vector<k::SourceView>& views
 
 TEST_CASE("score: near 1 for the true plane, clearly less for a depth that is 5 % off") {
   REQUIRE(room().samples.size() == 600);
-  const std::vector<k::SourceView> views = {room().view(0), room().view(2)};
+  const std::vector<Source> views = {room().view(0), room().view(2)};
   std::vector<double> at_truth;
   std::vector<double> drops;
   int truth_wins = 0;
@@ -183,7 +183,7 @@ TEST_CASE("score: near 1 for the true plane, clearly less for a depth that is 5 
 }
 
 TEST_CASE("score: the true slant beats a plane that faces the camera") {
-  const std::vector<k::SourceView> views = {room().view(0), room().view(2)};
+  const std::vector<Source> views = {room().view(0), room().view(2)};
   int slanted = 0;
   int truth_wins = 0;
   for (const Sample& sample : room().samples) {
@@ -245,13 +245,13 @@ TEST_CASE("score: a nearly plain patch scores far less than the same patch with 
 
 TEST_CASE("score: the order of the views does not matter") {
   const CubeMap garbage = noise_cube(3);
-  std::vector<k::SourceView> views = {room().view(0), room().view(2), room().view(0, garbage), room().view(1, garbage)};
+  std::vector<Source> views = {room().view(0), room().view(2), room().view(0, garbage), room().view(1, garbage)};
   std::vector<int> order = {0, 1, 2, 3};
   for (std::size_t i = 0; i < 40; ++i) {
     const Sample& sample = room().samples[i];
     const float expected = score(sample, views, 1.01);
     do {
-      std::vector<k::SourceView> permuted;
+      std::vector<Source> permuted;
       for (const int view : order) permuted.push_back(views[static_cast<std::size_t>(view)]);
       REQUIRE(score(sample, permuted, 1.01) == Approx(expected).margin(2e-6));
     } while (std::next_permutation(order.begin(), order.end()));
@@ -261,16 +261,16 @@ TEST_CASE("score: the order of the views does not matter") {
 TEST_CASE("score: one view twice scores like the view alone") {
   for (std::size_t i = 0; i < 100; ++i) {
     const Sample& sample = room().samples[i];
-    const k::SourceView view = room().view(2);
+    const Source view = room().view(2);
     REQUIRE(score(sample, {view, view}) == Approx(score(sample, {view})).margin(1e-6));
-    REQUIRE(score(sample, std::vector<k::SourceView>(8, view)) == Approx(score(sample, {view})).margin(1e-6));
+    REQUIRE(score(sample, std::vector<Source>(8, view)) == Approx(score(sample, {view})).margin(1e-6));
   }
 }
 
 TEST_CASE("score: one garbage neighbour lowers it but does not change which depth wins") {
   const CubeMap garbage = noise_cube(5);
-  const std::vector<k::SourceView> orders[] = {{room().view(2), room().view(0, garbage)},
-                                               {room().view(0, garbage), room().view(2)}};
+  const std::vector<Source> orders[] = {{room().view(2), room().view(0, garbage)},
+                                        {room().view(0, garbage), room().view(2)}};
   int alone_right = 0;
   int still_right[2] = {0, 0};
   int lower = 0;
@@ -297,7 +297,7 @@ TEST_CASE("score: a masked neighbour gives -1 and no more") {
   const CubeMap all = make_usable_cube(Image<std::uint8_t>(kWidth, kHeight, 255), cube_size_for(kWidth), 3.0, pool);
   for (std::size_t i = 0; i < 100; ++i) {
     const Sample& sample = room().samples[i];
-    k::SourceView view = room().view(2);
+    Source view = room().view(2);
     const float open = score(sample, {view});
     view.usable = all.view();
     REQUIRE(score(sample, {view}) == open);
@@ -309,15 +309,16 @@ TEST_CASE("score: a masked neighbour gives -1 and no more") {
 TEST_CASE("reference patch: weights sum to 1, contrast is centred and has unit variance where there is texture") {
   for (std::size_t i = 0; i < 200; ++i) {
     const k::PatchFrame<float> frame = frame_cast<float>(room().samples[i].frame);
-    const k::ReferencePatch<float> patch = k::reference_patch(room().reference(), frame, room().layout);
+    k::ReferencePatch<float> patch;
+    k::take_patch(patch, room().reference(), frame, room().layout);
     double weights = 0.0;
     double sum = 0.0;
     double square = 0.0;
     for (int n = 0; n < k::kPatchSamples; ++n) {
-      REQUIRE(patch.weight[n] >= 0.0F);
-      weights += patch.weight[n];
-      sum += patch.contrast[n];
-      square += static_cast<double>(patch.contrast[n]) * patch.contrast[n] / patch.weight[n];
+      REQUIRE(patch.weight(n) >= 0.0F);
+      weights += patch.weight(n);
+      sum += patch.contrast(n);
+      square += static_cast<double>(patch.contrast(n)) * patch.contrast(n) / patch.weight(n);
     }
     REQUIRE(weights == Approx(1.0).epsilon(1e-5));
     REQUIRE(std::fabs(sum) < 1e-4);
@@ -327,7 +328,7 @@ TEST_CASE("reference patch: weights sum to 1, contrast is centred and has unit v
 }
 
 TEST_CASE("score in float and in double agree") {
-  const std::vector<k::SourceView> views = {room().view(0), room().view(2)};
+  const std::vector<Source> views = {room().view(0), room().view(2)};
   double worst = 0.0;
   Draws draws(12);
   for (const Sample& sample : room().samples) {

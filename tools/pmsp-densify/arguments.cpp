@@ -86,7 +86,6 @@ ProgressMode progress_mode(const std::string& name) {
 
 void add_behaviour(CLI::App& app, Arguments& a) {
   const char* group = "Behaviour";
-  app.add_option("--backend", a.backend, "auto, cpu or cuda [default auto]")->type_name("NAME")->group(group);
   app.add_option_function<std::string>(
          "--progress", [&a](const std::string& name) { a.progress = progress_mode(name); },
          "auto (bar on a terminal, else plain), bar, plain, json (JSON lines on stdout) or none [default auto]")
@@ -129,8 +128,8 @@ void spell_out_switches(std::vector<std::string>& words) {
 }
 
 void print_version() {
-  std::cout << version_text() << " (" << PMSP_BUILD_TYPE << "; backends: cpu; SIMD: " << name_of(widest_simd())
-            << ")\n";
+  std::cout << version_text() << " (" << PMSP_BUILD_TYPE << "; backends: cpu" << (has_cuda() ? ", cuda" : "")
+            << "; SIMD: " << name_of(widest_simd()) << ")\n";
 }
 
 std::vector<std::string> words_of(int argc, const char* const* argv) {
@@ -201,9 +200,6 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   a.verb = info.parsed() ? Verb::kInfo : config.parsed() ? Verb::kConfig : Verb::kRun;
   if (!(a.fps >= 0.0) || a.fps > 1e6) throw UsageError("--fps is no frame rate; expected 0 (the map's) to 1000000");
   if (!a.images.empty() && !a.video.empty()) throw UsageError("--images and --video exclude each other");
-  if (a.backend != "auto" && a.backend != "cpu" && a.backend != "cuda") {
-    throw UsageError("--backend is \"" + a.backend + "\"; expected auto, cpu or cuda");
-  }
   if (a.verb == Verb::kRun) check_run(a);
   if (a.verb == Verb::kInfo && a.map.empty()) throw UsageError("MAP is missing: pmsp-densify info MAP");
   return a;

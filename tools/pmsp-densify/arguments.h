@@ -37,7 +37,6 @@ struct Arguments {
   std::filesystem::path stats;
   std::filesystem::path preview;
 
-  std::string backend = "auto";
   ProgressMode progress = ProgressMode::kAuto;
   bool quiet = false;
   bool verbose = false;

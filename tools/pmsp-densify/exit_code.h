@@ -52,6 +52,7 @@ inline int exit_code_of(const std::exception& error) {
   if (dynamic_cast<const IoError*>(&error) != nullptr) return kExitInput;
   if (dynamic_cast<const OutputError*>(&error) != nullptr) return kExitOutput;
   if (dynamic_cast<const BackendUnavailable*>(&error) != nullptr) return kExitBackend;
+  if (dynamic_cast<const DeviceError*>(&error) != nullptr) return kExitBackend;
   return kExitUnexpected;
 }
 

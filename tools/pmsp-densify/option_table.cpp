@@ -36,6 +36,7 @@ T parse_number(const std::string& text, bool& ok) {
 std::string range_text(const OptionEntry& entry) {
   if (entry.is_switch()) return "true or false";
   if (entry.access.index() == 4) return "auto, scalar, avx2 or avx512";
+  if (entry.access.index() == 5) return "auto, cpu or cuda";
   if (entry.access.index() == 3) return "a whole number from 0 to 18446744073709551615";
   return std::string(entry.access.index() == 1 ? "a whole number from " : "") + number_text(entry.min) + " to " +
          number_text(entry.max);
@@ -55,10 +56,9 @@ void set_from_json(Options& options, const OptionEntry& entry, const Json& value
   if (const auto* as_switch = std::get_if<0>(&entry.access)) {
     if (!value.is_boolean()) refuse(entry, where, text);
     (*as_switch)(options) = value.get<bool>();
-  } else if (const auto* as_name = std::get_if<4>(&entry.access)) {
+  } else if (entry.access.index() >= 4) {  // names
     if (!value.is_string()) refuse(entry, where, text);
     set_from_text(options, entry, value.get<std::string>(), where);
-    static_cast<void>(as_name);
   } else {
     const bool whole = entry.access.index() != 2;
     if (!value.is_number() || (whole && !value.is_number_integer())) refuse(entry, where, text);
@@ -102,6 +102,13 @@ const std::vector<OptionEntry>& option_table() {
        +PMSP_AT(int, height)},
       {"seed", "Size and machine", "", 0, kMaxSeed, "Start of the random numbers; same input and seed, same bytes",
        +PMSP_AT(std::uint64_t, seed)},
+      {"backend", "Size and machine", "", 0, 0,
+       "Where the stages run; auto takes CUDA where it is built in, a device answers and its memory suffices",
+       +PMSP_AT(Backend, backend)},
+      {"device", "Size and machine", "", 0, 255, "CUDA device, as the driver numbers them", +PMSP_AT(int, device)},
+      {"pipelined", "Size and machine", "", 0, 1,
+       "CUDA: overlap copies and work of successive keyframes; results come one keyframe later",
+       +PMSP_AT(bool, pipelined)},
       {"threads", "Size and machine", "", 0, 1024, "Threads; 0 = one for each CPU that the process may use",
        +PMSP_AT(int, threads)},
       {"simd", "Size and machine", "", 0, 0, "Instruction set; auto takes the widest that this machine has",
@@ -187,7 +194,7 @@ std::string OptionEntry::text_of(const DensifierOptions& options) const {
         using T = std::decay_t<decltype(at(copy))>;
         if constexpr (std::is_same_v<T, bool>) {
           return at(copy) ? "true" : "false";
-        } else if constexpr (std::is_same_v<T, Simd>) {
+        } else if constexpr (std::is_enum_v<T>) {
           return name_of(at(copy));
         } else if constexpr (std::is_same_v<T, double>) {
           return number_text(at(copy));
@@ -229,9 +236,10 @@ void set_from_text(DensifierOptions& options, const OptionEntry& entry, const st
     const std::uint64_t value = parse_number<std::uint64_t>(text, ok);
     if (!ok) refuse(entry, where, "\"" + text + "\"");
     (*as_seed)(options) = value;
-  } else if (const auto* as_name = std::get_if<4>(&entry.access)) {
+  } else {
     try {
-      (*as_name)(options) = simd_from_name(text);
+      if (const auto* as_simd = std::get_if<4>(&entry.access)) (*as_simd)(options) = simd_from_name(text);
+      if (const auto* as_backend = std::get_if<5>(&entry.access)) (*as_backend)(options) = backend_from_name(text);
     } catch (const InvalidOption&) {
       refuse(entry, where, "\"" + text + "\"");
     }
@@ -247,7 +255,7 @@ nlohmann::ordered_json to_json(const DensifierOptions& options) {
     auto& at = dot == std::string::npos ? json[key] : json[key.substr(0, dot)][key.substr(dot + 1)];
     std::visit(
         [&](auto access) {
-          if constexpr (std::is_same_v<decltype(access(copy)), Simd&>) {
+          if constexpr (std::is_enum_v<std::remove_reference_t<decltype(access(copy))>>) {
             at = name_of(access(copy));
           } else {
             at = access(copy);

@@ -16,7 +16,8 @@ namespace pmsp::tool {
 /// configuration file and its printout are all made from it.
 struct OptionEntry {
   using Access = std::variant<bool& (*)(DensifierOptions&), int& (*)(DensifierOptions&), double& (*)(DensifierOptions&),
-                              std::uint64_t& (*)(DensifierOptions&), Simd& (*)(DensifierOptions&)>;
+                              std::uint64_t& (*)(DensifierOptions&), Simd& (*)(DensifierOptions&),
+                              Backend& (*)(DensifierOptions&)>;
   const char* key;    ///< in the configuration file, dots separate levels: "patchmatch.iterations"
   const char* group;  ///< heading in the help: the stage
   const char* unit;   ///< "" for none

@@ -41,7 +41,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   const DensifierStats& s = report.stats;
   nlohmann::ordered_json json{{"generator", version_text()},
                               {"build_type", PMSP_BUILD_TYPE},
-                              {"backend", "cpu"},
+                              {"backend", name_of(report.options.backend)},
                               {"simd", name_of(report.options.simd)},
                               {"threads", report.options.threads},
                               {"seed", report.options.seed},

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "cpu/cpu_engine.h"
+
+#include <utility>
+
+#include "pmsp/filters.h"
+#include "pmsp/fusion.h"
+#include "pmsp/initialiser.h"
+#include "pmsp/panorama.h"
+#include "pmsp/patchmatch.h"
+#include "util/stopwatch.h"
+
+namespace pmsp {
+namespace {
+
+struct CpuFrame : Engine::Frame {
+  CpuFrame(const Keyframe& keyframe, Panorama prepared) : Frame(keyframe), panorama(std::move(prepared)) {}
+
+  Panorama panorama;
+  DepthMap median;  ///< after PatchMatch and the median filter
+  DepthMap map;     ///< after the consistency filter
+  std::vector<std::uint8_t> covered;
+};
+
+CpuFrame& own(Engine::Frame& frame) { return static_cast<CpuFrame&>(frame); }
+const CpuFrame& own(const Engine::Frame& frame) { return static_cast<const CpuFrame&>(frame); }
+
+}  // namespace
+
+std::unique_ptr<Engine::Frame> CpuEngine::prepare(const Keyframe& keyframe) {
+  const Stopwatch watch(context_.stats.seconds_prepare);
+  return std::make_unique<CpuFrame>(keyframe, Panorama(keyframe.image, keyframe.mask, context_.options.width,
+                                                       context_.options.height, executor_));
+}
+
+void CpuEngine::match(const MatchTask& task) {
+  const DensifierOptions& options = context_.options;
+  DensifierStats& stats = context_.stats;
+  CpuFrame& reference = own(*task.reference);
+  MatchInput input{reference.id, {&reference.panorama, reference.cam_from_world}, {}, task.range, {}};
+  for (const Frame* neighbour : task.neighbours) {
+    input.neighbours.push_back({&own(*neighbour).panorama, neighbour->cam_from_world});
+  }
+  PlaneImage sparse;
+  PlaneImage warped;
+  {
+    const Stopwatch watch(stats.seconds_init);
+    if (options.init.sparse_points) {
+      sparse = planes_from_landmarks(*task.keyframe, options.width, options.height, options.init);
+      input.candidates.push_back(&sparse);
+    }
+    if (task.previous != nullptr) {
+      warped = warp_planes(own(*task.previous).median, reference.cam_from_world, executor_);
+      input.candidates.push_back(&warped);
+    }
+  }
+  PatchMatchStats matched;
+  {
+    const Stopwatch watch(stats.seconds_patchmatch);
+    reference.median = patchmatch(input, options.patchmatch, options.seed, executor_, &matched, &context_.cancel);
+  }
+  if (context_.cancel.load(std::memory_order_relaxed)) return;
+  if (context_.callbacks.raw_depth) context_.callbacks.raw_depth(reference.median);
+  const Stopwatch watch(stats.seconds_median);
+  FilterStats filtered;
+  median_filter(reference.median, options.median, executor_, &filtered);
+  reference.matched = true;
+  ++stats.depth_maps;
+  stats.pixels += matched.pixels;
+  stats.pixels_matched += matched.matched;
+  stats.pixels_after_median += filtered.after;
+}
+
+void CpuEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
+  const Stopwatch watch(context_.stats.seconds_consistency);
+  CpuFrame& reference = own(frame);
+  reference.map = reference.median;
+  std::vector<const DepthMap*> maps;
+  maps.reserve(others.size());
+  for (const Frame* other : others) maps.push_back(&own(*other).median);
+  FilterStats filtered;
+  consistency_filter(reference.map, maps, context_.options.consistency, executor_, &filtered);
+  context_.stats.pixels_after_consistency += filtered.after;
+  reference.covered.assign(reference.map.depth.size(), 0);
+  if (context_.callbacks.filtered_depth) context_.callbacks.filtered_depth(reference.map);
+}
+
+void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
+  const Stopwatch watch(context_.stats.seconds_fusion);
+  std::vector<FusionInput> inputs;
+  inputs.reserve(window.size());
+  for (Frame* frame : window) {
+    CpuFrame& member = own(*frame);
+    inputs.push_back({&member.map, &member.panorama.color(), &member.covered});
+  }
+  const KeyframeCloud cloud = pmsp::fuse(inputs, current, context_.options.fusion, executor_);
+  context_.stats.points += static_cast<std::int64_t>(cloud.points.size());
+  if (context_.callbacks.cloud) context_.callbacks.cloud(cloud);
+}
+
+}  // namespace pmsp

@@ -1,0 +1,387 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "cuda/cuda_engine.h"
+
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <functional>
+#include <optional>
+#include <utility>
+
+#include "cpu/executor_impl.h"
+#include "cuda/transfers.h"
+#include "filters/depth_map_tools.h"
+#include "patchmatch/match_setup.h"
+#include "pmsp/camera.h"
+#include "pmsp/error.h"
+#include "pmsp/fusion.h"
+#include "sphere/cube_map.h"
+#include "sphere/panorama_data.h"
+#include "util/eigen_kernels.h"
+#include "util/stopwatch.h"
+
+namespace pmsp::cuda {
+namespace {
+
+constexpr int kGrayBits = 16;  ///< of the cube maps' texels: finer than the camera's, since resampling averages
+constexpr int kUsableBits = 8;
+constexpr std::size_t kDownloads = 2;  ///< depth maps on their way down at once
+
+using Colors = DeviceArray<uchar4>;
+using Planes = DeviceArray<float4>;
+using Floats = DeviceArray<float>;
+
+struct HostFrame {
+  DepthMap map;
+  Image<Rgb> color;
+  std::vector<std::uint8_t> covered;
+};
+
+/// What a frame keeps on the device, lent from the engine's pools.
+struct CudaFrame : Engine::Frame {
+  using Frame::Frame;
+
+  std::shared_ptr<Colors> color;
+  std::shared_ptr<CubeTexture> gray;
+  std::shared_ptr<CubeTexture> usable;  ///< none without a mask
+  std::shared_ptr<Planes> planes;       ///< after the median filter
+  std::shared_ptr<Floats> confidence;   ///< after the consistency filter; 0 = no depth
+  std::shared_ptr<HostFrame> host = std::make_shared<HostFrame>();
+};
+
+CudaFrame& own(Engine::Frame& frame) { return static_cast<CudaFrame&>(frame); }
+const CudaFrame& own(const Engine::Frame& frame) { return static_cast<const CudaFrame&>(frame); }
+
+/// How long stages took and what became of the pixels, on its way to the statistics.
+struct Record {
+  DeviceArray<Counts> device = DeviceArray<Counts>(1);
+  PinnedArray<Counts> host = PinnedArray<Counts>(1);
+  Event marks[4];  ///< before, between and after the stages
+
+  void start(const Stream& stream) {
+    PMSP_CUDA_CHECK(cudaMemsetAsync(device.get(), 0, sizeof(Counts), stream.get()));
+    marks[0].record(stream);
+  }
+  void stop(const Stream& stream, int mark) {
+    PMSP_CUDA_CHECK(cudaMemcpyAsync(host.get(), device.get(), sizeof(Counts), cudaMemcpyDeviceToHost, stream.get()));
+    marks[mark].record(stream);
+  }
+};
+
+/// All work on one frame is queued on one stream, in the order of the calls; only copies run beside it. So whatever a
+/// kernel reads was written by an earlier one, and memory that goes back to its pool may be used again at once.
+class CudaEngine : public Engine {
+ public:
+  CudaEngine(const EngineContext& context, Executor executor) : context_(context), executor_(std::move(executor)) {}
+  ~CudaEngine() override;
+
+  std::unique_ptr<Frame> prepare(const Keyframe& keyframe) override;
+  void match(const MatchTask& task) override;
+  void filter(Frame& reference, const std::vector<const Frame*>& others) override;
+  void fuse(const std::vector<Frame*>& window, std::size_t current) override;
+  void deliver(bool all) override;
+
+ private:
+  void allocate();
+  void set_image_size(int width, int height);
+  void find_sparse(const MatchTask& task, MatchArgs& args);
+  void warp_previous(const MatchTask& task, MatchArgs& args);
+  MapDownload& free_download();
+  void send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to);
+  void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
+  void hand_out_first();
+  bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
+  std::size_t pixels() const {
+    return static_cast<std::size_t>(context_.options.width) * static_cast<std::size_t>(context_.options.height);
+  }
+
+  /// Something that was asked of the device.
+  struct Pending {
+    std::function<void()> hand_out;  ///< waits for what it needs
+    std::int64_t round;              ///< Densifier::add or flush during which it was asked for
+  };
+
+  EngineContext context_;
+  Executor executor_;
+  Stream compute_, up_, down_;
+  std::optional<DeviceGrid> grid_;
+  int image_width_ = 0;
+  int image_height_ = 0;
+  std::optional<DeviceSpanTable> columns_, rows_;
+  Uploader images_, masks_;
+  Floats gray_, equalized_;
+  DeviceArray<unsigned char> eroded_;
+  Planes state_;
+  DeviceArray<std::uint64_t> sparse_keys_, warp_keys_;
+  PinnedArray<SparsePoint> points_host_;
+  DeviceArray<SparsePoint> points_;
+  Event points_arrived_;
+  Pool<Colors> colors_;
+  Pool<CubeTexture> grays_, usables_;
+  Pool<Planes> planes_;
+  Pool<Floats> confidences_;
+  Pool<Record> records_;
+  std::vector<std::unique_ptr<MapDownload>> downloads_;
+  std::deque<Pending> pending_;
+  std::int64_t round_ = 0;
+};
+
+CudaEngine::~CudaEngine() {
+  for (const Stream* stream : {&compute_, &up_, &down_}) cudaStreamSynchronize(stream->get());
+}
+
+void CudaEngine::allocate() {
+  if (grid_) return;
+  grid_.emplace(context_.options.width, context_.options.height);
+  gray_ = Floats(pixels());
+  equalized_ = Floats(pixels());
+  state_ = Planes(pixels());
+  if (context_.options.init.sparse_points) sparse_keys_ = DeviceArray<std::uint64_t>(pixels());
+  if (context_.options.init.warp_previous) warp_keys_ = DeviceArray<std::uint64_t>(pixels());
+}
+
+void CudaEngine::set_image_size(int width, int height) {
+  if (width == image_width_ && height == image_height_) return;
+  PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));  // kernels may still read the old tables
+  columns_.emplace(width, context_.options.width);
+  rows_.emplace(height, context_.options.height);
+  image_width_ = width;
+  image_height_ = height;
+}
+
+std::unique_ptr<Engine::Frame> CudaEngine::prepare(const Keyframe& keyframe) {
+  const DeviceScope scope(context_.options.device);
+  const int width = context_.options.width;
+  const int height = context_.options.height;
+  const int size = cube_size_for(width);
+  const auto& image = keyframe.image;
+  const auto& mask = keyframe.mask;
+  allocate();
+  set_image_size(image.width, image.height);
+  ThreadPool& pool = executor_.impl().pool;
+  auto frame = std::make_unique<CudaFrame>(keyframe);
+  frame->color = colors_.get(pixels());
+  frame->gray = grays_.get(size, kGrayBits);
+  ResizeArgs args{};
+  args.image = images_.upload(image.data, 3 * static_cast<std::size_t>(image.width),
+                              3 * static_cast<std::size_t>(image.stride), image.height, up_, compute_, pool);
+  if (!mask.empty()) {
+    args.mask = masks_.upload(mask.data, static_cast<std::size_t>(mask.width), static_cast<std::size_t>(mask.stride),
+                              mask.height, up_, compute_, pool);
+  }
+  args.source_width = image.width;
+  args.source_height = image.height;
+  args.width = width;
+  args.height = height;
+  args.columns = columns_->view();
+  args.rows = rows_->view();
+  args.color = frame->color->get();
+  args.gray = gray_.get();
+  resize(args, compute_.get());
+  images_.consumed(compute_);
+  equalize_rows(gray_.get(), equalized_.get(), width, height, compute_.get());
+  fill_cube(equalized_.get(), width, height, {size, frame->gray->surface()}, compute_.get());
+  if (!mask.empty()) {
+    masks_.consumed(compute_);
+    if (eroded_.empty()) eroded_ = DeviceArray<unsigned char>(pixels());
+    frame->usable = usables_.get(size, kUsableBits);
+    fill_usable_cube(frame->color->get(), width, height, kPatchReachPx, eroded_.get(), {size, frame->usable->surface()},
+                     compute_.get());
+  }
+  return frame;
+}
+
+void CudaEngine::find_sparse(const MatchTask& task, MatchArgs& args) {
+  const std::vector<Landmark>& landmarks = task.keyframe->landmarks;
+  points_arrived_.wait();  // the previous keyframe's
+  if (points_host_.size() < landmarks.size()) {
+    PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));  // kernels may still read the old ones
+    points_host_ = PinnedArray<SparsePoint>(2 * landmarks.size());
+    points_ = DeviceArray<SparsePoint>(2 * landmarks.size());
+  }
+  std::size_t count = 0;
+  for (const Landmark& landmark : landmarks) {
+    const Eigen::Vector3d p = task.keyframe->cam_from_world * landmark.position_world;
+    if (!(p.squaredNorm() > 0.0)) continue;
+    const Eigen::Vector2f at = pixel_from_bearing(p, context_.options.width, context_.options.height).cast<float>();
+    const Eigen::Vector3f plane = (p / p.squaredNorm()).cast<float>();
+    points_host_[count++] = {at.x(), at.y(), plane.x(), plane.y(), plane.z()};
+  }
+  PMSP_CUDA_CHECK(cudaMemcpyAsync(points_.get(), points_host_.get(), count * sizeof(SparsePoint),
+                                  cudaMemcpyHostToDevice, compute_.get()));
+  points_arrived_.record(compute_);
+  PMSP_CUDA_CHECK(cudaMemsetAsync(sparse_keys_.get(), 0xff, pixels() * sizeof(std::uint64_t), compute_.get()));
+  splat_points({points_.get(), static_cast<int>(count), context_.options.width, context_.options.height,
+                static_cast<float>(context_.options.init.sparse_radius_px), sparse_keys_.get()},
+               compute_.get());
+  args.sparse_keys = sparse_keys_.get();
+  args.sparse_points = points_.get();
+}
+
+void CudaEngine::warp_previous(const MatchTask& task, MatchArgs& args) {
+  const CudaFrame& previous = own(*task.previous);
+  const RigidTransform moved = task.reference->cam_from_world * previous.cam_from_world.inverse();
+  PMSP_CUDA_CHECK(cudaMemsetAsync(warp_keys_.get(), 0xff, pixels() * sizeof(std::uint64_t), compute_.get()));
+  warp_planes({grid_->view(), previous.planes->get(), to_rigid(moved), warp_keys_.get()}, compute_.get());
+  args.warp_keys = warp_keys_.get();
+  args.previous = previous.planes->get();
+  args.previous_from_reference = to_rigid(moved.inverse());
+}
+
+void CudaEngine::match(const MatchTask& task) {
+  const DeviceScope scope(context_.options.device);
+  const DensifierOptions& options = context_.options;
+  CudaFrame& reference = own(*task.reference);
+  reference.planes = planes_.get(pixels());
+  MatchArgs args{};
+  const RigidTransform world_from_ref = reference.cam_from_world.inverse();
+  for (std::size_t i = 0; i < task.neighbours.size(); ++i) {
+    const CudaFrame& neighbour = own(*task.neighbours[i]);
+    args.views[i] = {{neighbour.gray->texture()},
+                     {neighbour.usable ? neighbour.usable->texture() : 0},
+                     to_rigid(neighbour.cam_from_world * world_from_ref)};
+  }
+  args.matching =
+      make_matching<TextureCube>({reference.gray->texture()}, nullptr, static_cast<int>(task.neighbours.size()),
+                                 options.patchmatch, options.width, task.range, options.seed, reference.id);
+  args.grid = grid_->view();
+  args.state = state_.get();
+  args.color = reference.color->get();
+  const std::shared_ptr<Record> record = records_.get();
+  record->start(compute_);
+  if (options.init.sparse_points) find_sparse(task, args);
+  if (task.previous != nullptr) warp_previous(task, args);
+  record->marks[1].record(compute_);
+  start_pixels(args, compute_.get());
+  for (int iteration = 0; iteration < options.patchmatch.iterations; ++iteration) {
+    for (int colour = 0; colour < 2; ++colour) iterate_pixels(args, colour, iteration, compute_.get());
+  }
+  record->marks[2].record(compute_);
+  if (context_.callbacks.raw_depth) {
+    MapDownload& download = free_download();
+    export_state(grid_->view(), state_.get(), download.view(), compute_.get());
+    send(download, reference, context_.callbacks.raw_depth);
+  }
+  median_pixels({grid_->view(), state_.get(), reference.color->get(), options.median.enabled,
+                 static_cast<float>(options.median.max_relative_deviation),
+                 static_cast<float>(options.median.min_score), reference.planes->get(), record->device.get()},
+                compute_.get());
+  record->stop(compute_, 3);
+  expect([this, record] {
+    record->marks[3].wait();
+    DensifierStats& stats = context_.stats;
+    stats.seconds_init += record->marks[1].seconds_since(record->marks[0]);
+    stats.seconds_patchmatch += record->marks[2].seconds_since(record->marks[1]);
+    stats.seconds_median += record->marks[3].seconds_since(record->marks[2]);
+    ++stats.depth_maps;
+    stats.pixels += record->host[0].pixels;
+    stats.pixels_matched += record->host[0].matched;
+    stats.pixels_after_median += record->host[0].after_median;
+  });
+  reference.matched = true;
+}
+
+void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
+  const DeviceScope scope(context_.options.device);
+  const ConsistencyFilterOptions& options = context_.options.consistency;
+  CudaFrame& reference = own(frame);
+  reference.confidence = confidences_.get(pixels());
+  ConsistencyArgs args{};
+  args.grid = grid_->view();
+  args.planes = reference.planes->get();
+  for (const Frame* other : others) {
+    args.others[args.num_others++] = {own(*other).planes->get(),
+                                      to_rigid(other->cam_from_world * reference.cam_from_world.inverse())};
+  }
+  args.enabled = options.enabled;
+  args.wanted = agreeing_maps_wanted(options, others.size());
+  args.tolerance = static_cast<float>(options.max_relative_depth);
+  args.confidence = reference.confidence->get();
+  const bool wanted = context_.callbacks.filtered_depth || context_.callbacks.cloud;
+  MapDownload* const download = wanted ? &free_download() : nullptr;
+  if (wanted) args.out = download->view();
+  const std::shared_ptr<Record> record = records_.get();
+  args.counts = record->device.get();
+  record->start(compute_);
+  filter_pixels(args, compute_.get());
+  record->stop(compute_, 1);
+  if (wanted) {
+    send(*download, reference, [this, host = reference.host](const DepthMap& map) {
+      if (context_.callbacks.cloud) host->map = map;
+      if (context_.callbacks.filtered_depth) context_.callbacks.filtered_depth(map);
+    });
+  }
+  expect([this, record] {
+    record->marks[1].wait();
+    context_.stats.seconds_consistency += record->marks[1].seconds_since(record->marks[0]);
+    context_.stats.pixels_after_consistency += record->host[0].after_consistency;
+  });
+}
+
+void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
+  while (!pending_.empty()) hand_out_first();
+  if (cancelled()) return;
+  const Stopwatch watch(context_.stats.seconds_fusion);
+  std::vector<FusionInput> inputs;
+  for (Frame* frame : window) {
+    HostFrame& member = *own(*frame).host;
+    if (member.color.empty()) {
+      std::vector<uchar4> colors(pixels());
+      PMSP_CUDA_CHECK(
+          cudaMemcpy(colors.data(), own(*frame).color->get(), colors.size() * sizeof(uchar4), cudaMemcpyDeviceToHost));
+      member.color = Image<Rgb>(context_.options.width, context_.options.height);
+      for (std::size_t i = 0; i < colors.size(); ++i)
+        member.color.pixels()[i] = {colors[i].x, colors[i].y, colors[i].z};
+      member.covered.assign(pixels(), 0);
+    }
+    inputs.push_back({&member.map, &member.color, &member.covered});
+  }
+  const KeyframeCloud cloud = pmsp::fuse(inputs, current, context_.options.fusion, executor_);
+  context_.stats.points += static_cast<std::int64_t>(cloud.points.size());
+  context_.callbacks.cloud(cloud);
+}
+
+void CudaEngine::deliver(bool all) {
+  const DeviceScope scope(context_.options.device);
+  const std::int64_t until = all || !context_.options.pipelined ? round_ : round_ - 1;
+  while (!pending_.empty() && pending_.front().round <= until) hand_out_first();
+  ++round_;
+}
+
+MapDownload& CudaEngine::free_download() {
+  for (;;) {
+    for (const auto& download : downloads_) {
+      if (!download->busy) return *download;
+    }
+    if (downloads_.size() < kDownloads) {
+      downloads_.push_back(std::make_unique<MapDownload>(context_.options.width, context_.options.height));
+    } else {
+      hand_out_first();
+    }
+  }
+}
+
+void CudaEngine::send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to) {
+  download.busy = true;
+  download.start(compute_, down_);
+  expect([this, &download, id = frame.id, pose = frame.cam_from_world, to = std::move(to)] {
+    const DepthMap& map = download.finish(id, pose);
+    if (!cancelled()) to(map);
+    download.busy = false;
+  });
+}
+
+void CudaEngine::hand_out_first() {
+  const Pending first = std::move(pending_.front());
+  pending_.pop_front();
+  first.hand_out();
+}
+
+}  // namespace
+
+std::unique_ptr<Engine> make_engine(const EngineContext& context, Executor executor) {
+  const DeviceScope scope(context.options.device);
+  return std::make_unique<CudaEngine>(context, std::move(executor));
+}
+
+}  // namespace pmsp::cuda

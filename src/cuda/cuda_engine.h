@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+
+#include "engine.h"
+#include "pmsp/executor.h"
+
+// What the rest of the library knows of CUDA. Builds without a toolkit have it too (not_built.cpp).
+namespace pmsp::cuda {
+
+#if defined(PMSP_HAVE_CUDA)
+constexpr bool kBuilt = true;
+#else
+constexpr bool kBuilt = false;
+#endif
+
+struct Device {
+  std::string name;
+  std::string why_not;         ///< empty = usable
+  std::size_t free_bytes = 0;  ///< of its memory, now
+};
+
+/// Looks at one device, and lets go of it again.
+Device find_device(int number);
+
+/// Device memory that a Densifier with these options takes at most [bytes]; sizes must be filled in.
+std::size_t memory_needed(const DensifierOptions& options);
+
+/// The stages on CUDA device `context.options.device`. `executor`: for what little the host does.
+std::unique_ptr<Engine> make_engine(const EngineContext& context, Executor executor);
+
+}  // namespace pmsp::cuda

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+
+#include "cuda/cuda_engine.h"
+#include "cuda/launch.h"
+#include "cuda/memory.h"
+#include "patchmatch/neighbours.h"
+#include "pmsp/error.h"
+#include "sphere/cube_map.h"
+
+namespace pmsp::cuda {
+
+Device find_device(int number) {
+  Device device;
+  int count = 0;
+  const cudaError_t result = cudaGetDeviceCount(&count);
+  if (result != cudaSuccess || count == 0) {
+    device.why_not = result == cudaSuccess ? "no device answers" : cudaGetErrorString(result);
+    cudaGetLastError();  // clears it
+    return device;
+  }
+  if (number >= count) {
+    device.why_not = "there is no device " + std::to_string(number) + ", the last is " + std::to_string(count - 1);
+    return device;
+  }
+  try {
+    const DeviceScope scope(number);
+    cudaDeviceProp properties{};
+    PMSP_CUDA_CHECK(cudaGetDeviceProperties(&properties, number));
+    device.name = properties.name;
+    std::size_t total = 0;
+    PMSP_CUDA_CHECK(cudaMemGetInfo(&device.free_bytes, &total));
+    if (!runs_here()) {
+      device.why_not = device.name + " (compute capability " + std::to_string(properties.major) + "." +
+                       std::to_string(properties.minor) + ") is not among the architectures of this build";
+    }
+  } catch (const DeviceError& error) {
+    device.why_not = error.what();
+    cudaGetLastError();
+  }
+  return device;
+}
+
+std::size_t memory_needed(const DensifierOptions& options) {
+  const std::size_t pixels = static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);
+  const std::size_t side = static_cast<std::size_t>(cube_size_for(options.width));
+  // See CudaFrame and CudaEngine: planes 16, colour 4, confidence 4 bytes a pixel; a cube map of 2 + 1 bytes a texel.
+  const std::size_t frame = 24 * pixels + 18 * side * side;
+  const std::size_t frames = static_cast<std::size_t>(2 * neighbour_reach(options.patchmatch.neighbours) +
+                                                      options.consistency.window + options.fusion.window);
+  const std::size_t working = (16 + 2 * 8 + 2 * 4 + 1) * pixels;  // state, keys, gray values, eroded mask
+  const std::size_t copies = 2 * 20 * pixels;                     // depth maps on their way down
+  return frames * frame + working + copies;
+}
+
+}  // namespace pmsp::cuda

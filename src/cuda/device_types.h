@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstdint>
+
+#include "cpu/row_kernels.h"
+#include "patchmatch.h"
+
+// What kernels are called with. Pointers are device pointers. Images are row-major without padding unless it says
+// otherwise.
+namespace pmsp::cuda {
+
+constexpr int kMaxMaps = 30;  ///< other maps that one map is compared with
+
+/// A panorama's gray values as the texture units see them; 0 = none.
+struct TextureCube {
+  cudaTextureObject_t texture;
+};
+
+/// A depth map's planes: x, y, z and the photometric score; zero plane = no estimate.
+struct DevicePlanes {
+  const float4* planes;
+  int width, height;
+};
+
+/// A landmark that a keyframe observes: where it is seen [px], and the plane through it that faces the camera.
+struct SparsePoint {
+  float x, y;
+  float plane_x, plane_y, plane_z;
+};
+
+/// Weights of the source pixels of each target column or row: `count` of them from first[i] on, the rest 0.
+struct DeviceSpans {
+  const int* first;
+  const float* weights;  ///< [target][count]
+  int count;
+};
+
+struct ResizeArgs {
+  const unsigned char* image;  ///< RGB
+  const unsigned char* mask;   ///< nullptr = none
+  int source_width, source_height;
+  int width, height;
+  DeviceSpans columns, rows;
+  uchar4* color;  ///< w = 255 where a depth is wanted, else 0
+  float* gray;
+};
+
+struct CubeArgs {
+  int size;
+  cudaSurfaceObject_t surface;
+};
+
+/// A keyframe's match.
+struct MatchArgs {
+  kernels::Matching<TextureCube> matching;  ///< its views are those below
+  kernels::SourceView<TextureCube> views[kernels::kMaxViews];
+  cpu::GridTables grid;
+  float4* state;                     ///< plane and score, checkerboard order (SphereGrid)
+  const uchar4* color;               ///< of the reference
+  const std::uint64_t* sparse_keys;  ///< per pixel: (distance, index of the landmark), ~0 = none; nullptr = not wanted
+  const SparsePoint* sparse_points;
+  const std::uint64_t* warp_keys;  ///< per pixel: (range, index of the previous map's pixel), ~0 = none; or nullptr
+  const float4* previous;          ///< planes of the previous map
+  kernels::Rigid previous_from_reference;
+};
+
+struct SplatArgs {
+  const SparsePoint* points;
+  int count;
+  int width, height;
+  float radius;
+  std::uint64_t* keys;
+};
+
+struct WarpArgs {
+  cpu::GridTables grid;
+  const float4* planes;
+  kernels::Rigid reference_from_previous;
+  std::uint64_t* keys;
+};
+
+/// Numbers of pixels, added up over a keyframe.
+struct Counts {
+  unsigned int pixels;
+  unsigned int matched;
+  unsigned int after_median;
+  unsigned int after_consistency;
+};
+
+/// A depth map as the host wants it; nullptr = not wanted.
+struct MapArrays {
+  float* depth;
+  float* normal;  ///< three a pixel
+  float* confidence;
+};
+
+struct MedianArgs {
+  cpu::GridTables grid;
+  const float4* state;  ///< checkerboard order
+  const uchar4* color;
+  bool enabled;
+  float max_relative_deviation;
+  float min_score;
+  float4* planes;
+  Counts* counts;
+};
+
+/// One other keyframe's map.
+struct OtherMap {
+  const float4* planes;
+  kernels::Rigid other_from_first;
+};
+
+struct ConsistencyArgs {
+  cpu::GridTables grid;
+  const float4* planes;
+  OtherMap others[kMaxMaps];
+  int num_others;
+  bool enabled;
+  int wanted;
+  float tolerance;
+  float* confidence;  ///< 0 = no depth
+  MapArrays out;
+  Counts* counts;
+};
+
+}  // namespace pmsp::cuda

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "cuda/device_types.h"
+
+// The device's work, each function a kernel or a few on a stream. They throw DeviceError when a launch fails.
+namespace pmsp::cuda {
+
+/// Whether this build holds code for the current device.
+bool runs_here();
+
+/// Colours, gray values and the mask at the size of the depth maps.
+void resize(const ResizeArgs& args, cudaStream_t stream);
+
+/// Averages each row over as many pixels as one equatorial pixel is wide there.
+void equalize_rows(const float* gray, float* equalized, int width, int height, cudaStream_t stream);
+
+/// Gray values (0 to 255) on the faces of a cube of 16-bit texels.
+void fill_cube(const float* gray, int width, int height, const CubeArgs& cube, cudaStream_t stream);
+
+/// Where patches may be matched: a cube of 8-bit texels, 0 within `radius_px` of a pixel that the mask forbids.
+/// `scratch`: a byte a pixel.
+void fill_usable_cube(const uchar4* color, int width, int height, double radius_px, unsigned char* scratch,
+                      const CubeArgs& cube, cudaStream_t stream);
+
+/// Spreads landmarks over their neighbourhood; `keys` are all ~0 before.
+void splat_points(const SplatArgs& args, cudaStream_t stream);
+
+/// Moves the previous map's pixels; `keys` are all ~0 before.
+void warp_planes(const WarpArgs& args, cudaStream_t stream);
+
+void start_pixels(const MatchArgs& args, cudaStream_t stream);
+void iterate_pixels(const MatchArgs& args, int colour, int iteration, cudaStream_t stream);
+
+/// PatchMatch's result as a depth map.
+void export_state(const cpu::GridTables& grid, const float4* state, const MapArrays& out, cudaStream_t stream);
+
+/// Median filter, from checkerboard to row order.
+void median_pixels(const MedianArgs& args, cudaStream_t stream);
+
+void filter_pixels(const ConsistencyArgs& args, cudaStream_t stream);
+
+}  // namespace pmsp::cuda

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "cuda/memory.h"
+
+#include <cstring>
+#include <string>
+
+#include "pmsp/error.h"
+
+namespace pmsp::cuda {
+
+void check(cudaError_t result, const char* call, const char* file, int line) {
+  if (result == cudaSuccess) return;
+  const char* name = std::strrchr(file, '/');
+  std::string text = std::string("CUDA: ") + cudaGetErrorString(result) + " (" + call + ", " +
+                     (name != nullptr ? name + 1 : file) + ":" + std::to_string(line) + ")";
+  if (result == cudaErrorMemoryAllocation) {
+    text += "; ask for smaller depth maps or a smaller window, close what else uses the GPU, or use backend cpu";
+    cudaGetLastError();  // an allocation that failed does not break the device
+  }
+  throw DeviceError(text);
+}
+
+DeviceScope::DeviceScope(int device) {
+  PMSP_CUDA_CHECK(cudaGetDevice(&before_));
+  PMSP_CUDA_CHECK(cudaSetDevice(device));
+}
+DeviceScope::~DeviceScope() { cudaSetDevice(before_); }
+
+Stream::Stream() { PMSP_CUDA_CHECK(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking)); }
+Stream::~Stream() { cudaStreamDestroy(stream_); }
+
+Event::Event() { PMSP_CUDA_CHECK(cudaEventCreate(&event_)); }
+Event::~Event() { cudaEventDestroy(event_); }
+void Event::record(const Stream& stream) { PMSP_CUDA_CHECK(cudaEventRecord(event_, stream.get())); }
+void Event::wait() const { PMSP_CUDA_CHECK(cudaEventSynchronize(event_)); }
+void Event::wait_on(const Stream& stream) const { PMSP_CUDA_CHECK(cudaStreamWaitEvent(stream.get(), event_, 0)); }
+double Event::seconds_since(const Event& start) const {
+  float milliseconds = 0.0F;
+  PMSP_CUDA_CHECK(cudaEventElapsedTime(&milliseconds, start.event_, event_));
+  return 1e-3 * static_cast<double>(milliseconds);
+}
+
+PinnedRange::PinnedRange(void* data, std::size_t bytes) {
+  PMSP_CUDA_CHECK(cudaHostRegister(data, bytes, cudaHostRegisterDefault));
+  data_ = data;
+}
+void PinnedRange::reset() {
+  if (data_ != nullptr) cudaHostUnregister(data_);
+  data_ = nullptr;
+}
+
+CubeTexture::CubeTexture(int size, int bits) : size_(size) {
+  const cudaChannelFormatDesc format{bits, 0, 0, 0, cudaChannelFormatKindUnsigned};
+  const std::size_t side = static_cast<std::size_t>(size);
+  PMSP_CUDA_CHECK(cudaMalloc3DArray(&array_, &format, cudaExtent{side, side, 6},
+                                    cudaArrayCubemap | cudaArraySurfaceLoadStore));
+  cudaResourceDesc resource{};
+  resource.resType = cudaResourceTypeArray;
+  resource.res.array.array = array_;
+  cudaTextureDesc texture{};
+  for (auto& mode : texture.addressMode) mode = cudaAddressModeClamp;
+  texture.filterMode = cudaFilterModeLinear;
+  texture.readMode = cudaReadModeNormalizedFloat;
+  texture.normalizedCoords = 1;
+  texture.seamlessCubemap = 1;
+  try {
+    PMSP_CUDA_CHECK(cudaCreateTextureObject(&texture_, &resource, &texture, nullptr));
+    PMSP_CUDA_CHECK(cudaCreateSurfaceObject(&surface_, &resource));
+  } catch (...) {
+    if (texture_ != 0) cudaDestroyTextureObject(texture_);
+    cudaFreeArray(array_);
+    throw;
+  }
+}
+
+CubeTexture::~CubeTexture() {
+  cudaDestroySurfaceObject(surface_);
+  cudaDestroyTextureObject(texture_);
+  cudaFreeArray(array_);
+}
+
+}  // namespace pmsp::cuda

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+// Owners of what CUDA hands out. They throw DeviceError, with the call and its place, when a call fails; destructors
+// ignore errors, since the failure that leads to them has been thrown already.
+namespace pmsp::cuda {
+
+/// Throws DeviceError unless `result` is cudaSuccess.
+void check(cudaError_t result, const char* call, const char* file, int line);
+#define PMSP_CUDA_CHECK(call) ::pmsp::cuda::check((call), #call, __FILE__, __LINE__)
+
+/// Makes a device the thread's current one for as long as it lives.
+class DeviceScope {
+ public:
+  explicit DeviceScope(int device);
+  ~DeviceScope();
+  DeviceScope(const DeviceScope&) = delete;
+  DeviceScope& operator=(const DeviceScope&) = delete;
+
+ private:
+  int before_ = 0;
+};
+
+class Stream {
+ public:
+  Stream();
+  ~Stream();
+  Stream(const Stream&) = delete;
+  Stream& operator=(const Stream&) = delete;
+  cudaStream_t get() const { return stream_; }
+
+ private:
+  cudaStream_t stream_ = nullptr;
+};
+
+class Event {
+ public:
+  Event();
+  ~Event();
+  Event(const Event&) = delete;
+  Event& operator=(const Event&) = delete;
+  cudaEvent_t get() const { return event_; }
+  void record(const Stream& stream);
+  void wait() const;                         ///< on the host; returns at once if nothing was recorded
+  void wait_on(const Stream& stream) const;  ///< lets the stream wait
+  double seconds_since(const Event& start) const;
+
+ private:
+  cudaEvent_t event_ = nullptr;
+};
+
+/// Device memory.
+template <class T>
+class DeviceArray {
+ public:
+  DeviceArray() = default;
+  explicit DeviceArray(std::size_t size) : size_(size) {
+    void* data = nullptr;
+    PMSP_CUDA_CHECK(cudaMalloc(&data, size * sizeof(T)));
+    data_ = static_cast<T*>(data);
+  }
+  ~DeviceArray() { cudaFree(data_); }
+  DeviceArray(DeviceArray&& other) noexcept
+      : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
+  DeviceArray& operator=(DeviceArray&& other) noexcept {
+    std::swap(data_, other.data_);
+    std::swap(size_, other.size_);
+    return *this;
+  }
+  T* get() const { return data_; }
+  std::size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+
+ private:
+  T* data_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+/// Host memory that copies run to and from without the processor.
+template <class T>
+class PinnedArray {
+ public:
+  PinnedArray() = default;
+  explicit PinnedArray(std::size_t size) : size_(size) {
+    void* data = nullptr;
+    PMSP_CUDA_CHECK(cudaHostAlloc(&data, size * sizeof(T), cudaHostAllocDefault));
+    data_ = static_cast<T*>(data);
+  }
+  ~PinnedArray() { cudaFreeHost(data_); }
+  PinnedArray(PinnedArray&& other) noexcept
+      : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
+  PinnedArray& operator=(PinnedArray&& other) noexcept {
+    std::swap(data_, other.data_);
+    std::swap(size_, other.size_);
+    return *this;
+  }
+  T* get() const { return data_; }
+  T& operator[](std::size_t i) const { return data_[i]; }
+  std::size_t size() const { return size_; }
+
+ private:
+  T* data_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+/// Page-locks memory that someone else owns, for as long as it lives.
+class PinnedRange {
+ public:
+  PinnedRange() = default;
+  PinnedRange(void* data, std::size_t bytes);
+  ~PinnedRange() { reset(); }
+  PinnedRange(const PinnedRange&) = delete;
+  PinnedRange& operator=(const PinnedRange&) = delete;
+
+ private:
+  void reset();
+  void* data_ = nullptr;
+};
+
+/// A cube map in texture memory, filtered by the texture units, seamless; and the surface through which it is written.
+class CubeTexture {
+ public:
+  /// Faces of `size` x `size` texels of `bits` bits (8 or 16), read as numbers from 0 to 1.
+  CubeTexture(int size, int bits);
+  ~CubeTexture();
+  CubeTexture(const CubeTexture&) = delete;
+  CubeTexture& operator=(const CubeTexture&) = delete;
+  cudaTextureObject_t texture() const { return texture_; }
+  cudaSurfaceObject_t surface() const { return surface_; }
+  int size() const { return size_; }
+
+ private:
+  int size_;
+  cudaArray_t array_ = nullptr;
+  cudaTextureObject_t texture_ = 0;
+  cudaSurfaceObject_t surface_ = 0;
+};
+
+/// Objects that are made once and used again. All their users work on one stream, so that whoever gets one may
+/// overwrite it at once. The pool must outlive what it lends.
+template <class T>
+class Pool {
+ public:
+  template <class... Args>
+  std::shared_ptr<T> get(Args&&... args) {
+    if (free_.empty()) free_.push_back(std::make_unique<T>(std::forward<Args>(args)...));
+    std::unique_ptr<T> object = std::move(free_.back());
+    free_.pop_back();
+    return {object.release(), [this](T* returned) { free_.emplace_back(returned); }};
+  }
+
+ private:
+  std::vector<std::unique_ptr<T>> free_;
+};
+
+}  // namespace pmsp::cuda

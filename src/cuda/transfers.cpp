@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "cuda/transfers.h"
+
+#include <algorithm>
+#include <cstring>
+#include <vector>
+
+#include "sphere/area_resize.h"
+#include "sphere/grid.h"
+
+namespace pmsp::cuda {
+namespace {
+
+template <class T>
+void copy_up(T* to, const T* from, std::size_t count) {
+  PMSP_CUDA_CHECK(cudaMemcpy(to, from, count * sizeof(T), cudaMemcpyHostToDevice));
+}
+
+}  // namespace
+
+DeviceGrid::DeviceGrid(int width, int height) {
+  const SphereGrid grid(width, height);
+  const std::size_t columns = static_cast<std::size_t>(width);
+  const std::size_t rows = static_cast<std::size_t>(height);
+  tables_ = DeviceArray<float>(2 * (columns + rows));
+  float* const sin_lon = tables_.get();
+  float* const cos_lon = sin_lon + columns;
+  float* const sin_lat = cos_lon + columns;
+  float* const cos_lat = sin_lat + rows;
+  copy_up(sin_lon, grid.sin_lon(), columns);
+  copy_up(cos_lon, grid.cos_lon(), columns);
+  copy_up(sin_lat, grid.sin_lat(), rows);
+  copy_up(cos_lat, grid.cos_lat(), rows);
+  view_ = {width, height, {nullptr, nullptr, sin_lon}, {nullptr, nullptr, cos_lon}, sin_lat, cos_lat};
+}
+
+DeviceSpanTable::DeviceSpanTable(int source, int target) {
+  const std::vector<ResampleSpan> spans = resample_spans(source, target);
+  std::size_t count = 0;
+  for (const ResampleSpan& span : spans) count = std::max(count, span.weights.size());
+  std::vector<int> first;
+  std::vector<float> weights(spans.size() * count, 0.0F);
+  for (std::size_t i = 0; i < spans.size(); ++i) {
+    first.push_back(spans[i].first);
+    std::copy(spans[i].weights.begin(), spans[i].weights.end(), &weights[i * count]);
+  }
+  first_ = DeviceArray<int>(first.size());
+  weights_ = DeviceArray<float>(weights.size());
+  copy_up(first_.get(), first.data(), first.size());
+  copy_up(weights_.get(), weights.data(), weights.size());
+  view_ = {first_.get(), weights_.get(), static_cast<int>(count)};
+}
+
+const unsigned char* Uploader::upload(const void* data, std::size_t row_bytes, std::size_t row_pitch, int rows,
+                                      const Stream& copies, const Stream& compute, ThreadPool& pool) {
+  current_ = 1 - current_;
+  Slot& slot = slots_[current_];
+  const std::size_t bytes = row_bytes * static_cast<std::size_t>(rows);
+  slot.arrived.wait();
+  if (slot.host.size() < bytes) {
+    slot.consumed.wait();
+    slot.host = PinnedArray<unsigned char>(bytes);
+    slot.device = DeviceArray<unsigned char>(bytes);
+  }
+  constexpr int kRowsPerTask = 64;
+  pool.for_each((rows + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
+    for (int y = task * kRowsPerTask; y < std::min(rows, (task + 1) * kRowsPerTask); ++y) {
+      const std::size_t row = static_cast<std::size_t>(y);
+      std::memcpy(slot.host.get() + row * row_bytes, static_cast<const unsigned char*>(data) + row * row_pitch,
+                  row_bytes);
+    }
+  });
+  slot.consumed.wait_on(copies);
+  PMSP_CUDA_CHECK(cudaMemcpyAsync(slot.device.get(), slot.host.get(), bytes, cudaMemcpyHostToDevice, copies.get()));
+  slot.arrived.record(copies);
+  slot.arrived.wait_on(compute);
+  return slot.device.get();
+}
+
+MapDownload::MapDownload(int width, int height)
+    : size_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)), arrays_(5 * size_) {
+  map_.depth = Image<float>(width, height, 0.0F);
+  map_.normal = Image<Eigen::Vector3f>(width, height, Eigen::Vector3f::Zero());
+  map_.confidence = Image<float>(width, height, 0.0F);
+  pinned_[0].emplace(map_.depth.pixels().data(), size_ * sizeof(float));
+  pinned_[1].emplace(map_.normal.pixels().data(), 3 * size_ * sizeof(float));
+  pinned_[2].emplace(map_.confidence.pixels().data(), size_ * sizeof(float));
+}
+
+MapArrays MapDownload::view() const { return {arrays_.get(), arrays_.get() + size_, arrays_.get() + 4 * size_}; }
+
+void MapDownload::start(const Stream& compute, const Stream& copies) {
+  written_.record(compute);
+  written_.wait_on(copies);
+  const auto copy = [&](void* to, const float* from, std::size_t count) {
+    PMSP_CUDA_CHECK(cudaMemcpyAsync(to, from, count * sizeof(float), cudaMemcpyDeviceToHost, copies.get()));
+  };
+  copy(map_.depth.pixels().data(), view().depth, size_);
+  copy(map_.normal.pixels().data(), view().normal, 3 * size_);
+  copy(map_.confidence.pixels().data(), view().confidence, size_);
+  arrived_.record(copies);
+}
+
+const DepthMap& MapDownload::finish(std::int64_t id, const RigidTransform& cam_from_world) {
+  arrived_.wait();
+  map_.keyframe_id = id;
+  map_.cam_from_world = cam_from_world;
+  return map_;
+}
+
+}  // namespace pmsp::cuda

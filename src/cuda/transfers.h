@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <optional>
+
+#include "cuda/launch.h"
+#include "cuda/memory.h"
+#include "pmsp/depth_map.h"
+#include "util/thread_pool.h"
+
+// What lies in device memory for a whole flight, and what travels between host and device.
+namespace pmsp::cuda {
+
+/// The tables of a SphereGrid. Of the columns' tables only those of all columns are filled.
+class DeviceGrid {
+ public:
+  DeviceGrid(int width, int height);
+  const cpu::GridTables& view() const { return view_; }
+
+ private:
+  DeviceArray<float> tables_;
+  cpu::GridTables view_{};
+};
+
+/// Resampling weights along one axis.
+class DeviceSpanTable {
+ public:
+  DeviceSpanTable(int source, int target);
+  const DeviceSpans& view() const { return view_; }
+
+ private:
+  DeviceArray<int> first_;
+  DeviceArray<float> weights_;
+  DeviceSpans view_{};
+};
+
+/// Images on their way up, through page-locked memory. While the device works on one, the next can arrive.
+class Uploader {
+ public:
+  /// Copies bytes row by row into page-locked memory and starts their way to the device. `compute` waits for their
+  /// arrival. The result is valid until the call after the next; call `consumed` when the kernels that read it are
+  /// queued.
+  const unsigned char* upload(const void* data, std::size_t row_bytes, std::size_t row_pitch, int rows,
+                              const Stream& copies, const Stream& compute, ThreadPool& pool);
+  void consumed(const Stream& compute) { slots_[current_].consumed.record(compute); }
+
+ private:
+  struct Slot {
+    PinnedArray<unsigned char> host;
+    DeviceArray<unsigned char> device;
+    Event arrived;
+    Event consumed;
+  };
+  Slot slots_[2];
+  std::size_t current_ = 0;
+};
+
+/// A depth map on its way down. The host's images are page-locked, so that copies go straight into them.
+class MapDownload {
+ public:
+  MapDownload(int width, int height);
+  MapArrays view() const;                                                         ///< what kernels fill
+  void start(const Stream& compute, const Stream& copies);                        ///< after the kernels queued so far
+  const DepthMap& finish(std::int64_t id, const RigidTransform& cam_from_world);  ///< waits
+
+  bool busy = false;
+
+ private:
+  std::size_t size_;
+  DeviceArray<float> arrays_;
+  DepthMap map_;
+  std::optional<PinnedRange> pinned_[3];
+  Event written_, arrived_;
+};
+
+}  // namespace pmsp::cuda

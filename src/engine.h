@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "pmsp/densifier.h"
+#include "pmsp/initialiser.h"
+#include "pmsp/keyframe.h"
+
+namespace pmsp {
+
+/// What an engine works for: the Densifier that owns it.
+struct EngineContext {
+  const DensifierOptions& options;  ///< sizes may still be 0 before the first keyframe
+  const DensifierCallbacks& callbacks;
+  DensifierStats& stats;
+  const std::atomic<bool>& cancel;
+};
+
+/// Runs the stages, and holds what they work on, on one kind of processor. Work is asked for in the order of the
+/// pipeline (src/densifier.cpp); results reach the callbacks and the statistics in that order. An engine serves one
+/// Densifier.
+class Engine {
+ public:
+  /// An accepted keyframe on its way through the stages. Must not outlive the engine.
+  struct Frame {
+    explicit Frame(const Keyframe& keyframe) : id(keyframe.id), cam_from_world(keyframe.cam_from_world) {}
+    virtual ~Frame() = default;
+
+    std::int64_t id;
+    RigidTransform cam_from_world;
+    bool matched = false;  ///< has a depth map
+  };
+
+  struct MatchTask {
+    Frame* reference = nullptr;
+    const Keyframe* keyframe = nullptr;  ///< the reference's, without image and mask
+    std::vector<const Frame*> neighbours;
+    DepthRange range;
+    const Frame* previous = nullptr;  ///< whose planes are warped into the reference; nullptr = none
+  };
+
+  virtual ~Engine() = default;
+
+  /// Takes over what is needed of image and mask.
+  virtual std::unique_ptr<Frame> prepare(const Keyframe& keyframe) = 0;
+
+  /// Initialisation, PatchMatch, median filter.
+  virtual void match(const MatchTask& task) = 0;
+
+  /// Consistency filter against the other maps (all matched).
+  virtual void filter(Frame& reference, const std::vector<const Frame*>& others) = 0;
+
+  /// Points of window[current] that no earlier frame's points stand for (all matched and filtered).
+  virtual void fuse(const std::vector<Frame*>& window, std::size_t current) = 0;
+
+  /// Called at the end of each Densifier::add (`all` = false) and flush (`all` = true): hands out what is finished.
+  virtual void deliver(bool all) = 0;
+};
+
+}  // namespace pmsp

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "patchmatch/match_setup.h"
+
+#include "math.h"
+
+namespace pmsp {
+namespace {
+
+/// Stages of a keyframe that draw random numbers.
+constexpr std::uint32_t kPatchMatchStage = 1;
+
+/// Variance of gray levels that rounding to bytes makes (1 / 12). Patches that vary no more than that score low. More
+/// would cost plaster and bare roofs their depth: noise of the camera itself is averaged away by the resampling.
+constexpr float kNoiseVariance = 0.1F;
+
+}  // namespace
+
+kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width) {
+  kernels::PatchLayout layout{};
+  const auto spacing = [&](double pixels) { return static_cast<float>(std::tan(pixels * 2.0 * kernels::kPi / width)); };
+  layout.spacing = spacing(options.patch_spacing_px);
+  layout.fine_spacing = spacing(options.patch_spacing_px * options.fine_patch);
+  layout.fine_variance = static_cast<float>(options.fine_patch_contrast * options.fine_patch_contrast);
+  layout.color_factor = static_cast<float>(-0.5 / (options.sigma_color * options.sigma_color));
+  layout.min_variance = kNoiseVariance;
+  const double steps = options.sigma_space_px / options.patch_spacing_px;
+  for (int k = 0; k < kernels::kPatchSamples; ++k) {
+    const double dx = kernels::patch_offset(k % kernels::kPatchSide);
+    const double dy = kernels::patch_offset(k / kernels::kPatchSide);
+    layout.space_weight[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (steps * steps)));
+  }
+  return layout;
+}
+
+kernels::PlaneLimits plane_limits(const PatchMatchOptions& options, const DepthRange& range) {
+  const double min_cos = std::cos(options.max_slant_deg * kernels::kPi / 180.0);
+  return {static_cast<float>(1.0 / range.max), static_cast<float>(1.0 / range.min),
+          static_cast<float>(min_cos * min_cos)};
+}
+
+kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id) {
+  return kernels::random_key(seed, static_cast<std::uint64_t>(keyframe_id), kPatchMatchStage);
+}
+
+}  // namespace pmsp

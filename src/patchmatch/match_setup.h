@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "patchmatch.h"
+#include "pmsp/initialiser.h"
+#include "pmsp/options.h"
+
+// What the backends' PatchMatch starts from: the kernels' form of the options.
+namespace pmsp {
+
+kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width);
+kernels::PlaneLimits plane_limits(const PatchMatchOptions& options, const DepthRange& range);
+kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id);
+
+template <class Cube>
+kernels::Matching<Cube> make_matching(const Cube& reference, const kernels::SourceView<Cube>* views, int num_views,
+                                      const PatchMatchOptions& options, int width, const DepthRange& range,
+                                      std::uint64_t seed, std::int64_t keyframe_id) {
+  return {reference,
+          views,
+          num_views,
+          patch_layout(options, width),
+          plane_limits(options, range),
+          static_cast<float>(std::log(range.max / range.min)),
+          patchmatch_key(seed, keyframe_id),
+          options.refinements};
+}
+
+}  // namespace pmsp
