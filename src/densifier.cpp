@@ -46,7 +46,10 @@ void Densifier::Impl::match(std::int64_t i) {
     input.neighbours.push_back({&neighbour.panorama, neighbour.keyframe.cam_from_world});
   }
   input.range = depth_range(reference.keyframe, options.init);
-  if (input.neighbours.empty() || !(input.range.max > input.range.min)) return;
+  if (input.neighbours.empty() || !(input.range.max > input.range.min)) {
+    ++(input.neighbours.empty() ? stats.keyframes_without_neighbour : stats.keyframes_without_range);
+    return;
+  }
   PlaneImage sparse;
   PlaneImage warped;
   {
