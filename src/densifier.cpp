@@ -80,7 +80,6 @@ void Densifier::Impl::match(std::int64_t i) {
 }
 
 void Densifier::Impl::filter(std::int64_t i) {
-  const Stopwatch watch(stats.seconds_consistency);
   View& reference = view(i);
   if (reference.median.depth.empty()) return;
   reference.map = reference.median;
@@ -89,14 +88,16 @@ void Densifier::Impl::filter(std::int64_t i) {
     if (k != i && !view(k).median.depth.empty()) others.push_back(&view(k).median);
   }
   FilterStats filtered;
-  consistency_filter(reference.map, others, options.consistency, executor, &filtered);
+  {
+    const Stopwatch watch(stats.seconds_consistency);
+    consistency_filter(reference.map, others, options.consistency, executor, &filtered);
+  }
   stats.pixels_after_consistency += filtered.after;
   reference.covered.assign(reference.map.depth.size(), 0);
   if (callbacks.filtered_depth) callbacks.filtered_depth(reference.map);
 }
 
 void Densifier::Impl::fuse_view(std::int64_t i) {
-  const Stopwatch watch(stats.seconds_fusion);
   if (view(i).map.depth.empty()) return;
   std::vector<FusionInput> window;
   std::size_t current = 0;
@@ -105,7 +106,11 @@ void Densifier::Impl::fuse_view(std::int64_t i) {
     View& member = view(k);
     if (!member.map.depth.empty()) window.push_back({&member.map, &member.panorama.color(), &member.covered});
   }
-  const KeyframeCloud cloud = fuse(window, current, options.fusion, executor);
+  KeyframeCloud cloud;
+  {
+    const Stopwatch watch(stats.seconds_fusion);
+    cloud = fuse(window, current, options.fusion, executor);
+  }
   stats.points += static_cast<std::int64_t>(cloud.points.size());
   if (callbacks.cloud) callbacks.cloud(cloud);
 }
