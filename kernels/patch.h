@@ -2,7 +2,7 @@
 #pragma once
 
 #include "cube.h"
-#include "math.h"
+#include "elementary.h"
 #include "plane.h"
 
 // The photometric score of a plane: bilaterally weighted normalised cross-correlation (NCC) between a patch on the

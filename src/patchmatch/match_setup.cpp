@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "patchmatch/match_setup.h"
 
-#include "math.h"
+#include "elementary.h"
 
 namespace pmsp {
 namespace {
