@@ -43,4 +43,16 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Pla
   return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), index};
 }
 
+/// How far a hypothesis lies from another map's surface: |range of its point / range of the surface in that direction -
+/// 1|, 1 where the map has no estimate. `inverse_depth` > 0 along the unit `bearing` of the first keyframe.
+template <class F>
+PMSP_HD F disagreement(const Vec3<F>& bearing, const F& inverse_depth, const PlaneMapView& other,
+                       const Rigid& other_from_first) {
+  const Vec3<F> p = fma(inverse_depth, translation<F>(other_from_first), rotate(other_from_first, bearing));
+  const Pixel<F> at = project(p, F(static_cast<float>(other.width)), F(static_cast<float>(other.height)));
+  const IntOf<F> index = row(at.y, other.height) * IntOf<F>(other.width) + column(at.x, other.width);
+  const Vec3<F> plane{gather<F>(other.x, index), gather<F>(other.y, index), gather<F>(other.z, index)};
+  return abs(dot(plane, p) / inverse_depth - F(1));
+}
+
 }  // namespace pmsp::kernels

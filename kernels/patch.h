@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include "agreement.h"
 #include "cube.h"
 #include "math.h"
 #include "plane.h"
@@ -23,6 +24,8 @@ struct PatchLayout {
   float color_factor;                 ///< -1 / (2 sigma_color^2)
   float space_weight[kPatchSamples];  ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
   float min_variance;                 ///< variance (gray levels squared) that is noise rather than texture
+  float disagreement_cost;            ///< what leaving a neighbour's surface by the tolerance or more takes off a score
+  float disagreement_tolerance;       ///< relative depth
 };
 
 /// Offset of sample i (0 to kPatchSide - 1) from the centre, in steps of `spacing`.
@@ -80,6 +83,7 @@ struct SourceView {
   CubeView image;
   CubeView usable;  ///< 255 where a patch may be matched, 0 where the mask forbids it; no quads = everywhere
   Rigid view_from_ref;
+  PlaneMapView surface = {nullptr, nullptr, nullptr, 0, 0};  ///< its depth map so far; no planes = not known
 };
 
 /// The patch frame as a neighbour's camera sees it, rotation only: computed once for all planes.
@@ -126,6 +130,17 @@ PMSP_HD F view_score(const ReferencePatch<F>& patch, const PatchFrame<F>& frame,
   return select(sample(view.usable, center) > F(127), score, F(-1));
 }
 
+/// view_score, less what the neighbour's own depth map has against the plane (Schoenberger et al. 2016; Xu and Tao
+/// 2019): a wrong depth that looks alike in one pair of images rarely does in another.
+template <class F>
+PMSP_HD F checked_score(const ReferencePatch<F>& patch, const PatchFrame<F>& frame, const RotatedFrame<F>& turned,
+                        const SourceView& view, const Vec3<F>& plane, const PatchLayout& layout) {
+  const F score = view_score(patch, frame, turned, view, plane, layout);
+  if (view.surface.x == nullptr) return score;
+  const F off = disagreement(frame.bearing, dot(plane, frame.bearing), view.surface, view.view_from_ref);
+  return score - F(layout.disagreement_cost) * min(off * F(1.0F / layout.disagreement_tolerance), F(1));
+}
+
 /// Score of a plane over all views, between the mean over the better half of them and the mean over all. In the better
 /// half, a view that does not see the surface has no say; all together are less noisy. Half of each measured best (two
 /// views: 0.75 and 0.25). The order of the views does not matter.
@@ -136,7 +151,7 @@ PMSP_HD F plane_score(const ReferencePatch<F>& patch, const PatchFrame<F>& frame
   F best[(kMaxViews + 1) / 2] = {F(-1), F(-1), F(-1), F(-1)};
   F all(0);
   for (int view = 0; view < num_views; ++view) {
-    F score = view_score(patch, frame, turned[view], views[view], plane, layout);
+    F score = checked_score(patch, frame, turned[view], views[view], plane, layout);
     all = all + score;
     for (int k = 0; k < kept; ++k) {  // insertion into the sorted list of the best
       const F better = max(best[k], score);

@@ -21,58 +21,80 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
   const Stopwatch watch(stats.seconds_prepare);
   fill_in_size(options, keyframe.image.width, keyframe.image.height);
   Panorama panorama(keyframe.image, keyframe.mask, options.width, options.height, executor);
-  views.push_back({keyframe, std::move(panorama), {}, {}, {}});
+  views.push_back({keyframe, std::move(panorama), {}, {}, {}, {}});
   views.back().keyframe.image = {};
   views.back().keyframe.mask = {};
 }
 
 void Densifier::Impl::advance(bool last) {
-  while (!stopped() && (last ? next_match < end() : next_match + match_ahead() < end())) match(next_match++);
-  while (!stopped() && (last ? next_filter < end() : next_filter + filter_ahead() < next_match)) filter(next_filter++);
+  std::int64_t ready = end();  // keyframes that the stage before is done with
+  for (std::size_t pass = 0; pass < next_match.size(); ++pass) {
+    std::int64_t& next = next_match[pass];
+    while (!stopped() && (last ? next < end() : next + match_ahead() < ready)) match(next++, static_cast<int>(pass));
+    ready = next;
+  }
+  while (!stopped() && (last ? next_filter < end() : next_filter + filter_ahead() < ready)) filter(next_filter++);
   while (!stopped() && (last ? next_fuse < end() : next_fuse + fuse_ahead() < next_filter)) fuse_view(next_fuse++);
   forget();
 }
 
-void Densifier::Impl::match(std::int64_t i) {
+/// One pass of PatchMatch. Passes after the first one start from the map of the pass before and look at the newest maps
+/// of the neighbours: this pass's of earlier keyframes, the one before's of later ones.
+void Densifier::Impl::match(std::int64_t i, int pass) {
   const std::int64_t from = std::max(first, i - match_ahead());
   const std::int64_t to = std::min(end(), i + match_ahead() + 1);
   std::vector<const Keyframe*> sequence;
   for (std::int64_t k = from; k < to; ++k) sequence.push_back(&view(k).keyframe);
   View& reference = view(i);
-  MatchInput input{reference.keyframe.id, {&reference.panorama, reference.keyframe.cam_from_world}, {}, {}, {}};
+  MatchInput input;
+  input.keyframe_id = reference.keyframe.id;
+  input.reference = {&reference.panorama, reference.keyframe.cam_from_world};
   for (const std::size_t k :
        choose_neighbours(sequence, static_cast<std::size_t>(i - from), options.patchmatch.neighbours)) {
     const View& neighbour = view(from + static_cast<std::int64_t>(k));
     input.neighbours.push_back({&neighbour.panorama, neighbour.keyframe.cam_from_world});
+    if (pass > 0) input.neighbour_maps.push_back(&neighbour.raw);
   }
   input.range = depth_range(reference.keyframe, options.init);
   if (input.neighbours.empty() || !(input.range.max > input.range.min)) return;
+  PatchMatchOptions how = options.patchmatch;
   PlaneImage sparse;
   PlaneImage warped;
-  {
+  if (pass == 0) {
     const Stopwatch watch(stats.seconds_init);
     if (options.init.sparse_points) {
       sparse = planes_from_landmarks(reference.keyframe, options.width, options.height, options.init);
       input.candidates.push_back(&sparse);
     }
-    if (options.init.warp_previous && i > first && !view(i - 1).median.depth.empty()) {
-      warped = warp_planes(view(i - 1).median, reference.keyframe.cam_from_world, executor);
+    if (options.init.warp_previous && i > first && !view(i - 1).raw.depth.empty()) {
+      DepthMap previous = view(i - 1).raw;
+      median_filter(previous, options.median, executor);
+      warped = warp_planes(previous, reference.keyframe.cam_from_world, executor);
       input.candidates.push_back(&warped);
     }
+  } else {
+    input.start = &reference.raw;
+    input.first_iteration = how.iterations + (pass - 1) * how.geometric_iterations;
+    how.iterations = how.geometric_iterations;
   }
   PatchMatchStats matched;
   {
     const Stopwatch watch(stats.seconds_patchmatch);
-    reference.median = patchmatch(input, options.patchmatch, options.seed, executor, &matched, &cancel);
+    reference.raw = patchmatch(input, how, options.seed, executor, &matched, &cancel);
   }
-  if (stopped()) return;
-  if (callbacks.raw_depth) callbacks.raw_depth(reference.median);
-  const Stopwatch watch(stats.seconds_median);
-  FilterStats filtered;
-  median_filter(reference.median, options.median, executor, &filtered);
-  ++stats.depth_maps;
+  if (stopped() || pass < options.patchmatch.geometric_passes) return;
   stats.pixels += matched.pixels;
   stats.pixels_matched += matched.matched;
+  finish_match(reference);
+}
+
+void Densifier::Impl::finish_match(View& reference) {
+  if (callbacks.raw_depth) callbacks.raw_depth(reference.raw);
+  const Stopwatch watch(stats.seconds_median);
+  FilterStats filtered;
+  reference.median = reference.raw;
+  median_filter(reference.median, options.median, executor, &filtered);
+  ++stats.depth_maps;
   stats.pixels_after_median += filtered.after;
 }
 
@@ -110,7 +132,7 @@ void Densifier::Impl::fuse_view(std::int64_t i) {
 /// Lets go of keyframes that no stage will look at again.
 void Densifier::Impl::forget() {
   const std::int64_t keep =
-      std::min({next_match - match_ahead(), next_filter - filter_ahead(), next_fuse - fuse_ahead()});
+      std::min({next_match.back() - match_ahead(), next_filter - filter_ahead(), next_fuse - fuse_ahead()});
   for (; first < keep && !views.empty(); ++first) views.pop_front();
 }
 
@@ -143,7 +165,8 @@ bool Densifier::add(const Keyframe& keyframe) {
 void Densifier::flush() {
   impl_->advance(true);
   impl_->views.clear();
-  impl_->first = impl_->next_match = impl_->next_filter = impl_->next_fuse = 0;
+  impl_->first = impl_->next_filter = impl_->next_fuse = 0;
+  std::fill(impl_->next_match.begin(), impl_->next_match.end(), 0);
   impl_->view_filter.reset();
 }
 

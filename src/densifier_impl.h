@@ -20,19 +20,21 @@ namespace pmsp {
 struct View {
   Keyframe keyframe;  ///< its image and mask are gone; what is left of them is in the panorama
   Panorama panorama;
-  DepthMap median;  ///< after PatchMatch and the median filter
+  DepthMap raw;     ///< after the passes of PatchMatch so far
+  DepthMap median;  ///< after the last pass and the median filter
   DepthMap map;     ///< after the consistency filter
   std::vector<std::uint8_t> covered;
 };
 
 /// Stages run as soon as the keyframes that they look at are there: matching waits for `match_ahead` keyframes after
-/// its own, the consistency filter for the maps of `filter_ahead`, fusion for `fuse_ahead`. Indices count from the
-/// start of the sequence.
+/// its own, each further pass for the maps of as many, the consistency filter for the maps of `filter_ahead`, fusion
+/// for `fuse_ahead`. Indices count from the start of the sequence.
 struct Densifier::Impl {
   Impl(const DensifierOptions& given, DensifierCallbacks to)
       : options(given), callbacks(std::move(to)), executor(given.threads, given.simd), view_filter(given.view_filter) {
     options.threads = executor.threads();
     options.simd = executor.simd();
+    next_match.assign(static_cast<std::size_t>(options.patchmatch.geometric_passes) + 1, 0);
   }
 
   View& view(std::int64_t i) { return views[static_cast<std::size_t>(i - first)]; }
@@ -45,7 +47,8 @@ struct Densifier::Impl {
 
   void prepare(const Keyframe& keyframe);
   void advance(bool last);
-  void match(std::int64_t i);
+  void match(std::int64_t i, int pass);
+  void finish_match(View& reference);
   void filter(std::int64_t i);
   void fuse_view(std::int64_t i);
   void forget();
@@ -58,8 +61,8 @@ struct Densifier::Impl {
   std::atomic<bool> cancel{false};
   std::set<std::int64_t> ids;
   std::deque<View> views;
-  std::int64_t first = 0;  ///< index of views.front()
-  std::int64_t next_match = 0;
+  std::int64_t first = 0;                ///< index of views.front()
+  std::vector<std::int64_t> next_match;  ///< for each pass
   std::int64_t next_filter = 0;
   std::int64_t next_fuse = 0;
 };

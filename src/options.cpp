@@ -49,6 +49,10 @@ void PatchMatchOptions::validate() const {
   check("patchmatch.sigma_color", sigma_color, 1.0, 1000.0);
   check("patchmatch.sigma_space_px", sigma_space_px, 0.5, 100.0);
   check("patchmatch.max_slant_deg", max_slant_deg, 10.0, 89.0);
+  check("patchmatch.geometric_passes", geometric_passes, 0, 4);
+  check("patchmatch.geometric_iterations", geometric_iterations, 1, 100);
+  check("patchmatch.geometric_weight", geometric_weight, 0.0, 4.0);
+  check("patchmatch.geometric_tolerance", geometric_tolerance, 0.001, 1.0);
 }
 
 void MedianFilterOptions::validate() const {

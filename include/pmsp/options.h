@@ -43,6 +43,13 @@ struct PatchMatchOptions {
   double sigma_color = 20.0;         ///< bilateral weight: gray levels (0 to 255), 1 to 1000
   double sigma_space_px = 5.0;       ///< bilateral weight: pixels of the depth map, 0.5 to 100
   double max_slant_deg = 80.0;       ///< largest angle between a plane's normal and the ray [deg], 10 to 89
+  /// Further passes over the depth maps, in which planes score higher that agree with the depth maps of the neighbours,
+  /// 0 to 4. Each needs those first, so that results come later by as many keyframes as neighbours are looked for
+  /// ahead.
+  int geometric_passes = 2;
+  int geometric_iterations = 1;       ///< of each of these passes, 1 to 100
+  double geometric_weight = 1.0;      ///< score that full disagreement with one neighbour costs, 0 to 4
+  double geometric_tolerance = 0.03;  ///< relative difference of depths from which on it is full, 0.001 to 1
 
   void validate() const;
 };

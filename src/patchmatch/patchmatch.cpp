@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "cpu/executor_impl.h"
+#include "filters/depth_map_tools.h"
 #include "pmsp/error.h"
 #include "sphere/grid.h"
 #include "sphere/panorama_data.h"
@@ -32,6 +33,13 @@ struct Planes {
   std::vector<float> x, y, z;
 };
 
+void check_size(const DepthMap* map, int width, int height) {
+  if (map == nullptr || map->depth.empty()) return;
+  if (map->depth.width() != width || map->depth.height() != height) {
+    throw InvalidInput("patchmatch: a depth map is not of the reference's size");
+  }
+}
+
 void check(const MatchInput& input, const PatchMatchOptions& options) {
   options.validate();
   if (input.reference.panorama == nullptr) throw InvalidInput("patchmatch: no reference panorama");
@@ -53,6 +61,12 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
       throw InvalidInput("patchmatch: candidate planes are not of the reference's size");
     }
   }
+  if (!input.neighbour_maps.empty() && input.neighbour_maps.size() != count) {
+    throw InvalidInput("patchmatch: " + std::to_string(input.neighbour_maps.size()) + " depth maps of " +
+                       std::to_string(count) + " neighbours; expected none or one for each");
+  }
+  for (const DepthMap* map : input.neighbour_maps) check_size(map, width, height);
+  check_size(input.start, width, height);
   // Products of these numbers must stay inside the range of single precision.
   if (!(input.range.min >= 1e-12) || !(input.range.max > input.range.min) || !(input.range.max <= 1e12)) {
     std::ostringstream text;
@@ -74,6 +88,8 @@ kernels::PatchLayout make_layout(const PatchMatchOptions& options, int width) {
   layout.fine_variance = static_cast<float>(options.fine_patch_contrast * options.fine_patch_contrast);
   layout.color_factor = static_cast<float>(-0.5 / (options.sigma_color * options.sigma_color));
   layout.min_variance = kNoiseVariance;
+  layout.disagreement_cost = static_cast<float>(options.geometric_weight);
+  layout.disagreement_tolerance = static_cast<float>(options.geometric_tolerance);
   const double steps = options.sigma_space_px / options.patch_spacing_px;
   for (int k = 0; k < kernels::kPatchSamples; ++k) {
     const double dx = kernels::patch_offset(k % kernels::kPatchSide);
@@ -88,9 +104,43 @@ std::vector<kernels::SourceView> make_views(const MatchInput& input) {
   std::vector<kernels::SourceView> views;
   for (const PosedPanorama& neighbour : input.neighbours) {
     const Panorama::Data& data = neighbour.panorama->data();
-    views.push_back({data.gray.view(), data.matchable.view(), to_rigid(neighbour.cam_from_world * world_from_ref)});
+    views.push_back({data.gray.view(),
+                     data.matchable.view(),
+                     to_rigid(neighbour.cam_from_world * world_from_ref),
+                     {nullptr, nullptr, nullptr, 0, 0}});
   }
   return views;
+}
+
+/// The neighbours' depth maps as the views' surfaces point to them.
+std::vector<PlaneRows> add_surfaces(const MatchInput& input, const SphereGrid& grid, ThreadPool& pool,
+                                    std::vector<kernels::SourceView>& views) {
+  std::vector<PlaneRows> surfaces;
+  surfaces.reserve(input.neighbour_maps.size());
+  for (std::size_t i = 0; i < input.neighbour_maps.size(); ++i) {
+    const DepthMap* map = input.neighbour_maps[i];
+    if (map == nullptr || map->depth.empty()) continue;
+    surfaces.emplace_back(*map, grid, pool);
+    views[i].surface = surfaces.back().view();
+  }
+  return surfaces;
+}
+
+Planes to_checkerboard(const DepthMap& map, const SphereGrid& grid, ThreadPool& pool) {
+  Planes planes(grid.size());
+  pool.for_each(grid.height(), [&](int y) {
+    for (int x = 0; x < grid.width(); ++x) {
+      if (!(map.depth(x, y) > 0.0F)) continue;
+      const kernels::Vec3<float> plane = kernels::plane_from(
+          1.0F / map.depth(x, y), to_vec3(map.normal(x, y)),
+          kernels::bearing(grid.sin_lon()[x], grid.cos_lon()[x], grid.sin_lat()[y], grid.cos_lat()[y]));
+      const std::size_t at = grid.index(x, y);
+      planes.x[at] = plane.x;
+      planes.y[at] = plane.y;
+      planes.z[at] = plane.z;
+    }
+  });
+  return planes;
 }
 
 Planes to_checkerboard(const PlaneImage& image, const SphereGrid& grid) {
@@ -144,10 +194,13 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   ThreadPool& pool = executor.impl().pool;
   const cpu::RowKernels& rows = executor.impl().rows;
   const SphereGrid grid(reference.width(), reference.height());
-  const std::vector<kernels::SourceView> views = make_views(input);
+  std::vector<kernels::SourceView> views = make_views(input);
+  const std::vector<PlaneRows> surfaces = add_surfaces(input, grid, pool, views);
   std::vector<Planes> candidates;
   std::vector<cpu::ConstPlaneArrays> candidate_views;
   for (const PlaneImage* image : input.candidates) candidates.push_back(to_checkerboard(*image, grid));
+  const bool started = input.start != nullptr && !input.start->depth.empty();
+  if (started) candidates.push_back(to_checkerboard(*input.start, grid, pool));
   for (const Planes& planes : candidates) candidate_views.push_back(planes.view());
   const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
   const double min_cos = std::cos(options.max_slant_deg * kernels::kPi / 180.0);
@@ -167,6 +220,7 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
                           {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
                           candidate_views.data(),
                           static_cast<int>(candidate_views.size()),
+                          !started,
                           usable.empty() ? nullptr : usable.data()};
 
   const auto cancelled = [&] { return cancel != nullptr && cancel->load(std::memory_order_relaxed); };
@@ -174,7 +228,7 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
     for (int colour = 0; colour < 2; ++colour) {
       if (cancelled()) return {};
-      pool.for_each(grid.height(), [&](int y) { rows.iterate_row(job, y, colour, iteration); });
+      pool.for_each(grid.height(), [&](int y) { rows.iterate_row(job, y, colour, input.first_iteration + iteration); });
     }
   }
 
