@@ -21,7 +21,8 @@ struct PatchLayout {
   float spacing;                      ///< distance of samples on the tangent plane (tangent of the angle)
   float fine_spacing;                 ///< the same where the fine patch has texture enough to be told from others
   float fine_variance;                ///< that much: variance [gray levels squared]
-  float color_factor;                 ///< -1 / (2 sigma_color^2)
+  float min_sigma_color;              ///< bilateral weights: smallest and largest standard deviation
+  float max_sigma_color;              ///< [gray levels]
   float space_weight[kPatchSamples];  ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
   float min_variance;                 ///< variance (gray levels squared) that is noise rather than texture
   float disagreement_cost;            ///< what leaving a neighbour's surface by the tolerance or more takes off a score
@@ -45,26 +46,48 @@ struct PatchFrame {
   Vec3<F> bearing, right, down;
 };
 
+/// Standard deviation of the bilateral weights, in proportion to how far the patch's gray values spread around the
+/// centre's. Spread is what 15 of the 36 samples keep within: half a patch of plaster beside a silhouette has little of
+/// it, and then the silhouette's edge has no say; a patch that is textured all over keeps all its samples.
+template <class F>
+PMSP_HD F sigma_color(const F* differences, const PatchLayout& layout) {
+  constexpr float kPerSpread = 3.0F;
+  F low(0);
+  F high(layout.max_sigma_color / kPerSpread);
+  for (int step = 0; step < 5; ++step) {  // bisection
+    const F middle = F(0.5F) * (low + high);
+    F within(0);
+    for (int k = 0; k < kPatchSamples; ++k) within = within + select(abs(differences[k]) <= middle, F(1), F(0));
+    const auto enough = within >= F(15);
+    high = select(enough, middle, high);
+    low = select(enough, low, middle);
+  }
+  return min(max(F(kPerSpread) * high, F(layout.min_sigma_color)), F(layout.max_sigma_color));
+}
+
 template <class F>
 PMSP_HD ReferencePatch<F> reference_patch(const CubeView& image, const PatchFrame<F>& frame,
                                           const PatchLayout& layout) {
   ReferencePatch<F> patch;
   const F center = sample(image, frame.bearing);
-  F sum(0);
-  F sum_gray(0);
-  F sum_square(0);
   for (int j = 0; j < kPatchSide; ++j) {
     const Vec3<F> left = fma(F(patch_offset(j)), frame.down, frame.bearing);
     for (int i = 0; i < kPatchSide; ++i) {
-      const int k = j * kPatchSide + i;
-      const F gray = sample(image, fma(F(patch_offset(i)), frame.right, left)) - center;
-      const F weight = F(layout.space_weight[k]) * exp(max(gray * gray * F(layout.color_factor), F(-40)));
-      patch.weight[k] = weight;
-      patch.contrast[k] = gray;
-      sum = sum + weight;
-      sum_gray = fma(weight, gray, sum_gray);
-      sum_square = fma(weight * gray, gray, sum_square);
+      patch.contrast[j * kPatchSide + i] = sample(image, fma(F(patch_offset(i)), frame.right, left)) - center;
     }
+  }
+  const F sigma = sigma_color(patch.contrast, layout);
+  const F color_factor = F(-0.5F) / (sigma * sigma);
+  F sum(0);
+  F sum_gray(0);
+  F sum_square(0);
+  for (int k = 0; k < kPatchSamples; ++k) {
+    const F gray = patch.contrast[k];
+    const F weight = F(layout.space_weight[k]) * exp(max(gray * gray * color_factor, F(-40)));
+    patch.weight[k] = weight;
+    sum = sum + weight;
+    sum_gray = fma(weight, gray, sum_gray);
+    sum_square = fma(weight * gray, gray, sum_square);
   }
   const F scale = F(1) / sum;
   const F mean = sum_gray * scale;

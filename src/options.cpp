@@ -47,6 +47,7 @@ void PatchMatchOptions::validate() const {
   check("patchmatch.fine_patch", fine_patch, 0.1, 1.0);
   check("patchmatch.fine_patch_contrast", fine_patch_contrast, 0.0, 255.0);
   check("patchmatch.sigma_color", sigma_color, 1.0, 1000.0);
+  check("patchmatch.min_sigma_color", min_sigma_color, 1.0, 1000.0);
   check("patchmatch.sigma_space_px", sigma_space_px, 0.5, 100.0);
   check("patchmatch.max_slant_deg", max_slant_deg, 10.0, 89.0);
   check("patchmatch.geometric_passes", geometric_passes, 0, 4);

@@ -41,8 +41,11 @@ struct PatchMatchOptions {
   double fine_patch = 0.6;  ///< size of the patch of textured pixels, relative to that of others, 0.1 to 1
   double fine_patch_contrast = 3.0;  ///< standard deviation that makes a patch textured [gray levels], 0 to 255
   double sigma_color = 20.0;         ///< bilateral weight: gray levels (0 to 255), 1 to 1000
-  double sigma_space_px = 5.0;       ///< bilateral weight: pixels of the depth map, 0.5 to 100
-  double max_slant_deg = 80.0;       ///< largest angle between a plane's normal and the ray [deg], 10 to 89
+  /// Where the surface around the pixel is smoother, sigma_color shrinks down to this, so that the edge of a near thing
+  /// does not decide for the wall behind it, 1 to 1000; sigma_color or more: never.
+  double min_sigma_color = 4.0;
+  double sigma_space_px = 5.0;  ///< bilateral weight: pixels of the depth map, 0.5 to 100
+  double max_slant_deg = 80.0;  ///< largest angle between a plane's normal and the ray [deg], 10 to 89
   /// Further passes over the depth maps, in which planes score higher that agree with the depth maps of the neighbours,
   /// 0 to 4. Each needs those first, so that results come later by as many keyframes as neighbours are looked for
   /// ahead.

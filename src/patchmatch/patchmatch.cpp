@@ -86,7 +86,8 @@ kernels::PatchLayout make_layout(const PatchMatchOptions& options, int width) {
   layout.spacing = spacing(options.patch_spacing_px);
   layout.fine_spacing = spacing(options.patch_spacing_px * options.fine_patch);
   layout.fine_variance = static_cast<float>(options.fine_patch_contrast * options.fine_patch_contrast);
-  layout.color_factor = static_cast<float>(-0.5 / (options.sigma_color * options.sigma_color));
+  layout.min_sigma_color = static_cast<float>(std::min(options.min_sigma_color, options.sigma_color));
+  layout.max_sigma_color = static_cast<float>(options.sigma_color);
   layout.min_variance = kNoiseVariance;
   layout.disagreement_cost = static_cast<float>(options.geometric_weight);
   layout.disagreement_tolerance = static_cast<float>(options.geometric_tolerance);
