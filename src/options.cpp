@@ -92,7 +92,7 @@ DensifierOptions preset(Quality quality) {
   if (quality == Quality::kOnline) return options;
   options.width = quality == Quality::kNormal ? 1440 : 0;
   options.height = quality == Quality::kNormal ? 720 : 0;
-  options.patchmatch.iterations = 6;
+  options.patchmatch.iterations = quality == Quality::kNormal ? 3 : 4;
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
   options.consistency.window = 7;
   options.consistency.min_views = 4;

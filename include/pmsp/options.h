@@ -33,7 +33,7 @@ struct InitOptions {
 
 /// Red-black PatchMatch on the sphere.
 struct PatchMatchOptions {
-  int iterations = 4;   ///< 1 to 100; each visits every pixel once
+  int iterations = 3;   ///< of the first pass, 1 to 100; each visits every pixel once
   int neighbours = 2;   ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   int refinements = 6;  ///< random draws per pixel and iteration, 0 to 32
   double patch_spacing_px =
@@ -92,9 +92,9 @@ enum class Simd { kAuto, kScalar, kAvx2, kAvx512 };
 
 /// How much time a depth map may take.
 enum class Quality {
-  kOnline,  ///< the paper's setting: 640 x 320, 2 neighbours, 4 iterations; keeps up with a flying drone on a CPU
-  kNormal,  ///< 1440 x 720, 4 neighbours, 6 iterations
-  kHigh,    ///< the video's own size up to 5760 x 2880, 6 neighbours, 6 iterations
+  kOnline,  ///< the paper's setting: 640 x 320, 2 neighbours; keeps up with a flying drone on a CPU
+  kNormal,  ///< 1440 x 720, 4 neighbours
+  kHigh,    ///< the video's own size up to 5760 x 2880, 6 neighbours
 };
 
 /// Everything that a Densifier can be told.
