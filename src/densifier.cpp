@@ -10,6 +10,7 @@
 #include "patchmatch/neighbours.h"
 #include "pmsp/error.h"
 #include "pmsp/filters.h"
+#include "pmsp/free_space.h"
 #include "pmsp/fusion.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/patchmatch.h"
@@ -89,11 +90,14 @@ void Densifier::Impl::filter(std::int64_t i) {
   consistency_filter(reference.map, others, options.consistency, executor, &filtered);
   stats.pixels_after_consistency += filtered.after;
   reference.covered.assign(reference.map.depth.size(), 0);
+  if (options.free_space.enabled) {
+    sights.push_back(sight_map(reference.map));
+    if (sights.size() > static_cast<std::size_t>(options.free_space.history)) sights.pop_front();
+  }
   if (callbacks.filtered_depth) callbacks.filtered_depth(reference.map);
 }
 
 void Densifier::Impl::fuse_view(std::int64_t i) {
-  const Stopwatch watch(stats.seconds_fusion);
   if (view(i).map.depth.empty()) return;
   std::vector<FusionInput> window;
   std::size_t current = 0;
@@ -102,7 +106,27 @@ void Densifier::Impl::fuse_view(std::int64_t i) {
     View& member = view(k);
     if (!member.map.depth.empty()) window.push_back({&member.map, &member.panorama.color(), &member.covered});
   }
-  const KeyframeCloud cloud = fuse(window, current, options.fusion, executor);
+  {
+    const Stopwatch watch(stats.seconds_fusion);
+    held.push_back(fuse(window, current, options.fusion, executor));
+  }
+  stats.points_fused += static_cast<std::int64_t>(held.back().points.size());
+  const std::size_t keep = options.free_space.whole_mission ? static_cast<std::size_t>(options.free_space.history) : 0;
+  while (held.size() > keep) hand_out();
+}
+
+/// Checks the oldest cloud that waits against what has been seen so far, and lets go of it.
+void Densifier::Impl::hand_out() {
+  KeyframeCloud cloud = std::move(held.front());
+  held.pop_front();
+  {
+    const Stopwatch watch(stats.seconds_free_space);
+    std::vector<const SightMap*> others;
+    for (const SightMap& sight : sights) {
+      if (sight.keyframe_id != cloud.keyframe_id) others.push_back(&sight);
+    }
+    free_space_filter(cloud, others, options.free_space, executor);
+  }
   stats.points += static_cast<std::int64_t>(cloud.points.size());
   if (callbacks.cloud) callbacks.cloud(cloud);
 }
@@ -142,6 +166,9 @@ bool Densifier::add(const Keyframe& keyframe) {
 
 void Densifier::flush() {
   impl_->advance(true);
+  while (!impl_->stopped() && !impl_->held.empty()) impl_->hand_out();
+  impl_->held.clear();
+  impl_->sights.clear();
   impl_->views.clear();
   impl_->first = impl_->next_match = impl_->next_filter = impl_->next_fuse = 0;
   impl_->view_filter.reset();

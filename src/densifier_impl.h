@@ -11,6 +11,7 @@
 #include "patchmatch/neighbours.h"
 #include "pmsp/densifier.h"
 #include "pmsp/executor.h"
+#include "pmsp/free_space.h"
 #include "pmsp/panorama.h"
 #include "pmsp/view_filter.h"
 
@@ -48,6 +49,7 @@ struct Densifier::Impl {
   void match(std::int64_t i);
   void filter(std::int64_t i);
   void fuse_view(std::int64_t i);
+  void hand_out();
   void forget();
 
   DensifierOptions options;
@@ -58,7 +60,9 @@ struct Densifier::Impl {
   std::atomic<bool> cancel{false};
   std::set<std::int64_t> ids;
   std::deque<View> views;
-  std::int64_t first = 0;  ///< index of views.front()
+  std::deque<KeyframeCloud> held;  ///< fused, not yet handed out
+  std::deque<SightMap> sights;     ///< of the last keyframes
+  std::int64_t first = 0;          ///< index of views.front()
   std::int64_t next_match = 0;
   std::int64_t next_filter = 0;
   std::int64_t next_fuse = 0;

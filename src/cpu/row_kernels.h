@@ -5,6 +5,7 @@
 
 #include "agreement.h"
 #include "patchmatch.h"
+#include "sight.h"
 
 // The CPU backend: the kernels over one row of pixels, once for each instruction set. This header is included by code
 // of every instruction set and therefore holds plain data only.
@@ -67,6 +68,24 @@ struct CompareRow {
   std::int32_t* index;
 };
 
+/// Look at points of a keyframe from another one.
+struct SightJob {
+  kernels::SightView other;
+  kernels::Rigid other_from_first;
+  kernels::SightLimits limits;
+};
+
+/// Points in the first keyframe, and what is said for and against them, which sight_points adds to. `count`: a multiple
+/// of 16.
+struct SightPoints {
+  const float* x;
+  const float* y;
+  const float* z;
+  float* on_surface;
+  float* through;
+  int count;
+};
+
 /// One instruction set's functions.
 struct RowKernels {
   /// Random planes and the initialiser's candidates for row y.
@@ -75,6 +94,7 @@ struct RowKernels {
   void (*iterate_row)(const MatchJob& job, int y, int colour, int iteration);
   void (*median_row)(const MedianJob& job, int y);
   void (*compare_row)(const CompareJob& job, int y, const CompareRow& out);
+  void (*sight_points)(const SightJob& job, const SightPoints& points);
 };
 
 }  // namespace pmsp::cpu

@@ -150,8 +150,25 @@ void compare_row(const CompareJob& job, int y, const CompareRow& out) {
 }
 
 template <class F>
+void sight_points(const SightJob& job, const SightPoints& points) {
+  for (int i = 0; i < points.count; i += lanes<F>()) {
+    kernels::Vec3<F> point;
+    F on_surface;
+    F through;
+    load(point.x, points.x + i);
+    load(point.y, points.y + i);
+    load(point.z, points.z + i);
+    load(on_surface, points.on_surface + i);
+    load(through, points.through + i);
+    const kernels::Sight<F> seen = kernels::sight(point, job.other, job.other_from_first, job.limits);
+    store(on_surface + seen.on_surface, points.on_surface + i);
+    store(through + seen.through, points.through + i);
+  }
+}
+
+template <class F>
 constexpr RowKernels row_kernels() {
-  return {&start_row<F>, &iterate_row<F>, &median_row<F>, &compare_row<F>};
+  return {&start_row<F>, &iterate_row<F>, &median_row<F>, &compare_row<F>, &sight_points<F>};
 }
 
 }  // namespace pmsp::cpu
