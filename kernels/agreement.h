@@ -21,7 +21,10 @@ template <class F>
 struct Agreement {
   F closeness;  ///< range of the point over the range of the other map's surface in its direction; 0 = nothing there
   F implied_depth;  ///< depth along the first keyframe's ray at which it meets the other map's plane
-  IntOf<F> index;   ///< of that pixel
+  /// By how much the other camera's direction to the point turns, over the relative change of depth [rad]: small where
+  /// there is little parallax.
+  F parallax_gain;
+  IntOf<F> index;  ///< of that pixel
 };
 
 /// `bearing` (unit) and `depth` > 0 in the first keyframe.
@@ -40,7 +43,9 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Pla
   const F along_ray = dot(plane, turned);
   const F rest = F(1) - dot(plane, t);
   const auto valid = (closeness > F(0)) & (along_ray > F(0)) & (rest > F(0));
-  return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), index};
+  const Vec3<F> turn = cross(turned, t);
+  const F gain = depth * sqrt(dot(turn, turn)) / max(dot(p, p), F(1e-30F));
+  return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), gain, index};
 }
 
 }  // namespace pmsp::kernels

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "agreement.h"
+#include "confidence.h"
 #include "patchmatch.h"
 #include "sight.h"
 
@@ -65,7 +66,16 @@ struct CompareJob {
 struct CompareRow {
   float* closeness;
   float* implied_depth;
+  float* parallax_gain;
   std::int32_t* index;
+};
+
+/// Comparison of a keyframe's planes with those around them.
+struct RoughnessJob {
+  GridTables grid;
+  const float* depth;
+  kernels::PlaneMapView planes;
+  float* roughness;  ///< mean deviation, rows of `width` floats
 };
 
 /// Look at points of a keyframe from another one.
@@ -94,6 +104,7 @@ struct RowKernels {
   void (*iterate_row)(const MatchJob& job, int y, int colour, int iteration);
   void (*median_row)(const MedianJob& job, int y);
   void (*compare_row)(const CompareJob& job, int y, const CompareRow& out);
+  void (*roughness_row)(const RoughnessJob& job, int y);
   void (*sight_points)(const SightJob& job, const SightPoints& points);
 };
 

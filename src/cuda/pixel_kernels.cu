@@ -108,6 +108,7 @@ __global__ void compare_pixels(cpu::CompareJob job, cpu::CompareRow out) {
   const auto seen = kernels::agreement(bearing, depth > 0.0F ? depth : 1.0F, job.other, job.other_from_first);
   out.closeness[at] = depth > 0.0F ? seen.closeness : 0.0F;
   out.implied_depth[at] = seen.implied_depth;
+  out.parallax_gain[at] = seen.parallax_gain;
   out.index[at] = seen.index;
 }
 

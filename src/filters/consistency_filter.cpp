@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "confidence.h"
 #include "cpu/executor_impl.h"
 #include "filters/depth_map_tools.h"
 #include "pmsp/filters.h"
@@ -17,10 +18,22 @@ constexpr float kSeenThrough = 2.0F;
 struct Votes {
   int agree = 0;
   int contradict = 0;
+  float square_spread = 0.0F;
+  float square_gain = 0.0F;
 
-  void add(float closeness, float tolerance) {
-    if (std::fabs(closeness - 1.0F) <= tolerance) ++agree;
+  void add(float closeness, float parallax_gain, float tolerance) {
+    const float deviation = closeness - 1.0F;
+    if (std::fabs(deviation) <= tolerance) {
+      ++agree;
+      square_spread += deviation * deviation;
+      square_gain += parallax_gain * parallax_gain;
+    }
     if (closeness > 0.0F && closeness < 1.0F - kSeenThrough * tolerance) ++contradict;
+  }
+
+  float expected_error(float roughness, std::size_t maps, float pixel_angle) const {
+    return kernels::expected_error<float>(
+        {square_spread, square_gain, roughness, static_cast<float>(agree), static_cast<float>(maps)}, pixel_angle);
   }
 };
 
@@ -47,17 +60,25 @@ void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& other
     const int full = options.min_views - 1;
     const int wanted = std::min(full, std::max(1, static_cast<int>(std::lround(full * std::min(share, 1.0)))));
     const float tolerance = static_cast<float>(options.max_relative_depth);
+    const float pixel_angle = static_cast<float>(2.0 * kernels::kPi / width);
+    const PlaneRows own(map, grid, pool);
+    Image<float> roughness(width, height);
+    const cpu::RoughnessJob rough{grid.tables(), map.depth.pixels().data(), own.view(), roughness.pixels().data()};
     Image<float> filtered = map.depth;
     pool.for_each(height, [&](int y) {
+      executor.impl().rows.roughness_row(rough, y);
       CompareBuffers buffers(width);
       std::vector<Votes> votes(static_cast<std::size_t>(width));
       for (const cpu::CompareJob& job : jobs) {
         executor.impl().rows.compare_row(job, y, buffers.out());
-        for (std::size_t x = 0; x < votes.size(); ++x) votes[x].add(buffers.closeness[x], tolerance);
+        for (std::size_t x = 0; x < votes.size(); ++x) {
+          votes[x].add(buffers.closeness[x], buffers.parallax_gain[x], tolerance);
+        }
       }
       for (int x = 0; x < width; ++x) {
         const Votes& vote = votes[static_cast<std::size_t>(x)];
-        map.confidence(x, y) *= static_cast<float>(vote.agree) / static_cast<float>(others.size());
+        map.confidence(x, y) =
+            kernels::confidence_of_error(vote.expected_error(roughness(x, y), others.size(), pixel_angle));
         const bool kept = vote.agree >= wanted && (wanted == 0 || vote.agree > vote.contradict);
         if (!kept) filtered(x, y) = 0.0F;
       }
