@@ -29,7 +29,10 @@ template <class F>
 struct Agreement {
   F closeness;  ///< range of the point over the range of the other map's surface in its direction; 0 = nothing there
   F implied_depth;  ///< depth along the first keyframe's ray at which it meets the other map's plane
-  IntOf<F> index;   ///< of that pixel
+  /// By how much the other camera's direction to the point turns, over the relative change of depth [rad]: small where
+  /// there is little parallax.
+  F parallax_gain;
+  IntOf<F> index;  ///< of that pixel
 };
 
 /// `bearing` (unit) and `depth` > 0 in the first keyframe. `Map`: PlaneMapView, or any other type with `width`,
@@ -49,7 +52,9 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map
   const F along_ray = dot(plane, turned);
   const F rest = F(1) - dot(plane, t);
   const auto valid = (closeness > F(0)) & (along_ray > F(0)) & (rest > F(0));
-  return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), index};
+  const Vec3<F> turn = cross(turned, t);
+  const F gain = depth * sqrt(dot(turn, turn)) / max(dot(p, p), F(1e-30F));
+  return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), gain, index};
 }
 
 /// Where another map's surface lies behind the point by more than this many tolerances, that keyframe has looked
@@ -60,9 +65,16 @@ constexpr float kSeenThrough = 2.0F;
 struct Votes {
   int agree = 0;
   int contradict = 0;
+  float square_spread = 0.0F;  ///< sum of squared deviations of the maps that agree
+  float square_gain = 0.0F;    ///< sum of their squared parallax gains
 
-  PMSP_HD void add(float closeness, float tolerance) {
-    if (abs(closeness - 1.0F) <= tolerance) ++agree;
+  PMSP_HD void add(float closeness, float parallax_gain, float tolerance) {
+    const float deviation = closeness - 1.0F;
+    if (abs(deviation) <= tolerance) {
+      ++agree;
+      square_spread += deviation * deviation;
+      square_gain += parallax_gain * parallax_gain;
+    }
     if (closeness > 0.0F && closeness < 1.0F - kSeenThrough * tolerance) ++contradict;
   }
   PMSP_HD bool keep(int wanted) const { return agree >= wanted && (wanted == 0 || agree > contradict); }

@@ -27,6 +27,10 @@ template <class F>
 PMSP_HD F dot(const Vec3<F>& a, const Vec3<F>& b) {
   return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z));
 }
+template <class F>
+PMSP_HD Vec3<F> cross(const Vec3<F>& a, const Vec3<F>& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
 /// s * a + b
 template <class F>
 PMSP_HD Vec3<F> fma(const F& s, const Vec3<F>& a, const Vec3<F>& b) {

@@ -10,14 +10,19 @@
 #include "make_engine.h"
 #include "patchmatch/neighbours.h"
 #include "pmsp/error.h"
+#include "pmsp/free_space.h"
 #include "pmsp/initialiser.h"
+#include "util/stopwatch.h"
 
 namespace pmsp {
 
 Densifier::Impl::Impl(const DensifierOptions& given, DensifierCallbacks to)
     : options(given), callbacks(std::move(to)), view_filter(given.view_filter) {
-  engine = make_engine({options, callbacks, stats, cancel}, options, backend);
   requested = given.backend;
+  results.raw_depth = callbacks.raw_depth;
+  if (callbacks.filtered_depth || keeps_sights()) results.filtered_depth = [this](const DepthMap& map) { take(map); };
+  if (callbacks.cloud) results.cloud = [this](KeyframeCloud cloud) { hold(std::move(cloud)); };
+  engine = make_engine({options, results, stats, cancel}, options, backend);
   next_match.assign(static_cast<std::size_t>(options.patchmatch.geometric_passes) + 1, 0);
 }
 
@@ -25,7 +30,7 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
   if (options.width == 0 || options.height == 0) {  // only now is known how much memory it takes
     fill_in_size(options, keyframe.image.width, keyframe.image.height);
     options.backend = requested;
-    engine = make_engine({options, callbacks, stats, cancel}, options, backend);
+    engine = make_engine({options, results, stats, cancel}, options, backend);
   }
   views.push_back({keyframe, engine->prepare(keyframe)});
   views.back().keyframe.image = {};
@@ -93,6 +98,42 @@ void Densifier::Impl::fuse(std::int64_t i) {
   engine->fuse(window, current);
 }
 
+bool Densifier::Impl::keeps_sights() const { return options.free_space.enabled && callbacks.cloud; }
+
+/// A depth map after the consistency filter.
+void Densifier::Impl::take(const DepthMap& map) {
+  if (keeps_sights()) {
+    const Stopwatch watch(stats.seconds_free_space);
+    sights.push_back(sight_map(map));
+    if (sights.size() > static_cast<std::size_t>(options.free_space.history)) sights.pop_front();
+  }
+  if (callbacks.filtered_depth) callbacks.filtered_depth(map);
+}
+
+/// Points wait until the keyframes that may look through them are known.
+void Densifier::Impl::hold(KeyframeCloud cloud) {
+  stats.points_fused += static_cast<std::int64_t>(cloud.points.size());
+  held.push_back(std::move(cloud));
+  const std::size_t keep = options.free_space.whole_mission ? static_cast<std::size_t>(options.free_space.history) : 0;
+  while (held.size() > keep) hand_out();
+}
+
+/// Checks the oldest cloud that waits against what has been seen so far, and lets go of it.
+void Densifier::Impl::hand_out() {
+  KeyframeCloud cloud = std::move(held.front());
+  held.pop_front();
+  {
+    const Stopwatch watch(stats.seconds_free_space);
+    std::vector<const SightMap*> others;
+    for (const SightMap& sight : sights) {
+      if (sight.keyframe_id != cloud.keyframe_id) others.push_back(&sight);
+    }
+    free_space_filter(cloud, others, options.free_space, engine->executor());
+  }
+  stats.points += static_cast<std::int64_t>(cloud.points.size());
+  callbacks.cloud(cloud);
+}
+
 /// Lets go of keyframes that no stage will look at again.
 void Densifier::Impl::forget() {
   const std::int64_t keep =
@@ -130,6 +171,9 @@ bool Densifier::add(const Keyframe& keyframe) {
 void Densifier::flush() {
   impl_->advance(true);
   impl_->engine->deliver(true);
+  while (!impl_->stopped() && !impl_->held.empty()) impl_->hand_out();
+  impl_->held.clear();
+  impl_->sights.clear();
   impl_->views.clear();
   impl_->first = impl_->next_filter = impl_->next_fuse = 0;
   std::fill(impl_->next_match.begin(), impl_->next_match.end(), 0);

@@ -11,6 +11,7 @@
 #include "engine.h"
 #include "patchmatch/neighbours.h"
 #include "pmsp/densifier.h"
+#include "pmsp/free_space.h"
 #include "pmsp/view_filter.h"
 
 namespace pmsp {
@@ -40,10 +41,15 @@ struct Densifier::Impl {
   void match(std::int64_t i, int pass);
   void filter(std::int64_t i);
   void fuse(std::int64_t i);
+  bool keeps_sights() const;
+  void take(const DepthMap& map);
+  void hold(KeyframeCloud cloud);
+  void hand_out();
   void forget();
 
   DensifierOptions options;
-  DensifierCallbacks callbacks;
+  DensifierCallbacks callbacks;  ///< of the caller
+  EngineResults results;         ///< what the engine calls
   ViewFilter view_filter;
   DensifierStats stats;
   std::atomic<bool> cancel{false};
@@ -52,6 +58,8 @@ struct Densifier::Impl {
   std::string backend;             ///< the one in force, and why
   std::unique_ptr<Engine> engine;  ///< before the views, whose frames must not outlive it
   std::deque<View> views;
+  std::deque<KeyframeCloud> held;        ///< fused, not yet handed out
+  std::deque<SightMap> sights;           ///< of the last keyframes
   std::int64_t first = 0;                ///< index of views.front()
   std::vector<std::int64_t> next_match;  ///< for each pass
   std::int64_t next_filter = 0;

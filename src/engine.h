@@ -4,19 +4,29 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "pmsp/densifier.h"
+#include "pmsp/executor.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/keyframe.h"
 
 namespace pmsp {
 
+/// Receives what is finished. Members that are not set are not called, and what only they need is not computed.
+struct EngineResults {
+  std::function<void(const DepthMap&)> raw_depth;       ///< after the last pass of PatchMatch
+  std::function<void(const DepthMap&)> filtered_depth;  ///< after the consistency filter
+  std::function<void(KeyframeCloud)> cloud;
+};
+
 /// What an engine works for: the Densifier that owns it.
 struct EngineContext {
   const DensifierOptions& options;  ///< sizes may still be 0 before the first keyframe
-  const DensifierCallbacks& callbacks;
+  const EngineResults& results;
   DensifierStats& stats;
   const std::atomic<bool>& cancel;
 };
@@ -60,8 +70,17 @@ class Engine {
   /// Points of window[current] that no earlier frame's points stand for (all matched and filtered).
   virtual void fuse(const std::vector<Frame*>& window, std::size_t current) = 0;
 
+  /// For what the host does itself.
+  const Executor& executor() const { return executor_; }
+
   /// Called at the end of each Densifier::add (`all` = false) and flush (`all` = true): hands out what is finished.
   virtual void deliver(bool all) = 0;
+
+ protected:
+  Engine(const EngineContext& context, Executor executor) : context_(context), executor_(std::move(executor)) {}
+
+  EngineContext context_;
+  Executor executor_;
 };
 
 }  // namespace pmsp

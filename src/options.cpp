@@ -102,6 +102,14 @@ void FusionOptions::validate() const {
   check("fusion.min_confidence", min_confidence, 0.0, 1.0);
 }
 
+void FreeSpaceOptions::validate() const {
+  check("free_space.views", views, 1, 1000);
+  check("free_space.max_relative_depth", max_relative_depth, 0.0, 1.0);
+  check("free_space.min_relative_gap", min_relative_gap, 0.0, 1.0);
+  check("free_space.max_contradiction", max_contradiction, 0.0, 100.0);
+  check("free_space.history", history, 1, 100000);
+}
+
 void DensifierOptions::validate() const {
   check_size("width", width, 32, 16384);
   check_size("height", height, 16, 8192);
@@ -113,6 +121,7 @@ void DensifierOptions::validate() const {
   median.validate();
   consistency.validate();
   fusion.validate();
+  free_space.validate();
 }
 
 DensifierOptions preset(Quality quality) {
@@ -126,6 +135,7 @@ DensifierOptions preset(Quality quality) {
   options.consistency.window = 7;
   options.consistency.min_views = 4;
   options.fusion.spacing_px = 0.5;  // pixels are small here; a finer cloud would hold little but repetitions
+  options.free_space.whole_mission = true;
   return options;
 }
 

@@ -75,7 +75,7 @@ void CpuEngine::match(const MatchTask& task) {
   }
   reference.matched = !context_.cancel.load(std::memory_order_relaxed);
   if (!reference.matched || !task.last) return;
-  if (context_.callbacks.raw_depth) context_.callbacks.raw_depth(reference.raw);
+  if (context_.results.raw_depth) context_.results.raw_depth(reference.raw);
   FilterStats filtered;
   {
     const Stopwatch watch(stats.seconds_median);
@@ -101,7 +101,7 @@ void CpuEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   }
   context_.stats.pixels_after_consistency += filtered.after;
   reference.covered.assign(reference.map.depth.size(), 0);
-  if (context_.callbacks.filtered_depth) context_.callbacks.filtered_depth(reference.map);
+  if (context_.results.filtered_depth) context_.results.filtered_depth(reference.map);
 }
 
 void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
@@ -116,8 +116,7 @@ void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
     const Stopwatch watch(context_.stats.seconds_fusion);
     cloud = pmsp::fuse(inputs, current, context_.options.fusion, executor_);
   }
-  context_.stats.points += static_cast<std::int64_t>(cloud.points.size());
-  if (context_.callbacks.cloud) context_.callbacks.cloud(cloud);
+  context_.results.cloud(std::move(cloud));
 }
 
 }  // namespace pmsp

@@ -4,24 +4,19 @@
 #include <utility>
 
 #include "engine.h"
-#include "pmsp/executor.h"
 
 namespace pmsp {
 
 /// The stages on the CPU, one after the other; each hands its result out before it returns.
 class CpuEngine : public Engine {
  public:
-  CpuEngine(const EngineContext& context, Executor executor) : context_(context), executor_(std::move(executor)) {}
+  CpuEngine(const EngineContext& context, Executor executor) : Engine(context, std::move(executor)) {}
 
   std::unique_ptr<Frame> prepare(const Keyframe& keyframe) override;
   void match(const MatchTask& task) override;
   void filter(Frame& reference, const std::vector<const Frame*>& others) override;
   void fuse(const std::vector<Frame*>& window, std::size_t current) override;
   void deliver(bool /*all*/) override {}
-
- private:
-  EngineContext context_;
-  Executor executor_;
 };
 
 }  // namespace pmsp

@@ -4,7 +4,9 @@
 #include <cstdint>
 
 #include "agreement.h"
+#include "confidence.h"
 #include "patchmatch.h"
+#include "sight.h"
 
 // The CPU backend: the kernels over one row of pixels, once for each instruction set. This header is included by code
 // of every instruction set and therefore holds plain data only.
@@ -65,7 +67,34 @@ struct CompareJob {
 struct CompareRow {
   float* closeness;
   float* implied_depth;
+  float* parallax_gain;
   std::int32_t* index;
+};
+
+/// Comparison of a keyframe's planes with those around them.
+struct RoughnessJob {
+  GridTables grid;
+  const float* depth;
+  kernels::PlaneMapView planes;
+  float* roughness;  ///< mean deviation, rows of `width` floats
+};
+
+/// Look at points of a keyframe from another one.
+struct SightJob {
+  kernels::SightView other;
+  kernels::Rigid other_from_first;
+  kernels::SightLimits limits;
+};
+
+/// Points in the first keyframe, and what is said for and against them, which sight_points adds to. `count`: a multiple
+/// of 16.
+struct SightPoints {
+  const float* x;
+  const float* y;
+  const float* z;
+  float* on_surface;
+  float* through;
+  int count;
 };
 
 /// One instruction set's functions.
@@ -76,6 +105,8 @@ struct RowKernels {
   void (*iterate_row)(const MatchJob& job, int y, int colour, int iteration);
   void (*median_row)(const MedianJob& job, int y);
   void (*compare_row)(const CompareJob& job, int y, const CompareRow& out);
+  void (*roughness_row)(const RoughnessJob& job, int y);
+  void (*sight_points)(const SightJob& job, const SightPoints& points);
 };
 
 }  // namespace pmsp::cpu

@@ -153,13 +153,62 @@ void compare_row(const CompareJob& job, int y, const CompareRow& out) {
     const int count = job.grid.width - x;
     store_some(select(known, seen.closeness, F(0)), out.closeness + x, count);
     store_some(seen.implied_depth, out.implied_depth + x, count);
+    store_some(seen.parallax_gain, out.parallax_gain + x, count);
     store_some(seen.index, out.index + x, count);
   }
 }
 
 template <class F>
+void roughness_row(const RoughnessJob& job, int y) {
+  const int width = job.grid.width;
+  const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
+  for (int x = 0; x < width; x += lanes<F>()) {
+    F sin_lon;
+    F cos_lon;
+    load(sin_lon, job.grid.sin_lon[2] + x);
+    load(cos_lon, job.grid.cos_lon[2] + x);
+    const kernels::Vec3<F> bearing = kernels::bearing(sin_lon, cos_lon, F(job.grid.sin_lat[y]), F(job.grid.cos_lat[y]));
+    const F depth = load_ring<F>(job.depth + at, x, width);
+    F sum(0);
+    for (int i = 0; i < kernels::kRoughnessOffsets; ++i) {
+      int dx = 0;
+      int dy = 0;
+      kernels::roughness_offset(i, dx, dy);
+      int row = y + dy;
+      if (row < 0 || row >= job.grid.height) {  // beyond a pole, on the opposite meridian
+        row = row < 0 ? -1 - row : 2 * job.grid.height - 1 - row;
+        dx = width / 2;
+      }
+      const std::size_t ring = static_cast<std::size_t>(row) * static_cast<std::size_t>(width);
+      const kernels::Vec3<F> neighbour{load_ring<F>(job.planes.x + ring, x + dx, width),
+                                       load_ring<F>(job.planes.y + ring, x + dx, width),
+                                       load_ring<F>(job.planes.z + ring, x + dx, width)};
+      sum = sum + kernels::deviation(neighbour, bearing, depth);
+    }
+    store_some(sum * F(1.0F / kernels::kRoughnessOffsets), job.roughness + at + x, width - x);
+  }
+}
+
+template <class F>
+void sight_points(const SightJob& job, const SightPoints& points) {
+  for (int i = 0; i < points.count; i += lanes<F>()) {
+    kernels::Vec3<F> point;
+    F on_surface;
+    F through;
+    load(point.x, points.x + i);
+    load(point.y, points.y + i);
+    load(point.z, points.z + i);
+    load(on_surface, points.on_surface + i);
+    load(through, points.through + i);
+    const kernels::Sight<F> seen = kernels::sight(point, job.other, job.other_from_first, job.limits);
+    store(on_surface + seen.on_surface, points.on_surface + i);
+    store(through + seen.through, points.through + i);
+  }
+}
+
+template <class F>
 constexpr RowKernels row_kernels() {
-  return {&start_row<F>, &iterate_row<F>, &median_row<F>, &compare_row<F>};
+  return {&start_row<F>, &iterate_row<F>, &median_row<F>, &compare_row<F>, &roughness_row<F>, &sight_points<F>};
 }
 
 }  // namespace pmsp::cpu

@@ -45,7 +45,8 @@ struct CudaFrame : Engine::Frame {
   std::shared_ptr<Colors> color;
   std::shared_ptr<CubeTexture> gray;
   std::shared_ptr<CubeTexture> usable;  ///< none without a mask
-  std::shared_ptr<Planes> planes;       ///< after the median filter
+  std::shared_ptr<Planes> raw;          ///< after the passes of PatchMatch so far
+  std::shared_ptr<Planes> planes;       ///< after the last pass and the median filter
   std::shared_ptr<Floats> confidence;   ///< after the consistency filter; 0 = no depth
   std::shared_ptr<Bytes> covered;       ///< nonzero where a point of an earlier frame stands for the pixel
 };
@@ -73,7 +74,7 @@ struct Record {
 /// kernel reads was written by an earlier one, and memory that goes back to its pool may be used again at once.
 class CudaEngine : public Engine {
  public:
-  CudaEngine(const EngineContext& context, Executor executor) : context_(context), executor_(std::move(executor)) {}
+  CudaEngine(const EngineContext& context, Executor executor) : Engine(context, std::move(executor)) {}
   ~CudaEngine() override;
 
   std::unique_ptr<Frame> prepare(const Keyframe& keyframe) override;
@@ -87,10 +88,17 @@ class CudaEngine : public Engine {
   void set_image_size(int width, int height);
   void find_sparse(const MatchTask& task, MatchArgs& args);
   void warp_previous(const MatchTask& task, MatchArgs& args);
+  void filter_median(const CudaFrame& frame, float4* planes, Counts* counts);
   MapDownload& free_download();
   void send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to);
   void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
   void hand_out_first();
+  void finish_match(CudaFrame& reference, const std::shared_ptr<Record>& record);
+  void add_match_seconds(const Record& record);
+  DevicePlanes surface_of(const CudaFrame& neighbour, int pass) const {
+    if (pass == 0 || !neighbour.raw) return {nullptr, 0, 0};
+    return {neighbour.raw->get(), context_.options.width, context_.options.height};
+  }
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
   std::size_t pixels() const {
     return static_cast<std::size_t>(context_.options.width) * static_cast<std::size_t>(context_.options.height);
@@ -102,8 +110,6 @@ class CudaEngine : public Engine {
     std::int64_t round;              ///< Densifier::add or flush during which it was asked for
   };
 
-  EngineContext context_;
-  Executor executor_;
   Stream compute_, up_, down_;
   std::optional<DeviceGrid> grid_;
   int image_width_ = 0;
@@ -112,14 +118,14 @@ class CudaEngine : public Engine {
   Uploader images_, masks_;
   Floats gray_, equalized_;
   Bytes eroded_;
-  Planes state_;
+  Planes state_, warp_source_;
   DeviceArray<std::uint64_t> sparse_keys_, warp_keys_;
   PinnedArray<SparsePoint> points_host_;
   DeviceArray<SparsePoint> points_;
   Event points_arrived_;
   Pool<Colors> colors_;
   Pool<CubeTexture> grays_, usables_;
-  Pool<Planes> planes_;
+  Pool<Planes> raws_, planes_;
   Pool<Floats> confidences_;
   Pool<Bytes> covers_;
   Pool<DeviceArray<DevicePoint>> points_pool_;
@@ -226,18 +232,33 @@ void CudaEngine::find_sparse(const MatchTask& task, MatchArgs& args) {
 void CudaEngine::warp_previous(const MatchTask& task, MatchArgs& args) {
   const CudaFrame& previous = own(*task.previous);
   const RigidTransform moved = task.reference->cam_from_world * previous.cam_from_world.inverse();
+  const float4* planes = nullptr;
+  if (previous.planes) {
+    planes = previous.planes->get();
+  } else {  // its later passes are still to come
+    if (warp_source_.empty()) warp_source_ = Planes(pixels());
+    filter_median(previous, warp_source_.get(), nullptr);
+    planes = warp_source_.get();
+  }
   PMSP_CUDA_CHECK(cudaMemsetAsync(warp_keys_.get(), 0xff, pixels() * sizeof(std::uint64_t), compute_.get()));
-  warp_planes({grid_->view(), previous.planes->get(), to_rigid(moved), warp_keys_.get()}, compute_.get());
+  warp_planes({grid_->view(), planes, to_rigid(moved), warp_keys_.get()}, compute_.get());
   args.warp_keys = warp_keys_.get();
-  args.previous = previous.planes->get();
+  args.previous = planes;
   args.previous_from_reference = to_rigid(moved.inverse());
+}
+
+void CudaEngine::filter_median(const CudaFrame& frame, float4* planes, Counts* counts) {
+  const MedianFilterOptions& options = context_.options.median;
+  median_pixels(
+      {grid_->view(), frame.raw->get(), frame.color->get(), options.enabled,
+       static_cast<float>(options.max_relative_deviation), static_cast<float>(options.min_score), planes, counts},
+      compute_.get());
 }
 
 void CudaEngine::match(const MatchTask& task) {
   const DeviceScope scope(context_.options.device);
   const DensifierOptions& options = context_.options;
   CudaFrame& reference = own(*task.reference);
-  reference.planes = planes_.get(pixels());
   MatchArgs args{};
   args.matching = make_matching<TextureCube>({reference.gray->texture()}, options.patchmatch, options.width, task.range,
                                              options.seed, reference.id);
@@ -246,43 +267,63 @@ void CudaEngine::match(const MatchTask& task) {
     const CudaFrame& neighbour = own(*frame);
     args.matching.views[args.matching.num_views++] = {{neighbour.gray->texture()},
                                                       {neighbour.usable ? neighbour.usable->texture() : 0},
-                                                      to_rigid(neighbour.cam_from_world * world_from_ref)};
+                                                      to_rigid(neighbour.cam_from_world * world_from_ref),
+                                                      surface_of(neighbour, task.pass)};
   }
   args.grid = grid_->view();
   args.state = state_.get();
   args.color = reference.color->get();
   const std::shared_ptr<Record> record = records_.get();
   record->start(compute_);
-  if (options.init.sparse_points) find_sparse(task, args);
+  if (task.pass > 0) args.start = reference.raw->get();
+  if (task.pass == 0 && options.init.sparse_points) find_sparse(task, args);
   if (task.previous != nullptr) warp_previous(task, args);
   record->marks[1].record(compute_);
   start_pixels(args, compute_.get());
-  for (int iteration = 0; iteration < options.patchmatch.iterations; ++iteration) {
-    for (int colour = 0; colour < 2; ++colour) iterate_pixels(args, colour, iteration, compute_.get());
+  const PassPlan plan = pass_plan(options.patchmatch, task.pass);
+  for (int i = 0; i < plan.iterations; ++i) {
+    for (int colour = 0; colour < 2; ++colour) iterate_pixels(args, colour, plan.first_iteration + i, compute_.get());
   }
+  if (!reference.raw) reference.raw = raws_.get(pixels());
+  to_rows(grid_->view(), state_.get(), reference.raw->get(), compute_.get());
   record->marks[2].record(compute_);
-  if (context_.callbacks.raw_depth) {
-    MapDownload& download = free_download();
-    export_state(grid_->view(), state_.get(), download.view(), compute_.get());
-    send(download, reference, context_.callbacks.raw_depth);
+  reference.matched = true;
+  if (task.last) {
+    finish_match(reference, record);
+  } else {
+    expect([this, record] {
+      record->marks[2].wait();
+      add_match_seconds(*record);
+    });
   }
-  median_pixels({grid_->view(), state_.get(), reference.color->get(), options.median.enabled,
-                 static_cast<float>(options.median.max_relative_deviation),
-                 static_cast<float>(options.median.min_score), reference.planes->get(), record->device.get()},
-                compute_.get());
+}
+
+void CudaEngine::add_match_seconds(const Record& record) {
+  context_.stats.seconds_init += record.marks[1].seconds_since(record.marks[0]);
+  context_.stats.seconds_patchmatch += record.marks[2].seconds_since(record.marks[1]);
+}
+
+void CudaEngine::finish_match(CudaFrame& reference, const std::shared_ptr<Record>& record) {
+  if (context_.results.raw_depth) {
+    MapDownload& download = free_download();
+    export_planes(grid_->view(), reference.raw->get(), download.view(), compute_.get());
+    send(download, reference, context_.results.raw_depth);
+  }
+  reference.planes = planes_.get(pixels());
+  filter_median(reference, reference.planes->get(), record->device.get());
   record->stop(compute_, 3);
+  // Nobody else will ask for it, and whoever gets the memory next works on the same stream.
+  if (context_.options.patchmatch.geometric_passes == 0) reference.raw.reset();
   expect([this, record] {
     record->marks[3].wait();
     DensifierStats& stats = context_.stats;
-    stats.seconds_init += record->marks[1].seconds_since(record->marks[0]);
-    stats.seconds_patchmatch += record->marks[2].seconds_since(record->marks[1]);
+    add_match_seconds(*record);
     stats.seconds_median += record->marks[3].seconds_since(record->marks[2]);
     ++stats.depth_maps;
     stats.pixels += record->host[0].pixels;
     stats.pixels_matched += record->host[0].matched;
     stats.pixels_after_median += record->host[0].after_median;
   });
-  reference.matched = true;
 }
 
 void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
@@ -300,19 +341,20 @@ void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   args.enabled = options.enabled;
   args.wanted = agreeing_maps_wanted(options, others.size());
   args.tolerance = static_cast<float>(options.max_relative_depth);
+  args.pixel_angle = static_cast<float>(2.0 * kernels::kPi / context_.options.width);
   args.confidence = reference.confidence->get();
-  if (context_.callbacks.cloud) {
+  if (context_.results.cloud) {
     reference.covered = covers_.get(pixels());
     PMSP_CUDA_CHECK(cudaMemsetAsync(reference.covered->get(), 0, pixels(), compute_.get()));
   }
-  MapDownload* const download = context_.callbacks.filtered_depth ? &free_download() : nullptr;
+  MapDownload* const download = context_.results.filtered_depth ? &free_download() : nullptr;
   if (download != nullptr) args.out = download->view();
   const std::shared_ptr<Record> record = records_.get();
   args.counts = record->device.get();
   record->start(compute_);
   filter_pixels(args, compute_.get());
   record->stop(compute_, 1);
-  if (download != nullptr) send(*download, reference, context_.callbacks.filtered_depth);
+  if (download != nullptr) send(*download, reference, context_.results.filtered_depth);
   expect([this, record] {
     record->marks[1].wait();
     context_.stats.seconds_consistency += record->marks[1].seconds_since(record->marks[0]);
@@ -366,8 +408,7 @@ void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
                                     cudaMemcpyDeviceToHost, down_.get()));
     PMSP_CUDA_CHECK(cudaStreamSynchronize(down_.get()));
     if (cancelled()) return;
-    context_.stats.points += static_cast<std::int64_t>(cloud.points.size());
-    context_.callbacks.cloud(cloud);
+    context_.results.cloud(std::move(cloud));
   });
 }
 

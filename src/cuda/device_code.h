@@ -19,6 +19,8 @@ inline int blocks(int count, int block) { return (count + block - 1) / block; }
 
 PMSP_HD bool is_empty(const TextureCube& cube) { return cube.texture == 0; }
 
+PMSP_HD bool is_empty(const DevicePlanes& map) { return map.planes == nullptr; }
+
 /// Gray value (0 to 255) in the direction p, by the texture units.
 PMSP_HD float sample(const TextureCube& cube, const Vec3<float>& p) {
 #if defined(__CUDA_ARCH__)
@@ -46,6 +48,11 @@ __device__ inline std::size_t checkerboard_index(const cpu::GridTables& grid, in
   const std::size_t half = static_cast<std::size_t>(grid.width / 2);
   return (static_cast<std::size_t>(y) * 2 + static_cast<std::size_t>((x + y) & 1)) * half +
          static_cast<std::size_t>(x / 2);
+}
+
+/// Index of pixel (x, y) in row order.
+__device__ inline std::size_t row_index(const cpu::GridTables& grid, int x, int y) {
+  return static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(x);
 }
 
 /// Adds the number of a block's threads for which `holds` is true; all threads of the warp call it.

@@ -25,6 +25,15 @@ struct DevicePlanes {
   int width, height;
 };
 
+}  // namespace pmsp::cuda
+
+template <>
+struct pmsp::kernels::SurfaceOf<pmsp::cuda::TextureCube> {
+  using Type = pmsp::cuda::DevicePlanes;
+};
+
+namespace pmsp::cuda {
+
 /// A landmark that a keyframe observes: where it is seen [px], and the plane through it that faces the camera.
 struct SparsePoint {
   float x, y;
@@ -57,8 +66,9 @@ struct CubeArgs {
 struct MatchArgs {
   kernels::Matching<TextureCube> matching;
   cpu::GridTables grid;
-  float4* state;                     ///< plane and score, checkerboard order (SphereGrid)
-  const uchar4* color;               ///< of the reference
+  float4* state;        ///< plane and score, checkerboard order (SphereGrid)
+  const float4* start;  ///< planes to start from, row order; nullptr = random ones and the candidates below
+  const uchar4* color;  ///< of the reference
   const std::uint64_t* sparse_keys;  ///< per pixel: (distance, index of the landmark), ~0 = none; nullptr = not wanted
   const SparsePoint* sparse_points;
   const std::uint64_t* warp_keys;  ///< per pixel: (range, index of the previous map's pixel), ~0 = none; or nullptr
@@ -99,13 +109,13 @@ struct MapArrays {
 
 struct MedianArgs {
   cpu::GridTables grid;
-  const float4* state;  ///< checkerboard order
+  const float4* raw;
   const uchar4* color;
   bool enabled;
   float max_relative_deviation;
   float min_score;
   float4* planes;
-  Counts* counts;
+  Counts* counts;  ///< nullptr = not wanted
 };
 
 /// One other keyframe's map.
@@ -122,6 +132,7 @@ struct ConsistencyArgs {
   bool enabled;
   int wanted;
   float tolerance;
+  float pixel_angle;  ///< at the equator [rad]
   float* confidence;  ///< 0 = no depth
   MapArrays out;
   Counts* counts;

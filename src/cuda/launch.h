@@ -32,10 +32,12 @@ void warp_planes(const WarpArgs& args, cudaStream_t stream);
 void start_pixels(const MatchArgs& args, cudaStream_t stream);
 void iterate_pixels(const MatchArgs& args, int colour, int iteration, cudaStream_t stream);
 
-/// PatchMatch's result as a depth map.
-void export_state(const cpu::GridTables& grid, const float4* state, const MapArrays& out, cudaStream_t stream);
+/// PatchMatch's result, from checkerboard to row order.
+void to_rows(const cpu::GridTables& grid, const float4* state, float4* raw, cudaStream_t stream);
 
-/// Median filter, from checkerboard to row order.
+/// Planes and scores as a depth map.
+void export_planes(const cpu::GridTables& grid, const float4* planes, const MapArrays& out, cudaStream_t stream);
+
 void median_pixels(const MedianArgs& args, cudaStream_t stream);
 
 void filter_pixels(const ConsistencyArgs& args, cudaStream_t stream);

@@ -74,11 +74,13 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks) start_kernel(const 
     const Matching& matching = args.matching;
     Visit visit{{}, SharedPatch(samples)};
     begin(visit, matching, args.grid, place);
-    const Vec3<float> random =
-        kernels::random_start<float>(static_cast<std::uint32_t>(place.in_rows), visit.frame.bearing, matching);
+    const Vec3<float> first =
+        args.start != nullptr
+            ? plane_of(args.start[place.in_rows])
+            : kernels::random_start<float>(static_cast<std::uint32_t>(place.in_rows), visit.frame.bearing, matching);
 #pragma unroll 1
     for (int kind = -1; kind < 2; ++kind) {
-      kernels::propose(best, kind < 0 ? random : candidate(args, place.in_rows, kind), visit, matching);
+      kernels::propose(best, kind < 0 ? first : candidate(args, place.in_rows, kind), visit, matching);
     }
   }
   keep(args.state, place.at, best);
@@ -120,13 +122,19 @@ __device__ float depth_of(const float4& plane, const Vec3<float>& bearing) {
 
 __device__ float confidence_of(float score) { return fminf(fmaxf(score, 0.0F), 1.0F); }
 
-__global__ void export_kernel(cpu::GridTables grid, const float4* state, MapArrays out) {
+__global__ void to_rows_kernel(cpu::GridTables grid, const float4* state, float4* raw) {
   const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
   if (x >= grid.width || y >= grid.height) return;
-  const float4 plane = state[checkerboard_index(grid, x, y)];
-  const std::size_t at =
-      static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(x);
+  raw[row_index(grid, x, y)] = state[checkerboard_index(grid, x, y)];
+}
+
+__global__ void export_kernel(cpu::GridTables grid, const float4* planes, MapArrays out) {
+  const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
+  if (x >= grid.width || y >= grid.height) return;
+  const std::size_t at = row_index(grid, x, y);
+  const float4 plane = planes[at];
   write_map(out, at, depth_of(plane, bearing_at(grid, x, y)), plane_of(plane), confidence_of(plane.w));
 }
 
@@ -139,9 +147,8 @@ __global__ void median_kernel(const __grid_constant__ MedianArgs args) {
   float depth = 0.0F;
   float kept = 0.0F;
   if (inside) {
-    const std::size_t at =
-        static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(x);
-    const float4 plane = args.state[checkerboard_index(grid, x, y)];
+    const std::size_t at = row_index(grid, x, y);
+    const float4 plane = args.raw[at];
     depth = depth_of(plane, bearing_at(grid, x, y));
     kept = depth;
     if (args.enabled) {
@@ -152,8 +159,7 @@ __global__ void median_kernel(const __grid_constant__ MedianArgs args) {
         const int shift = (beyond ? grid.width / 2 : 0) + grid.width;
         for (int dx = -1; dx <= 1; ++dx) {
           const int column = (x + dx + shift) % grid.width;
-          around[3 * dy + dx + 4] =
-              depth_of(args.state[checkerboard_index(grid, column, row)], bearing_at(grid, column, row));
+          around[3 * dy + dx + 4] = depth_of(args.raw[row_index(grid, column, row)], bearing_at(grid, column, row));
         }
       }
       kept = kernels::median_filtered(around, confidence_of(plane.w), args.max_relative_deviation, args.min_score);
@@ -162,6 +168,7 @@ __global__ void median_kernel(const __grid_constant__ MedianArgs args) {
                                   : make_float4(0.0F, 0.0F, 0.0F, 0.0F);
     usable = args.color[at].w != 0;
   }
+  if (args.counts == nullptr) return;
   count_if(usable, &args.counts->pixels);
   count_if(depth > 0.0F, &args.counts->matched);
   count_if(kept > 0.0F, &args.counts->after_median);
@@ -196,8 +203,13 @@ void iterate_pixels(const MatchArgs& args, int colour, int iteration, cudaStream
   PMSP_CUDA_LAUNCHED();
 }
 
-void export_state(const cpu::GridTables& grid, const float4* state, const MapArrays& out, cudaStream_t stream) {
-  export_kernel<<<map_grid(grid), kMapBlock, 0, stream>>>(grid, state, out);
+void to_rows(const cpu::GridTables& grid, const float4* state, float4* raw, cudaStream_t stream) {
+  to_rows_kernel<<<map_grid(grid), kMapBlock, 0, stream>>>(grid, state, raw);
+  PMSP_CUDA_LAUNCHED();
+}
+
+void export_planes(const cpu::GridTables& grid, const float4* planes, const MapArrays& out, cudaStream_t stream) {
+  export_kernel<<<map_grid(grid), kMapBlock, 0, stream>>>(grid, planes, out);
   PMSP_CUDA_LAUNCHED();
 }
 

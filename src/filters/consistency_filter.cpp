@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "confidence.h"
 #include "cpu/executor_impl.h"
 #include "filters/depth_map_tools.h"
 #include "pmsp/filters.h"
@@ -26,17 +27,26 @@ void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& other
     }
     const int wanted = agreeing_maps_wanted(options, others.size());
     const float tolerance = static_cast<float>(options.max_relative_depth);
+    const float pixel_angle = static_cast<float>(2.0 * kernels::kPi / width);
+    const PlaneRows own(map, grid, pool);
+    Image<float> roughness(width, height);
+    const cpu::RoughnessJob rough{grid.tables(), map.depth.pixels().data(), own.view(), roughness.pixels().data()};
     Image<float> filtered = map.depth;
     pool.for_each(height, [&](int y) {
+      executor.impl().rows.roughness_row(rough, y);
       CompareBuffers buffers(width);
       std::vector<kernels::Votes> votes(static_cast<std::size_t>(width));
       for (const cpu::CompareJob& job : jobs) {
         executor.impl().rows.compare_row(job, y, buffers.out());
-        for (std::size_t x = 0; x < votes.size(); ++x) votes[x].add(buffers.closeness[x], tolerance);
+        for (std::size_t x = 0; x < votes.size(); ++x) {
+          votes[x].add(buffers.closeness[x], buffers.parallax_gain[x], tolerance);
+        }
       }
       for (int x = 0; x < width; ++x) {
         const kernels::Votes& vote = votes[static_cast<std::size_t>(x)];
-        map.confidence(x, y) *= static_cast<float>(vote.agree) / static_cast<float>(others.size());
+        const float error =
+            kernels::expected_error(vote, roughness(x, y), static_cast<int>(others.size()), pixel_angle);
+        map.confidence(x, y) = kernels::confidence_of_error(error);
         if (!vote.keep(wanted)) filtered(x, y) = 0.0F;
       }
     });

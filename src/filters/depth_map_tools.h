@@ -73,11 +73,14 @@ class PlaneRows {
 /// Buffers for one row of comparisons.
 struct CompareBuffers {
   explicit CompareBuffers(int width)
-      : closeness(static_cast<std::size_t>(width)), implied_depth(closeness.size()), index(closeness.size()) {}
+      : closeness(static_cast<std::size_t>(width)),
+        implied_depth(closeness.size()),
+        parallax_gain(closeness.size()),
+        index(closeness.size()) {}
 
-  cpu::CompareRow out() { return {closeness.data(), implied_depth.data(), index.data()}; }
+  cpu::CompareRow out() { return {closeness.data(), implied_depth.data(), parallax_gain.data(), index.data()}; }
 
-  std::vector<float> closeness, implied_depth;
+  std::vector<float> closeness, implied_depth, parallax_gain;
   std::vector<std::int32_t> index;
 };
 

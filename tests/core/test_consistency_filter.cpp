@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <functional>
 #include <string>
 #include <utility>
@@ -165,13 +167,84 @@ TEST_CASE("min_views counts the map itself", "[consistency]") {
   CHECK(filled(filtered(maps[2], others_of(maps, 2), options).depth) > 0.98);
 }
 
-TEST_CASE("confidence is the score times the share of the maps that agree", "[consistency]") {
-  std::vector<DepthMap> maps = truth_maps(room(), 0.8F);
+TEST_CASE("confidence grows with the maps that agree and with how well they do", "[consistency]") {
+  const std::vector<DepthMap> maps = truth_maps(synth::sphere_inside(small_recipe(kWidth, 5)), 0.8F);
   const DepthMap hole = without_depths(maps[1]);
-  const DepthMap all = filtered(maps[2], others_of(maps, 2));
-  CHECK(all.confidence(100, 30) == Approx(0.8F));
-  const DepthMap half = filtered(maps[2], {&maps[0], &hole, &maps[3], &hole});
-  CHECK(half.confidence(100, 30) == Approx(0.4F));
+  std::vector<DepthMap> noisy = maps;
+  for (std::size_t k = 0; k < maps.size(); ++k) {
+    for (std::size_t i = 0; i < maps[k].depth.size(); ++i) {
+      noisy[k].depth.pixels()[i] *= static_cast<float>(1.0 + 0.003 * synth::gaussian(k, i));
+    }
+  }
+  const auto confidence = [](const DepthMap& map) { return map.confidence(kWidth / 4, kWidth / 4); };
+  const float all = confidence(filtered(maps[2], others_of(maps, 2)));
+  const float half = confidence(filtered(maps[2], {&maps[0], &hole, &maps[3], &hole}));
+  const float scattered = confidence(filtered(noisy[2], others_of(noisy, 2)));
+  CAPTURE(all, half, scattered);
+  CHECK(all < 1.0F);
+  CHECK(all > 1.2F * half);
+  CHECK(all > 1.2F * scattered);
+  CHECK(half > 0.1F);
+}
+
+TEST_CASE("confidence is low where there is little parallax", "[consistency]") {
+  const synth::Mission mission = synth::sphere_inside(small_recipe(kWidth, 5));
+  const std::vector<DepthMap> maps = truth_maps(mission);
+  const DepthMap map = filtered(maps[2], others_of(maps, 2));
+  double ahead = 0.0;
+  double aside = 0.0;
+  int ahead_count = 0;
+  int aside_count = 0;
+  for (int y = 0; y < map.depth.height(); ++y) {
+    for (int x = 0; x < map.depth.width(); ++x) {
+      const double degrees = degrees_from_motion(mission, 2, x, y);
+      const double confidence = static_cast<double>(map.confidence(x, y));
+      if (degrees < 10.0) ahead += confidence, ++ahead_count;
+      if (degrees > 70.0) aside += confidence, ++aside_count;
+    }
+  }
+  CHECK(aside / aside_count > 1.1 * ahead / ahead_count);
+}
+
+TEST_CASE("errors of matched depths fall as confidence rises", "[consistency]" PMSP_ACCURACY) {
+  const synth::Mission mission = synth::textured_room(small_recipe(320, 5));
+  std::vector<DepthMap> maps;
+  for (std::size_t k = 0; k < mission.frames.size(); ++k) {
+    MatchSetup setup;
+    if (k == 0) setup.neighbours = {1, 2};
+    if (k == 4) setup.neighbours = {2, 3};
+    maps.push_back(match(mission, k, setup));
+  }
+  const DepthMap map = filtered(maps[2], others_of(maps, 2));
+  std::vector<std::pair<float, double>> pixels;  // confidence, error
+  for (std::size_t i = 0; i < map.depth.size(); ++i) {
+    const double truth = static_cast<double>(mission.frames[2].depth.pixels()[i]);
+    const double depth = static_cast<double>(map.depth.pixels()[i]);
+    if (depth > 0.0) pixels.emplace_back(map.confidence.pixels()[i], std::abs(depth / truth - 1.0));
+  }
+  std::sort(pixels.begin(), pixels.end());
+  constexpr std::size_t kParts = 5;
+  double median_before = 1.0;
+  double p90_before = 1.0;
+  for (std::size_t part = 0; part < kParts; ++part) {
+    std::vector<double> errors;
+    double expected = 0.0;
+    for (std::size_t i = pixels.size() * part / kParts; i < pixels.size() * (part + 1) / kParts; ++i) {
+      errors.push_back(pixels[i].second);
+      expected += 0.005 * (1.0 / static_cast<double>(pixels[i].first) - 1.0);
+    }
+    std::sort(errors.begin(), errors.end());
+    const double median = errors[errors.size() / 2];
+    const double p90 = errors[errors.size() * 9 / 10];
+    expected /= static_cast<double>(errors.size());
+    CAPTURE(part, median, p90, expected);
+    CHECK(median < median_before);
+    CHECK(p90 < p90_before);
+    CHECK(median > expected / 4.0);
+    CHECK(median < expected * 2.0);
+    median_before = median;
+    p90_before = p90;
+  }
 }
 
 TEST_CASE("a consistency filter that is switched off changes nothing, bad options are refused", "[consistency]") {

@@ -345,3 +345,21 @@ TEST_CASE("warping the previous planes and sparse points can be switched off", "
   CAPTURE(share(test_result()), share(cold), share(colder));
   CHECK(share(test_result()) > share(colder));
 }
+
+TEST_CASE("with the whole mission, points are held back until the end, in order", "[densifier]") {
+  for (const bool whole : {false, true}) {
+    INFO(whole);
+    DensifierOptions options = fast_options();
+    options.free_space.whole_mission = whole;
+    std::vector<std::int64_t> handed_out;
+    DensifierCallbacks callbacks;
+    callbacks.cloud = [&](const KeyframeCloud& cloud) { handed_out.push_back(cloud.keyframe_id); };
+    Densifier densifier(options, callbacks);
+    for (std::size_t i = 0; i < test_flight().frames.size(); ++i) densifier.add(synth::keyframe_of(test_flight(), i));
+    CHECK(handed_out.empty() == whole);
+    densifier.flush();
+    CHECK(handed_out.size() == static_cast<std::size_t>(densifier.stats().depth_maps));
+    CHECK(std::is_sorted(handed_out.begin(), handed_out.end()));
+    CHECK(densifier.stats().points <= densifier.stats().points_fused);
+  }
+}

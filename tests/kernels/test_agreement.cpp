@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "agreement.h"
+#include "confidence.h"
 #include "kernels/helpers.h"
 
 using namespace pmsp;
@@ -138,6 +139,39 @@ TEST_CASE("agreement: the same surface seen from elsewhere is 1, on a sphere up 
   INFO(worst << " " << worst_implied);
   CHECK(worst < 3e-4);
   CHECK(worst_implied < 3e-4);
+}
+
+TEST_CASE("agreement: the parallax gain is the turn of the direction over the relative change of depth") {
+  const PlaneMap map = wall_map();
+  Draws draws(3);
+  for (int i = 0; i < 1000; ++i) {
+    const RigidTransform other_from_first = draws.transform(kernels::kPi, 0.5);
+    const Vec3<double> bearing = draws.direction();
+    const double depth = draws.uniform(1.5, 4.0);
+    constexpr double kStep = 1e-5;
+    const double turn = k::angle_between(apply(other_from_first, depth * bearing),
+                                         apply(other_from_first, (1.0 + kStep) * depth * bearing));
+    const auto seen = k::agreement(bearing, depth, map.view(), to_rigid(other_from_first));
+    REQUIRE(seen.parallax_gain == Approx(turn / kStep).epsilon(1e-3).margin(1e-5));
+  }
+}
+
+TEST_CASE("expected error: grows with spread, roughness and missing maps, falls with parallax") {
+  const auto error = [](double spread, double gain, double roughness, double agree) {
+    const k::Evidence<double> evidence{agree * spread * spread, agree * gain * gain, roughness, agree, 4.0};
+    return k::expected_error(evidence, 0.01F);
+  };
+  const double usual = error(0.003, 0.3, 0.003, 4.0);
+  CHECK(usual > 0.001);
+  CHECK(usual < 0.01);
+  CHECK(error(0.006, 0.3, 0.003, 4.0) > 1.1 * usual);
+  CHECK(error(0.003, 0.3, 0.006, 4.0) > 1.1 * usual);
+  CHECK(error(0.003, 0.1, 0.003, 4.0) > 1.1 * usual);
+  CHECK(error(0.003, 0.3, 0.003, 2.0) > 1.9 * usual);
+  CHECK(std::isfinite(error(0.0, 0.0, 0.0, 0.0)));
+  CHECK(error(0.0, 0.0, 0.0, 0.0) > usual);
+  CHECK(k::confidence_of_error(0.0) == Approx(1.0));
+  CHECK(k::confidence_of_error(0.005) == Approx(0.5));
 }
 
 TEST_CASE("agreement: nothing there, behind the other map's surface, or behind the camera gives 0") {

@@ -69,7 +69,7 @@ float median_at(const std::vector<float>& depth, const std::vector<float>& score
 }
 
 struct Comparison {
-  std::vector<float> closeness, implied_depth;
+  std::vector<float> closeness, implied_depth, parallax_gain;
   std::vector<std::int32_t> index;
 };
 
@@ -104,12 +104,13 @@ Comparison compare(Simd simd, const CompareInput& input) {
   const std::size_t width = static_cast<std::size_t>(input.grid.width());
   const std::size_t size = input.grid.size() + kGuard;
   Comparison out{std::vector<float>(size, kUntouched), std::vector<float>(size, kUntouched),
-                 std::vector<std::int32_t>(size, -77)};
+                 std::vector<float>(size, kUntouched), std::vector<std::int32_t>(size, -77)};
   const k::PlaneMapView other{input.x.data(), input.y.data(), input.z.data(), input.grid.width(), input.grid.height()};
   const cpu::CompareJob job{input.grid.tables(), input.depth.data(), other, input.other_from_first};
   for (int y = 0; y < input.grid.height(); ++y) {
     const std::size_t at = static_cast<std::size_t>(y) * width;
-    executor.impl().rows.compare_row(job, y, {&out.closeness[at], &out.implied_depth[at], &out.index[at]});
+    executor.impl().rows.compare_row(
+        job, y, {&out.closeness[at], &out.implied_depth[at], &out.parallax_gain[at], &out.index[at]});
   }
   return out;
 }
@@ -166,6 +167,7 @@ TEST_CASE("comparison rows: the kernel at every pixel, in scalar") {
       ++agreeing;
       REQUIRE(rows.closeness[at] == Approx(truth.closeness).epsilon(1e-4));
       REQUIRE(rows.implied_depth[at] == Approx(truth.implied_depth).epsilon(1e-4));
+      REQUIRE(rows.parallax_gain[at] == Approx(truth.parallax_gain).epsilon(1e-4));
     }
   }
   CHECK(known > 1000);

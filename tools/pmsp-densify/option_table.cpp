@@ -186,6 +186,23 @@ const std::vector<OptionEntry>& option_table() {
        +PMSP_AT(double, fusion.max_normal_deg)},
       {"fusion.min_confidence", "Fusion", "", 0, 1, "Points with less confidence are not written",
        +PMSP_AT(double, fusion.min_confidence)},
+      {"free_space.enabled", "Free space", "", 0, 1, "Remove points that other keyframes have looked through",
+       +PMSP_AT(bool, free_space.enabled)},
+      {"free_space.views", "Free space", "keyframes", 1, 1000, "Keyframes that are asked about each keyframe's points",
+       +PMSP_AT(int, free_space.views)},
+      {"free_space.max_relative_depth", "Free space", "share of the depth", 0, 1,
+       "Deviation that still confirms a point", +PMSP_AT(double, free_space.max_relative_depth)},
+      {"free_space.min_relative_gap", "Free space", "share of the depth", 0, 1,
+       "A surface this much farther away has been seen through the point",
+       +PMSP_AT(double, free_space.min_relative_gap)},
+      {"free_space.max_contradiction", "Free space", "", 0, 100,
+       "What may speak against a point, relative to what speaks for it; less removes more",
+       +PMSP_AT(double, free_space.max_contradiction)},
+      {"free_space.whole_mission", "Free space", "", 0, 1,
+       "Hold points back until the end, so that later keyframes have their say too",
+       +PMSP_AT(bool, free_space.whole_mission)},
+      {"free_space.history", "Free space", "keyframes", 1, 100000,
+       "Keyframes that are remembered; bounds the memory of long missions", +PMSP_AT(int, free_space.history)},
   };
 #undef PMSP_AT
   return table;

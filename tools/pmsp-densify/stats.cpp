@@ -72,12 +72,14 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                     {"matched", s.pixels_matched},
                     {"after_median", s.pixels_after_median},
                     {"after_consistency", s.pixels_after_consistency}};
+  json["points_fused"] = s.points_fused;
   json["points"] = s.points;
   json["seconds"] = {{"total", report.seconds_total},          {"decode_in_background", report.seconds_decode},
                      {"wait_for_images", report.seconds_wait}, {"verify_images", report.seconds_verify},
                      {"prepare", s.seconds_prepare},           {"init", s.seconds_init},
                      {"patchmatch", s.seconds_patchmatch},     {"median", s.seconds_median},
-                     {"consistency", s.seconds_consistency},   {"fusion", s.seconds_fusion}};
+                     {"consistency", s.seconds_consistency},   {"fusion", s.seconds_fusion},
+                     {"free_space", s.seconds_free_space}};
   json["peak_memory_mib"] = peak_memory_mib();
   if (report.pairing) {
     json["pairing"] = {{"comparisons", report.pairing->comparisons},
@@ -108,7 +110,8 @@ std::string summary(const RunReport& report) {
          " (" + each + " s a keyframe): prepare " + seconds_text(s.seconds_prepare) + ", init " +
          seconds_text(s.seconds_init) + ", PatchMatch " + seconds_text(s.seconds_patchmatch) + ", median " +
          seconds_text(s.seconds_median) + ", consistency " + seconds_text(s.seconds_consistency) + ", fusion " +
-         seconds_text(s.seconds_fusion) + ", waiting for images " + seconds_text(report.seconds_wait) + "; " +
+         seconds_text(s.seconds_fusion) + ", free space " + seconds_text(s.seconds_free_space) +
+         ", waiting for images " + seconds_text(report.seconds_wait) + "; " +
          std::to_string(static_cast<long>(peak_memory_mib())) + " MiB";
 }
 
