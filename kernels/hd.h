@@ -8,7 +8,9 @@
 #if defined(__CUDACC__)
 #define PMSP_HD __host__ __device__ __forceinline__
 #define PMSP_UNROLL _Pragma("unroll")
+#define PMSP_ROLL _Pragma("unroll 1")
 #else
 #define PMSP_HD inline __attribute__((always_inline))
 #define PMSP_UNROLL
+#define PMSP_ROLL
 #endif

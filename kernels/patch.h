@@ -29,7 +29,7 @@ struct PatchLayout {
 PMSP_HD float patch_offset(int i) { return static_cast<float>(i) - 0.5F * static_cast<float>(kPatchSide - 1); }
 
 /// What a reference pixel's patch contributes to all scores at this pixel: computed once for all planes and views.
-/// Whatever holds a patch more tightly (src/cuda/packed_patch.h) has the same members and rounds what it is given.
+/// Whatever holds a patch more tightly (src/cuda/shared_patch.h) has the same members and rounds what it is given.
 template <class F>
 struct ReferencePatch {
   F weights[kPatchSamples];
@@ -60,7 +60,7 @@ PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& fr
   F sum(0);
   F sum_gray(0);
   F sum_square(0);
-  PMSP_UNROLL
+  PMSP_ROLL
   for (int j = 0; j < kPatchSide; ++j) {
     const Vec3<F> left = fma(F(patch_offset(j)), frame.down, frame.bearing);
     PMSP_UNROLL
@@ -80,7 +80,6 @@ PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& fr
   const F inverse_deviation = F(1) / sqrt(patch.variance + F(layout.min_variance));
   patch.weight_sum = F(0);
   patch.contrast_sum = F(0);
-  PMSP_UNROLL
   for (int k = 0; k < kPatchSamples; ++k) {
     const F weight = patch.weight(k) * scale;
     patch.put(k, weight, weight * (patch.contrast(k) - mean) * inverse_deviation);
@@ -110,7 +109,7 @@ PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const Sourc
   F sum(0);
   F square(0);
   F product(0);
-  PMSP_UNROLL
+  PMSP_ROLL
   for (int j = 0; j < kPatchSide; ++j) {
     Vec3<F> p = left;
     PMSP_UNROLL
@@ -142,6 +141,7 @@ PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const Sour
   const int kept = (num_views + 1) / 2;
   F best[(kMaxViews + 1) / 2] = {F(-1), F(-1), F(-1), F(-1)};
   F all(0);
+  PMSP_ROLL
   for (int view = 0; view < num_views; ++view) {
     F score = view_score(patch, frame, views[view], plane, layout);
     all = all + score;

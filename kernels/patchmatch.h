@@ -19,7 +19,7 @@ struct Hypothesis {
 template <class Cube>
 struct Matching {
   Cube reference;
-  const SourceView<Cube>* views;
+  SourceView<Cube> views[kMaxViews];
   int num_views;
   PatchLayout layout;
   PlaneLimits limits;

@@ -52,7 +52,10 @@ void Densifier::Impl::match(std::int64_t i) {
     task.neighbours.push_back(view(from + static_cast<std::int64_t>(k)).frame.get());
   }
   task.range = depth_range(reference.keyframe, options.init);
-  if (task.neighbours.empty() || !(task.range.max > task.range.min)) return;
+  if (task.neighbours.empty() || !(task.range.max > task.range.min)) {
+    ++(task.neighbours.empty() ? stats.keyframes_without_neighbour : stats.keyframes_without_range);
+    return;
+  }
   if (options.init.warp_previous && i > first && view(i - 1).frame->matched) {
     task.previous = view(i - 1).frame.get();
   }

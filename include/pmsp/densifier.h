@@ -19,9 +19,11 @@ struct DensifierStats {
   std::int64_t keyframes_accepted = 0;  ///< by the view filter
   std::int64_t keyframes_rejected =
       0;                        ///< by the view filter: too little or too much parallax, too few landmarks in common
-  std::int64_t depth_maps = 0;  ///< accepted keyframes that had a neighbour to be matched with
-  std::int64_t pixels = 0;      ///< unmasked pixels of these depth maps
-  std::int64_t pixels_matched = 0;  ///< with an estimate after PatchMatch
+  std::int64_t depth_maps = 0;  ///< of accepted keyframes; the two counts below are those that got none
+  std::int64_t keyframes_without_neighbour = 0;  ///< no other accepted keyframe near in time, from another place
+  std::int64_t keyframes_without_range = 0;      ///< too few landmarks for a depth range
+  std::int64_t pixels = 0;                       ///< unmasked pixels of these depth maps
+  std::int64_t pixels_matched = 0;               ///< with an estimate after PatchMatch
   std::int64_t pixels_after_median = 0;
   std::int64_t pixels_after_consistency = 0;
   std::int64_t points = 0;           ///< in the cloud

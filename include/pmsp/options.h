@@ -89,7 +89,8 @@ enum class Backend {
 
 /// How much time a depth map may take.
 enum class Quality {
-  kOnline,  ///< the paper's setting: 640 x 320, 2 neighbours, 4 iterations; keeps up with a flying drone on a CPU
+  kPaper,   ///< Surmann et al. 2022 as published, none of what was added since; to compare with, not to use
+  kOnline,  ///< 640 x 320, 2 neighbours, 4 iterations; keeps up with a flying drone on a CPU
   kNormal,  ///< 1440 x 720, 4 neighbours, 6 iterations
   kHigh,    ///< the video's own size up to 5760 x 2880, 6 neighbours, 6 iterations
 };
@@ -119,7 +120,7 @@ struct DensifierOptions {
 /// The options that a quality stands for.
 DensifierOptions preset(Quality quality);
 
-/// "online", "normal" or "high". Throws InvalidOption for any other.
+/// "paper", "online", "normal" or "high". Throws InvalidOption for any other.
 Quality quality_from_name(const std::string& name);
 
 /// "auto", "scalar", "avx2" or "avx512". Throws InvalidOption for any other.

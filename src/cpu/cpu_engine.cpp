@@ -61,9 +61,11 @@ void CpuEngine::match(const MatchTask& task) {
   }
   if (context_.cancel.load(std::memory_order_relaxed)) return;
   if (context_.callbacks.raw_depth) context_.callbacks.raw_depth(reference.median);
-  const Stopwatch watch(stats.seconds_median);
   FilterStats filtered;
-  median_filter(reference.median, options.median, executor_, &filtered);
+  {
+    const Stopwatch watch(stats.seconds_median);
+    median_filter(reference.median, options.median, executor_, &filtered);
+  }
   reference.matched = true;
   ++stats.depth_maps;
   stats.pixels += matched.pixels;
@@ -72,28 +74,33 @@ void CpuEngine::match(const MatchTask& task) {
 }
 
 void CpuEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
-  const Stopwatch watch(context_.stats.seconds_consistency);
   CpuFrame& reference = own(frame);
   reference.map = reference.median;
   std::vector<const DepthMap*> maps;
   maps.reserve(others.size());
   for (const Frame* other : others) maps.push_back(&own(*other).median);
   FilterStats filtered;
-  consistency_filter(reference.map, maps, context_.options.consistency, executor_, &filtered);
+  {
+    const Stopwatch watch(context_.stats.seconds_consistency);
+    consistency_filter(reference.map, maps, context_.options.consistency, executor_, &filtered);
+  }
   context_.stats.pixels_after_consistency += filtered.after;
   reference.covered.assign(reference.map.depth.size(), 0);
   if (context_.callbacks.filtered_depth) context_.callbacks.filtered_depth(reference.map);
 }
 
 void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
-  const Stopwatch watch(context_.stats.seconds_fusion);
   std::vector<FusionInput> inputs;
   inputs.reserve(window.size());
   for (Frame* frame : window) {
     CpuFrame& member = own(*frame);
     inputs.push_back({&member.map, &member.panorama.color(), &member.covered});
   }
-  const KeyframeCloud cloud = pmsp::fuse(inputs, current, context_.options.fusion, executor_);
+  KeyframeCloud cloud;
+  {
+    const Stopwatch watch(context_.stats.seconds_fusion);
+    cloud = pmsp::fuse(inputs, current, context_.options.fusion, executor_);
+  }
   context_.stats.points += static_cast<std::int64_t>(cloud.points.size());
   if (context_.callbacks.cloud) context_.callbacks.cloud(cloud);
 }

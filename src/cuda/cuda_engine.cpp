@@ -234,16 +234,15 @@ void CudaEngine::match(const MatchTask& task) {
   CudaFrame& reference = own(*task.reference);
   reference.planes = planes_.get(pixels());
   MatchArgs args{};
+  args.matching = make_matching<TextureCube>({reference.gray->texture()}, options.patchmatch, options.width, task.range,
+                                             options.seed, reference.id);
   const RigidTransform world_from_ref = reference.cam_from_world.inverse();
-  for (std::size_t i = 0; i < task.neighbours.size(); ++i) {
-    const CudaFrame& neighbour = own(*task.neighbours[i]);
-    args.views[i] = {{neighbour.gray->texture()},
-                     {neighbour.usable ? neighbour.usable->texture() : 0},
-                     to_rigid(neighbour.cam_from_world * world_from_ref)};
+  for (const Frame* frame : task.neighbours) {
+    const CudaFrame& neighbour = own(*frame);
+    args.matching.views[args.matching.num_views++] = {{neighbour.gray->texture()},
+                                                      {neighbour.usable ? neighbour.usable->texture() : 0},
+                                                      to_rigid(neighbour.cam_from_world * world_from_ref)};
   }
-  args.matching =
-      make_matching<TextureCube>({reference.gray->texture()}, nullptr, static_cast<int>(task.neighbours.size()),
-                                 options.patchmatch, options.width, task.range, options.seed, reference.id);
   args.grid = grid_->view();
   args.state = state_.get();
   args.color = reference.color->get();

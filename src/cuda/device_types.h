@@ -55,8 +55,7 @@ struct CubeArgs {
 
 /// A keyframe's match.
 struct MatchArgs {
-  kernels::Matching<TextureCube> matching;  ///< its views are those below
-  kernels::SourceView<TextureCube> views[kernels::kMaxViews];
+  kernels::Matching<TextureCube> matching;
   cpu::GridTables grid;
   float4* state;                     ///< plane and score, checkerboard order (SphereGrid)
   const uchar4* color;               ///< of the reference

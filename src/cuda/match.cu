@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "cuda/device_code.h"
 #include "cuda/launch.h"
-#include "cuda/packed_patch.h"
+#include "cuda/shared_patch.h"
 #include "median.h"
 #include "plane.h"
 
@@ -10,12 +10,13 @@
 namespace pmsp::cuda {
 namespace {
 
-using Visit = kernels::Visit<float, PackedPatch>;
+using Visit = kernels::Visit<float, SharedPatch>;
 using Matching = kernels::Matching<TextureCube>;
 
+// Small blocks: a pass over the pixels of one colour of a small depth map is hardly more than one wave of blocks.
 constexpr int kBlockWidth = 32;
-constexpr int kBlockHeight = 4;
-constexpr int kThreads = kBlockWidth * kBlockHeight;
+constexpr int kBlockHeight = kPatchThreads / kBlockWidth;
+constexpr int kMinBlocks = 14;  ///< a multiprocessor: 896 threads with 72 registers each
 
 __device__ std::size_t index_of(const cpu::GridTables& grid, int y, int colour, int k) {
   const std::size_t half = static_cast<std::size_t>(grid.width / 2);
@@ -42,12 +43,6 @@ __device__ Place place_of(const cpu::GridTables& grid, int colour) {
   return place;
 }
 
-__device__ Matching matching_of(const MatchArgs& args) {
-  Matching matching = args.matching;
-  matching.views = args.views;
-  return matching;
-}
-
 __device__ void begin(Visit& visit, const Matching& matching, const cpu::GridTables& grid, const Place& place) {
   kernels::begin_visit(visit, matching, grid.sin_lon[2][place.x], grid.cos_lon[2][place.x], grid.sin_lat[place.y],
                        grid.cos_lat[place.y]);
@@ -70,13 +65,14 @@ __device__ Vec3<float> candidate(const MatchArgs& args, std::size_t in_rows, int
   return kernels::moved_plane(plane_of(args.previous[index]), args.previous_from_reference);
 }
 
-__global__ void __launch_bounds__(kThreads) start_kernel(const __grid_constant__ MatchArgs args) {
+__global__ void __launch_bounds__(kPatchThreads, kMinBlocks) start_kernel(const __grid_constant__ MatchArgs args) {
+  __shared__ __half2 samples[kernels::kPatchSamples * kPatchThreads];
   const Place place = place_of(args.grid, static_cast<int>(blockIdx.z));
   if (!place.inside) return;
   kernels::Hypothesis<float> best{{0.0F, 0.0F, 0.0F}, -1.0F};
   if (args.color[place.in_rows].w != 0) {
-    const Matching matching = matching_of(args);
-    Visit visit;
+    const Matching& matching = args.matching;
+    Visit visit{{}, SharedPatch(samples)};
     begin(visit, matching, args.grid, place);
     const Vec3<float> random =
         kernels::random_start<float>(static_cast<std::uint32_t>(place.in_rows), visit.frame.bearing, matching);
@@ -88,13 +84,14 @@ __global__ void __launch_bounds__(kThreads) start_kernel(const __grid_constant__
   keep(args.state, place.at, best);
 }
 
-__global__ void __launch_bounds__(kThreads)
+__global__ void __launch_bounds__(kPatchThreads, kMinBlocks)
     iterate_kernel(const __grid_constant__ MatchArgs args, int colour, int iteration) {
+  __shared__ __half2 samples[kernels::kPatchSamples * kPatchThreads];
   const Place place = place_of(args.grid, colour);
   if (!place.inside || args.color[place.in_rows].w == 0) return;
-  const Matching matching = matching_of(args);
+  const Matching& matching = args.matching;
   const int half = args.grid.width / 2;
-  Visit visit;
+  Visit visit{{}, SharedPatch(samples)};
   begin(visit, matching, args.grid, place);
   const float4 before = args.state[place.at];
   kernels::Hypothesis<float> best{plane_of(before), before.w};

@@ -52,8 +52,8 @@ void PinnedRange::reset() {
 CubeTexture::CubeTexture(int size, int bits) : size_(size) {
   const cudaChannelFormatDesc format{bits, 0, 0, 0, cudaChannelFormatKindUnsigned};
   const std::size_t side = static_cast<std::size_t>(size);
-  PMSP_CUDA_CHECK(cudaMalloc3DArray(&array_, &format, cudaExtent{side, side, 6},
-                                    cudaArrayCubemap | cudaArraySurfaceLoadStore));
+  PMSP_CUDA_CHECK(
+      cudaMalloc3DArray(&array_, &format, cudaExtent{side, side, 6}, cudaArrayCubemap | cudaArraySurfaceLoadStore));
   cudaResourceDesc resource{};
   resource.resType = cudaResourceTypeArray;
   resource.res.array.array = array_;

@@ -15,18 +15,18 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width);
 kernels::PlaneLimits plane_limits(const PatchMatchOptions& options, const DepthRange& range);
 kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id);
 
+/// All but the views.
 template <class Cube>
-kernels::Matching<Cube> make_matching(const Cube& reference, const kernels::SourceView<Cube>* views, int num_views,
-                                      const PatchMatchOptions& options, int width, const DepthRange& range,
-                                      std::uint64_t seed, std::int64_t keyframe_id) {
-  return {reference,
-          views,
-          num_views,
-          patch_layout(options, width),
-          plane_limits(options, range),
-          static_cast<float>(std::log(range.max / range.min)),
-          patchmatch_key(seed, keyframe_id),
-          options.refinements};
+kernels::Matching<Cube> make_matching(const Cube& reference, const PatchMatchOptions& options, int width,
+                                      const DepthRange& range, std::uint64_t seed, std::int64_t keyframe_id) {
+  kernels::Matching<Cube> matching{};
+  matching.reference = reference;
+  matching.layout = patch_layout(options, width);
+  matching.limits = plane_limits(options, range);
+  matching.log_depth_span = static_cast<float>(std::log(range.max / range.min));
+  matching.random = patchmatch_key(seed, keyframe_id);
+  matching.refinements = options.refinements;
+  return matching;
 }
 
 }  // namespace pmsp

@@ -17,8 +17,6 @@
 namespace pmsp {
 namespace {
 
-using CubeSource = kernels::SourceView<kernels::CubeView>;
-
 /// Planes in checkerboard order.
 struct Planes {
   explicit Planes(std::size_t size) : x(size, 0.0F), y(size, 0.0F), z(size, 0.0F) {}
@@ -62,14 +60,18 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
   }
 }
 
-std::vector<CubeSource> make_views(const MatchInput& input) {
+kernels::Matching<kernels::CubeView> matching_for(const MatchInput& input, const PatchMatchOptions& options,
+                                                  std::uint64_t seed) {
+  const Panorama& reference = *input.reference.panorama;
+  auto matching =
+      make_matching(reference.data().gray.view(), options, reference.width(), input.range, seed, input.keyframe_id);
   const RigidTransform world_from_ref = input.reference.cam_from_world.inverse();
-  std::vector<CubeSource> views;
   for (const PosedPanorama& neighbour : input.neighbours) {
     const Panorama::Data& data = neighbour.panorama->data();
-    views.push_back({data.gray.view(), data.matchable.view(), to_rigid(neighbour.cam_from_world * world_from_ref)});
+    matching.views[matching.num_views++] = {data.gray.view(), data.matchable.view(),
+                                            to_rigid(neighbour.cam_from_world * world_from_ref)};
   }
-  return views;
+  return matching;
 }
 
 Planes to_checkerboard(const PlaneImage& image, const SphereGrid& grid) {
@@ -123,7 +125,6 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   ThreadPool& pool = executor.impl().pool;
   const cpu::RowKernels& rows = executor.impl().rows;
   const SphereGrid grid(reference.width(), reference.height());
-  const std::vector<CubeSource> views = make_views(input);
   std::vector<Planes> candidates;
   std::vector<cpu::ConstPlaneArrays> candidate_views;
   for (const PlaneImage* image : input.candidates) candidates.push_back(to_checkerboard(*image, grid));
@@ -132,8 +133,7 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   Planes planes(grid.size());
   std::vector<float> score(grid.size(), -1.0F);
 
-  const cpu::MatchJob job{make_matching(reference.data().gray.view(), views.data(), static_cast<int>(views.size()),
-                                        options, reference.width(), input.range, seed, input.keyframe_id),
+  const cpu::MatchJob job{matching_for(input, options, seed),
                           grid.tables(),
                           {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
                           candidate_views.data(),

@@ -83,6 +83,14 @@ TEST_CASE("flags come before the file, the file before the preset") {
   CHECK(nlohmann::json::parse(densify({"config", "--config", file, "--quality", "online"}).out)["width"] == 640);
 }
 
+TEST_CASE("the paper's setting is a quality, and the help names what it changes") {
+  const auto json = nlohmann::json::parse(densify({"config", "--quality", "paper"}).out);
+  CHECK(json["patchmatch"]["fine_patch"] == 1.0);
+  CHECK(json["consistency"]["max_relative_depth"] == 0.08);
+  const std::string help = densify({"run", "--help"}).out;
+  CHECK_THAT(help, Contains("or paper") && Contains("paper 0.08"));
+}
+
 TEST_CASE("the last of several flags wins") {
   const auto median = [](const std::vector<std::string>& flags) {
     return nlohmann::json::parse(densify(flags).out)["median"]["enabled"].get<bool>();

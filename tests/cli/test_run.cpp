@@ -157,7 +157,10 @@ TEST_CASE("each stage that may lose all points is named with an option that exis
   };
   check("view filter");
   stats.keyframes_accepted = 1;
+  stats.keyframes_without_neighbour = 1;
   check("neighbour");
+  stats.keyframes_without_range = 1;
+  check("depth range");
   stats.depth_maps = 1;
   check("mask");
   stats.pixels = 10;
@@ -168,6 +171,21 @@ TEST_CASE("each stage that may lose all points is named with an option that exis
   check("consistency");
   stats.pixels_after_consistency = 7;
   check("fusion");
+}
+
+TEST_CASE("the summary and the statistics name keyframes without a depth map") {
+  tool::RunReport report;
+  report.stats.keyframes_added = report.stats.keyframes_accepted = 9;
+  report.stats.depth_maps = 9;
+  CHECK_THAT(tool::summary(report), !Contains("without"));
+  report.stats.depth_maps = 6;
+  report.stats.keyframes_without_neighbour = 1;
+  report.stats.keyframes_without_range = 2;
+  CHECK_THAT(tool::summary(report), Contains("6 depth maps, 1 without one (no neighbour to be matched with), "
+                                             "2 without one (too few landmarks for a depth range)\n"));
+  const auto keyframes = tool::to_json(report)["keyframes"];
+  CHECK(keyframes["without_neighbour"] == 1);
+  CHECK(keyframes["without_range"] == 2);
 }
 
 TEST_CASE("progress for programs is JSON lines on standard output") {

@@ -126,6 +126,31 @@ TEST_CASE("keyframes that the view filter rejects have no part in the result", "
   CHECK(densifier.stats().keyframes_rejected == 7);
 }
 
+TEST_CASE("accepted keyframes that get no depth map are counted with the reason", "[densifier]") {
+  Densifier alone(fast_options(kTinyWidth), {});
+  alone.add(synth::keyframe_of(test_flight(), 0));
+  alone.flush();
+  CHECK(alone.stats().keyframes_without_neighbour == 1);
+  CHECK(alone.stats().depth_maps == 0);
+
+  DensifierOptions options = fast_options(kTinyWidth);
+  options.view_filter.enabled = false;
+  options.init.range_margin = 1.0;  // one landmark then gives no range
+  Recording recording;
+  Densifier densifier(options, recording.callbacks());
+  for (std::size_t i = 0; i < 4; ++i) {
+    Keyframe keyframe = synth::keyframe_of(test_flight(), i);
+    if (i == 1) keyframe.landmarks.resize(1);
+    if (i == 2) keyframe.landmarks.clear();
+    densifier.add(keyframe);
+  }
+  densifier.flush();
+  CHECK(ids_of(recording, 'c') == std::vector<std::int64_t>{0, 3});
+  CHECK(densifier.stats().depth_maps == 2);
+  CHECK(densifier.stats().keyframes_without_range == 2);
+  CHECK(densifier.stats().keyframes_without_neighbour == 0);
+}
+
 TEST_CASE("statistics add up", "[densifier]") {
   Recording recording;
   Densifier densifier(fast_options(), recording.callbacks());
@@ -140,6 +165,8 @@ TEST_CASE("statistics add up", "[densifier]") {
   CHECK(stats.keyframes_accepted == 7);
   CHECK(stats.keyframes_rejected == 0);
   CHECK(stats.depth_maps == 7);
+  CHECK(stats.keyframes_without_neighbour == 0);
+  CHECK(stats.keyframes_without_range == 0);
   CHECK(stats.pixels == 7 * kFlightWidth * kFlightHeight);
   CHECK(stats.pixels_matched == depths(recording.raw));
   CHECK(stats.pixels_after_median <= stats.pixels_matched);

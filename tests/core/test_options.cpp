@@ -104,10 +104,19 @@ TEST_CASE("the parallax angles must be in order", "[options]") {
 }
 
 TEST_CASE("presets are valid and stand for what their names say", "[options]") {
-  for (const char* name : {"online", "normal", "high"}) {
+  for (const char* name : {"paper", "online", "normal", "high"}) {
     INFO(name);
     CHECK_NOTHROW(preset(quality_from_name(name)).validate());
   }
+  const DensifierOptions paper = preset(Quality::kPaper);
+  CHECK(paper.width == 640);
+  CHECK(paper.height == 320);
+  CHECK(paper.patchmatch.iterations == 4);
+  CHECK(paper.patchmatch.neighbours == 2);
+  CHECK(paper.patchmatch.fine_patch == 1.0);
+  CHECK(paper.consistency.window == 5);
+  CHECK(paper.consistency.min_views == 3);
+  CHECK(paper.consistency.max_relative_depth == 0.08);
   const DensifierOptions online = preset(Quality::kOnline);
   CHECK(online.width == 640);
   CHECK(online.height == 320);
@@ -130,7 +139,9 @@ TEST_CASE("names are read back and unknown ones refused", "[options]") {
   CHECK(quality_from_name("high") == Quality::kHigh);
   CHECK_THROWS_WITH(simd_from_name("sse"), Catch::Contains("'sse'") && Catch::Contains("avx512"));
   CHECK_THROWS_AS(simd_from_name(""), InvalidOption);
-  CHECK_THROWS_WITH(quality_from_name("fast"), Catch::Contains("'fast'") && Catch::Contains("online"));
+  CHECK(quality_from_name("paper") == Quality::kPaper);
+  CHECK_THROWS_WITH(quality_from_name("fast"),
+                    Catch::Contains("'fast'") && Catch::Contains("paper") && Catch::Contains("online"));
   CHECK_THROWS_AS(quality_from_name("Online"), InvalidOption);
 }
 

@@ -189,6 +189,50 @@ TEST_CASE("one depth map of a named keyframe") {
   CHECK(m.err.find("--keyframe") != std::string::npos);
 }
 
+TEST_CASE("confidence beside the depth maps gives a calibration and its plot") {
+  Mission m;
+  const std::string command = "depth depth --gt gt --map map.msg --time-offset=-1763660000.25 --json f.json";
+  REQUIRE(m.run(command) == 0);
+  CHECK(json::parse(read_text(m.folder / "f.json"))["calibration"].is_null());
+  CHECK(m.out.find("calibration") == std::string::npos);
+  CHECK(m.run(command + " --calibration plot.png") == 3);
+  CHECK_THAT(m.err, Catch::Contains("confidence_<keyframe id>.pfm"));
+
+  for (int i = 0; i < 2; ++i) {  // of 5; the left half of each is the worse one
+    const std::string number = "00004" + std::to_string(i) + ".pfm";
+    pmsp::Image<float> depth = pmsp::read_pfm(m.folder.path() / "depth" / ("depth_" + number));
+    pmsp::Image<float> confidence(60, 30);
+    for (int y = 0; y < 30; ++y) {
+      for (int x = 0; x < 60; ++x) {
+        confidence(x, y) = static_cast<float>(x + 60 * y * (x >= 30 ? 1 : 0) + 1) / 2000.0F;
+        if (x < 30) depth(x, y) *= 1.02F;
+      }
+    }
+    pmsp::write_pfm(m.folder.path() / "depth" / ("depth_" + number), depth);
+    pmsp::write_pfm(m.folder.path() / "depth" / ("confidence_" + number), confidence);
+  }
+  REQUIRE(m.run(command + " --calibration plot.png") == 0);
+  CHECK_THAT(m.out, Catch::Contains("deciles of confidence") && Catch::Contains("confident half") &&
+                        Catch::Contains("monotone"));
+  const json calibration = json::parse(read_text(m.folder / "f.json"))["calibration"];
+  CHECK(calibration["pixels"] == 2 * 60 * 30);
+  for (const char* weighting : {"plain", "solid_angle"}) {
+    const json& deciles = calibration[weighting]["deciles"];
+    REQUIRE(deciles.size() == 10);
+    CHECK(deciles[0]["error_median_relative"].get<double>() == Approx(0.0353).margin(0.003));
+    CHECK(deciles[9]["error_median_relative"].get<double>() == Approx(0.015).margin(0.003));
+    CHECK(deciles[0]["within"] == 0.0);
+    CHECK(deciles[9]["within"] == 1.0);
+    CHECK(calibration[weighting]["confident_half"]["error_median_relative"].get<double>() ==
+          Approx(0.015).margin(0.003));
+  }
+  CHECK(cv::imread((m.folder / "plot.png").string()).cols == 800);
+  CHECK(m.run(command + " --calibration no/such/folder/plot.png") == 6);
+  pmsp::write_pfm(m.folder.path() / "depth" / "confidence_000042.pfm", pmsp::Image<float>(8, 4));
+  CHECK(m.run(command) == 3);
+  CHECK_THAT(m.err, Catch::Contains("confidence_000042.pfm") && Catch::Contains("8 x 4"));
+}
+
 TEST_CASE("align writes the map's keyframes") {
   Mission m;
   REQUIRE(m.run("align --map map.msg --write-trajectory plain.txt") == 0);

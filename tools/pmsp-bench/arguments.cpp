@@ -118,7 +118,7 @@ std::optional<Arguments> parse_arguments(int argc, char** argv) {
   app.add_option("--threads", threads, "numbers of threads, or all; default 1,all")
       ->delimiter(',')
       ->option_text("LIST");
-  app.add_option("--quality", arguments.qualities, "presets: online, normal, high; default online")
+  app.add_option("--quality", arguments.qualities, "presets: paper, online, normal, high; default online")
       ->delimiter(',')
       ->option_text("LIST");
   app.add_option("--width", arguments.width, "width of the depth maps [px] instead of the preset's, a multiple of 4")

@@ -42,8 +42,8 @@ void add_inputs(CLI::App& app, Arguments& a) {
 void add_table(CLI::App& app, Arguments& a) {
   app.add_option_function<std::string>(
          "--quality", [&a](const std::string& name) { a.quality = name; },
-         "Preset: online (640 x 320, keeps up with a flight), normal (1440 x 720) or high (the images' size) [default "
-         "online]")
+         "Preset: online (640 x 320, keeps up with a flight), normal (1440 x 720), high (the images' size) or paper "
+         "(Surmann et al. 2022 as published, to compare with) [default online]")
       ->type_name("NAME")
       ->group("Configuration");
   app.add_option("--config", a.config, "JSON file with options, as `config` prints them; flags override it")

@@ -209,7 +209,8 @@ std::string OptionEntry::description() const {
   const std::string range = is_switch() ? negative_flag() + " for no" : range_text(*this);
   std::string text = std::string(help) + " [" + (unit[0] != '\0' ? std::string(unit) + ", " : "") + range +
                      "; default " + text_of(Options());
-  for (const auto& [name, quality] : {std::pair("normal", Quality::kNormal), std::pair("high", Quality::kHigh)}) {
+  for (const auto& [name, quality] : {std::pair("normal", Quality::kNormal), std::pair("high", Quality::kHigh),
+                                      std::pair("paper", Quality::kPaper)}) {
     const std::string value = text_of(preset(quality));
     if (value != text_of(Options())) text += std::string(", ") + name + " " + value;
   }

@@ -19,6 +19,17 @@ std::string percent_text(std::int64_t part, std::int64_t whole) {
   return text;
 }
 
+/// Why accepted keyframes have no depth map; "" when all have one.
+std::string without_depth_map(const DensifierStats& s) {
+  std::string text;
+  const auto add = [&text](std::int64_t count, const char* why) {
+    if (count > 0) text += ", " + std::to_string(count) + " without one (" + why + ")";
+  };
+  add(s.keyframes_without_neighbour, "no neighbour to be matched with");
+  add(s.keyframes_without_range, "too few landmarks for a depth range");
+  return text;
+}
+
 std::string seconds_text(double seconds) {
   char text[32];
   std::snprintf(text, sizeof(text), "%.1f s", seconds);
@@ -49,9 +60,14 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                               {"images", report.images},
                               {"output", report.output},
                               {"options", to_json(report.options)}};
-  json["keyframes"] = {{"in_map", report.keyframes},       {"with_image", report.with_image},
-                       {"added", s.keyframes_added},       {"accepted", s.keyframes_accepted},
-                       {"rejected", s.keyframes_rejected}, {"depth_maps", s.depth_maps}};
+  json["keyframes"] = {{"in_map", report.keyframes},
+                       {"with_image", report.with_image},
+                       {"added", s.keyframes_added},
+                       {"accepted", s.keyframes_accepted},
+                       {"rejected", s.keyframes_rejected},
+                       {"depth_maps", s.depth_maps},
+                       {"without_neighbour", s.keyframes_without_neighbour},
+                       {"without_range", s.keyframes_without_range}};
   json["pixels"] = {{"unmasked", s.pixels},
                     {"matched", s.pixels_matched},
                     {"after_median", s.pixels_after_median},
@@ -85,7 +101,7 @@ std::string summary(const RunReport& report) {
   std::snprintf(each, sizeof(each), "%.2f", rate);
   return "keyframes:   " + std::to_string(report.keyframes) + " in the map, " + std::to_string(report.with_image) +
          " with an image, " + std::to_string(s.keyframes_accepted) + " accepted by the view filter, " +
-         std::to_string(s.depth_maps) + " depth maps\n" + "pixels kept: PatchMatch " +
+         std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" + "pixels kept: PatchMatch " +
          percent_text(s.pixels_matched, s.pixels) + ", median filter " + percent_text(s.pixels_after_median, s.pixels) +
          ", consistency filter " + percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) +
          "\n" + "points:      " + count_text(s.points) + "\n" + "time:        " + seconds_text(report.seconds_total) +
@@ -101,6 +117,10 @@ std::string explain_empty(const DensifierStats& s, std::size_t with_image) {
   if (s.keyframes_accepted == 0) {
     return "the view filter accepted none of " + std::to_string(s.keyframes_added) +
            " keyframes; try --view-filter-min-parallax-deg 1 or --no-view-filter-enabled";
+  }
+  if (s.depth_maps == 0 && s.keyframes_without_range > 0) {
+    return "the landmarks of " + std::to_string(s.keyframes_without_range) +
+           " keyframe(s) are too few for a depth range; try --init-range-margin 3, or a map with more landmarks";
   }
   if (s.depth_maps == 0) {
     return "the view filter left " + std::to_string(s.keyframes_accepted) +

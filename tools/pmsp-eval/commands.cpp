@@ -7,6 +7,7 @@
 #include <set>
 #include <system_error>
 
+#include "pmsp-eval/calibration_plot.h"
 #include "pmsp-eval/depth_files.h"
 #include "pmsp-eval/error_images.h"
 #include "pmsp-eval/ground_truth.h"
@@ -106,6 +107,27 @@ std::vector<Pair> pair_with_truth(const std::vector<DepthFile>& files, const std
   return pairs;
 }
 
+/// Pixels that are compared with their confidence at most, over all maps: about 400 MB.
+constexpr std::size_t kMaxSamples = 16'000'000;
+
+/// What a map adds to the calibration: none without a confidence. Large missions are thinned evenly.
+std::vector<ConfidenceSample> samples_of(const Pair& pair, const Image<float>& error, std::size_t maps) {
+  const Image<float> confidence = load_confidence(pair.file.path, error.width(), error.height());
+  if (confidence.empty()) return {};
+  const std::size_t stride = (error.size() * maps + kMaxSamples - 1) / kMaxSamples;
+  return calibration_samples(error, confidence, stride);
+}
+
+std::optional<Calibration> calibrate_all(std::vector<std::vector<ConfidenceSample>>& maps) {
+  std::vector<ConfidenceSample> samples;
+  for (std::vector<ConfidenceSample>& map : maps) {
+    samples.insert(samples.end(), map.begin(), map.end());
+    map = {};
+  }
+  if (samples.empty()) return std::nullopt;
+  return calibrate(samples);
+}
+
 }  // namespace
 
 void run_cloud(const CommonArguments& common, CloudArguments arguments) {
@@ -142,22 +164,35 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
   const auto wanted = pictured(arguments.render, pairs, [](const Pair& pair) { return pair.file.keyframe_id; });
 
   std::vector<KeyframeDepth> maps(pairs.size());
+  std::vector<std::vector<ConfidenceSample>> samples(pairs.size());
   parallel_chunks(pairs.size(), 1, common.threads, [&](std::size_t i, std::size_t) {
     const std::int64_t id = pairs[i].file.keyframe_id;
     const Image<float> depth = load_depth(pairs[i].file.path, arguments.png_scale);
     Image<float> error;
     maps[i] = {id, depth.width(), depth.height(),
                measure_depth(depth, GroundTruth::load(*pairs[i].truth), arguments.measures, &error)};
+    samples[i] = samples_of(pairs[i], error, pairs.size());
     if (wanted.count(id) > 0) {
       write_depth_error_image(picture_path(arguments.render.folder, "depth_error", id), error, 720);
     }
   });
 
+  const std::optional<Calibration> calibration = calibrate_all(samples);
+  if (!arguments.calibration.empty()) {
+    if (!calibration) {
+      throw InvalidInput(
+          "--calibration: no pixel has an estimate, a truth and a confidence; expected "
+          "confidence_<keyframe id>.pfm beside the depth maps");
+    }
+    write_calibration_plot(arguments.calibration, *calibration);
+  }
+
   Json json = input_json(common);
   json["alignment"] = to_json(alignment);
   json["without_truth"] = files.size() - pairs.size();
   json["depth"] = to_json(maps);
-  std::string table = to_table(alignment) + to_table(maps);
+  json["calibration"] = calibration ? to_json(*calibration) : Json();
+  std::string table = to_table(alignment) + to_table(maps) + (calibration ? to_table(*calibration) : "");
   if (files.size() > pairs.size()) {
     table += "  " + std::to_string(files.size() - pairs.size()) + " further depth maps have no truth\n";
   }

@@ -45,6 +45,7 @@ struct DepthArguments {
   double png_scale = 0.0;  ///< 0 = not given
   DepthMeasureOptions measures;
   RenderArguments render;
+  std::filesystem::path calibration;  ///< plot; empty = none
 };
 
 struct AlignArguments {

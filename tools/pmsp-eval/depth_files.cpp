@@ -92,4 +92,19 @@ Image<float> load_depth(const fs::path& path, double png_scale) {
   return depth;
 }
 
+Image<float> load_confidence(const fs::path& depth_path, int width, int height) {
+  const std::string name = depth_path.filename().string();
+  if (!number_in_name(depth_path, "depth_", depth_path.extension().string())) return {};
+  fs::path path = depth_path.parent_path() / ("confidence_" + name.substr(6));
+  path.replace_extension(".pfm");
+  if (!fs::exists(path)) return {};
+  Image<float> confidence = read_pfm(path);
+  if (confidence.width() != width || confidence.height() != height) {
+    throw InvalidInput(path.string() + ": the confidence has " + std::to_string(confidence.width()) + " x " +
+                       std::to_string(confidence.height()) + " pixels, its depth map " + std::to_string(width) + " x " +
+                       std::to_string(height));
+  }
+  return confidence;
+}
+
 }  // namespace pmsp::eval

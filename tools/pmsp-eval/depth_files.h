@@ -29,4 +29,8 @@ std::vector<DepthFile> list_depth_files(const std::vector<std::filesystem::path>
 /// Reads PFM, or 16-bit PNG times `png_scale`. Throws IoError, InvalidInput.
 Image<float> load_depth(const std::filesystem::path& path, double png_scale);
 
+/// confidence_<id>.pfm beside depth_<id>.*, as pmsp-densify names it, of the same size; empty where there is none.
+/// Throws IoError, InvalidInput.
+Image<float> load_confidence(const std::filesystem::path& depth_path, int width, int height);
+
 }  // namespace pmsp::eval

@@ -3,17 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "pmsp-eval/report.h"
-#include "pmsp/error.h"
+#include "pmsp-eval/picture_file.h"
 
 namespace pmsp::eval {
 namespace {
@@ -59,18 +56,6 @@ cv::Mat with_legend(const cv::Mat& image, const Entries& entries) {
                 cv::LINE_AA);
   }
   return result;
-}
-
-void write_png(const std::filesystem::path& path, const cv::Mat& image) {
-  std::vector<uchar> bytes;
-  if (!cv::imencode(".png", image, bytes)) throw OutputError(path.string() + ": the picture cannot be encoded as PNG");
-  write_file(path, std::string(bytes.begin(), bytes.end()));
-}
-
-std::string percent(double share) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%g %%", 100.0 * share);
-  return text;
 }
 
 }  // namespace

@@ -135,8 +135,10 @@ CLI::App* add_depth(CLI::App& app, Arguments& a) {
       app.add_subcommand("depth",
                          "Examples:\n  pmsp-eval depth depth_maps/ --gt gt --map map.msg\n"
                          "  pmsp-eval depth depth_maps/ --gt gt --map map.msg --png-scale 0.001 --render pictures\n"
-                         "  pmsp-eval depth estimate.pfm --keyframe 42 --gt gt --map map.msg --json -\n\n"
-                         "Measures depth maps against the true range of their keyframes, pixel by pixel.");
+                         "  pmsp-eval depth estimate.pfm --keyframe 42 --gt gt --map map.msg --json -\n"
+                         "  pmsp-eval depth depth_maps/ --gt gt --map map.msg --calibration calibration.png\n\n"
+                         "Measures depth maps against the true range of their keyframes, pixel by pixel, and how error "
+                         "goes with confidence.");
   depth
       ->add_option("inputs", a.depth.inputs,
                    "Folders of depth_<keyframe id>.pfm (with --png-scale: .png), or single files")
@@ -156,6 +158,10 @@ CLI::App* add_depth(CLI::App& app, Arguments& a) {
       ->type_name("UNITS");
   add_number(*depth, "--slack", a.depth.measures.slack_px,
              "Pixels of the range map about the true one that also count [px]", 0, 100);
+  depth
+      ->add_option("--calibration", a.depth.calibration,
+                   "Plot error over confidence (PNG); needs confidence_<keyframe id>.pfm beside the depth maps")
+      ->type_name("FILE");
   return depth;
 }
 

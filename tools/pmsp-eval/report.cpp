@@ -68,6 +68,36 @@ std::string depth_line(const std::string& name, const DepthMeasures& m) {
   return line + format("   %7.3f   %7.3f\n", 100.0 * m.error_median, 100.0 * m.error_p90);
 }
 
+Json to_json(const CalibrationBin& bin) {
+  return {{"share", bin.share},
+          {"confidence_min", bin.confidence_min},
+          {"confidence_max", bin.confidence_max},
+          {"error_median_relative", bin.error_median},
+          {"error_p90_relative", bin.error_p90},
+          {"within", bin.within}};
+}
+
+Json to_json(const CalibrationCurve& curve) {
+  Json json = {{"deciles", Json::array()}};
+  for (const CalibrationBin& bin : curve.deciles) json["deciles"].push_back(to_json(bin));
+  const Monotone& m = curve.monotone;
+  json["monotone"] = {
+      {"median", m.median}, {"p90", m.p90}, {"within", m.within}, {"largest_rise_relative", m.largest_rise}};
+  json["confident_half"] = to_json(curve.confident_half);
+  return json;
+}
+
+std::string bin_figures(const CalibrationBin& bin) {
+  return format("   %7.3f   %7.3f   %7.2f", 100.0 * bin.error_median, 100.0 * bin.error_p90, 100.0 * bin.within);
+}
+
+std::string verdict(const char* name, const Monotone& m) {
+  std::string text = format("  monotone %-14s median %s, p90 %s, share within %s", name, m.median ? "yes" : "NO",
+                            m.p90 ? "yes" : "NO", m.within ? "yes" : "NO");
+  if (m.largest_rise > 0.0) text += format("; an error rises by up to %.1f %% of itself", 100.0 * m.largest_rise);
+  return text + "\n";
+}
+
 }  // namespace
 
 Json to_json(const Alignment& a) {
@@ -139,6 +169,13 @@ Json to_json(const std::vector<KeyframeDepth>& maps) {
   return json;
 }
 
+Json to_json(const Calibration& c) {
+  return {{"pixels", c.pixels},
+          {"threshold", c.threshold},
+          {"plain", to_json(c.plain)},
+          {"solid_angle", to_json(c.solid_angle)}};
+}
+
 std::string to_table(const Alignment& a) {
   std::string text = format("alignment   by %s, %g m per unit of the map, %d of %zu keyframes matched\n",
                             a.method.c_str(), a.truth_from_map.scale, a.matched, a.truth_row.size()) +
@@ -186,6 +223,20 @@ std::string to_table(const std::vector<KeyframeDepth>& maps) {
   text += "\n  of valid          ";
   for (const auto& within : mean.within) text += format("   %7.2f", 100.0 * within.of_valid);
   return text + "\n";
+}
+
+std::string to_table(const Calibration& c) {
+  std::string text = format("calibration %zu pixels by deciles of confidence; errors and shares in %%\n", c.pixels);
+  text += "                                   plain                         by solid angle\n";
+  const std::string columns = format("    median       p90   < %3g %%", 100.0 * c.threshold);
+  text += "  decile   confidence " + columns + columns + "\n";
+  for (std::size_t i = 0; i < c.plain.deciles.size(); ++i) {
+    const CalibrationBin& bin = c.plain.deciles[i];
+    text += format("  %6zu  %5.3f-%5.3f", i + 1, bin.confidence_min, bin.confidence_max) + bin_figures(bin) +
+            bin_figures(c.solid_angle.deciles[i]) + "\n";
+  }
+  text += "  confident half     " + bin_figures(c.plain.confident_half) + bin_figures(c.solid_angle.confident_half);
+  return text + "\n" + verdict("plain", c.plain.monotone) + verdict("by solid angle", c.solid_angle.monotone);
 }
 
 void write_file(const std::filesystem::path& path, const std::string& bytes) {

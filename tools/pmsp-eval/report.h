@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pmsp-eval/alignment.h"
+#include "pmsp-eval/calibration.h"
 #include "pmsp-eval/cloud_measures.h"
 #include "pmsp-eval/depth_measures.h"
 #include "pmsp-eval/view_measures.h"
@@ -31,12 +32,14 @@ Json to_json(const CloudMeasures& measures);
 Json to_json(const ViewMeasures& measures);
 Json to_json(const DepthMeasures& measures);
 Json to_json(const std::vector<KeyframeDepth>& maps);
+Json to_json(const Calibration& calibration);
 
 /// The same for people, lines of at most 100 characters.
 std::string to_table(const Alignment& alignment);
 std::string to_table(const CloudMeasures& measures);
 std::string to_table(const ViewMeasures& measures, const ViewOptions& options);
 std::string to_table(const std::vector<KeyframeDepth>& maps);
+std::string to_table(const Calibration& calibration);
 
 /// Writes a whole file, beside the target first. Throws OutputError.
 void write_file(const std::filesystem::path& path, const std::string& bytes);

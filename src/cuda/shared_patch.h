@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cuda_fp16.h>
+
+#include "patch.h"
+
+namespace pmsp::cuda {
+
+constexpr int kPatchThreads = 64;  ///< of a block
+
+/// A reference patch in shared memory, in half precision. The sums of the rounded numbers, which view_score takes into
+/// account, keep the rounding from acting like texture.
+class SharedPatch {
+ public:
+  /// `block`: room for the patches of all threads of the block.
+  __device__ explicit SharedPatch(__half2* block) : samples_(block + threadIdx.x + blockDim.x * threadIdx.y) {}
+
+  PMSP_HD float weight(int k) const { return __low2float(samples_[k * kPatchThreads]); }
+  PMSP_HD float contrast(int k) const { return __high2float(samples_[k * kPatchThreads]); }
+  PMSP_HD void put(int k, float weight, float contrast) {
+    samples_[k * kPatchThreads] = __floats2half2_rn(weight, contrast);
+  }
+
+  float variance = 0.0F;
+  float weight_sum = 1.0F;
+  float contrast_sum = 0.0F;
+
+ private:
+  __half2* samples_;  ///< this thread's, those of the other threads between them
+};
+
+}  // namespace pmsp::cuda

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-eval/picture_file.h"
+
+#include <cstdio>
+#include <vector>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "pmsp-eval/report.h"
+#include "pmsp/error.h"
+
+namespace pmsp::eval {
+
+void write_png(const std::filesystem::path& path, const cv::Mat& image) {
+  std::vector<uchar> bytes;
+  if (!cv::imencode(".png", image, bytes)) throw OutputError(path.string() + ": the picture cannot be encoded as PNG");
+  write_file(path, std::string(bytes.begin(), bytes.end()));
+}
+
+std::string percent(double share) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%g %%", 100.0 * share);
+  return text;
+}
+
+}  // namespace pmsp::eval
