@@ -143,10 +143,8 @@ struct PatchScores {
 };
 
 template <class Cube>
-PatchScores<Cube> body_of(const Scoring<Cube>& scoring, const kernels::SourceView<Cube>* views) {
-  PatchScores<Cube> body{scoring.matching, scoring.width, scoring.height, scoring.depth};
-  body.matching.views = views;
-  return body;
+PatchScores<Cube> body_of(const Scoring<Cube>& scoring) {
+  return {scoring.matching, scoring.width, scoring.height, scoring.depth};
 }
 
 template <class Body>
@@ -197,19 +195,16 @@ Both patch_scores(const Scoring<kernels::CubeView>& scoring) {
   };
   Scoring<kernels::CubeView> device = scoring;
   on_device_too(device.matching.reference);
-  for (auto& view : device.views) {
-    on_device_too(view.image);
-    on_device_too(view.usable);
+  for (int i = 0; i < device.matching.num_views; ++i) {
+    on_device_too(device.matching.views[i].image);
+    on_device_too(device.matching.views[i].usable);
   }
-  const auto views = uploaded(device.views);
   const int count = scoring.width * scoring.height;
-  return {PatchScores<kernels::CubeView>::kValues, on_host(body_of(scoring, scoring.views.data()), count),
-          on_device(body_of(device, views.get()), count)};
+  return {PatchScores<kernels::CubeView>::kValues, on_host(body_of(scoring), count), on_device(body_of(device), count)};
 }
 
 std::vector<float> patch_scores(const Scoring<cuda::TextureCube>& scoring) {
-  const auto views = uploaded(scoring.views);
-  return on_device(body_of(scoring, views.get()), scoring.width * scoring.height);
+  return on_device(body_of(scoring), scoring.width * scoring.height);
 }
 
 std::vector<float> texture_samples(const cuda::TextureCube& cube, const std::vector<float>& directions) {

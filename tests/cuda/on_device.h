@@ -33,11 +33,10 @@ Both agreements(int count);
 /// kernels/cube.h: a sample of `cube` in a random direction.
 Both cube_samples(const kernels::CubeView& cube, std::size_t elements, int count);
 
-/// A keyframe's matching with the number of elements behind each of its images.
+/// A keyframe's matching, with the number of elements behind each of its images.
 template <class Cube>
 struct Scoring {
   kernels::Matching<Cube> matching;
-  std::vector<kernels::SourceView<Cube>> views;
   std::size_t elements = 0;
   int width = 0, height = 0;
   float depth = 0.0F;  ///< of the planes that are scored; they face the camera

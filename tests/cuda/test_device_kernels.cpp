@@ -44,13 +44,14 @@ struct Match {
 
   template <class Cube, class Image>
   Scoring<Cube> scoring(const Image& image_of) const {
+    const Cube reference = image_of(1);
     Scoring<Cube> scoring;
+    scoring.matching = make_matching<Cube>(reference, PatchMatchOptions{}, mission.width, {0.5, 8.0}, 1, 1);
     const RigidTransform world_from_ref = mission.frames[1].cam_from_world.inverse();
     for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
-      scoring.views.push_back({image_of(i), Cube{}, to_rigid(mission.frames[i].cam_from_world * world_from_ref)});
+      scoring.matching.views[scoring.matching.num_views++] = {
+          image_of(i), Cube{}, to_rigid(mission.frames[i].cam_from_world * world_from_ref)};
     }
-    const Cube reference = image_of(1);
-    scoring.matching = make_matching<Cube>(reference, nullptr, 2, PatchMatchOptions{}, mission.width, {0.5, 8.0}, 1, 1);
     scoring.width = mission.width;
     scoring.height = mission.height;
     scoring.depth = 2.8F;

@@ -12,6 +12,7 @@ using namespace pmsp::test;
 namespace {
 
 constexpr double kSameDepth = 0.01;
+constexpr double kRoomEqual = 0.975;  ///< see check_pair
 
 /// How two depth maps compare.
 struct Comparison {
@@ -68,8 +69,10 @@ Pair run_both(const synth::Mission& mission, DensifierOptions options) {
   return pair;
 }
 
-/// What must hold whatever the scene; depth maps of `mission`'s size are compared with the truth too.
-void check_pair(const Pair& pair, const synth::Mission& mission) {
+/// What must hold; depth maps of `mission`'s size are compared with the truth too. `raw_equal`: least share of the raw
+/// depths, away from the line of flight, that are equal. Noise of one gray level in the images, which is about what
+/// differs, leaves 0.977 (corridor), 0.985 (furniture), 0.990 (room) and 0.996 or more (others) of them as they are.
+void check_pair(const Pair& pair, const synth::Mission& mission, double raw_equal) {
   REQUIRE(pair.cuda.order == pair.cpu.order);
   REQUIRE(pair.cuda.filtered.size() == mission.frames.size());
   CHECK(pair.cuda_stats.pixels == pair.cpu_stats.pixels);
@@ -80,8 +83,8 @@ void check_pair(const Pair& pair, const synth::Mission& mission) {
     const Comparison of_filtered = compare(filtered, pair.cpu.filtered[i], mission, i);
     CAPTURE(i, of_raw.equal, of_raw.equal_off, of_raw.common);
     CAPTURE(of_filtered.equal, of_filtered.equal_off, of_filtered.common);
-    CHECK(of_raw.equal_off >= 0.99);
-    CHECK(of_raw.equal >= 0.97);  // along the line of flight, many depths look alike
+    CHECK(of_raw.equal_off >= raw_equal);
+    CHECK(of_raw.equal >= raw_equal - 0.02);  // along the line of flight, many depths look alike
     CHECK(of_raw.common >= 0.99);
     CHECK(of_filtered.equal >= 0.99);
     CHECK(of_filtered.common >= 0.97);
@@ -131,17 +134,18 @@ TEST_CASE("CUDA and CPU recover the same sphere, room, furnished room, plane, co
   struct Scene {
     const char* name;
     synth::Mission (*make)(const synth::Recipe&);
-    double right;  ///< of the raw depths
+    double right;      ///< of the raw depths
+    double raw_equal;  ///< see check_pair
   };
   const std::vector<Scene> scenes = {
-      {"sphere", synth::sphere_inside, 0.95},          {"room", synth::empty_room, 0.95},
-      {"furniture", synth::textured_room, 0.9},        {"slanted plane", synth::slanted_plane, 0.9},
-      {"corridor", synth::corridor_across_seam, 0.85}, {"floor", synth::floor_at_nadir, 0.9}};
+      {"sphere", synth::sphere_inside, 0.98, 0.99},           {"room", synth::empty_room, 0.95, 0.98},
+      {"furniture", synth::textured_room, 0.94, 0.975},       {"slanted plane", synth::slanted_plane, 0.97, 0.99},
+      {"corridor", synth::corridor_across_seam, 0.92, 0.965}, {"floor", synth::floor_at_nadir, 0.97, 0.99}};
   for (const Scene& scene : scenes) {
     INFO(scene.name);
     const synth::Mission mission = scene.make(recipe_of(640, 320, 5));
     const Pair pair = run_both(mission, online(640, 320));
-    check_pair(pair, mission);
+    check_pair(pair, mission, scene.raw_equal);
     CHECK(raw_right(pair.cuda, mission) > scene.right);
   }
 }
@@ -155,7 +159,7 @@ TEST_CASE("CUDA and CPU agree at odd sizes", "[cuda][parity]") {
     const synth::Mission mission = synth::empty_room(recipe_of(size.width, size.height, 3));
     const Pair pair = run_both(mission, online(size.width, size.height));
     if (size.width > 500) {
-      check_pair(pair, mission);
+      check_pair(pair, mission, kRoomEqual);
     } else {  // too coarse for good depths
       CHECK(pair.cuda.order == pair.cpu.order);
       CHECK(pair.cuda_stats.pixels == pair.cpu_stats.pixels);
@@ -165,9 +169,9 @@ TEST_CASE("CUDA and CPU agree at odd sizes", "[cuda][parity]") {
 
 TEST_CASE("CUDA and CPU agree when images are reduced or enlarged", "[cuda][parity]") {
   const synth::Mission large = synth::empty_room(recipe_of(1300, 650, 3));
-  check_pair(run_both(large, online(642, 318)), large);
+  check_pair(run_both(large, online(642, 318)), large, kRoomEqual);
   const synth::Mission small = synth::empty_room(recipe_of(480, 240, 3));
-  check_pair(run_both(small, online(640, 320)), small);
+  check_pair(run_both(small, online(640, 320)), small, kRoomEqual);
 }
 
 TEST_CASE("CUDA and CPU agree with and without landmarks and warped planes", "[cuda][parity]") {
@@ -178,7 +182,7 @@ TEST_CASE("CUDA and CPU agree with and without landmarks and warped planes", "[c
       DensifierOptions options = online(640, 320);
       options.init.sparse_points = sparse;
       options.init.warp_previous = warp;
-      check_pair(run_both(mission, options), mission);
+      check_pair(run_both(mission, options), mission, kRoomEqual);
     }
   }
 }
@@ -242,7 +246,7 @@ TEST_CASE("CUDA and CPU agree at 1440 x 720", "[cuda][parity][large]") {
   DensifierOptions options = preset(Quality::kNormal);
   options.patchmatch.iterations = 4;
   const Pair pair = run_both(mission, options);
-  check_pair(pair, mission);
+  check_pair(pair, mission, kRoomEqual);
   CHECK(raw_right(pair.cuda, mission) > 0.9);
 }
 
