@@ -48,6 +48,7 @@ std::optional<Summary> summary_of(const Case& one, const Results& results) {
 }
 
 std::optional<double> speedup_over_scalar(const Case& one, const Results& results) {
+  if (one.cuda) return std::nullopt;
   Case scalar = one;
   scalar.simd = Simd::kScalar;
   const std::optional<Summary> slow = summary_of(scalar, results);
