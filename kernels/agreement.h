@@ -17,6 +17,9 @@ struct PlaneMapView {
   int width, height;
 };
 
+/// Whether there is no map behind a view.
+PMSP_HD bool is_empty(const PlaneMapView& map) { return map.x == nullptr; }
+
 template <class F>
 PMSP_HD Vec3<F> plane_at(const PlaneMapView& map, const IntOf<F>& index) {
   return {gather<F>(map.x, index), gather<F>(map.y, index), gather<F>(map.z, index)};
@@ -64,5 +67,17 @@ struct Votes {
   }
   PMSP_HD bool keep(int wanted) const { return agree >= wanted && (wanted == 0 || agree > contradict); }
 };
+
+/// How far a hypothesis lies from another map's surface: |range of its point / range of the surface in that direction -
+/// 1|, 1 where the map has no estimate. `inverse_depth` > 0 along the unit `bearing` of the first keyframe.
+template <class F, class Map>
+PMSP_HD F disagreement(const Vec3<F>& bearing, const F& inverse_depth, const Map& other,
+                       const Rigid& other_from_first) {
+  const Vec3<F> p = fma(inverse_depth, translation<F>(other_from_first), rotate(other_from_first, bearing));
+  const Pixel<F> at = project(p, F(static_cast<float>(other.width)), F(static_cast<float>(other.height)));
+  const IntOf<F> index = row(at.y, other.height) * IntOf<F>(other.width) + column(at.x, other.width);
+  const Vec3<F> plane = plane_at<F>(other, index);
+  return abs(dot(plane, p) / inverse_depth - F(1));
+}
 
 }  // namespace pmsp::kernels

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include "math.h"
+#include "elementary.h"
 #include "vec3.h"
 
 // The equirectangular camera. Axes x right, y down, z forward; longitude = atan2(x, z), latitude = -asin(y / |p|).

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include "agreement.h"
 #include "cube.h"
-#include "math.h"
+#include "elementary.h"
 #include "plane.h"
 
 // The photometric score of a plane: bilaterally weighted normalised cross-correlation (NCC) between a patch on the
@@ -20,9 +21,12 @@ struct PatchLayout {
   float spacing;                      ///< distance of samples on the tangent plane (tangent of the angle)
   float fine_spacing;                 ///< the same where the fine patch has texture enough to be told from others
   float fine_variance;                ///< that much: variance [gray levels squared]
-  float color_factor;                 ///< -1 / (2 sigma_color^2)
+  float min_sigma_color;              ///< bilateral weights: smallest and largest standard deviation
+  float max_sigma_color;              ///< [gray levels]
   float space_weight[kPatchSamples];  ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
   float min_variance;                 ///< variance (gray levels squared) that is noise rather than texture
+  float disagreement_cost;            ///< what leaving a neighbour's surface by the tolerance or more takes off a score
+  float disagreement_tolerance;       ///< relative depth
 };
 
 /// Offset of sample i (0 to kPatchSide - 1) from the centre, in steps of `spacing`.
@@ -52,27 +56,52 @@ struct PatchFrame {
   Vec3<F> bearing, right, down;
 };
 
+/// Standard deviation of the bilateral weights, in proportion to how far the patch's gray values (its contrasts here)
+/// spread around the centre's. Spread is what 15 of the 36 samples keep within: half a patch of plaster beside a
+/// silhouette has little of it, and then the silhouette's edge has no say; a patch that is textured all over keeps all
+/// its samples.
+template <class F, class Patch>
+PMSP_HD F sigma_color(const Patch& patch, const PatchLayout& layout) {
+  constexpr float kPerSpread = 3.0F;
+  F low(0);
+  F high(layout.max_sigma_color / kPerSpread);
+  PMSP_ROLL
+  for (int step = 0; step < 5; ++step) {  // bisection
+    const F middle = F(0.5F) * (low + high);
+    F within(0);
+    for (int k = 0; k < kPatchSamples; ++k) within = within + select(abs(patch.contrast(k)) <= middle, F(1), F(0));
+    const auto enough = within >= F(15);
+    high = select(enough, middle, high);
+    low = select(enough, low, middle);
+  }
+  return min(max(F(kPerSpread) * high, F(layout.min_sigma_color)), F(layout.max_sigma_color));
+}
+
 /// `Cube`: CubeView, or any other type for which `sample` and `is_empty` are there. `Patch`: ReferencePatch<F> or
 /// alike.
 template <class Patch, class F, class Cube>
 PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& frame, const PatchLayout& layout) {
   const F center = sample(image, frame.bearing);
-  F sum(0);
-  F sum_gray(0);
-  F sum_square(0);
   PMSP_ROLL
   for (int j = 0; j < kPatchSide; ++j) {
     const Vec3<F> left = fma(F(patch_offset(j)), frame.down, frame.bearing);
     PMSP_UNROLL
     for (int i = 0; i < kPatchSide; ++i) {
-      const int k = j * kPatchSide + i;
-      const F gray = sample(image, fma(F(patch_offset(i)), frame.right, left)) - center;
-      const F weight = F(layout.space_weight[k]) * exp(max(gray * gray * F(layout.color_factor), F(-40)));
-      patch.put(k, weight, gray);
-      sum = sum + weight;
-      sum_gray = fma(weight, gray, sum_gray);
-      sum_square = fma(weight * gray, gray, sum_square);
+      patch.put(j * kPatchSide + i, F(0), sample(image, fma(F(patch_offset(i)), frame.right, left)) - center);
     }
+  }
+  const F sigma = sigma_color<F>(patch, layout);
+  const F color_factor = F(-0.5F) / (sigma * sigma);
+  F sum(0);
+  F sum_gray(0);
+  F sum_square(0);
+  for (int k = 0; k < kPatchSamples; ++k) {
+    const F gray = patch.contrast(k);
+    const F weight = F(layout.space_weight[k]) * exp(max(gray * gray * color_factor, F(-40)));
+    patch.put(k, weight, gray);
+    sum = sum + weight;
+    sum_gray = fma(weight, gray, sum_gray);
+    sum_square = fma(weight * gray, gray, sum_square);
   }
   const F scale = F(1) / sum;
   const F mean = sum_gray * scale;
@@ -88,12 +117,19 @@ PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& fr
   }
 }
 
+/// The type of a depth map's planes that goes with that of an image.
+template <class Cube>
+struct SurfaceOf {
+  using Type = PlaneMapView;
+};
+
 /// One neighbour view: its image and `view_from_ref`.
 template <class Cube>
 struct SourceView {
   Cube image;
   Cube usable;  ///< 255 where a patch may be matched, 0 where the mask forbids it; empty = everywhere
   Rigid view_from_ref;
+  typename SurfaceOf<Cube>::Type surface;  ///< its depth map so far; empty = not known
 };
 
 /// NCC of the reference patch with one neighbour under a plane, in [-1, 1]. A direction x of the reference meets the
@@ -132,6 +168,17 @@ PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const Sourc
   return select(sample(view.usable, center) > F(127), score, F(-1));
 }
 
+/// view_score, less what the neighbour's own depth map has against the plane (Schoenberger et al. 2016; Xu and Tao
+/// 2019): a wrong depth that looks alike in one pair of images rarely does in another.
+template <class Patch, class F, class Cube>
+PMSP_HD F checked_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view,
+                        const Vec3<F>& plane, const PatchLayout& layout) {
+  const F score = view_score(patch, frame, view, plane, layout);
+  if (is_empty(view.surface)) return score;
+  const F off = disagreement(frame.bearing, dot(plane, frame.bearing), view.surface, view.view_from_ref);
+  return score - F(layout.disagreement_cost) * min(off * F(1.0F / layout.disagreement_tolerance), F(1));
+}
+
 /// Score of a plane over all views, between the mean over the better half of them and the mean over all. In the better
 /// half, a view that does not see the surface has no say; all together are less noisy. Half of each measured best (two
 /// views: 0.75 and 0.25). The order of the views does not matter.
@@ -143,7 +190,7 @@ PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const Sour
   F all(0);
   PMSP_ROLL
   for (int view = 0; view < num_views; ++view) {
-    F score = view_score(patch, frame, views[view], plane, layout);
+    F score = checked_score(patch, frame, views[view], plane, layout);
     all = all + score;
     for (int k = 0; k < kept; ++k) {  // insertion into the sorted list of the best
       const F better = max(best[k], score);

@@ -18,6 +18,7 @@ Densifier::Impl::Impl(const DensifierOptions& given, DensifierCallbacks to)
     : options(given), callbacks(std::move(to)), view_filter(given.view_filter) {
   engine = make_engine({options, callbacks, stats, cancel}, options, backend);
   requested = given.backend;
+  next_match.assign(static_cast<std::size_t>(options.patchmatch.geometric_passes) + 1, 0);
 }
 
 void Densifier::Impl::prepare(const Keyframe& keyframe) {
@@ -32,13 +33,20 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
 }
 
 void Densifier::Impl::advance(bool last) {
-  while (!stopped() && (last ? next_match < end() : next_match + match_ahead() < end())) match(next_match++);
-  while (!stopped() && (last ? next_filter < end() : next_filter + filter_ahead() < next_match)) filter(next_filter++);
+  std::int64_t ready = end();  // keyframes that the stage before is done with
+  for (std::size_t pass = 0; pass < next_match.size(); ++pass) {
+    std::int64_t& next = next_match[pass];
+    while (!stopped() && (last ? next < end() : next + match_ahead() < ready)) match(next++, static_cast<int>(pass));
+    ready = next;
+  }
+  while (!stopped() && (last ? next_filter < end() : next_filter + filter_ahead() < ready)) filter(next_filter++);
   while (!stopped() && (last ? next_fuse < end() : next_fuse + fuse_ahead() < next_filter)) fuse(next_fuse++);
   forget();
 }
 
-void Densifier::Impl::match(std::int64_t i) {
+/// One pass of PatchMatch. Passes after the first one start from the map of the pass before and look at the newest maps
+/// of the neighbours: this pass's of earlier keyframes, the one before's of later ones.
+void Densifier::Impl::match(std::int64_t i, int pass) {
   const std::int64_t from = std::max(first, i - match_ahead());
   const std::int64_t to = std::min(end(), i + match_ahead() + 1);
   std::vector<const Keyframe*> sequence;
@@ -53,12 +61,14 @@ void Densifier::Impl::match(std::int64_t i) {
   }
   task.range = depth_range(reference.keyframe, options.init);
   if (task.neighbours.empty() || !(task.range.max > task.range.min)) {
-    ++(task.neighbours.empty() ? stats.keyframes_without_neighbour : stats.keyframes_without_range);
+    if (pass == 0) ++(task.neighbours.empty() ? stats.keyframes_without_neighbour : stats.keyframes_without_range);
     return;
   }
-  if (options.init.warp_previous && i > first && view(i - 1).frame->matched) {
+  if (pass == 0 && options.init.warp_previous && i > first && view(i - 1).frame->matched) {
     task.previous = view(i - 1).frame.get();
   }
+  task.pass = pass;
+  task.last = pass == options.patchmatch.geometric_passes;
   engine->match(task);
 }
 
@@ -86,7 +96,7 @@ void Densifier::Impl::fuse(std::int64_t i) {
 /// Lets go of keyframes that no stage will look at again.
 void Densifier::Impl::forget() {
   const std::int64_t keep =
-      std::min({next_match - match_ahead(), next_filter - filter_ahead(), next_fuse - fuse_ahead()});
+      std::min({next_match.back() - match_ahead(), next_filter - filter_ahead(), next_fuse - fuse_ahead()});
   for (; first < keep && !views.empty(); ++first) views.pop_front();
 }
 
@@ -121,7 +131,8 @@ void Densifier::flush() {
   impl_->advance(true);
   impl_->engine->deliver(true);
   impl_->views.clear();
-  impl_->first = impl_->next_match = impl_->next_filter = impl_->next_fuse = 0;
+  impl_->first = impl_->next_filter = impl_->next_fuse = 0;
+  std::fill(impl_->next_match.begin(), impl_->next_match.end(), 0);
   impl_->view_filter.reset();
 }
 

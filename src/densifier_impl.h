@@ -22,8 +22,8 @@ struct View {
 };
 
 /// Stages run as soon as the keyframes that they look at are there: matching waits for `match_ahead` keyframes after
-/// its own, the consistency filter for the maps of `filter_ahead`, fusion for `fuse_ahead`. Indices count from the
-/// start of the sequence.
+/// its own, each further pass for the maps of as many, the consistency filter for the maps of `filter_ahead`, fusion
+/// for `fuse_ahead`. Indices count from the start of the sequence.
 struct Densifier::Impl {
   Impl(const DensifierOptions& given, DensifierCallbacks to);
 
@@ -37,7 +37,7 @@ struct Densifier::Impl {
 
   void prepare(const Keyframe& keyframe);
   void advance(bool last);
-  void match(std::int64_t i);
+  void match(std::int64_t i, int pass);
   void filter(std::int64_t i);
   void fuse(std::int64_t i);
   void forget();
@@ -52,8 +52,8 @@ struct Densifier::Impl {
   std::string backend;             ///< the one in force, and why
   std::unique_ptr<Engine> engine;  ///< before the views, whose frames must not outlive it
   std::deque<View> views;
-  std::int64_t first = 0;  ///< index of views.front()
-  std::int64_t next_match = 0;
+  std::int64_t first = 0;                ///< index of views.front()
+  std::vector<std::int64_t> next_match;  ///< for each pass
   std::int64_t next_filter = 0;
   std::int64_t next_fuse = 0;
 };

@@ -33,7 +33,7 @@ class Engine {
 
     std::int64_t id;
     RigidTransform cam_from_world;
-    bool matched = false;  ///< has a depth map
+    bool matched = false;  ///< has a depth map, if not of all passes
   };
 
   struct MatchTask {
@@ -42,6 +42,8 @@ class Engine {
     std::vector<const Frame*> neighbours;
     DepthRange range;
     const Frame* previous = nullptr;  ///< whose planes are warped into the reference; nullptr = none
+    int pass = 0;                     ///< 0 = photometric; others look at the neighbours' maps of the passes before
+    bool last = true;                 ///< the map is complete: hand it out, median filter it
   };
 
   virtual ~Engine() = default;
@@ -49,7 +51,7 @@ class Engine {
   /// Takes over what is needed of image and mask.
   virtual std::unique_ptr<Frame> prepare(const Keyframe& keyframe) = 0;
 
-  /// Initialisation, PatchMatch, median filter.
+  /// A pass of PatchMatch: initialisation before the first, the median filter after the last.
   virtual void match(const MatchTask& task) = 0;
 
   /// Consistency filter against the other maps (all matched).

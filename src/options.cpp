@@ -74,8 +74,13 @@ void PatchMatchOptions::validate() const {
   check("patchmatch.fine_patch", fine_patch, 0.1, 1.0);
   check("patchmatch.fine_patch_contrast", fine_patch_contrast, 0.0, 255.0);
   check("patchmatch.sigma_color", sigma_color, 1.0, 1000.0);
+  check("patchmatch.min_sigma_color", min_sigma_color, 1.0, 1000.0);
   check("patchmatch.sigma_space_px", sigma_space_px, 0.5, 100.0);
   check("patchmatch.max_slant_deg", max_slant_deg, 10.0, 89.0);
+  check("patchmatch.geometric_passes", geometric_passes, 0, 4);
+  check("patchmatch.geometric_iterations", geometric_iterations, 1, 100);
+  check("patchmatch.geometric_weight", geometric_weight, 0.0, 4.0);
+  check("patchmatch.geometric_tolerance", geometric_tolerance, 0.001, 1.0);
 }
 
 void MedianFilterOptions::validate() const {
@@ -116,7 +121,7 @@ DensifierOptions preset(Quality quality) {
   if (quality == Quality::kOnline) return options;
   options.width = quality == Quality::kNormal ? 1440 : 0;
   options.height = quality == Quality::kNormal ? 720 : 0;
-  options.patchmatch.iterations = 6;
+  options.patchmatch.iterations = quality == Quality::kNormal ? 3 : 4;
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
   options.consistency.window = 7;
   options.consistency.min_views = 4;

@@ -26,7 +26,7 @@ struct DensifierStats {
   std::int64_t pixels_matched = 0;               ///< with an estimate after PatchMatch
   std::int64_t pixels_after_median = 0;
   std::int64_t pixels_after_consistency = 0;
-  std::int64_t points = 0;           ///< in the cloud
+  std::int64_t points = 0;           ///< in the cloud; 0 when no callback takes it
   double seconds_prepare = 0.0;      ///< resizing, gray values, cube maps [s]
   double seconds_init = 0.0;         ///< [s]
   double seconds_patchmatch = 0.0;   ///< [s]
@@ -36,8 +36,8 @@ struct DensifierStats {
 };
 
 /// Receives results as soon as they are final. Members that are not set are not called, and what only they need is not
-/// computed. All calls come from inside
-/// `add` and `flush`, on the thread that called them, in the order in which the keyframes were added.
+/// computed. All calls come from inside `add` and `flush`, on the thread that called them, in the order in which the
+/// keyframes were added.
 struct DensifierCallbacks {
   std::function<void(const DepthMap&)> raw_depth;       ///< straight from PatchMatch
   std::function<void(const DepthMap&)> filtered_depth;  ///< after the median and consistency filters

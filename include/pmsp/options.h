@@ -33,7 +33,7 @@ struct InitOptions {
 
 /// Red-black PatchMatch on the sphere.
 struct PatchMatchOptions {
-  int iterations = 4;   ///< 1 to 100; each visits every pixel once
+  int iterations = 3;   ///< of the first pass, 1 to 100; each visits every pixel once
   int neighbours = 2;   ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   int refinements = 6;  ///< random draws per pixel and iteration, 0 to 32
   double patch_spacing_px =
@@ -41,8 +41,18 @@ struct PatchMatchOptions {
   double fine_patch = 0.6;  ///< size of the patch of textured pixels, relative to that of others, 0.1 to 1
   double fine_patch_contrast = 3.0;  ///< standard deviation that makes a patch textured [gray levels], 0 to 255
   double sigma_color = 20.0;         ///< bilateral weight: gray levels (0 to 255), 1 to 1000
-  double sigma_space_px = 5.0;       ///< bilateral weight: pixels of the depth map, 0.5 to 100
-  double max_slant_deg = 80.0;       ///< largest angle between a plane's normal and the ray [deg], 10 to 89
+  /// Where the surface around the pixel is smoother, sigma_color shrinks down to this, so that the edge of a near thing
+  /// does not decide for the wall behind it, 1 to 1000; sigma_color or more: never.
+  double min_sigma_color = 4.0;
+  double sigma_space_px = 5.0;  ///< bilateral weight: pixels of the depth map, 0.5 to 100
+  double max_slant_deg = 80.0;  ///< largest angle between a plane's normal and the ray [deg], 10 to 89
+  /// Further passes over the depth maps, in which planes score higher that agree with the depth maps of the neighbours,
+  /// 0 to 4. Each needs those first, so that results come later by as many keyframes as neighbours are looked for
+  /// ahead.
+  int geometric_passes = 2;
+  int geometric_iterations = 1;       ///< of each of these passes, 1 to 100
+  double geometric_weight = 1.0;      ///< score that full disagreement with one neighbour costs, 0 to 4
+  double geometric_tolerance = 0.03;  ///< relative difference of depths from which on it is full, 0.001 to 1
 
   void validate() const;
 };
@@ -90,16 +100,16 @@ enum class Backend {
 /// How much time a depth map may take.
 enum class Quality {
   kPaper,   ///< Surmann et al. 2022 as published, none of what was added since; to compare with, not to use
-  kOnline,  ///< 640 x 320, 2 neighbours, 4 iterations; keeps up with a flying drone on a CPU
-  kNormal,  ///< 1440 x 720, 4 neighbours, 6 iterations
-  kHigh,    ///< the video's own size up to 5760 x 2880, 6 neighbours, 6 iterations
+  kOnline,  ///< 640 x 320, 2 neighbours; keeps up with a flying drone on a CPU
+  kNormal,  ///< 1440 x 720, 4 neighbours
+  kHigh,    ///< the video's own size up to 5760 x 2880, 6 neighbours
 };
 
 /// Everything that a Densifier can be told.
 struct DensifierOptions {
-  int width = 640;          ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images
-  int height = 320;         ///< of the depth maps [px], even, 16 to 8192; 0 = half the width
-  std::uint64_t seed = 1;   ///< of the random planes; same input and seed, same bytes
+  int width = 640;         ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images
+  int height = 320;        ///< of the depth maps [px], even, 16 to 8192; 0 = half the width
+  std::uint64_t seed = 1;  ///< of the random planes; same input and seed, same bytes
   Backend backend = Backend::kAuto;
   int device = 0;           ///< CUDA device, as the driver numbers them, 0 to 255
   bool pipelined = false;   ///< CUDA: `add` returns while its work goes on, and results come with the next call, so

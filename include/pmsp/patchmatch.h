@@ -20,13 +20,17 @@ struct PosedPanorama {
   RigidTransform cam_from_world;
 };
 
-/// What a depth map is made from.
+/// What a depth map is made from. A first pass knows images only; in a further one, `start` and `neighbour_maps` are
+/// what the pass before found, and planes score higher that agree with the neighbours' depth maps.
 struct MatchInput {
   std::int64_t keyframe_id = 0;  ///< names the random numbers
   PosedPanorama reference;
   std::vector<PosedPanorama> neighbours;  ///< 1 to 8, of the reference's size, from other places
   DepthRange range;
-  std::vector<const PlaneImage*> candidates;  ///< planes to try besides the random ones, of the reference's size
+  std::vector<const PlaneImage*> candidates;    ///< planes to try besides the random ones, of the reference's size
+  int first_iteration = 0;                      ///< iterations of the passes before
+  const DepthMap* start = nullptr;              ///< the reference's own map; nullptr = random planes
+  std::vector<const DepthMap*> neighbour_maps;  ///< none, or one for each neighbour (nullptr or empty = not known)
 };
 
 struct PatchMatchStats {
@@ -36,8 +40,9 @@ struct PatchMatchStats {
 
 /// Red-black PatchMatch on the sphere (Barnes et al. 2009; Galliani et al. 2015; Surmann et al. 2022): finds for each
 /// unmasked pixel of the reference a plane under which its patch looks alike in the neighbours. Confidence is the
-/// photometric score (NCC, 0 to 1) here. `seed` and the keyframe's id determine all random numbers. When `cancel`
-/// becomes true, returns early with an empty map. Throws InvalidInput and InvalidOption.
+/// photometric score (NCC, 0 to 1) here, less what the neighbours' depth maps have against it. `seed` and the
+/// keyframe's id determine all random numbers. When `cancel` becomes true, returns early with an empty map. Throws
+/// InvalidInput and InvalidOption.
 DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
                     const Executor& executor, PatchMatchStats* stats = nullptr,
                     const std::atomic<bool>* cancel = nullptr);

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "patchmatch/match_setup.h"
 #include "pmsp/filters.h"
 #include "pmsp/fusion.h"
 #include "pmsp/initialiser.h"
@@ -17,7 +18,8 @@ struct CpuFrame : Engine::Frame {
   CpuFrame(const Keyframe& keyframe, Panorama prepared) : Frame(keyframe), panorama(std::move(prepared)) {}
 
   Panorama panorama;
-  DepthMap median;  ///< after PatchMatch and the median filter
+  DepthMap raw;     ///< after the passes of PatchMatch so far
+  DepthMap median;  ///< after the last pass and the median filter
   DepthMap map;     ///< after the consistency filter
   std::vector<std::uint8_t> covered;
 };
@@ -29,44 +31,57 @@ const CpuFrame& own(const Engine::Frame& frame) { return static_cast<const CpuFr
 
 std::unique_ptr<Engine::Frame> CpuEngine::prepare(const Keyframe& keyframe) {
   const Stopwatch watch(context_.stats.seconds_prepare);
-  return std::make_unique<CpuFrame>(keyframe, Panorama(keyframe.image, keyframe.mask, context_.options.width,
-                                                       context_.options.height, executor_));
+  return std::make_unique<CpuFrame>(
+      keyframe, Panorama(keyframe.image, keyframe.mask, context_.options.width, context_.options.height, executor_));
 }
 
 void CpuEngine::match(const MatchTask& task) {
   const DensifierOptions& options = context_.options;
   DensifierStats& stats = context_.stats;
   CpuFrame& reference = own(*task.reference);
-  MatchInput input{reference.id, {&reference.panorama, reference.cam_from_world}, {}, task.range, {}};
+  MatchInput input;
+  input.keyframe_id = reference.id;
+  input.reference = {&reference.panorama, reference.cam_from_world};
+  input.range = task.range;
   for (const Frame* neighbour : task.neighbours) {
     input.neighbours.push_back({&own(*neighbour).panorama, neighbour->cam_from_world});
+    if (task.pass > 0) input.neighbour_maps.push_back(&own(*neighbour).raw);
   }
   PlaneImage sparse;
   PlaneImage warped;
-  {
+  if (task.pass == 0) {
     const Stopwatch watch(stats.seconds_init);
     if (options.init.sparse_points) {
       sparse = planes_from_landmarks(*task.keyframe, options.width, options.height, options.init);
       input.candidates.push_back(&sparse);
     }
     if (task.previous != nullptr) {
-      warped = warp_planes(own(*task.previous).median, reference.cam_from_world, executor_);
+      DepthMap previous = own(*task.previous).raw;
+      median_filter(previous, options.median, executor_);
+      warped = warp_planes(previous, reference.cam_from_world, executor_);
       input.candidates.push_back(&warped);
     }
+  } else {
+    input.start = &reference.raw;
   }
+  const PassPlan plan = pass_plan(options.patchmatch, task.pass);
+  input.first_iteration = plan.first_iteration;
+  PatchMatchOptions how = options.patchmatch;
+  how.iterations = plan.iterations;
   PatchMatchStats matched;
   {
     const Stopwatch watch(stats.seconds_patchmatch);
-    reference.median = patchmatch(input, options.patchmatch, options.seed, executor_, &matched, &context_.cancel);
+    reference.raw = patchmatch(input, how, options.seed, executor_, &matched, &context_.cancel);
   }
-  if (context_.cancel.load(std::memory_order_relaxed)) return;
-  if (context_.callbacks.raw_depth) context_.callbacks.raw_depth(reference.median);
+  reference.matched = !context_.cancel.load(std::memory_order_relaxed);
+  if (!reference.matched || !task.last) return;
+  if (context_.callbacks.raw_depth) context_.callbacks.raw_depth(reference.raw);
   FilterStats filtered;
   {
     const Stopwatch watch(stats.seconds_median);
+    reference.median = reference.raw;
     median_filter(reference.median, options.median, executor_, &filtered);
   }
-  reference.matched = true;
   ++stats.depth_maps;
   stats.pixels += matched.pixels;
   stats.pixels_matched += matched.matched;

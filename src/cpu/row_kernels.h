@@ -39,6 +39,7 @@ struct MatchJob {
   PlaneArrays planes;
   const ConstPlaneArrays* candidates;  ///< proposals of the initialiser; the zero plane proposes nothing
   int num_candidates;
+  bool random_start;    ///< whether a random plane is proposed, too
   const float* usable;  ///< checkerboard order, 0 = masked; nullptr = all
 };
 

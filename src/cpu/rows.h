@@ -74,8 +74,11 @@ void start_row(const MatchJob& job, int y) {
       kernels::Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
       if (any_usable(job, at, count < lanes<F>() ? count : lanes<F>())) {
         begin(visit, job, y, parity, k);
-        const auto pixel = pixel_numbers<F>(job, y, parity, k);
-        kernels::propose(best, kernels::random_start<F>(pixel, visit.frame.bearing, job.matching), visit, job.matching);
+        if (job.random_start) {
+          const auto pixel = pixel_numbers<F>(job, y, parity, k);
+          kernels::propose(best, kernels::random_start<F>(pixel, visit.frame.bearing, job.matching), visit,
+                           job.matching);
+        }
         for (int i = 0; i < job.num_candidates; ++i) {
           kernels::propose(best, plane_at<F>(job.candidates[i], ring, k, half), visit, job.matching);
         }

@@ -2,7 +2,7 @@
 #include "cuda/cuda_engine.h"
 
 #include <cmath>
-#include <cstring>
+#include <cstddef>
 #include <deque>
 #include <functional>
 #include <optional>
@@ -14,11 +14,10 @@
 #include "patchmatch/match_setup.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "pmsp/fusion.h"
+#include "pmsp/point_cloud.h"
 #include "sphere/cube_map.h"
 #include "sphere/panorama_data.h"
 #include "util/eigen_kernels.h"
-#include "util/stopwatch.h"
 
 namespace pmsp::cuda {
 namespace {
@@ -30,12 +29,14 @@ constexpr std::size_t kDownloads = 2;  ///< depth maps on their way down at once
 using Colors = DeviceArray<uchar4>;
 using Planes = DeviceArray<float4>;
 using Floats = DeviceArray<float>;
+using Bytes = DeviceArray<unsigned char>;
 
-struct HostFrame {
-  DepthMap map;
-  Image<Rgb> color;
-  std::vector<std::uint8_t> covered;
-};
+static_assert(sizeof(DevicePoint) == sizeof(CloudPoint) &&
+                  offsetof(DevicePoint, normal) == offsetof(CloudPoint, normal) &&
+                  offsetof(DevicePoint, color) == offsetof(CloudPoint, color) &&
+                  offsetof(DevicePoint, views) == offsetof(CloudPoint, views) &&
+                  offsetof(DevicePoint, confidence) == offsetof(CloudPoint, confidence),
+              "points are copied as they are");
 
 /// What a frame keeps on the device, lent from the engine's pools.
 struct CudaFrame : Engine::Frame {
@@ -46,7 +47,7 @@ struct CudaFrame : Engine::Frame {
   std::shared_ptr<CubeTexture> usable;  ///< none without a mask
   std::shared_ptr<Planes> planes;       ///< after the median filter
   std::shared_ptr<Floats> confidence;   ///< after the consistency filter; 0 = no depth
-  std::shared_ptr<HostFrame> host = std::make_shared<HostFrame>();
+  std::shared_ptr<Bytes> covered;       ///< nonzero where a point of an earlier frame stands for the pixel
 };
 
 CudaFrame& own(Engine::Frame& frame) { return static_cast<CudaFrame&>(frame); }
@@ -110,7 +111,7 @@ class CudaEngine : public Engine {
   std::optional<DeviceSpanTable> columns_, rows_;
   Uploader images_, masks_;
   Floats gray_, equalized_;
-  DeviceArray<unsigned char> eroded_;
+  Bytes eroded_;
   Planes state_;
   DeviceArray<std::uint64_t> sparse_keys_, warp_keys_;
   PinnedArray<SparsePoint> points_host_;
@@ -120,6 +121,10 @@ class CudaEngine : public Engine {
   Pool<CubeTexture> grays_, usables_;
   Pool<Planes> planes_;
   Pool<Floats> confidences_;
+  Pool<Bytes> covers_;
+  Pool<DeviceArray<DevicePoint>> points_pool_;
+  Bytes chosen_, fuse_scratch_;
+  DeviceArray<unsigned int> indices_;
   Pool<Record> records_;
   std::vector<std::unique_ptr<MapDownload>> downloads_;
   std::deque<Pending> pending_;
@@ -183,7 +188,7 @@ std::unique_ptr<Engine::Frame> CudaEngine::prepare(const Keyframe& keyframe) {
   fill_cube(equalized_.get(), width, height, {size, frame->gray->surface()}, compute_.get());
   if (!mask.empty()) {
     masks_.consumed(compute_);
-    if (eroded_.empty()) eroded_ = DeviceArray<unsigned char>(pixels());
+    if (eroded_.empty()) eroded_ = Bytes(pixels());
     frame->usable = usables_.get(size, kUsableBits);
     fill_usable_cube(frame->color->get(), width, height, kPatchReachPx, eroded_.get(), {size, frame->usable->surface()},
                      compute_.get());
@@ -296,20 +301,18 @@ void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   args.wanted = agreeing_maps_wanted(options, others.size());
   args.tolerance = static_cast<float>(options.max_relative_depth);
   args.confidence = reference.confidence->get();
-  const bool wanted = context_.callbacks.filtered_depth || context_.callbacks.cloud;
-  MapDownload* const download = wanted ? &free_download() : nullptr;
-  if (wanted) args.out = download->view();
+  if (context_.callbacks.cloud) {
+    reference.covered = covers_.get(pixels());
+    PMSP_CUDA_CHECK(cudaMemsetAsync(reference.covered->get(), 0, pixels(), compute_.get()));
+  }
+  MapDownload* const download = context_.callbacks.filtered_depth ? &free_download() : nullptr;
+  if (download != nullptr) args.out = download->view();
   const std::shared_ptr<Record> record = records_.get();
   args.counts = record->device.get();
   record->start(compute_);
   filter_pixels(args, compute_.get());
   record->stop(compute_, 1);
-  if (wanted) {
-    send(*download, reference, [this, host = reference.host](const DepthMap& map) {
-      if (context_.callbacks.cloud) host->map = map;
-      if (context_.callbacks.filtered_depth) context_.callbacks.filtered_depth(map);
-    });
-  }
+  if (download != nullptr) send(*download, reference, context_.callbacks.filtered_depth);
   expect([this, record] {
     record->marks[1].wait();
     context_.stats.seconds_consistency += record->marks[1].seconds_since(record->marks[0]);
@@ -318,26 +321,54 @@ void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
 }
 
 void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
-  while (!pending_.empty()) hand_out_first();
-  if (cancelled()) return;
-  const Stopwatch watch(context_.stats.seconds_fusion);
-  std::vector<FusionInput> inputs;
-  for (Frame* frame : window) {
-    HostFrame& member = *own(*frame).host;
-    if (member.color.empty()) {
-      std::vector<uchar4> colors(pixels());
-      PMSP_CUDA_CHECK(
-          cudaMemcpy(colors.data(), own(*frame).color->get(), colors.size() * sizeof(uchar4), cudaMemcpyDeviceToHost));
-      member.color = Image<Rgb>(context_.options.width, context_.options.height);
-      for (std::size_t i = 0; i < colors.size(); ++i)
-        member.color.pixels()[i] = {colors[i].x, colors[i].y, colors[i].z};
-      member.covered.assign(pixels(), 0);
-    }
-    inputs.push_back({&member.map, &member.color, &member.covered});
+  const DeviceScope scope(context_.options.device);
+  const FusionOptions& options = context_.options.fusion;
+  const CudaFrame& reference = own(*window[current]);
+  if (chosen_.empty()) {
+    chosen_ = Bytes(pixels());
+    indices_ = DeviceArray<unsigned int>(pixels());
+    fuse_scratch_ = Bytes(fuse_scratch_bytes(static_cast<int>(pixels())));
   }
-  const KeyframeCloud cloud = pmsp::fuse(inputs, current, context_.options.fusion, executor_);
-  context_.stats.points += static_cast<std::int64_t>(cloud.points.size());
-  context_.callbacks.cloud(cloud);
+  const auto points = points_pool_.get(pixels());
+  const auto record = records_.get();
+  FuseArgs args{};
+  args.grid = grid_->view();
+  args.planes = reference.planes->get();
+  args.confidence = reference.confidence->get();
+  args.color = reference.color->get();
+  args.covered = reference.covered->get();
+  for (std::size_t i = 0; i < window.size(); ++i) {
+    if (i == current) continue;
+    const CudaFrame& other = own(*window[i]);
+    args.others[args.num_others++] = {other.planes->get(),
+                                      other.confidence->get(),
+                                      other.color->get(),
+                                      other.covered->get(),
+                                      to_rigid(other.cam_from_world * reference.cam_from_world.inverse()),
+                                      i > current};
+  }
+  args.max_relative_depth = static_cast<float>(options.max_relative_depth);
+  args.min_cos = static_cast<float>(std::cos(options.max_normal_deg * kernels::kPi / 180.0));
+  args.min_confidence = static_cast<float>(options.min_confidence);
+  args.spacing = static_cast<float>(options.spacing_px);
+  args.chosen = chosen_.get();
+  args.indices = indices_.get();
+  args.count = &record->device.get()->points;
+  args.points = points->get();
+  record->start(compute_);
+  fuse_pixels(args, fuse_scratch_.get(), fuse_scratch_.size(), compute_.get());
+  record->stop(compute_, 1);
+  expect([this, record, points, id = reference.id, pose = reference.cam_from_world] {
+    record->marks[1].wait();
+    context_.stats.seconds_fusion += record->marks[1].seconds_since(record->marks[0]);
+    KeyframeCloud cloud{id, pose, std::vector<CloudPoint>(record->host[0].points)};
+    PMSP_CUDA_CHECK(cudaMemcpyAsync(cloud.points.data(), points->get(), cloud.points.size() * sizeof(CloudPoint),
+                                    cudaMemcpyDeviceToHost, down_.get()));
+    PMSP_CUDA_CHECK(cudaStreamSynchronize(down_.get()));
+    if (cancelled()) return;
+    context_.stats.points += static_cast<std::int64_t>(cloud.points.size());
+    context_.callbacks.cloud(cloud);
+  });
 }
 
 void CudaEngine::deliver(bool all) {

@@ -87,6 +87,7 @@ struct Counts {
   unsigned int matched;
   unsigned int after_median;
   unsigned int after_consistency;
+  unsigned int points;
 };
 
 /// A depth map as the host wants it; nullptr = not wanted.
@@ -124,6 +125,41 @@ struct ConsistencyArgs {
   float* confidence;  ///< 0 = no depth
   MapArrays out;
   Counts* counts;
+};
+
+/// A point of the cloud, laid out as pmsp::CloudPoint.
+struct DevicePoint {
+  float position[3];
+  float normal[3];
+  unsigned char color[3];
+  unsigned char views;
+  float confidence;
+};
+
+struct FuseArgs {
+  struct Other {
+    const float4* planes;
+    const float* confidence;
+    const uchar4* color;
+    unsigned char* covered;
+    kernels::Rigid other_from_first;
+    bool later;
+  };
+  cpu::GridTables grid;
+  const float4* planes;
+  const float* confidence;
+  const uchar4* color;
+  const unsigned char* covered;
+  Other others[kMaxMaps];
+  int num_others;
+  float max_relative_depth;
+  float min_cos;
+  float min_confidence;
+  float spacing;
+  unsigned char* chosen;  ///< per pixel
+  unsigned int* indices;  ///< room for all pixels
+  unsigned int* count;
+  DevicePoint* points;  ///< room for all pixels
 };
 
 }  // namespace pmsp::cuda

@@ -6,13 +6,11 @@
 
 #include "cpu/executor_impl.h"
 #include "filters/depth_map_tools.h"
+#include "fusion.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
 namespace {
-
-/// A later map that sees a surface from less than this share of the distance gets to make its points.
-constexpr float kMuchCloser = 0.6F;
 
 /// Another map of the window, ready for comparison.
 struct Other {
@@ -22,24 +20,9 @@ struct Other {
   Eigen::Matrix3f ref_from_other;
 };
 
-/// Weighted sums over the maps that agree on a pixel.
-struct Sums {
-  float weight = 0.0F;
-  float depth = 0.0F;
-  Eigen::Vector3f normal = Eigen::Vector3f::Zero();
-  Eigen::Vector3f color = Eigen::Vector3f::Zero();
-  int views = 0;
-
-  void add(float w, float d, const Eigen::Vector3f& n, const Rgb& c) {
-    weight += w;
-    depth += w * d;
-    normal += w * n;
-    color += w * Eigen::Vector3f(c.r, c.g, c.b);
-    ++views;
-  }
-};
-
-float weight_of(float confidence, float depth) { return std::max(confidence, 0.01F) / (depth * depth); }
+kernels::Vec3<float> color_of(const Rgb& c) {
+  return {static_cast<float>(c.r), static_cast<float>(c.g), static_cast<float>(c.b)};
+}
 
 std::uint8_t to_byte(float value) { return static_cast<std::uint8_t>(std::clamp(value + 0.5F, 0.0F, 255.0F)); }
 
@@ -78,8 +61,8 @@ class RowFuser {
     const float min_cos = static_cast<float>(std::cos(options_.max_normal_deg * kernels::kPi / 180.0));
     const std::size_t column = static_cast<std::size_t>(x);
     if (confidence < static_cast<float>(options_.min_confidence)) return;
-    Sums sums;
-    sums.add(weight_of(confidence, depth), depth, normal, (*current_.color)(x, y));
+    kernels::FusionSums sums;
+    sums.add(kernels::fusion_weight(confidence, depth), depth, to_vec3(normal), color_of((*current_.color)(x, y)));
     for (std::size_t i = 0; i < others_.size(); ++i) {
       const float closeness = rows[i].closeness[column];
       if (std::fabs(closeness - 1.0F) > static_cast<float>(options_.max_relative_depth)) continue;
@@ -88,17 +71,17 @@ class RowFuser {
       const Eigen::Vector3f turned = other.ref_from_other * other.input->map->normal.pixels()[at];
       if (turned.dot(normal) < min_cos) continue;
       const float other_depth = other.input->map->depth.pixels()[at];
-      if (other.later && other_depth < kMuchCloser * depth) return;
-      sums.add(weight_of(other.input->map->confidence.pixels()[at], other_depth), rows[i].implied_depth[column], turned,
-               other.input->color->pixels()[at]);
+      if (other.later && other_depth < kernels::kMuchCloser * depth) return;
+      sums.add(kernels::fusion_weight(other.input->map->confidence.pixels()[at], other_depth),
+               rows[i].implied_depth[column], to_vec3(turned), color_of(other.input->color->pixels()[at]));
     }
     const kernels::Vec3<float> bearing =
         kernels::bearing(grid_.sin_lon()[x], grid_.cos_lon()[x], grid_.sin_lat()[y], grid_.cos_lat()[y]);
     CloudPoint point;
     point.position = (sums.depth / sums.weight) * to_eigen(bearing);
-    point.normal = sums.normal.normalized();
-    const Eigen::Vector3f color = sums.color / sums.weight;
-    point.color = {to_byte(color.x()), to_byte(color.y()), to_byte(color.z())};
+    point.normal = to_eigen(kernels::normalized(sums.normal));
+    const kernels::Vec3<float> color = (1.0F / sums.weight) * sums.color;
+    point.color = {to_byte(color.x), to_byte(color.y), to_byte(color.z)};
     point.confidence = confidence;
     point.views = static_cast<std::uint8_t>(std::min(sums.views, 255));
     points.push_back(point);
@@ -111,26 +94,17 @@ class RowFuser {
   /// spacing. Near the poles these are many, since columns crowd there.
   void cover(const Other& other, const kernels::Vec3<float>& point) const {
     const DepthMap& map = *other.input->map;
-    const int width = grid_.width();
-    const float spacing = static_cast<float>(options_.spacing_px);
     const kernels::Vec3<float> p = kernels::transform(other.job.other_from_first, point);
     const float range = std::sqrt(kernels::dot(p, p));
-    const auto at = kernels::project(p, static_cast<float>(width), static_cast<float>(grid_.height()));
-    const int first_row = std::max(0, static_cast<int>(std::floor(at.y - spacing)));
-    const int last_row = std::min(grid_.height() - 1, static_cast<int>(std::floor(at.y + spacing)));
-    for (int row = first_row; row <= last_row; ++row) {
-      const float dy = static_cast<float>(row) + 0.5F - at.y;
-      if (std::fabs(dy) > spacing) continue;
-      const float reach = std::min(std::sqrt(spacing * spacing - dy * dy) / grid_.cos_lat()[row],
-                                   0.5F * static_cast<float>(width) - 1.0F);
-      const int last = static_cast<int>(std::floor(at.x + reach - 0.5F));
-      for (int column = static_cast<int>(std::ceil(at.x - reach - 0.5F)); column <= last; ++column) {
-        const std::size_t index = pixel((column + width) % width, row);
-        const float depth = map.depth.pixels()[index];
-        if (std::fabs(depth - range) > static_cast<float>(options_.max_relative_depth) * range) continue;
-        __atomic_store_n(&(*other.input->covered)[index], std::uint8_t{1}, __ATOMIC_RELAXED);  // rows run in parallel
-      }
-    }
+    const float tolerance = static_cast<float>(options_.max_relative_depth) * range;
+    kernels::for_each_covered(
+        p, static_cast<float>(options_.spacing_px), grid_.cos_lat(), grid_.width(), grid_.height(), [&](int pixel) {
+          const std::size_t index = static_cast<std::size_t>(pixel);
+          const float depth = map.depth.pixels()[index];
+          if (std::fabs(depth - range) > tolerance) return;
+          __atomic_store_n(&(*other.input->covered)[index], std::uint8_t{1},
+                           __ATOMIC_RELAXED);  // rows run in parallel
+        });
   }
 
   const FusionInput& current_;

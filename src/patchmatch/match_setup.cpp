@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "patchmatch/match_setup.h"
 
-#include "math.h"
+#include <algorithm>
+
+#include "elementary.h"
 
 namespace pmsp {
 namespace {
@@ -21,8 +23,11 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width) {
   layout.spacing = spacing(options.patch_spacing_px);
   layout.fine_spacing = spacing(options.patch_spacing_px * options.fine_patch);
   layout.fine_variance = static_cast<float>(options.fine_patch_contrast * options.fine_patch_contrast);
-  layout.color_factor = static_cast<float>(-0.5 / (options.sigma_color * options.sigma_color));
+  layout.min_sigma_color = static_cast<float>(std::min(options.min_sigma_color, options.sigma_color));
+  layout.max_sigma_color = static_cast<float>(options.sigma_color);
   layout.min_variance = kNoiseVariance;
+  layout.disagreement_cost = static_cast<float>(options.geometric_weight);
+  layout.disagreement_tolerance = static_cast<float>(options.geometric_tolerance);
   const double steps = options.sigma_space_px / options.patch_spacing_px;
   for (int k = 0; k < kernels::kPatchSamples; ++k) {
     const double dx = kernels::patch_offset(k % kernels::kPatchSide);
@@ -40,6 +45,11 @@ kernels::PlaneLimits plane_limits(const PatchMatchOptions& options, const DepthR
 
 kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id) {
   return kernels::random_key(seed, static_cast<std::uint64_t>(keyframe_id), kPatchMatchStage);
+}
+
+PassPlan pass_plan(const PatchMatchOptions& options, int pass) {
+  if (pass == 0) return {0, options.iterations};
+  return {options.iterations + (pass - 1) * options.geometric_iterations, options.geometric_iterations};
 }
 
 }  // namespace pmsp

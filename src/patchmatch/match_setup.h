@@ -15,6 +15,13 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width);
 kernels::PlaneLimits plane_limits(const PatchMatchOptions& options, const DepthRange& range);
 kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id);
 
+/// Iterations of one pass: the first one counts from 0, others go on counting.
+struct PassPlan {
+  int first_iteration;
+  int iterations;
+};
+PassPlan pass_plan(const PatchMatchOptions& options, int pass);
+
 /// All but the views.
 template <class Cube>
 kernels::Matching<Cube> make_matching(const Cube& reference, const PatchMatchOptions& options, int width,

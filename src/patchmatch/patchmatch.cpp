@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "cpu/executor_impl.h"
+#include "filters/depth_map_tools.h"
 #include "patchmatch/match_setup.h"
 #include "pmsp/error.h"
 #include "sphere/grid.h"
@@ -25,6 +26,13 @@ struct Planes {
 
   std::vector<float> x, y, z;
 };
+
+void check_size(const DepthMap* map, int width, int height) {
+  if (map == nullptr || map->depth.empty()) return;
+  if (map->depth.width() != width || map->depth.height() != height) {
+    throw InvalidInput("patchmatch: a depth map is not of the reference's size");
+  }
+}
 
 void check(const MatchInput& input, const PatchMatchOptions& options) {
   options.validate();
@@ -47,6 +55,12 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
       throw InvalidInput("patchmatch: candidate planes are not of the reference's size");
     }
   }
+  if (!input.neighbour_maps.empty() && input.neighbour_maps.size() != count) {
+    throw InvalidInput("patchmatch: " + std::to_string(input.neighbour_maps.size()) + " depth maps of " +
+                       std::to_string(count) + " neighbours; expected none or one for each");
+  }
+  for (const DepthMap* map : input.neighbour_maps) check_size(map, width, height);
+  check_size(input.start, width, height);
   // Products of these numbers must stay inside the range of single precision.
   if (!(input.range.min >= 1e-12) || !(input.range.max > input.range.min) || !(input.range.max <= 1e12)) {
     std::ostringstream text;
@@ -68,10 +82,43 @@ kernels::Matching<kernels::CubeView> matching_for(const MatchInput& input, const
   const RigidTransform world_from_ref = input.reference.cam_from_world.inverse();
   for (const PosedPanorama& neighbour : input.neighbours) {
     const Panorama::Data& data = neighbour.panorama->data();
-    matching.views[matching.num_views++] = {data.gray.view(), data.matchable.view(),
-                                            to_rigid(neighbour.cam_from_world * world_from_ref)};
+    matching.views[matching.num_views++] = {data.gray.view(),
+                                            data.matchable.view(),
+                                            to_rigid(neighbour.cam_from_world * world_from_ref),
+                                            {nullptr, nullptr, nullptr, 0, 0}};
   }
   return matching;
+}
+
+/// The neighbours' depth maps as the views' surfaces point to them.
+std::vector<PlaneRows> add_surfaces(const MatchInput& input, const SphereGrid& grid, ThreadPool& pool,
+                                    kernels::Matching<kernels::CubeView>& matching) {
+  std::vector<PlaneRows> surfaces;
+  surfaces.reserve(input.neighbour_maps.size());
+  for (std::size_t i = 0; i < input.neighbour_maps.size(); ++i) {
+    const DepthMap* map = input.neighbour_maps[i];
+    if (map == nullptr || map->depth.empty()) continue;
+    surfaces.emplace_back(*map, grid, pool);
+    matching.views[i].surface = surfaces.back().view();
+  }
+  return surfaces;
+}
+
+Planes to_checkerboard(const DepthMap& map, const SphereGrid& grid, ThreadPool& pool) {
+  Planes planes(grid.size());
+  pool.for_each(grid.height(), [&](int y) {
+    for (int x = 0; x < grid.width(); ++x) {
+      if (!(map.depth(x, y) > 0.0F)) continue;
+      const kernels::Vec3<float> plane = kernels::plane_from(
+          1.0F / map.depth(x, y), to_vec3(map.normal(x, y)),
+          kernels::bearing(grid.sin_lon()[x], grid.cos_lon()[x], grid.sin_lat()[y], grid.cos_lat()[y]));
+      const std::size_t at = grid.index(x, y);
+      planes.x[at] = plane.x;
+      planes.y[at] = plane.y;
+      planes.z[at] = plane.z;
+    }
+  });
+  return planes;
 }
 
 Planes to_checkerboard(const PlaneImage& image, const SphereGrid& grid) {
@@ -125,19 +172,24 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   ThreadPool& pool = executor.impl().pool;
   const cpu::RowKernels& rows = executor.impl().rows;
   const SphereGrid grid(reference.width(), reference.height());
+  auto matching = matching_for(input, options, seed);
+  const std::vector<PlaneRows> surfaces = add_surfaces(input, grid, pool, matching);
   std::vector<Planes> candidates;
   std::vector<cpu::ConstPlaneArrays> candidate_views;
   for (const PlaneImage* image : input.candidates) candidates.push_back(to_checkerboard(*image, grid));
+  const bool started = input.start != nullptr && !input.start->depth.empty();
+  if (started) candidates.push_back(to_checkerboard(*input.start, grid, pool));
   for (const Planes& planes : candidates) candidate_views.push_back(planes.view());
   const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
   Planes planes(grid.size());
   std::vector<float> score(grid.size(), -1.0F);
 
-  const cpu::MatchJob job{matching_for(input, options, seed),
+  const cpu::MatchJob job{matching,
                           grid.tables(),
                           {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
                           candidate_views.data(),
                           static_cast<int>(candidate_views.size()),
+                          !started,
                           usable.empty() ? nullptr : usable.data()};
 
   const auto cancelled = [&] { return cancel != nullptr && cancel->load(std::memory_order_relaxed); };
@@ -145,7 +197,7 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
     for (int colour = 0; colour < 2; ++colour) {
       if (cancelled()) return {};
-      pool.for_each(grid.height(), [&](int y) { rows.iterate_row(job, y, colour, iteration); });
+      pool.for_each(grid.height(), [&](int y) { rows.iterate_row(job, y, colour, input.first_iteration + iteration); });
     }
   }
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "math.h"
+#include "elementary.h"
 
 namespace pmsp {
 

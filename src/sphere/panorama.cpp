@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cpu/executor_impl.h"
-#include "math.h"
+#include "elementary.h"
 #include "pmsp/error.h"
 #include "sphere/area_resize.h"
 #include "sphere/panorama_data.h"

@@ -44,6 +44,9 @@ DepthMap match(const synth::Mission& mission, std::size_t reference, const Match
   }
   input.range = depth_range(keyframe, InitOptions{});
   input.candidates = {&sparse};
+  input.first_iteration = setup.first_iteration;
+  input.start = setup.start;
+  input.neighbour_maps = setup.neighbour_maps;
   return patchmatch(input, setup.options, setup.seed, executor, stats);
 }
 

@@ -37,6 +37,9 @@ synth::Recipe small_recipe(int width, int keyframes = 3);
 struct MatchSetup {
   std::vector<std::size_t> neighbours = {};  ///< indices of frames; empty = the one before and the one after
   PatchMatchOptions options = {};
+  int first_iteration = 0;
+  const DepthMap* start = nullptr;
+  std::vector<const DepthMap*> neighbour_maps = {};
   std::uint64_t seed = 1;
   int threads = 0;
   Simd simd = Simd::kAuto;

@@ -42,8 +42,16 @@ const std::vector<Field>& fields() {
       {"patchmatch.refinements", [](O& o, double v) { o.patchmatch.refinements = whole(v); }, -1, 0, 32, 33, true},
       {"patchmatch.patch_spacing_px", [](O& o, double v) { o.patchmatch.patch_spacing_px = v; }, 0.49, 0.5, 8, 8.01},
       {"patchmatch.sigma_color", [](O& o, double v) { o.patchmatch.sigma_color = v; }, 0.99, 1, 1000, 1000.1},
+      {"patchmatch.min_sigma_color", [](O& o, double v) { o.patchmatch.min_sigma_color = v; }, 0.99, 1, 1000, 1000.1},
       {"patchmatch.sigma_space_px", [](O& o, double v) { o.patchmatch.sigma_space_px = v; }, 0.49, 0.5, 100, 100.1},
       {"patchmatch.max_slant_deg", [](O& o, double v) { o.patchmatch.max_slant_deg = v; }, 9.9, 10, 89, 89.1},
+      {"patchmatch.geometric_passes", [](O& o, double v) { o.patchmatch.geometric_passes = whole(v); }, -1, 0, 4, 5,
+       true},
+      {"patchmatch.geometric_iterations", [](O& o, double v) { o.patchmatch.geometric_iterations = whole(v); }, 0, 1,
+       100, 101, true},
+      {"patchmatch.geometric_weight", [](O& o, double v) { o.patchmatch.geometric_weight = v; }, -0.01, 0, 4, 4.01},
+      {"patchmatch.geometric_tolerance", [](O& o, double v) { o.patchmatch.geometric_tolerance = v; }, 0.0009, 0.001, 1,
+       1.01},
       {"median.max_relative_deviation", [](O& o, double v) { o.median.max_relative_deviation = v; }, -0.01, 0, 1, 1.01},
       {"median.min_score", [](O& o, double v) { o.median.min_score = v; }, -1.01, -1, 1, 1.01},
       {"consistency.window", [](O& o, double v) { o.consistency.window = whole(v); }, 1, 3, 15, 16, true},
@@ -120,12 +128,12 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   const DensifierOptions online = preset(Quality::kOnline);
   CHECK(online.width == 640);
   CHECK(online.height == 320);
-  CHECK(online.patchmatch.iterations == 4);
+  CHECK(online.patchmatch.iterations == 3);
   CHECK(online.patchmatch.neighbours == 2);
   const DensifierOptions normal = preset(Quality::kNormal);
   CHECK(normal.width == 1440);
   CHECK(normal.height == 720);
-  CHECK(normal.patchmatch.iterations == 6);
+  CHECK(normal.patchmatch.iterations == 3);
   CHECK(normal.patchmatch.neighbours == 4);
   const DensifierOptions high = preset(Quality::kHigh);
   CHECK(high.width == 0);

@@ -226,3 +226,41 @@ TEST_CASE("panoramas refuse odd sizes and masks of another size", "[patchmatch]"
   CHECK_THROWS_AS(Panorama(ImageView<const Rgb>{}, {}, 64, 32, executor), InvalidInput);
   CHECK_THROWS_WITH(Panorama(even.view(), mask.view(), 64, 32, executor), Catch::Contains("62 x 32"));
 }
+
+TEST_CASE("a further pass over all maps leaves fewer wrong depths", "[patchmatch]" PMSP_ACCURACY) {
+  const synth::Mission mission = synth::empty_room(small_recipe(256, 5));
+  MatchSetup first;
+  first.options.iterations = 2;
+  std::vector<DepthMap> maps;
+  for (const std::size_t i : {std::size_t{1}, std::size_t{2}, std::size_t{3}}) maps.push_back(match(mission, i, first));
+  const auto share = [&](const DepthMap& map) { return synth::share_within(map.depth, mission.frames[2].depth, 0.02); };
+  MatchSetup again;
+  again.options.iterations = 1;
+  again.first_iteration = 2;
+  again.start = &maps[1];
+  const double alone = share(match(mission, 2, again));
+  again.neighbour_maps = {&maps[0], &maps[2]};
+  const double checked = share(match(mission, 2, again));
+  again.options.geometric_weight = 0.0;
+  const double unheeded = share(match(mission, 2, again));
+  CAPTURE(share(maps[1]), alone, checked, unheeded);
+  CHECK(alone >= share(maps[1]));
+  CHECK(checked > alone + 0.02);
+  CHECK(unheeded == alone);
+}
+
+TEST_CASE("depth maps of neighbours must fit the input", "[patchmatch]") {
+  const synth::Mission mission = synth::empty_room(small_recipe(64));
+  const DepthMap map = match(mission, 1);
+  const DepthMap small = match(synth::empty_room(small_recipe(48)), 1);
+  const DepthMap empty;
+  MatchSetup setup;
+  setup.neighbour_maps = {&map};
+  CHECK_THROWS_AS(match(mission, 1, setup), InvalidInput);
+  setup.neighbour_maps = {&map, &small};
+  CHECK_THROWS_AS(match(mission, 1, setup), InvalidInput);
+  setup.neighbour_maps = {nullptr, &empty};  // not known yet: as without
+  CHECK(same(match(mission, 1, setup), map));
+  setup.start = &small;
+  CHECK_THROWS_AS(match(mission, 1, setup), InvalidInput);
+}

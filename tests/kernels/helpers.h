@@ -73,7 +73,7 @@ inline kernels::PatchLayout patch_layout(int width) {
   constexpr double kSigmaSpacePx = 5.0;
   kernels::PatchLayout layout{};
   layout.spacing = static_cast<float>(std::tan(kSpacingPx * 2.0 * kPi / width));
-  layout.color_factor = static_cast<float>(-0.5 / (kSigmaColor * kSigmaColor));
+  layout.min_sigma_color = layout.max_sigma_color = static_cast<float>(kSigmaColor);
   layout.min_variance = 1.0F;
   for (int k = 0; k < kernels::kPatchSamples; ++k) {
     const double dx = kSpacingPx * kernels::patch_offset(k % kernels::kPatchSide);

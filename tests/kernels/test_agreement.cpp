@@ -56,6 +56,27 @@ const k::Rigid kIdentity{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}};
 
 }  // namespace
 
+TEST_CASE("disagreement is the relative difference of the ranges, and full where the map is empty") {
+  const PlaneMap map = wall_map();
+  const PlaneMap empty([](const Vec3<double>&) { return Vec3<double>{0.0, 0.0, 0.0}; });
+  Draws draws(5);
+  for (int i = 0; i < 5000; ++i) {
+    const RigidTransform other_from_first = draws.transform(kernels::kPi, 0.5);
+    const Vec3<double> seen_from_other = draws.direction();
+    const double height = k::dot(kWall, seen_from_other);
+    if (height < 0.15) continue;
+    const double ratio = draws.uniform(0.7, 1.4);
+    const Vec3<double> point = apply(other_from_first.inverse(), (ratio / height) * seen_from_other);
+    const double depth = test::length(point);
+    const Vec3<float> bearing = cast<float>((1.0 / depth) * point);
+    const auto off = [&](const PlaneMap& other) {
+      return k::disagreement(bearing, static_cast<float>(1.0 / depth), other.view(), to_rigid(other_from_first));
+    };
+    REQUIRE(off(map) == Approx(std::fabs(ratio - 1.0)).margin(2e-4));
+    REQUIRE(off(empty) == Approx(1.0));
+  }
+}
+
 TEST_CASE("agreement with a plane: closeness is the ratio of the ranges, the implied depth is exact") {
   const PlaneMap map = wall_map();
   Draws draws(1);

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "math.h"
+#include "elementary.h"
 
 namespace k = pmsp::kernels;
 

@@ -340,3 +340,60 @@ TEST_CASE("score in float and in double agree") {
   INFO("worst " << worst);
   CHECK(worst < 1e-3);
 }
+
+TEST_CASE("bilateral weights: a silhouette beside a smooth surface has no say, texture keeps its own") {
+  k::PatchLayout layout = room().layout;
+  layout.min_sigma_color = 4.0F;
+  layout.max_sigma_color = 20.0F;
+  Draws draws(21);
+  double smooth[k::kPatchSamples];
+  double textured[k::kPatchSamples];
+  for (int i = 0; i < k::kPatchSamples; ++i) {
+    smooth[i] = draws.uniform(-1.0, 1.0) + (i % k::kPatchSide >= 4 ? 60.0 : 0.0);  // a third lies on something else
+    textured[i] = draws.uniform(-40.0, 40.0);
+  }
+  CHECK(k::sigma_color(smooth, layout) == Approx(4.0));
+  CHECK(k::sigma_color(textured, layout) == Approx(20.0));
+  for (double& value : smooth) value *= 3.0;  // in between it grows with the spread
+  CHECK(k::sigma_color(smooth, layout) > 4.5);
+  CHECK(k::sigma_color(smooth, layout) < 15.0);
+  layout.min_sigma_color = 20.0F;
+  CHECK(k::sigma_color(smooth, layout) == Approx(20.0));
+}
+
+TEST_CASE("a neighbour's depth map takes from the score what the plane differs from it") {
+  const Room& scene = room();
+  k::PatchLayout layout = scene.layout;
+  layout.disagreement_cost = 0.5F;
+  layout.disagreement_tolerance = 0.1F;
+  const synth::Frame& other = scene.mission->frames[2];
+  std::vector<float> planes[3];
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const Vec3<double> bearing = frame_at(x + 0.5, y + 0.5, kWidth, kHeight).bearing;
+      const Eigen::Vector3f n = other.normal(x, y);
+      const Vec3<double> plane =
+          k::plane_from(1.0 / static_cast<double>(other.depth(x, y)), Vec3<double>{n.x(), n.y(), n.z()}, bearing);
+      planes[0].push_back(static_cast<float>(plane.x));
+      planes[1].push_back(static_cast<float>(plane.y));
+      planes[2].push_back(static_cast<float>(plane.z));
+    }
+  }
+  const k::SourceView without = scene.view(2);
+  k::SourceView with = without;
+  with.surface = {planes[0].data(), planes[1].data(), planes[2].data(), kWidth, kHeight};
+  int agreed = 0;
+  for (const Sample& sample : scene.samples) {
+    const auto patch = k::reference_patch(scene.reference(), sample.frame, layout);
+    const auto turned = k::rotated(sample.frame, without);
+    const auto lost = [&](double factor) {
+      const Vec3<double> plane = factor * sample.plane;
+      return k::checked_score(patch, sample.frame, turned, without, plane, layout) -
+             k::checked_score(patch, sample.frame, turned, with, plane, layout);
+    };
+    REQUIRE(lost(1.0) >= 0.0);
+    agreed += lost(1.0) < 0.01 ? 1 : 0;
+    REQUIRE(lost(1.0 / 1.3) == Approx(0.5));  // 30 % behind everything that is there
+  }
+  CHECK(agreed > 0.95 * static_cast<double>(scene.samples.size()));
+}

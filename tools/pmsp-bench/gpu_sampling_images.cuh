@@ -10,7 +10,7 @@
 #include <memory>
 #include <vector>
 
-#include "math.h"
+#include "elementary.h"
 #include "vec3.h"
 
 // One panorama in all the forms whose look-ups pmsp-gpu-sampling compares. The picture is a sum of waves over the

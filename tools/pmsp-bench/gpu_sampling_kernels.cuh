@@ -58,7 +58,7 @@ struct EquirectLibrary : PerSample {
   }
 };
 
-/// 2: the polynomial of kernels/math.h, with approximate divisions.
+/// 2: the polynomial of kernels/elementary.h, with approximate divisions.
 struct EquirectPolynomial : PerSample {
   static __device__ __forceinline__ float angle(float y, float x) {
     const float ax = ::fabsf(x);

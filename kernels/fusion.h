@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "equirect.h"
+#include "plane.h"
+
+// One pixel's share of fusion: the average over the maps that agree on a surface, and which pixels of other maps a
+// point stands for.
+namespace pmsp::kernels {
+
+/// A later map that sees a surface from less than this share of the distance gets to make its points.
+constexpr float kMuchCloser = 0.6F;
+
+/// How much a map's depth counts: its error grows with the square of the distance.
+PMSP_HD float fusion_weight(float confidence, float depth) { return max(confidence, 0.01F) / (depth * depth); }
+
+/// Weighted sums over the maps that agree on a pixel.
+struct FusionSums {
+  float weight = 0.0F;
+  float depth = 0.0F;
+  Vec3<float> normal{0.0F, 0.0F, 0.0F};
+  Vec3<float> color{0.0F, 0.0F, 0.0F};
+  int views = 0;
+
+  PMSP_HD void add(float w, float d, const Vec3<float>& n, const Vec3<float>& c) {
+    weight += w;
+    depth += w * d;
+    normal = fma(w, n, normal);
+    color = fma(w, c, color);
+    ++views;
+  }
+};
+
+/// Calls mark(index) for the pixels of a map whose centre lies within `spacing` pixels (at the equator) of the
+/// direction p. Near the poles these are many, since columns crowd there.
+template <class Mark>
+PMSP_HD void for_each_covered(const Vec3<float>& p, float spacing, const float* cos_lat, int width, int height,
+                              const Mark& mark) {
+  const Pixel<float> at = project(p, static_cast<float>(width), static_cast<float>(height));
+  const int first_row = static_cast<int>(max(0.0F, ::floorf(at.y - spacing)));
+  const int last_row = static_cast<int>(min(static_cast<float>(height - 1), ::floorf(at.y + spacing)));
+  for (int row = first_row; row <= last_row; ++row) {
+    const float dy = static_cast<float>(row) + 0.5F - at.y;
+    if (abs(dy) > spacing) continue;
+    const float reach = min(sqrt(spacing * spacing - dy * dy) / cos_lat[row], 0.5F * static_cast<float>(width) - 1.0F);
+    const int last = static_cast<int>(::floorf(at.x + reach - 0.5F));
+    for (int column = static_cast<int>(::ceilf(at.x - reach - 0.5F)); column <= last; ++column) {
+      mark(row * width + (column + width) % width);
+    }
+  }
+}
+
+}  // namespace pmsp::kernels
