@@ -49,8 +49,9 @@ struct Match {
     scoring.matching = make_matching<Cube>(reference, PatchMatchOptions{}, mission.width, {0.5, 8.0}, 1, 1);
     const RigidTransform world_from_ref = mission.frames[1].cam_from_world.inverse();
     for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
-      scoring.matching.views[scoring.matching.num_views++] = {
-          image_of(i), Cube{}, to_rigid(mission.frames[i].cam_from_world * world_from_ref)};
+      auto& view = scoring.matching.views[scoring.matching.num_views++];
+      view.image = image_of(i);
+      view.view_from_ref = to_rigid(mission.frames[i].cam_from_world * world_from_ref);
     }
     scoring.width = mission.width;
     scoring.height = mission.height;

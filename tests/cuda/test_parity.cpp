@@ -113,6 +113,8 @@ DensifierOptions online(int width, int height) {
   DensifierOptions options = preset(Quality::kOnline);
   options.width = width;
   options.height = height;
+  options.patchmatch.iterations = 4;
+  options.patchmatch.geometric_passes = 0;  // they have a test of their own
   return options;
 }
 
@@ -187,6 +189,16 @@ TEST_CASE("CUDA and CPU agree with and without landmarks and warped planes", "[c
   }
 }
 
+TEST_CASE("CUDA and CPU agree with geometric passes", "[cuda][parity][geometric]") {
+  const synth::Mission mission = synth::textured_room(recipe_of(640, 320, 6));
+  for (const int passes : {1, 2}) {
+    CAPTURE(passes);
+    DensifierOptions options = preset(Quality::kOnline);
+    options.patchmatch.geometric_passes = passes;
+    check_pair(run_both(mission, options), mission, 0.965);
+  }
+}
+
 TEST_CASE("CUDA and CPU agree without the filters", "[cuda][parity]") {
   const synth::Mission mission = synth::empty_room(recipe_of(640, 320, 3));
   DensifierOptions options = online(640, 320);
@@ -245,6 +257,7 @@ TEST_CASE("CUDA and CPU agree at 1440 x 720", "[cuda][parity][large]") {
   const synth::Mission mission = synth::empty_room(recipe_of(1440, 720, 3));
   DensifierOptions options = preset(Quality::kNormal);
   options.patchmatch.iterations = 4;
+  options.patchmatch.geometric_passes = 0;
   const Pair pair = run_both(mission, options);
   check_pair(pair, mission, kRoomEqual);
   CHECK(raw_right(pair.cuda, mission) > 0.9);

@@ -89,6 +89,7 @@ std::unique_ptr<Workload> outline(const WorkloadRequest& request) {
   PatchMatchOptions& patchmatch = workload->options.patchmatch;
   patchmatch.neighbours = request.neighbours.value_or(patchmatch.neighbours);
   patchmatch.iterations = request.iterations.value_or(patchmatch.iterations);
+  patchmatch.geometric_passes = request.geometric_passes.value_or(patchmatch.geometric_passes);
   workload->options.validate();
   return workload;
 }
