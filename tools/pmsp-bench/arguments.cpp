@@ -29,7 +29,7 @@ constexpr const char* kExamples = R"(
 Examples:
   pmsp-bench                                        online quality, widest instruction set, all threads, GPU if there is one
   pmsp-bench --simd scalar,avx2,avx512 --threads 1 --stages patchmatch --backends cpu      SIMD over scalar, per core
-  pmsp-bench --backends cuda --quality normal --neighbours 2 --json normal.json
+  pmsp-bench --backends cuda --iterations 4 --geometric-passes 0 --json paper.json
   pmsp-bench --backends cuda --width 5760 --image-width 5760
   pmsp-bench --map map.msg --images keyframes/
   pmsp-bench --list
@@ -153,6 +153,10 @@ std::optional<Arguments> parse_arguments(int argc, char** argv) {
       ->option_text("N");
   app.add_option("--iterations", arguments.iterations, "iterations of PatchMatch instead of the preset's, 1 to 100")
       ->check(CLI::Range(1, 100))
+      ->option_text("N");
+  app.add_option("--geometric-passes", arguments.geometric_passes,
+                 "passes that look at the neighbours' maps instead of the preset's, 0 to 4")
+      ->check(CLI::Range(0, 4))
       ->option_text("N");
   app.add_option("--image-width", arguments.image_width,
                  "width of the images [px], a multiple of 4; default 1920, or the depth maps' width if that is more")

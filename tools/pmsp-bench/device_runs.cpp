@@ -116,8 +116,9 @@ std::string case_name(const Workload& workload, const char* stage) {
 /// random plane and the candidates, then in each iteration the neighbours' planes and the random steps.
 double nominal_samples(const DensifierOptions& options) {
   const int candidates = (options.init.sparse_points ? 1 : 0) + (options.init.warp_previous ? 1 : 0);
-  const int hypotheses =
-      1 + candidates + options.patchmatch.iterations * (kernels::kNeighbours + options.patchmatch.refinements);
+  const PatchMatchOptions& patchmatch = options.patchmatch;
+  const int iterations = patchmatch.iterations + patchmatch.geometric_passes * patchmatch.geometric_iterations;
+  const int hypotheses = 1 + candidates + iterations * (kernels::kNeighbours + patchmatch.refinements);
   return static_cast<double>(options.width) * options.height * hypotheses * options.patchmatch.neighbours *
          kernels::kPatchSamples;
 }

@@ -39,8 +39,13 @@ bool is_wanted(const Arguments& arguments, const Stage& stage) {
 }
 
 WorkloadRequest request_of(const Arguments& arguments, const std::string& quality) {
-  return {
-      quality, arguments.width, arguments.height, arguments.image_width, arguments.neighbours, arguments.iterations};
+  return {quality,
+          arguments.width,
+          arguments.height,
+          arguments.image_width,
+          arguments.neighbours,
+          arguments.iterations,
+          arguments.geometric_passes};
 }
 
 void choose_cpu_cases(const Arguments& arguments, const Workload& workload, std::vector<Case>& cases) {
