@@ -28,9 +28,25 @@ else()
     set(_pmsp_cuda_why_not "no CUDA toolkit found (nvcc is not in PATH, CUDA_PATH or /usr/local/cuda; -DCMAKE_CUDA_COMPILER=... names one)")
   else()
     # Set before the language is enabled: the default that CMake 3.25 tests the compiler with is older than what nvcc 13
-    # knows. Turing, Ampere and Hopper as machine code, later ones from Hopper's PTX.
+    # knows. Machine code for what the toolkit knows of these, and PTX of the newest, which later drivers compile:
+    #   75 Turing, 80 86 Ampere, 87 Jetson Orin, 89 Ada, 90 Hopper, 100 110 120 Blackwell (data centre, Jetson Thor, others)
+    # Minor versions in between (88, 103, 121) run the code of the one before. Building for all of them takes half a
+    # minute of one processor.
     if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
-      set(CMAKE_CUDA_ARCHITECTURES "75-real;80-real;90" CACHE STRING "CUDA architectures to build for")
+      execute_process(COMMAND "${_pmsp_nvcc}" --list-gpu-arch OUTPUT_VARIABLE _pmsp_known ERROR_QUIET)
+      set(_pmsp_archs "")
+      foreach(arch 75 80 86 87 89 90 100 110 120)
+        if(_pmsp_known MATCHES "compute_${arch}\n")
+          list(APPEND _pmsp_archs ${arch}-real)
+          set(_pmsp_newest ${arch})
+        endif()
+      endforeach()
+      if(_pmsp_archs)
+        list(APPEND _pmsp_archs ${_pmsp_newest}-virtual)
+      else()
+        set(_pmsp_archs 75-real 80)   # toolkits too old to tell
+      endif()
+      set(CMAKE_CUDA_ARCHITECTURES "${_pmsp_archs}" CACHE STRING "CUDA architectures to build for")
     endif()
     if(NOT DEFINED CMAKE_CUDA_STANDARD)
       set(CMAKE_CUDA_STANDARD 17)

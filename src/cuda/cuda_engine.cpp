@@ -188,6 +188,8 @@ std::unique_ptr<Engine::Frame> CudaEngine::prepare(const Keyframe& keyframe) {
   args.rows = rows_->view();
   args.color = frame->color->get();
   args.gray = gray_.get();
+  const std::shared_ptr<Record> record = records_.get();
+  record->marks[0].record(compute_);
   resize(args, compute_.get());
   images_.consumed(compute_);
   equalize_rows(gray_.get(), equalized_.get(), width, height, compute_.get());
@@ -199,6 +201,11 @@ std::unique_ptr<Engine::Frame> CudaEngine::prepare(const Keyframe& keyframe) {
     fill_usable_cube(frame->color->get(), width, height, kPatchReachPx, eroded_.get(), {size, frame->usable->surface()},
                      compute_.get());
   }
+  record->marks[1].record(compute_);
+  expect([this, record] {
+    record->marks[1].wait();
+    context_.stats.seconds_prepare += record->marks[1].seconds_since(record->marks[0]);
+  });
   return frame;
 }
 

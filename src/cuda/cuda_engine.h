@@ -21,6 +21,7 @@ struct Device {
   std::string name;
   std::string why_not;         ///< empty = usable
   std::size_t free_bytes = 0;  ///< of its memory, now
+  double texture_rate = 0.0;   ///< bilinear samples that its texture units filter in a second, at most
 };
 
 /// Looks at one device, and lets go of it again.

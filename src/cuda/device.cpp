@@ -28,6 +28,10 @@ Device find_device(int number) {
     cudaDeviceProp properties{};
     PMSP_CUDA_CHECK(cudaGetDeviceProperties(&properties, number));
     device.name = properties.name;
+    int clock_khz = 0;
+    PMSP_CUDA_CHECK(cudaDeviceGetAttribute(&clock_khz, cudaDevAttrClockRate, number));
+    constexpr double kSamplesPerClock = 4.0;  // of a multiprocessor, from Turing to Blackwell
+    device.texture_rate = kSamplesPerClock * properties.multiProcessorCount * 1e3 * clock_khz;
     std::size_t total = 0;
     PMSP_CUDA_CHECK(cudaMemGetInfo(&device.free_bytes, &total));
     if (!runs_here()) {

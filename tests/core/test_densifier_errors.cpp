@@ -114,3 +114,15 @@ TEST_CASE("what a callback throws comes out of add or flush", "[densifier]") {
   Densifier densifier(fast_options(), callbacks);
   CHECK_THROWS_WITH(fly_through(densifier, test_flight()), "disk full");
 }
+
+TEST_CASE("a CUDA device that is not there is an error, and with auto a reason for the CPU", "[densifier][errors]") {
+  DensifierOptions options = fast_options(kTinyWidth);
+  options.device = 255;
+  options.backend = Backend::kCuda;
+  CHECK_THROWS_AS(Densifier(options, {}), BackendUnavailable);
+  CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("cuda") && Catch::Contains("backend cpu"));
+  options.backend = Backend::kAuto;
+  const Densifier densifier(options, {});
+  CHECK(densifier.options().backend == Backend::kCpu);
+  CHECK_THAT(densifier.backend(), Catch::Contains("CPU") && Catch::Contains("CUDA: "));
+}

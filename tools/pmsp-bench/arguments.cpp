@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <iostream>
 
+#include "cuda/cuda_engine.h"
 #include "pmsp-bench/stages.h"
 #include "pmsp-densify/exit_code.h"
 #include "pmsp/error.h"
@@ -15,25 +16,29 @@ namespace pmsp::bench {
 namespace {
 
 constexpr const char* kFooter =
-    R"(The input is made in memory: a flight through a textured room, whose rendering is not timed. With 1 thread, tables show
-the CPU's time, which a busy machine disturbs least; with more, the wall clock's. JSON has both. `keyframe` runs with
-the largest number of threads only. Repetitions of all benchmarks are shuffled, so that a passing load hits all alike.
+    R"(Without --map and --images the input is made in memory: a flight through a textured room, whose rendering is not
+timed. On the CPU with 1 thread, tables show the CPU's time, which a busy machine disturbs least; with more, the wall
+clock's. JSON has both. Whole keyframes (keyframe, cloud) run with the largest number of threads only. Repetitions of
+all benchmarks are shuffled, so that a passing load hits all alike. On a CUDA device, flights run to and fro over the
+keyframes; stages are timed by the device, whole keyframes by the wall clock.
 
 Stages:
 )";
 
 constexpr const char* kExamples = R"(
 Examples:
-  pmsp-bench                                        online quality, 1 thread and all: less than 2 minutes on 2 idle cores
-  pmsp-bench --stages patchmatch --threads 1        SIMD over scalar, per core
-  pmsp-bench --stages keyframe --simd avx2 --json keyframe.json
-  pmsp-bench --quality normal --simd avx512 --repetitions 1
+  pmsp-bench                                        online quality, widest instruction set, all threads, GPU if there is one
+  pmsp-bench --simd scalar,avx2,avx512 --threads 1 --stages patchmatch --backends cpu      SIMD over scalar, per core
+  pmsp-bench --backends cuda --iterations 4 --geometric-passes 0 --json paper.json
+  pmsp-bench --backends cuda --width 5760 --image-width 5760
+  pmsp-bench --map map.msg --images keyframes/
   pmsp-bench --list
   pmsp-bench --stages median --benchmark_min_time=1 --benchmark_out=google.json
 
-Options that start with --benchmark_ go to Google Benchmark.
+Options that start with --benchmark_ go to Google Benchmark, which times the CPU.
 
-Exit codes: 0 done, 2 wrong usage, 4 the machine lacks the instruction set, 6 the JSON file cannot be written.)";
+Exit codes: 0 done, 2 wrong usage, 3 input, 4 the machine lacks the instruction set or the device, 6 the JSON file cannot
+be written.)";
 
 std::vector<std::string> stage_names() {
   std::vector<std::string> names;
@@ -89,6 +94,18 @@ std::vector<int> resolve_threads(const std::vector<std::string>& texts) {
   return threads;
 }
 
+/// Sets `cpu` and `cuda`. Throws UsageError, and BackendUnavailable for a device that was asked for and is not there.
+void resolve_backends(const std::vector<std::string>& names, Arguments& arguments) {
+  const auto asked = [&](const char* name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+  arguments.cpu = names.empty() || asked("cpu");
+  arguments.cuda = names.empty() || asked("cuda");
+  if (!arguments.cuda) return;
+  const std::string why_not = cuda::find_device(arguments.device).why_not;
+  if (why_not.empty()) return;
+  if (!names.empty()) throw BackendUnavailable("backend cuda: " + why_not);
+  arguments.cuda = false;
+}
+
 void check_size(const char* option, int width) {
   if (width != 0 && (width < 64 || width > 8192 || width % 4 != 0)) {
     throw tool::UsageError(std::string(option) + " is " + std::to_string(width) +
@@ -100,9 +117,10 @@ void check_size(const char* option, int width) {
 
 std::optional<Arguments> parse_arguments(int argc, char** argv) {
   Arguments arguments;
-  std::vector<std::string> simds;
-  std::vector<std::string> threads = {"1", "all"};
-  CLI::App app("Times the stages of libpmsp, and keyframes from image to points, on each instruction set.",
+  std::vector<std::string> simds = {"auto"};
+  std::vector<std::string> threads = {"all"};
+  std::vector<std::string> backends;
+  CLI::App app("Times the stages of libpmsp, and whole keyframes, on the CPU's instruction sets and on a CUDA device.",
                "pmsp-bench");
   app.footer(footer());
   app.allow_extras();
@@ -111,23 +129,51 @@ std::optional<Arguments> parse_arguments(int argc, char** argv) {
       ->delimiter(',')
       ->check(CLI::IsMember(stage_names()))
       ->option_text("LIST");
-  app.add_option("--simd", simds,
-                 "instruction sets: scalar, avx2, avx512, auto (the widest); default all that are here")
+  app.add_option("--backends", backends, "cpu, cuda; default cpu and, where a device answers, cuda")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"cpu", "cuda"}))
+      ->option_text("LIST");
+  app.add_option("--device", arguments.device, "CUDA device, 0 to 255; default 0")
+      ->check(CLI::Range(0, 255))
+      ->option_text("N");
+  app.add_option("--simd", simds, "instruction sets: scalar, avx2, avx512, auto (the widest), all; default auto")
       ->delimiter(',')
       ->option_text("LIST");
-  app.add_option("--threads", threads, "numbers of threads, or all; default 1,all")
-      ->delimiter(',')
-      ->option_text("LIST");
+  app.add_option("--threads", threads, "numbers of threads, or all; default all")->delimiter(',')->option_text("LIST");
   app.add_option("--quality", arguments.qualities, "presets: paper, online, normal, high; default online")
       ->delimiter(',')
       ->option_text("LIST");
   app.add_option("--width", arguments.width, "width of the depth maps [px] instead of the preset's, a multiple of 4")
       ->option_text("N");
+  app.add_option("--height", arguments.height, "height of the depth maps [px], even; default half the width")
+      ->check(CLI::Range(16, 8192))
+      ->option_text("N");
+  app.add_option("--neighbours", arguments.neighbours, "source keyframes per depth map instead of the preset's, 1 to 8")
+      ->check(CLI::Range(1, 8))
+      ->option_text("N");
+  app.add_option("--iterations", arguments.iterations, "iterations of PatchMatch instead of the preset's, 1 to 100")
+      ->check(CLI::Range(1, 100))
+      ->option_text("N");
+  app.add_option("--geometric-passes", arguments.geometric_passes,
+                 "passes that look at the neighbours' maps instead of the preset's, 0 to 4")
+      ->check(CLI::Range(0, 4))
+      ->option_text("N");
   app.add_option("--image-width", arguments.image_width,
                  "width of the images [px], a multiple of 4; default 1920, or the depth maps' width if that is more")
       ->option_text("N");
+  CLI::Option* map = app.add_option("--map", arguments.map, "map of a SLAM, instead of the rendered flight")
+                         ->check(CLI::ExistingFile)
+                         ->option_text("FILE");
+  app.add_option("--images", arguments.images, "folder of its keyframes' images")
+      ->check(CLI::ExistingDirectory)
+      ->needs(map)
+      ->option_text("DIR");
+  map->needs("--images");
+  app.add_option("--keyframes", arguments.keyframes, "length of a flight on the device, 4 to 10000; default 30")
+      ->check(CLI::Range(4, 10000))
+      ->option_text("N");
   app.add_option("--repetitions", arguments.repetitions,
-                 "runs of each benchmark, 1 to 1000; default 3, and 1 of keyframe on scalar")
+                 "runs of each benchmark, 1 to 1000; default 3, 2 of whole keyframes, 5 on a device")
       ->check(CLI::Range(1, 1000))
       ->option_text("N");
   app.add_option("--json", arguments.json, "write all figures to this file")->option_text("FILE");
@@ -149,12 +195,15 @@ std::optional<Arguments> parse_arguments(int argc, char** argv) {
   }
   check_size("--width", arguments.width);
   check_size("--image-width", arguments.image_width);
+  if (arguments.height % 2 != 0) throw tool::UsageError("--height is odd; expected an even number");
   std::vector<std::string>& qualities = arguments.qualities;
   for (const std::string& quality : qualities) quality_from_name(quality);
   std::sort(qualities.begin(), qualities.end());
   qualities.erase(std::unique(qualities.begin(), qualities.end()), qualities.end());
   if (arguments.stages.empty()) arguments.stages = stage_names();
+  if (simds == std::vector<std::string>{"all"}) simds.clear();
   arguments.simds = resolve_simds(simds);
+  resolve_backends(backends, arguments);
   arguments.threads = resolve_threads(threads);
   return arguments;
 }

@@ -11,15 +11,23 @@
 namespace pmsp::bench {
 
 constexpr int kRepetitions = 3;
+constexpr int kDeviceRepetitions = 5;
 
 struct Arguments {
   std::vector<std::string> qualities = {"online"};
-  int width = 0;        ///< of the depth maps; 0 = what the quality says
-  int image_width = 0;  ///< of the keyframes' images; 0 = 1920, or the depth maps' if that is more
+  int width = 0;                                                ///< of the depth maps; 0 = what the quality says
+  int height = 0;                                               ///< of the depth maps; 0 = half the width
+  std::optional<int> neighbours, iterations, geometric_passes;  ///< instead of the quality's
+  int image_width = 0;                ///< of the keyframes' images; 0 = 1920, or the depth maps' if that is more
+  std::filesystem::path map, images;  ///< given input; empty = rendered
   std::vector<std::string> stages;
+  bool cpu = true;
+  bool cuda = false;  ///< a device answers, or cuda was asked for
+  int device = 0;
+  int keyframes = 30;              ///< of a flight on the device
   std::vector<Simd> simds;         ///< scalar first
   std::vector<int> threads;        ///< ascending
-  std::optional<int> repetitions;  ///< empty: kRepetitions, but one of the slowest benchmark
+  std::optional<int> repetitions;  ///< empty: kRepetitions, fewer of the slowest, kDeviceRepetitions
   bool list = false;
   std::filesystem::path json;            ///< empty = none
   std::vector<std::string> google_args;  ///< --benchmark_*, for Google Benchmark

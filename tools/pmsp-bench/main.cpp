@@ -14,6 +14,7 @@
 
 #include "export/atomic_file.h"
 #include "pmsp-bench/arguments.h"
+#include "pmsp-bench/device_runs.h"
 #include "pmsp-bench/report.h"
 #include "pmsp-bench/stages.h"
 #include "pmsp-bench/workload.h"
@@ -33,42 +34,70 @@ struct Session {
   std::exception_ptr error;  ///< the first that a stage threw
 };
 
+bool is_wanted(const Arguments& arguments, const Stage& stage) {
+  return std::find(arguments.stages.begin(), arguments.stages.end(), stage.name) != arguments.stages.end();
+}
+
 WorkloadRequest request_of(const Arguments& arguments, const std::string& quality) {
-  return {quality, arguments.width, arguments.image_width};
+  return {quality,
+          arguments.width,
+          arguments.height,
+          arguments.image_width,
+          arguments.neighbours,
+          arguments.iterations,
+          arguments.geometric_passes};
+}
+
+void choose_cpu_cases(const Arguments& arguments, const Workload& workload, std::vector<Case>& cases) {
+  for (const int threads : arguments.threads) {
+    for (const Stage& stage : all_stages()) {
+      if (!is_wanted(arguments, stage) || stage.run == nullptr) continue;
+      if (is_end_to_end(stage) && threads != arguments.threads.back()) continue;
+      for (const Simd simd : arguments.simds) cases.push_back({&workload, stage.name, simd, threads});
+    }
+  }
 }
 
 void choose_cases(const Arguments& arguments, Session& session) {
   for (const std::string& quality : arguments.qualities) {
     session.workloads.push_back(outline(request_of(arguments, quality)));
-    for (const int threads : arguments.threads) {
-      for (const Stage& stage : all_stages()) {
-        const auto& wanted = arguments.stages;
-        if (std::find(wanted.begin(), wanted.end(), stage.name) == wanted.end()) continue;
-        if (is_end_to_end(stage) && threads != arguments.threads.back()) continue;
-        for (const Simd simd : arguments.simds) {
-          session.cases.push_back({session.workloads.back().get(), stage.name, simd, threads});
-        }
-      }
+    const Workload& workload = *session.workloads.back();
+    if (arguments.cpu) choose_cpu_cases(arguments, workload, session.cases);
+    if (!arguments.cuda) continue;
+    for (const Stage& stage : all_stages()) {
+      if (is_wanted(arguments, stage) && stage.on_device) session.cases.push_back({&workload, stage.name, {}, 0, true});
     }
   }
 }
 
-void make_workloads(const Arguments& arguments, Session& session) {
+/// By image width; one for all where a map is given.
+std::map<int, Flight> make_flights(const Arguments& arguments, const Session& session) {
   std::map<int, int> flights;  // image width -> keyframes
   for (const auto& workload : session.workloads) {
     int& keyframes = flights[image_width_of(request_of(arguments, workload->quality))];
     keyframes = std::max(keyframes, flight_length(workload->options));
   }
-  std::map<int, std::shared_ptr<const synth::Mission>> missions;
+  std::map<int, Flight> result;
   for (const auto& [width, keyframes] : flights) {
-    std::cerr << "rendering " << keyframes << " images of " << width << " x " << width / 2 << '\n';
-    missions[width] = render_flight(width, keyframes);
+    if (arguments.map.empty()) {
+      std::cerr << "rendering " << keyframes << " images of " << width << " x " << width / 2 << '\n';
+      result[width] = render_flight(width, keyframes);
+    } else {
+      std::cerr << "reading " << keyframes << " images\n";
+      result[width] = read_flight(arguments.map, arguments.images, keyframes);
+    }
   }
-  const bool with_maps = std::any_of(arguments.stages.begin(), arguments.stages.end(),
-                                     [](const std::string& name) { return stage_named(name).needs_maps; });
+  return result;
+}
+
+void make_workloads(const Arguments& arguments, Session& session) {
+  const std::map<int, Flight> flights = make_flights(arguments, session);
+  const bool with_maps =
+      arguments.cpu && std::any_of(arguments.stages.begin(), arguments.stages.end(),
+                                   [](const std::string& name) { return stage_named(name).needs_maps; });
   for (const auto& workload : session.workloads) {
     if (with_maps) std::cerr << "making the depth maps that stages start from, " << workload->quality << '\n';
-    fill(*workload, missions.at(image_width_of(request_of(arguments, workload->quality))), with_maps);
+    fill(*workload, flights.at(image_width_of(request_of(arguments, workload->quality))), with_maps);
   }
 }
 
@@ -99,6 +128,32 @@ void initialize_google(const Arguments& arguments) {
   }
 }
 
+void run_on_cpu(const Arguments& arguments, Session& session, Results& results) {
+  for (const Case& one : session.cases) {
+    if (one.cuda) continue;
+    auto* registered = benchmark::RegisterBenchmark(one.name().c_str(),
+                                                    [&](benchmark::State& state) { run_case(state, one, session); })
+                           ->Unit(benchmark::kMillisecond)
+                           ->MeasureProcessCPUTime()
+                           ->UseRealTime();
+    if (!arguments.repetitions && is_end_to_end(stage_named(one.stage))) {  // they take longest
+      registered->Repetitions(one.simd == Simd::kScalar ? 1 : 2);
+    }
+  }
+  Collector collector(results);
+  benchmark::RunSpecifiedBenchmarks(&collector);
+  if (isatty(STDERR_FILENO) != 0) std::cerr << "\r\033[K" << std::flush;
+  if (session.error) std::rethrow_exception(session.error);
+}
+
+AllDeviceFigures run_on_devices(const Arguments& arguments, const Session& session, Results& results) {
+  AllDeviceFigures figures;
+  const DeviceRequest request{arguments.device, arguments.stages, arguments.keyframes,
+                              arguments.repetitions.value_or(kDeviceRepetitions)};
+  for (const auto& workload : session.workloads) run_on_device(*workload, request, results, figures[workload.get()]);
+  return figures;
+}
+
 void run(const Arguments& arguments) {
   Session session;
   choose_cases(arguments, session);
@@ -115,28 +170,17 @@ void run(const Arguments& arguments) {
   make_workloads(arguments, session);
   benchmark::AddCustomContext("pmsp_version", PMSP_VERSION_STRING);
   benchmark::AddCustomContext("cpu", machine.cpu);
-  for (const Case& one : session.cases) {
-    auto* registered = benchmark::RegisterBenchmark(one.name().c_str(),
-                                                    [&](benchmark::State& state) { run_case(state, one, session); })
-                           ->Unit(benchmark::kMillisecond)
-                           ->MeasureProcessCPUTime()
-                           ->UseRealTime();
-    // It takes longest and matters least.
-    const bool once = !arguments.repetitions && one.simd == Simd::kScalar && is_end_to_end(stage_named(one.stage));
-    if (once) registered->Repetitions(1);
-  }
   Results results;
-  Collector collector(results);
-  benchmark::RunSpecifiedBenchmarks(&collector);
-  if (isatty(STDERR_FILENO) != 0) std::cerr << "\r\033[K" << std::flush;
-  if (session.error) std::rethrow_exception(session.error);
+  if (arguments.cpu) run_on_cpu(arguments, session, results);
+  AllDeviceFigures device;
+  if (arguments.cuda) device = run_on_devices(arguments, session, results);
   if (results.empty()) {
     throw tool::UsageError(
         "no benchmark was run; pmsp-bench --list prints the names that --benchmark_filter may match");
   }
-  std::cout << tables(session.cases, results);
+  std::cout << tables(session.cases, results, device);
   if (json) {
-    json->write(to_json(session.cases, results, machine).dump(2) + '\n');
+    json->write(to_json(session.cases, results, machine, device).dump(2) + '\n');
     json->commit();
   }
 }

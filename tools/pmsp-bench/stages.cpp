@@ -84,19 +84,21 @@ void fuse_current(benchmark::State& state, const Workload& workload, const Execu
 }
 
 /// The whole flight through a Densifier; a keyframe's share of it counts as one iteration.
-void keyframe(benchmark::State& state, const Workload& workload, const Executor& executor) {
+void fly(benchmark::State& state, const Workload& workload, const Executor& executor, bool with_cloud) {
   DensifierOptions options = workload.options;
+  options.backend = Backend::kCpu;
   options.simd = executor.simd();
   options.threads = executor.threads();
   const benchmark::IterationCount keyframes = static_cast<benchmark::IterationCount>(workload.keyframes.size());
   while (state.KeepRunningBatch(keyframes)) {
-    std::size_t points = 0;
+    std::size_t received = 0;
     DensifierCallbacks callbacks;
-    callbacks.cloud = [&](const KeyframeCloud& cloud) { points += cloud.points.size(); };
+    if (with_cloud) callbacks.cloud = [&](const KeyframeCloud& cloud) { received += cloud.points.size(); };
+    if (!with_cloud) callbacks.filtered_depth = [&](const DepthMap& map) { received += map.depth.size(); };
     Densifier densifier(options, callbacks);
     for (const Keyframe& next : workload.keyframes) densifier.add(next);
     densifier.flush();
-    benchmark::DoNotOptimize(points);
+    benchmark::DoNotOptimize(received);
     if (densifier.stats().depth_maps != keyframes) {
       throw InvalidInput("only " + std::to_string(densifier.stats().depth_maps) + " of the flight's " +
                          std::to_string(keyframes) + " keyframes gave a depth map; expected all of them to do so");
@@ -104,18 +106,30 @@ void keyframe(benchmark::State& state, const Workload& workload, const Executor&
   }
 }
 
+void keyframe(benchmark::State& state, const Workload& workload, const Executor& executor) {
+  fly(state, workload, executor, false);
+}
+
+void cloud(benchmark::State& state, const Workload& workload, const Executor& executor) {
+  fly(state, workload, executor, true);
+}
+
 }  // namespace
 
 const std::vector<Stage>& all_stages() {
   static const std::vector<Stage> kStages = {
-      {"prepare", "resizing, gray values and cube map of one image (Panorama)", false, prepare},
-      {"sparse", "planes from landmarks (planes_from_landmarks; plain code on one thread)", false, sparse},
-      {"warp", "planes of the previous depth map, moved (warp_planes)", true, warp},
-      {"patchmatch", "one depth map, all iterations (patchmatch)", true, match},
-      {"median", "median filter of one depth map", true, median},
-      {"consistency", "consistency filter of one depth map in its window", true, consistency},
-      {"fuse", "one depth map's share of the cloud, in its window", true, fuse_current},
-      {"keyframe", "Densifier from image to points, per accepted keyframe of a short flight", false, keyframe}};
+      {"prepare", "resizing, gray values and cube map of one image (Panorama)", false, true, prepare},
+      {"sparse", "planes from landmarks (planes_from_landmarks; plain code on one thread)", false, false, sparse},
+      {"warp", "planes of the previous depth map, moved (warp_planes)", true, false, warp},
+      {"init", "sparse and warp on the device", false, true, nullptr},
+      {"patchmatch", "one depth map, all iterations (patchmatch)", true, true, match},
+      {"median", "median filter of one depth map", true, true, median},
+      {"consistency", "consistency filter of one depth map in its window", true, true, consistency},
+      {"fuse", "one depth map's share of the cloud, in its window", true, true, fuse_current},
+      {"keyframe", "Densifier from decoded image to consistent depth map, both in the host's memory", false, true,
+       keyframe},
+      {"pipelined", "the same on the device with successive keyframes overlapping", false, true, nullptr},
+      {"cloud", "Densifier from image to points, on the device with keyframes overlapping", false, true, cloud}};
   return kStages;
 }
 

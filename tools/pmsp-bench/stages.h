@@ -15,8 +15,10 @@ namespace pmsp::bench {
 struct Stage {
   const char* name;
   const char* what;
-  bool needs_maps;  ///< of its workload
-  void (*run)(benchmark::State& state, const Workload& workload, const Executor& executor);
+  bool needs_maps;  ///< of its workload, on the CPU
+  bool on_device;   ///< run_on_device times it too
+  void (*run)(benchmark::State& state, const Workload& workload,
+              const Executor& executor);  ///< nullptr: not on the CPU
 };
 
 /// In the order of the pipeline.
@@ -25,7 +27,10 @@ const std::vector<Stage>& all_stages();
 /// Throws InvalidOption.
 const Stage& stage_named(const std::string& name);
 
-/// `keyframe` is about latency and runs for long: with the largest number of threads only.
-inline bool is_end_to_end(const Stage& stage) { return std::string(stage.name) == "keyframe"; }
+/// Whole keyframes are about latency and run for long: with the largest number of threads only.
+inline bool is_end_to_end(const Stage& stage) {
+  const std::string name = stage.name;
+  return name == "keyframe" || name == "cloud";
+}
 
 }  // namespace pmsp::bench

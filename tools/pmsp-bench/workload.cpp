@@ -25,7 +25,9 @@ void make_maps(Workload& workload, const Executor& executor) {
   DensifierCallbacks callbacks;
   callbacks.raw_depth = [&](const DepthMap& map) { workload.raw.push_back(map); };
   callbacks.filtered_depth = [&](const DepthMap& map) { workload.filtered.push_back(map); };
-  Densifier densifier(workload.options, callbacks);
+  DensifierOptions options = workload.options;
+  options.backend = Backend::kCpu;
+  Densifier densifier(options, callbacks);
   for (const Keyframe& keyframe : workload.keyframes) densifier.add(keyframe);
   densifier.flush();
   if (workload.raw.size() != workload.keyframes.size() || workload.filtered.size() != workload.keyframes.size()) {
@@ -83,25 +85,21 @@ std::unique_ptr<Workload> outline(const WorkloadRequest& request) {
   workload->options = preset(quality_from_name(request.quality));
   if (request.width != 0) workload->options.width = request.width;
   if (workload->options.width == 0) workload->options.width = image_width_of(request);
-  workload->options.height = workload->options.width / 2;
+  workload->options.height = request.height != 0 ? request.height : workload->options.width / 2;
+  PatchMatchOptions& patchmatch = workload->options.patchmatch;
+  patchmatch.neighbours = request.neighbours.value_or(patchmatch.neighbours);
+  patchmatch.iterations = request.iterations.value_or(patchmatch.iterations);
+  patchmatch.geometric_passes = request.geometric_passes.value_or(patchmatch.geometric_passes);
   workload->options.validate();
   return workload;
 }
 
-std::shared_ptr<const synth::Mission> render_flight(int image_width, int keyframes) {
-  synth::Recipe recipe;
-  recipe.width = image_width;
-  recipe.height = image_width / 2;
-  recipe.keyframes = keyframes;
-  return std::make_shared<const synth::Mission>(synth::textured_room(recipe));
-}
-
-void fill(Workload& workload, std::shared_ptr<const synth::Mission> mission, bool with_maps) {
+void fill(Workload& workload, const Flight& flight, bool with_maps) {
   const Executor executor;
-  workload.mission = std::move(mission);
-  const std::size_t keyframes = static_cast<std::size_t>(flight_length(workload.options));
-  workload.current = keyframes / 2;
-  for (std::size_t i = 0; i < keyframes; ++i) workload.keyframes.push_back(keyframe_of(*workload.mission, i));
+  workload.flight = flight;
+  workload.keyframes = flight.keyframes;
+  workload.keyframes.resize(static_cast<std::size_t>(flight_length(workload.options)));
+  workload.current = workload.keyframes.size() / 2;
   if (!with_maps) return;
   for (const Keyframe& keyframe : workload.keyframes) {
     workload.panoramas.emplace_back(keyframe.image, keyframe.mask, workload.options.width, workload.options.height,

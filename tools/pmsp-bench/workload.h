@@ -4,15 +4,16 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "pmsp-bench/flight.h"
 #include "pmsp/densifier.h"
 #include "pmsp/fusion.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/panorama.h"
 #include "pmsp/patchmatch.h"
-#include "support/mission.h"
 
 namespace pmsp::bench {
 
@@ -20,11 +21,11 @@ namespace pmsp::bench {
 /// changes while benchmarks run.
 struct Workload {
   std::string quality;
-  DensifierOptions options;                       ///< sizes filled in
-  std::shared_ptr<const synth::Mission> mission;  ///< shared by the qualities that have images of one size
-  std::size_t current = 0;                        ///< the keyframe in the middle of the flight, which stages work on
+  DensifierOptions options;  ///< sizes filled in
+  Flight flight;             ///< its images are shared by the qualities that have images of one size
+  std::size_t current = 0;   ///< the keyframe in the middle of the flight, which stages work on
 
-  std::vector<Keyframe> keyframes;
+  std::vector<Keyframe> keyframes;  ///< as many as the windows ask for
   std::vector<Panorama> panoramas;
   std::vector<DepthMap> raw;       ///< after PatchMatch
   std::vector<DepthMap> median;    ///< after the median filter
@@ -41,19 +42,20 @@ struct Workload {
 
 struct WorkloadRequest {
   std::string quality;
-  int width = 0;        ///< of the depth maps; 0 = the quality's
-  int image_width = 0;  ///< 0 = 1920, or the depth maps' if that is more
+  int width = 0;                                                ///< of the depth maps; 0 = the quality's
+  int height = 0;                                               ///< of the depth maps; 0 = half the width
+  int image_width = 0;                                          ///< 0 = 1920, or the depth maps' if that is more
+  std::optional<int> neighbours, iterations, geometric_passes;  ///< instead of the quality's
 };
 
 /// The options and sizes only: what is needed to name the benchmarks. Throws InvalidOption.
 std::unique_ptr<Workload> outline(const WorkloadRequest& request);
 int image_width_of(const WorkloadRequest& request);
 
-/// Renders the flight of keyframes that the workload's windows ask for.
-std::shared_ptr<const synth::Mission> render_flight(int image_width, int keyframes);
+/// Keyframes that the workload's windows ask for.
 int flight_length(const DensifierOptions& options);
 
 /// Fills in all that is missing. `with_maps`: depth maps as well, which takes a run of the Densifier.
-void fill(Workload& workload, std::shared_ptr<const synth::Mission> mission, bool with_maps);
+void fill(Workload& workload, const Flight& flight, bool with_maps);
 
 }  // namespace pmsp::bench

@@ -1,0 +1,347 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "core/recording.h"
+#include "cuda/cuda_engine.h"
+#include "pmsp/error.h"
+
+// What a Densifier promises, kept by the CUDA backend.
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+DensifierOptions cuda_options(int width = kFlightWidth, bool pipelined = false) {
+  DensifierOptions options = fast_options(width);
+  options.backend = Backend::kCuda;
+  options.pipelined = pipelined;
+  return options;
+}
+
+const Recording& cuda_result() {
+  static const Recording kResult = densify(test_flight(), cuda_options());
+  return kResult;
+}
+
+synth::Mission tiny_mission(std::int64_t first_id = 0) {
+  synth::Recipe recipe = small_recipe(kTinyWidth, 4);
+  recipe.mission.first_id = first_id;
+  synth::Mission mission = synth::empty_room(recipe);
+  mission.mask = Image<std::uint8_t>(mission.width, mission.height, 255);
+  for (int x = 0; x < mission.width; ++x) mission.mask(x, mission.height - 1) = 0;
+  return mission;
+}
+
+void add_all(Densifier& densifier, const synth::Mission& mission) {
+  for (std::size_t i = 0; i < mission.frames.size(); ++i) densifier.add(synth::keyframe_of(mission, i));
+}
+
+}  // namespace
+
+TEST_CASE("a tiny mission comes through all stages", "[cuda][densifier][small]") {
+  const synth::Mission mission = tiny_mission();
+  const Recording cpu = densify(mission, fast_options(kTinyWidth));
+  for (const bool pipelined : {false, true}) {
+    INFO(pipelined);
+    const Recording recording = densify(mission, cuda_options(kTinyWidth, pipelined));
+    CHECK(recording.order == cpu.order);
+    CHECK(recording.points() > 0);
+  }
+}
+
+TEST_CASE("a second run on the device gives the same bytes", "[cuda][densifier][small]") {
+  const synth::Mission mission = tiny_mission();
+  CHECK(same(densify(mission, cuda_options(kTinyWidth)), densify(mission, cuda_options(kTinyWidth))));
+}
+
+TEST_CASE("runs at full size give the same bytes", "[cuda][densifier]") {
+  const synth::Mission mission = synth::textured_room(small_recipe(640, 5));
+  DensifierOptions options = preset(Quality::kOnline);
+  options.backend = Backend::kCuda;
+  const Recording first = densify(mission, options);
+  CHECK(first.points() > 100000);
+  for (int i = 0; i < 3; ++i) CHECK(same(densify(mission, options), first));
+  options.pipelined = true;
+  for (int i = 0; i < 3; ++i) CHECK(same(densify(mission, options), first));
+}
+
+TEST_CASE("a pipelined Densifier hands out the same, in the same order", "[cuda][densifier]") {
+  CHECK(same(densify(test_flight(), cuda_options(kFlightWidth, true)), cuda_result()));
+  CHECK(cuda_result().order == test_result().order);
+}
+
+TEST_CASE("pipelined results are the caller's before the work is done", "[cuda][densifier]") {
+  Recording recording;
+  Densifier densifier(cuda_options(kFlightWidth, true), recording.callbacks());
+  add_all(densifier, test_flight());
+  const std::size_t before = recording.order.size();
+  CHECK(before < cuda_result().order.size());
+  densifier.flush();
+  CHECK(same(recording, cuda_result()));
+}
+
+TEST_CASE("seeds matter on the device too", "[cuda][densifier]") {
+  DensifierOptions options = cuda_options();
+  options.seed = 2;
+  CHECK_FALSE(same(densify(test_flight(), options).raw[1], cuda_result().raw[1]));
+}
+
+TEST_CASE("two Densifiers at once on one device give what each gives alone", "[cuda][densifier][threads]") {
+  synth::Recipe recipe = small_recipe(kFlightWidth, 4);
+  recipe.mission.first_id = 100;
+  const synth::Mission other = synth::sphere_inside(recipe);
+  const Recording other_alone = densify(other, cuda_options());
+  cuda_result();
+  for (int round = 0; round < 5; ++round) {
+    Recording first;
+    Recording second;
+    std::thread one([&] { first = densify(test_flight(), cuda_options(kFlightWidth, round % 2 == 0)); });
+    std::thread two([&] { second = densify(other, cuda_options()); });
+    one.join();
+    two.join();
+    CHECK(same(first, cuda_result()));
+    CHECK(same(second, other_alone));
+  }
+}
+
+TEST_CASE("two Densifiers in turns on one thread do not disturb each other", "[cuda][densifier]") {
+  Recording first;
+  Recording second;
+  Densifier one(cuda_options(kFlightWidth, true), first.callbacks());
+  Densifier two(cuda_options(), second.callbacks());
+  for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
+    one.add(synth::keyframe_of(test_flight(), i));
+    two.add(synth::keyframe_of(test_flight(), i));
+  }
+  one.flush();
+  two.flush();
+  CHECK(same(first, cuda_result()));
+  CHECK(same(second, cuda_result()));
+}
+
+TEST_CASE("a second device gives what the first gives", "[cuda][densifier]") {
+  if (!cuda::find_device(1).why_not.empty()) {
+    WARN("not tested, there is one device only: " + cuda::find_device(1).why_not);
+    return;
+  }
+  cuda_result();
+  DensifierOptions options = cuda_options();
+  options.device = 1;
+  Recording first;
+  Recording second;
+  std::thread one([&] { first = densify(test_flight(), cuda_options()); });
+  std::thread two([&] { second = densify(test_flight(), options); });
+  one.join();
+  two.join();
+  CHECK(same(first, cuda_result()));
+  if (cuda::find_device(0).name == cuda::find_device(1).name) CHECK(same(second, cuda_result()));
+}
+
+TEST_CASE("a CUDA Densifier may be used from another thread, moved, and left in the middle",
+          "[cuda][densifier][threads]") {
+  Recording recording;
+  Densifier made(cuda_options(), recording.callbacks());
+  Densifier densifier = std::move(made);
+  std::thread([&] { fly_through(densifier, test_flight()); }).join();
+  CHECK(same(recording, cuda_result()));
+  for (const bool pipelined : {false, true}) {
+    Recording unfinished;
+    Densifier left(cuda_options(kFlightWidth, pipelined), unfinished.callbacks());
+    add_all(left, test_flight());  // destroyed without flush
+  }
+}
+
+TEST_CASE("callbacks come on the thread that calls", "[cuda][densifier][threads]") {
+  const std::thread::id here = std::this_thread::get_id();
+  int elsewhere = 0;
+  DensifierCallbacks callbacks;
+  callbacks.raw_depth = [&](const DepthMap&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
+  callbacks.filtered_depth = callbacks.raw_depth;
+  callbacks.cloud = [&](const KeyframeCloud&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
+  Densifier densifier(cuda_options(kTinyWidth, true), callbacks);
+  fly_through(densifier, test_flight());
+  CHECK(elsewhere == 0);
+}
+
+TEST_CASE("callbacks may be absent on the device", "[cuda][densifier][small]") {
+  const synth::Mission mission = tiny_mission();
+  const Recording all = densify(mission, cuda_options(kTinyWidth));
+  for (int given = 0; given < 8; ++given) {
+    CAPTURE(given);
+    Recording some;
+    DensifierCallbacks callbacks = some.callbacks();
+    if ((given & 1) == 0) callbacks.raw_depth = nullptr;
+    if ((given & 2) == 0) callbacks.filtered_depth = nullptr;
+    if ((given & 4) == 0) callbacks.cloud = nullptr;
+    Densifier densifier(cuda_options(kTinyWidth, given % 3 == 0), callbacks);
+    fly_through(densifier, mission);
+    CHECK(densifier.stats().depth_maps == 4);
+    CHECK(densifier.stats().pixels_after_consistency > 0);
+    REQUIRE(some.raw.size() == ((given & 1) != 0 ? 4 : 0));
+    REQUIRE(some.filtered.size() == ((given & 2) != 0 ? 4 : 0));
+    REQUIRE(some.clouds.size() == ((given & 4) != 0 ? 4 : 0));
+    for (std::size_t i = 0; i < some.raw.size(); ++i) CHECK(same(some.raw[i], all.raw[i]));
+    for (std::size_t i = 0; i < some.filtered.size(); ++i) CHECK(same(some.filtered[i], all.filtered[i]));
+    for (std::size_t i = 0; i < some.clouds.size(); ++i) CHECK(same(some.clouds[i], all.clouds[i]));
+  }
+}
+
+TEST_CASE("after flush a new sequence starts on the device", "[cuda][densifier][small]") {
+  const synth::Mission first = tiny_mission();
+  const synth::Mission second = tiny_mission(50);
+  const Recording first_alone = densify(first, cuda_options(kTinyWidth));
+  const Recording second_alone = densify(second, cuda_options(kTinyWidth));
+  for (const bool pipelined : {false, true}) {
+    Recording both;
+    Densifier densifier(cuda_options(kTinyWidth, pipelined), both.callbacks());
+    fly_through(densifier, first);
+    CHECK(same(both, first_alone));
+    fly_through(densifier, second);
+    densifier.flush();  // nothing waits
+    REQUIRE(both.clouds.size() == 8);
+    for (std::size_t i = 0; i < 4; ++i) {
+      CHECK(same(both.raw[i + 4], second_alone.raw[i]));
+      CHECK(same(both.filtered[i + 4], second_alone.filtered[i]));
+      CHECK(same(both.clouds[i + 4], second_alone.clouds[i]));
+    }
+  }
+}
+
+TEST_CASE("after cancel nothing more is handed out by the device", "[cuda][densifier][threads]") {
+  for (const bool pipelined : {false, true}) {
+    for (const std::size_t at : {std::size_t{1}, std::size_t{3}, std::size_t{7}}) {
+      CAPTURE(pipelined, at);
+      Recording recording;
+      Densifier* running = nullptr;
+      DensifierCallbacks callbacks = recording.callbacks();
+      const auto record = callbacks.raw_depth;
+      callbacks.raw_depth = [&](const DepthMap& map) {
+        record(map);
+        if (recording.raw.size() == at) std::thread([&] { running->cancel(); }).join();
+      };
+      Densifier densifier(cuda_options(kFlightWidth, pipelined), callbacks);
+      running = &densifier;
+      fly_through(densifier, test_flight());
+      CHECK(densifier.cancelled());
+      CHECK(recording.raw.size() == at);
+      CHECK(recording.order.back() == std::pair<char, std::int64_t>('r', static_cast<std::int64_t>(at) - 1));
+      for (std::size_t i = 0; i < recording.order.size(); ++i) CHECK(recording.order[i] == cuda_result().order[i]);
+      Keyframe late = synth::keyframe_of(test_flight(), 0);
+      late.id = 500;
+      CHECK_FALSE(densifier.add(late));
+      densifier.flush();
+      CHECK(recording.raw.size() == at);
+    }
+  }
+}
+
+TEST_CASE("images of other sizes, with padded rows, with and without mask follow each other",
+          "[cuda][densifier][small]") {
+  const synth::Mission mission = tiny_mission();
+  const synth::Mission finer = synth::empty_room(small_recipe(2 * kTinyWidth, 4));
+  Image<Rgb> padded(kTinyWidth + 7, kTinyWidth / 2, Rgb{255, 0, 255});
+  for (int y = 0; y < mission.height; ++y) {
+    for (int x = 0; x < mission.width; ++x) padded(x, y) = mission.frames[2].image(x, y);
+  }
+  const auto run = [&](Backend backend, bool with_padding) {
+    Recording recording;
+    DensifierOptions options = fast_options(kTinyWidth);
+    options.backend = backend;
+    Densifier densifier(options, recording.callbacks());
+    for (std::size_t i = 0; i < 4; ++i) {
+      Keyframe keyframe = synth::keyframe_of(i % 2 == 1 ? finer : mission, i);
+      if (i == 2 && with_padding) keyframe.image = {padded.row(0), mission.width, mission.height, padded.width()};
+      if (i == 2) keyframe.mask = {};
+      densifier.add(keyframe);
+    }
+    densifier.flush();
+    return recording;
+  };
+  const Recording plain = run(Backend::kCuda, false);
+  CHECK(plain.order == run(Backend::kCpu, false).order);
+  CHECK(same(plain, run(Backend::kCuda, true)));
+}
+
+TEST_CASE("sizes of the depth maps may come from the first image", "[cuda][densifier][small]") {
+  const synth::Mission mission = tiny_mission();
+  DensifierOptions options = cuda_options(kTinyWidth);
+  options.width = 0;
+  options.height = 0;
+  Recording recording;
+  Densifier densifier(options, recording.callbacks());
+  fly_through(densifier, mission);
+  CHECK(densifier.options().width == kTinyWidth);
+  CHECK(densifier.options().backend == Backend::kCuda);
+  CHECK(same(recording, densify(mission, cuda_options(kTinyWidth))));
+}
+
+TEST_CASE("keyframes without landmarks and alone give no depth map", "[cuda][densifier][small]") {
+  Recording recording;
+  DensifierOptions options = cuda_options(kTinyWidth);
+  options.view_filter.enabled = false;
+  Densifier densifier(options, recording.callbacks());
+  const synth::Mission mission = tiny_mission();
+  densifier.add(synth::keyframe_of(mission, 0));
+  densifier.flush();
+  CHECK(recording.order.empty());
+  for (std::size_t i = 1; i < 4; ++i) {
+    Keyframe keyframe = synth::keyframe_of(mission, i);
+    if (i == 2) keyframe.landmarks.clear();  // no depth range
+    densifier.add(keyframe);
+  }
+  densifier.flush();
+  CHECK(densifier.stats().depth_maps == 2);
+  CHECK(recording.filtered.size() == 2);
+}
+
+TEST_CASE("statistics count pixels and seconds of the device", "[cuda][densifier]") {
+  Recording recording;
+  Densifier densifier(cuda_options(), recording.callbacks());
+  fly_through(densifier, test_flight());
+  const DensifierStats& stats = densifier.stats();
+  std::int64_t raw = 0;
+  std::int64_t filtered = 0;
+  for (const DepthMap& map : recording.raw) {
+    for (const float depth : map.depth.pixels()) raw += depth > 0.0F ? 1 : 0;
+  }
+  for (const DepthMap& map : recording.filtered) {
+    for (const float depth : map.depth.pixels()) filtered += depth > 0.0F ? 1 : 0;
+  }
+  CHECK(stats.depth_maps == 7);
+  CHECK(stats.pixels == 7 * kFlightWidth * kFlightHeight);
+  CHECK(stats.pixels_matched == raw);
+  CHECK(stats.pixels_after_median <= raw);
+  CHECK(stats.pixels_after_consistency == filtered);
+  CHECK(stats.points == static_cast<std::int64_t>(recording.points()));
+  for (const double seconds : {stats.seconds_prepare, stats.seconds_init, stats.seconds_patchmatch,
+                               stats.seconds_median, stats.seconds_consistency, stats.seconds_fusion}) {
+    CHECK(seconds > 0.0);
+    CHECK(seconds < 10.0);
+  }
+}
+
+TEST_CASE("a device that is not there is named", "[cuda][densifier][small]") {
+  DensifierOptions options = cuda_options();
+  options.device = 217;
+  CHECK_THROWS_AS(Densifier(options, {}), BackendUnavailable);
+  CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("217") && Catch::Contains("auto"));
+}
+
+TEST_CASE("auto takes the device, and the CPU where it cannot, and says why", "[cuda][densifier][small]") {
+  DensifierOptions options = fast_options(kTinyWidth);
+  options.backend = Backend::kAuto;
+  const synth::Mission mission = tiny_mission();
+  Recording recording;
+  Densifier densifier(options, recording.callbacks());
+  CHECK(densifier.options().backend == Backend::kCuda);
+  CHECK_THAT(densifier.backend(), Catch::Contains("CUDA device 0") && Catch::Contains(cuda::find_device(0).name));
+  fly_through(densifier, mission);
+  CHECK(same(recording, densify(mission, cuda_options(kTinyWidth))));
+  options.device = 217;
+  Densifier fallen_back(options, {});
+  CHECK(fallen_back.options().backend == Backend::kCpu);
+  CHECK_THAT(fallen_back.backend(), Catch::Contains("CPU") && Catch::Contains("217"));
+}

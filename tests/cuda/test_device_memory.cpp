@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <list>
+
+#include "core/recording.h"
+#include "cuda/cuda_engine.h"
+#include "cuda/memory.h"
+#include "pmsp/error.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+/// Takes the device's memory but for about `left` bytes. (Not to be used while others need the device.)
+class Hog {
+ public:
+  explicit Hog(std::size_t left) {
+    for (std::size_t block = std::size_t{1} << 36U; block >= std::size_t{1} << 20U;) {
+      std::size_t free = 0;
+      std::size_t total = 0;
+      PMSP_CUDA_CHECK(cudaMemGetInfo(&free, &total));
+      if (free < left + block) {
+        block /= 2;
+        continue;
+      }
+      void* memory = nullptr;
+      if (cudaMalloc(&memory, block) == cudaSuccess) {
+        blocks_.push_back(memory);
+      } else {
+        cudaGetLastError();  // clears it
+        block /= 2;
+      }
+    }
+  }
+  ~Hog() {
+    for (void* memory : blocks_) cudaFree(memory);
+  }
+  Hog(const Hog&) = delete;
+  Hog& operator=(const Hog&) = delete;
+
+ private:
+  std::list<void*> blocks_;
+};
+
+constexpr std::size_t kMiB = std::size_t{1} << 20U;
+
+}  // namespace
+
+TEST_CASE("the estimate of the memory covers what a flight takes", "[cuda][memory]") {
+  const synth::Mission mission = synth::empty_room(small_recipe(320, 7));
+  DensifierOptions options = preset(Quality::kNormal);
+  options.backend = Backend::kCuda;
+  Recording recording;
+  const std::size_t before = cuda::find_device(0).free_bytes;
+  Densifier densifier(options, recording.callbacks());
+  fly_through(densifier, mission);
+  const std::size_t after = cuda::find_device(0).free_bytes;
+  const std::size_t taken = before > after ? before - after : 0;
+  CAPTURE(taken / kMiB, cuda::memory_needed(options) / kMiB);
+  CHECK(taken > 0);
+  CHECK(taken < cuda::memory_needed(options) + 256 * kMiB);  // code and stacks come on top, once
+}
+
+TEST_CASE("without enough memory auto takes the CPU, and cuda says how much it takes", "[cuda][memory]") {
+  DensifierOptions options = preset(Quality::kOnline);
+  options.width = 2880;
+  options.height = 1440;
+  options.backend = Backend::kCuda;
+  Densifier(options, {});  // context and code are there
+  const Hog hog(cuda::memory_needed(options) / 2);
+  CHECK_THROWS_AS(Densifier(options, {}), BackendUnavailable);
+  CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("MiB") && Catch::Contains("2880 x 1440"));
+  options.backend = Backend::kAuto;
+  Densifier densifier(options, {});
+  CHECK(densifier.options().backend == Backend::kCpu);
+  CHECK_THAT(densifier.backend(), Catch::Contains("MiB"));
+}
+
+TEST_CASE("memory that runs out in flight is a DeviceError, and the next Densifier works", "[cuda][memory]") {
+  const synth::Mission mission = synth::empty_room(small_recipe(1280, 4));
+  DensifierOptions options = preset(Quality::kOnline);
+  options.width = 1280;
+  options.height = 640;
+  options.backend = Backend::kCuda;
+  const Recording expected = densify(mission, options);
+  {
+    Recording recording;
+    Densifier densifier(options, recording.callbacks());
+    const Hog hog(20 * kMiB);
+    CHECK_THROWS_AS(fly_through(densifier, mission), DeviceError);
+  }
+  CHECK(same(densify(mission, options), expected));
+}
