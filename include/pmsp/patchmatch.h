@@ -27,10 +27,10 @@ struct MatchInput {
   PosedPanorama reference;
   std::vector<PosedPanorama> neighbours;  ///< 1 to 8, of the reference's size, from other places
   DepthRange range;
-  std::vector<const PlaneImage*> candidates;    ///< planes to try besides the random ones, of the reference's size
-  int first_iteration = 0;                      ///< iterations of the passes before
-  const DepthMap* start = nullptr;              ///< the reference's own map; nullptr = random planes
-  std::vector<const DepthMap*> neighbour_maps;  ///< none, or one for each neighbour (nullptr or empty = not known)
+  std::vector<const PlaneImage*> candidates;         ///< planes to try besides the random ones, of the reference's size
+  int first_iteration = 0;                           ///< iterations of the passes before
+  const DepthMap* start = nullptr;                   ///< the reference's own map; nullptr = random planes
+  std::vector<const DepthMap*> neighbour_maps = {};  ///< none, or one for each neighbour (nullptr or empty = not known)
 };
 
 struct PatchMatchStats {
