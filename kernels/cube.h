@@ -5,13 +5,14 @@
 
 // A panorama as six square faces, so that a direction becomes a texture address by one division, without trigonometry.
 // Faces are ordered +x, -x, +y, -y, +z, -z; on each, the two other coordinates (in the order x, y, z) divided by the
-// magnitude of the leading one run over [-1, 1]. Nodes (texels) lie on a regular grid that includes the borders: node k
-// of `size` + 1 is at -1 + 2 k / size.
+// magnitude of the leading one run over [-1, 1]. Texels lie at the centres of `size` x `size` cells, node k of
+// `size` + 2 at -1 + (2 k - 1) / size; the outermost nodes are the neighbouring faces' texels, so that samples are
+// continuous across edges. (GPUs filter cube maps the same way.)
 namespace pmsp::kernels {
 
 /// Gray values of a face map. `quads[face * face_elements + j * (size + 1) + i]` packs the 2 x 2 nodes from (i, j) on
 /// as four bytes, lowest byte first: (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1); one 32-bit read serves one
-/// bilinear sample. The nodes beyond the border come from the neighbouring faces' directions.
+/// bilinear sample.
 struct CubeView {
   const std::uint32_t* quads;
   float half_size;             ///< size / 2
@@ -22,7 +23,7 @@ struct CubeView {
 /// Whether there is no image behind a view.
 PMSP_HD bool is_empty(const CubeView& cube) { return cube.quads == nullptr; }
 
-/// Address on the cube: face coordinates in [0, size] and the index of the face's first element.
+/// Address on the cube: face coordinates in [0.5, size + 0.5], node k at k, and the index of the face's first element.
 template <class F>
 struct CubePoint {
   F u, v;
@@ -43,8 +44,8 @@ PMSP_HD CubePoint<F> cube_point(const Vec3<F>& p, const CubeView& cube) {
   const F second = select(along_x, p.z, select(along_y, p.z, p.y));
   const F signed_lead = select(along_x, p.x, select(along_y, p.y, p.z));
   const F face = select(along_x, F(0), select(along_y, F(2), F(4))) + select(signed_lead < F(0), F(1), F(0));
-  return {fma(first, scale, F(cube.half_size)), fma(second, scale, F(cube.half_size)),
-          to_int(face) * I(cube.face_elements)};
+  const F middle(cube.half_size + 0.5F);
+  return {fma(first, scale, middle), fma(second, scale, middle), to_int(face) * I(cube.face_elements)};
 }
 
 /// Bilinear sample (0 to 255) in the direction p (any length > 0).

@@ -38,6 +38,7 @@ template <class F>
 struct ReferencePatch {
   F weights[kPatchSamples];
   F contrasts[kPatchSamples];
+  F center;        ///< gray value; scores are made of differences from it, which are small, so that rounding is too
   F variance;      ///< of the patch [gray levels squared]
   F weight_sum;    ///< 1 but for rounding
   F contrast_sum;  ///< 0 but for rounding
@@ -81,13 +82,13 @@ PMSP_HD F sigma_color(const Patch& patch, const PatchLayout& layout) {
 /// alike.
 template <class Patch, class F, class Cube>
 PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& frame, const PatchLayout& layout) {
-  const F center = sample(image, frame.bearing);
+  patch.center = sample(image, frame.bearing);
   PMSP_ROLL
   for (int j = 0; j < kPatchSide; ++j) {
     const Vec3<F> left = fma(F(patch_offset(j)), frame.down, frame.bearing);
     PMSP_UNROLL
     for (int i = 0; i < kPatchSide; ++i) {
-      patch.put(j * kPatchSide + i, F(0), sample(image, fma(F(patch_offset(i)), frame.right, left)) - center);
+      patch.put(j * kPatchSide + i, F(0), sample(image, fma(F(patch_offset(i)), frame.right, left)) - patch.center);
     }
   }
   const F sigma = sigma_color<F>(patch, layout);
@@ -151,7 +152,7 @@ PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const Sourc
     PMSP_UNROLL
     for (int i = 0; i < kPatchSide; ++i) {
       const int k = j * kPatchSide + i;
-      const F gray = sample(view.image, p);
+      const F gray = sample(view.image, p) - patch.center;
       const F weighted = patch.weight(k) * gray;
       sum = sum + weighted;
       square = fma(weighted, gray, square);

@@ -43,10 +43,13 @@ DensifierOptions paper() {
   options.patchmatch.patch_spacing_px = 2.0;
   options.patchmatch.fine_patch = 1.0;
   options.patchmatch.sigma_color = 50.0;
+  options.patchmatch.min_sigma_color = 50.0;
   options.patchmatch.sigma_space_px = 5.0;
+  options.patchmatch.geometric_passes = 0;
   options.median = {true, 0.05, 0.1};
   options.consistency = {true, 5, 3, 0.08};
   options.fusion = {5, kOnePixel, 0.08, 180.0, 0.0};
+  options.free_space.enabled = false;
   return options;
 }
 
@@ -130,11 +133,10 @@ DensifierOptions preset(Quality quality) {
   if (quality == Quality::kOnline) return options;
   options.width = quality == Quality::kNormal ? 1440 : 0;
   options.height = quality == Quality::kNormal ? 720 : 0;
-  options.patchmatch.iterations = quality == Quality::kNormal ? 3 : 4;
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
   options.consistency.window = 7;
-  options.consistency.min_views = 4;
-  options.fusion.spacing_px = 0.5;  // pixels are small here; a finer cloud would hold little but repetitions
+  options.consistency.max_relative_depth = 0.007;  // finer pixels and more neighbours agree more closely
+  options.fusion.spacing_px = 0.4;                 // pixels are small here; a finer cloud would hold little new
   options.free_space.whole_mission = true;
   return options;
 }

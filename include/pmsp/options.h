@@ -39,8 +39,8 @@ struct PatchMatchOptions {
   double patch_spacing_px =
       2.0;                  ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
   double fine_patch = 0.6;  ///< size of the patch of textured pixels, relative to that of others, 0.1 to 1
-  double fine_patch_contrast = 3.0;  ///< standard deviation that makes a patch textured [gray levels], 0 to 255
-  double sigma_color = 20.0;         ///< bilateral weight: gray levels (0 to 255), 1 to 1000
+  double fine_patch_contrast = 1.5;  ///< standard deviation that makes a patch textured [gray levels], 0 to 255
+  double sigma_color = 10.0;         ///< bilateral weight: gray levels (0 to 255), 1 to 1000
   /// Where the surface around the pixel is smoother, sigma_color shrinks down to this, so that the edge of a near thing
   /// does not decide for the wall behind it, 1 to 1000; sigma_color or more: never.
   double min_sigma_color = 4.0;
@@ -51,7 +51,7 @@ struct PatchMatchOptions {
   /// ahead.
   int geometric_passes = 2;
   int geometric_iterations = 1;       ///< of each of these passes, 1 to 100
-  double geometric_weight = 1.0;      ///< score that full disagreement with one neighbour costs, 0 to 4
+  double geometric_weight = 0.5;      ///< score that full disagreement with one neighbour costs, 0 to 4
   double geometric_tolerance = 0.03;  ///< relative difference of depths from which on it is full, 0.001 to 1
 
   void validate() const;
@@ -79,7 +79,7 @@ struct ConsistencyFilterOptions {
 /// Joins depth maps into a cloud without duplicates.
 struct FusionOptions {
   int window = 5;                    ///< depth maps that are joined with each other, 1 to 31
-  double spacing_px = 0.3;           ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
+  double spacing_px = 0.2;           ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
   double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
   double max_normal_deg = 60.0;      ///< angle of normals up to which they are one surface [deg], 0 to 180
   double min_confidence = 0.0;       ///< points below are not written, 0 to 1
@@ -92,9 +92,9 @@ struct FreeSpaceOptions {
   bool enabled = true;
   int views = 16;                    ///< keyframes that are asked about each keyframe's points, 1 to 1000
   double max_relative_depth = 0.02;  ///< deviation that still confirms a point, 0 to 1
-  double min_relative_gap = 0.05;    ///< a surface this much farther away has been seen through the point, 0 to 1
+  double min_relative_gap = 0.03;    ///< a surface this much farther away has been seen through the point, 0 to 1
   /// What may speak against a point, relative to what speaks for it, 0 to 100. Smaller removes more.
-  double max_contradiction = 1.0;
+  double max_contradiction = 0.5;
   /// Hold points back until the end of the sequence (or until `history` keyframes later), so that keyframes to come
   /// have their say. For live use false: then those of the past and of the fusion window have theirs.
   bool whole_mission = false;

@@ -22,6 +22,7 @@ class SharedPatch {
     samples_[k * kPatchThreads] = __floats2half2_rn(weight, contrast);
   }
 
+  float center = 0.0F;
   float variance = 0.0F;
   float weight_sum = 1.0F;
   float contrast_sum = 0.0F;

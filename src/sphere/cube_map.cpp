@@ -13,19 +13,31 @@ namespace {
 using kernels::Pixel;
 using kernels::Vec3;
 
-Vec3<float> node_direction(int face, int i, int j, int size) {
-  const float a = 2.0F * static_cast<float>(i) / static_cast<float>(size) - 1.0F;
-  const float b = 2.0F * static_cast<float>(j) / static_cast<float>(size) - 1.0F;
+Vec3<float> face_direction(int face, float a, float b) {
   const float lead = face % 2 == 0 ? 1.0F : -1.0F;
   if (face < 2) return {lead, a, b};
   if (face < 4) return {a, lead, b};
   return {a, b, lead};
 }
 
+float node_coordinate(int k, int size) { return static_cast<float>(2 * k - 1) / static_cast<float>(size) - 1.0F; }
+
+/// Direction of a node. Those outside the face are the nearest texels of its neighbours.
+Vec3<float> node_direction(int face, int i, int j, int size) {
+  const Vec3<float> direction = face_direction(face, node_coordinate(i, size), node_coordinate(j, size));
+  if (i >= 1 && i <= size && j >= 1 && j <= size) return direction;
+  kernels::CubeView cube{};
+  cube.half_size = 0.5F * static_cast<float>(size);
+  cube.face_elements = 1;  // so that the address holds the face's number
+  const kernels::CubePoint<float> at = kernels::cube_point(direction, cube);
+  const auto snapped = [&](float u) { return std::clamp(static_cast<int>(std::lround(u)), 1, size); };
+  return face_direction(at.face_start, node_coordinate(snapped(at.u), size), node_coordinate(snapped(at.v), size));
+}
+
 /// Fills a cube from a function of direction, then packs its 2 x 2 quads.
 template <class Function>
 CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
-  const int nodes = size + 2;  // the last quad of a row needs one node beyond the border
+  const int nodes = size + 2;
   std::vector<std::uint8_t> values(static_cast<std::size_t>(6 * nodes) * static_cast<std::size_t>(nodes));
   pool.for_each(6 * nodes, [&](int line) {
     const int face = line / nodes;

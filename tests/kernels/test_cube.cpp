@@ -155,8 +155,8 @@ TEST_CASE("each face is the one of the largest coordinate, and its address is th
     const double second = c[lead == 2 ? 1 : 2] / std::fabs(c[lead]);
     const k::CubePoint<double> at = k::cube_point(d, cube);
     REQUIRE(at.face_start == (2 * lead + (c[lead] < 0.0 ? 1 : 0)) * cube.face_elements);
-    REQUIRE(at.u == Approx(50.0 + 50.0 * first).margin(1e-9));
-    REQUIRE(at.v == Approx(50.0 + 50.0 * second).margin(1e-9));
+    REQUIRE(at.u == Approx(50.5 + 50.0 * first).margin(1e-9));
+    REQUIRE(at.v == Approx(50.5 + 50.0 * second).margin(1e-9));
     const k::CubePoint<float> near = k::cube_point(cast<float>(d), cube);
     if (near.face_start != at.face_start) continue;  // on an edge, rounding decides
     REQUIRE(std::fabs(near.u - at.u) < 1e-4);
@@ -225,11 +225,11 @@ TEST_CASE("a sample at a node is the node's value, and it is linear between node
   const auto node = [&](int i, int j) {  // of the face +x
     return static_cast<int>(map.quads[static_cast<std::size_t>(j * (kSize + 1) + i)] & 255U);
   };
-  for (int j = 0; j < kSize; ++j) {
-    for (int i = 0; i < kSize; ++i) {
+  for (int j = 1; j < kSize; ++j) {
+    for (int i = 1; i < kSize; ++i) {
       const auto at = [&](double di, double dj) {
-        return k::sample(cube,
-                         Vec3<double>{3.0, 3.0 * (2.0 * (i + di) / kSize - 1.0), 3.0 * (2.0 * (j + dj) / kSize - 1.0)});
+        const auto coordinate = [&](double k) { return 3.0 * ((2.0 * k - 1.0) / kSize - 1.0); };
+        return k::sample(cube, Vec3<double>{3.0, coordinate(i + di), coordinate(j + dj)});
       };
       REQUIRE(at(1e-9, 1e-9) == Approx(node(i, j)).margin(1e-5));
       const double above = 0.75 * node(i, j) + 0.25 * node(i + 1, j);
@@ -252,7 +252,7 @@ TEST_CASE("the largest faces that the options allow are addressed exactly") {
     for (const int column : {11, size - 10, size - 5}) {
       std::uint32_t& quad = face.get()[static_cast<std::size_t>(row) * side + static_cast<std::size_t>(column)];
       quad = 0xc8c8c8c8U;  // 200 at all four corners
-      const auto coordinate = [&](int node) { return static_cast<float>(2.0 * (node + 0.5) / size - 1.0); };
+      const auto coordinate = [&](int node) { return static_cast<float>(2.0 * node / size - 1.0); };
       const float seen = k::sample(cube, Vec3<float>{1.0F, coordinate(column), coordinate(row)});
       INFO("row " << row << ", column " << column << " of faces of " << size);
       CHECK(seen == Approx(200.0));
