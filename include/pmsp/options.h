@@ -33,14 +33,14 @@ struct InitOptions {
 
 /// Red-black PatchMatch on the sphere.
 struct PatchMatchOptions {
-  int iterations = 3;   ///< of the first pass, 1 to 100; each visits every pixel once
+  int iterations = 2;   ///< of the first pass, 1 to 100; each visits every pixel once
   int neighbours = 2;   ///< source keyframes per depth map, 1 to 8; cost grows in proportion
-  int refinements = 6;  ///< random draws per pixel and iteration, 0 to 32
+  int refinements = 4;  ///< random draws per pixel and iteration, 0 to 32
   double patch_spacing_px =
       2.0;                  ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
   double fine_patch = 0.6;  ///< size of the patch of textured pixels, relative to that of others, 0.1 to 1
   double fine_patch_contrast = 1.5;  ///< standard deviation that makes a patch textured [gray levels], 0 to 255
-  double sigma_color = 10.0;         ///< bilateral weight: gray levels (0 to 255), 1 to 1000
+  double sigma_color = 20.0;         ///< bilateral weight: gray levels (0 to 255), 1 to 1000
   /// Where the surface around the pixel is smoother, sigma_color shrinks down to this, so that the edge of a near thing
   /// does not decide for the wall behind it, 1 to 1000; sigma_color or more: never.
   double min_sigma_color = 4.0;
@@ -79,10 +79,10 @@ struct ConsistencyFilterOptions {
 /// Joins depth maps into a cloud without duplicates.
 struct FusionOptions {
   int window = 5;                    ///< depth maps that are joined with each other, 1 to 31
-  double spacing_px = 0.2;           ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
+  double spacing_px = 0.3;           ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
   double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
   double max_normal_deg = 60.0;      ///< angle of normals up to which they are one surface [deg], 0 to 180
-  double min_confidence = 0.0;       ///< points below are not written, 0 to 1
+  double min_confidence = 0.1;       ///< points below are not written (see DepthMap::confidence), 0 to 1
 
   void validate() const;
 };
@@ -92,7 +92,7 @@ struct FreeSpaceOptions {
   bool enabled = true;
   int views = 16;                    ///< keyframes that are asked about each keyframe's points, 1 to 1000
   double max_relative_depth = 0.02;  ///< deviation that still confirms a point, 0 to 1
-  double min_relative_gap = 0.03;    ///< a surface this much farther away has been seen through the point, 0 to 1
+  double min_relative_gap = 0.05;    ///< a surface this much farther away has been seen through the point, 0 to 1
   /// What may speak against a point, relative to what speaks for it, 0 to 100. Smaller removes more.
   double max_contradiction = 0.5;
   /// Hold points back until the end of the sequence (or until `history` keyframes later), so that keyframes to come

@@ -15,7 +15,10 @@ Device find_device(int number) {
   int count = 0;
   const cudaError_t result = cudaGetDeviceCount(&count);
   if (result != cudaSuccess || count == 0) {
-    device.why_not = result == cudaSuccess ? "no device answers" : cudaGetErrorString(result);
+    const bool no_driver = result == cudaErrorInsufficientDriver;
+    device.why_not = no_driver               ? "no NVIDIA driver, or one that is too old for this build"
+                     : result == cudaSuccess ? "no device answers"
+                                             : cudaGetErrorString(result);
     cudaGetLastError();  // clears it
     return device;
   }

@@ -22,7 +22,7 @@ Vec3<float> face_direction(int face, float a, float b) {
 
 float node_coordinate(int k, int size) { return static_cast<float>(2 * k - 1) / static_cast<float>(size) - 1.0F; }
 
-/// Direction of a node. Those outside the face are the nearest texels of its neighbours.
+/// Direction of a node that is no corner. Those outside the face are the nearest texels of its neighbours.
 Vec3<float> node_direction(int face, int i, int j, int size) {
   const Vec3<float> direction = face_direction(face, node_coordinate(i, size), node_coordinate(j, size));
   if (i >= 1 && i <= size && j >= 1 && j <= size) return direction;
@@ -42,7 +42,19 @@ CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
   pool.for_each(6 * nodes, [&](int line) {
     const int face = line / nodes;
     std::uint8_t* row = &values[static_cast<std::size_t>(line) * static_cast<std::size_t>(nodes)];
-    for (int i = 0; i < nodes; ++i) row[i] = value_of(node_direction(face, i, line % nodes, size));
+    const int j = line % nodes;
+    for (int i = 0; i < nodes; ++i) {
+      const int inner_i = std::clamp(i, 1, size);
+      const int inner_j = std::clamp(j, 1, size);
+      if (i == inner_i || j == inner_j) {
+        row[i] = value_of(node_direction(face, i, j, size));
+      } else {  // three texels meet at a corner
+        const int sum = value_of(node_direction(face, inner_i, inner_j, size)) +
+                        value_of(node_direction(face, i, inner_j, size)) +
+                        value_of(node_direction(face, inner_i, j, size));
+        row[i] = static_cast<std::uint8_t>((sum + 1) / 3);
+      }
+    }
   });
   CubeMap cube;
   cube.size = size;

@@ -63,7 +63,7 @@ TEST_CASE("a backend that is not built gives 4 and says what to do") {
   const TempDir dir;
   const Result result = densify(quick_run(dir / "c.ply", {"--backend", "cuda"}));
   CHECK(result.code == 4);
-  CHECK_THAT(result.err, Contains("cuda") && Contains("--backend cpu"));
+  CHECK_THAT(result.err, Contains("cuda") && Contains("backend cpu"));
 }
 
 TEST_CASE("input that cannot be used gives 3 and names the file") {

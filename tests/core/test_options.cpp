@@ -128,12 +128,12 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   const DensifierOptions online = preset(Quality::kOnline);
   CHECK(online.width == 640);
   CHECK(online.height == 320);
-  CHECK(online.patchmatch.iterations == 3);
+  CHECK(online.patchmatch.iterations == 2);
   CHECK(online.patchmatch.neighbours == 2);
   const DensifierOptions normal = preset(Quality::kNormal);
   CHECK(normal.width == 1440);
   CHECK(normal.height == 720);
-  CHECK(normal.patchmatch.iterations == 3);
+  CHECK(normal.patchmatch.iterations == 2);
   CHECK(normal.patchmatch.neighbours == 4);
   const DensifierOptions high = preset(Quality::kHigh);
   CHECK(high.width == 0);

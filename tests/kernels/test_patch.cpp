@@ -73,8 +73,10 @@ class Room {
 
   Source view(std::size_t frame) const { return view(frame, cubes[frame]); }
   Source view(std::size_t frame, const CubeMap& image) const {
-    return {image.view(), CubeMap().view(),
-            to_rigid(mission->frames[frame].cam_from_world * mission->frames[1].cam_from_world.inverse())};
+    return {image.view(),
+            CubeMap().view(),
+            to_rigid(mission->frames[frame].cam_from_world * mission->frames[1].cam_from_world.inverse()),
+            {nullptr, nullptr, nullptr, 0, 0}};
   }
   k::CubeView reference() const { return cubes[1].view(); }
 
@@ -346,19 +348,19 @@ TEST_CASE("bilateral weights: a silhouette beside a smooth surface has no say, t
   layout.min_sigma_color = 4.0F;
   layout.max_sigma_color = 20.0F;
   Draws draws(21);
-  double smooth[k::kPatchSamples];
-  double textured[k::kPatchSamples];
-  for (int i = 0; i < k::kPatchSamples; ++i) {
-    smooth[i] = draws.uniform(-1.0, 1.0) + (i % k::kPatchSide >= 4 ? 60.0 : 0.0);  // a third lies on something else
-    textured[i] = draws.uniform(-40.0, 40.0);
+  k::ReferencePatch<double> smooth;
+  k::ReferencePatch<double> textured;
+  for (int i = 0; i < k::kPatchSamples; ++i) {  // a third lies on something else
+    smooth.put(i, 0.0, draws.uniform(-1.0, 1.0) + (i % k::kPatchSide >= 4 ? 60.0 : 0.0));
+    textured.put(i, 0.0, draws.uniform(-40.0, 40.0));
   }
-  CHECK(k::sigma_color(smooth, layout) == Approx(4.0));
-  CHECK(k::sigma_color(textured, layout) == Approx(20.0));
-  for (double& value : smooth) value *= 3.0;  // in between it grows with the spread
-  CHECK(k::sigma_color(smooth, layout) > 4.5);
-  CHECK(k::sigma_color(smooth, layout) < 15.0);
+  CHECK(k::sigma_color<double>(smooth, layout) == Approx(4.0));
+  CHECK(k::sigma_color<double>(textured, layout) == Approx(20.0));
+  for (double& value : smooth.contrasts) value *= 3.0;  // in between it grows with the spread
+  CHECK(k::sigma_color<double>(smooth, layout) > 4.5);
+  CHECK(k::sigma_color<double>(smooth, layout) < 15.0);
   layout.min_sigma_color = 20.0F;
-  CHECK(k::sigma_color(smooth, layout) == Approx(20.0));
+  CHECK(k::sigma_color<double>(smooth, layout) == Approx(20.0));
 }
 
 TEST_CASE("a neighbour's depth map takes from the score what the plane differs from it") {
@@ -379,17 +381,17 @@ TEST_CASE("a neighbour's depth map takes from the score what the plane differs f
       planes[2].push_back(static_cast<float>(plane.z));
     }
   }
-  const k::SourceView without = scene.view(2);
-  k::SourceView with = without;
+  const Source without = scene.view(2);
+  Source with = without;
   with.surface = {planes[0].data(), planes[1].data(), planes[2].data(), kWidth, kHeight};
   int agreed = 0;
   for (const Sample& sample : scene.samples) {
-    const auto patch = k::reference_patch(scene.reference(), sample.frame, layout);
-    const auto turned = k::rotated(sample.frame, without);
+    k::ReferencePatch<double> patch;
+    k::take_patch(patch, scene.reference(), sample.frame, layout);
     const auto lost = [&](double factor) {
       const Vec3<double> plane = factor * sample.plane;
-      return k::checked_score(patch, sample.frame, turned, without, plane, layout) -
-             k::checked_score(patch, sample.frame, turned, with, plane, layout);
+      return k::checked_score(patch, sample.frame, without, plane, layout) -
+             k::checked_score(patch, sample.frame, with, plane, layout);
     };
     REQUIRE(lost(1.0) >= 0.0);
     agreed += lost(1.0) < 0.01 ? 1 : 0;

@@ -116,8 +116,14 @@ class Run {
     announce();
     open_outputs(options);
     densifier_ = std::make_unique<Densifier>(options, callbacks());
+    announce_backend();
+  }
+
+  void announce_backend() {
+    if (densifier_->backend() == announced_backend_) return;
+    announced_backend_ = densifier_->backend();
     report_.options = densifier_->options();
-    progress_.message("backend: " + densifier_->backend());
+    progress_.message("backend: " + announced_backend_);
   }
 
   void operator()() {
@@ -233,6 +239,7 @@ class Run {
       preview_->add_keyframe(index, keyframe.id, keyframe.cam_from_world, keyframe.image, width, height);
     }
     const bool accepted = densifier_->add(keyframe);
+    announce_backend();  // whether its memory suffices may turn out with the first image
     if (preview_ && !accepted) preview_->drop_keyframe(keyframe.id);
     progress_.step({"densify", index + 1, report_.with_image, keyframe.id, accepted, writer_->points()});
   }
@@ -271,6 +278,7 @@ class Run {
   std::unique_ptr<PairingVerifier> verifier_;
   Image<std::uint8_t> mask_;
   std::unique_ptr<Densifier> densifier_;
+  std::string announced_backend_;
 };
 
 }  // namespace
