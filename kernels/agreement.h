@@ -43,10 +43,7 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map
   const Vec3<F> turned = rotate(other_from_first, bearing);
   const Vec3<F> t = translation<F>(other_from_first);
   const Vec3<F> p = fma(depth, turned, t);
-  const Pixel<F> at = project(p, F(static_cast<float>(other.width)), F(static_cast<float>(other.height)));
-  const IntOf<F> column_index = column(at.x, other.width);
-  const IntOf<F> row_index = row(at.y, other.height);
-  const IntOf<F> index = row_index * IntOf<F>(other.width) + column_index;
+  const IntOf<F> index = pixel_index(p, other.width, other.height);
   const Vec3<F> plane = plane_at<F>(other, index);
   const F closeness = dot(plane, p);
   const F along_ray = dot(plane, turned);
@@ -86,8 +83,7 @@ template <class F, class Map>
 PMSP_HD F disagreement(const Vec3<F>& bearing, const F& inverse_depth, const Map& other,
                        const Rigid& other_from_first) {
   const Vec3<F> p = fma(inverse_depth, translation<F>(other_from_first), rotate(other_from_first, bearing));
-  const Pixel<F> at = project(p, F(static_cast<float>(other.width)), F(static_cast<float>(other.height)));
-  const IntOf<F> index = row(at.y, other.height) * IntOf<F>(other.width) + column(at.x, other.width);
+  const IntOf<F> index = pixel_index(p, other.width, other.height);
   const Vec3<F> plane = plane_at<F>(other, index);
   return abs(dot(plane, p) / inverse_depth - F(1));
 }

@@ -23,6 +23,27 @@ struct CubeView {
 /// Whether there is no image behind a view.
 PMSP_HD bool is_empty(const CubeView& cube) { return cube.quads == nullptr; }
 
+/// Direction of the centre of texel (i, j) of a GPU's cube map, whose faces are ordered likewise but turned and
+/// mirrored in part (CUDA C++ Programming Guide, "Cubemap Textures"; as OpenGL has them).
+PMSP_HD Vec3<float> texture_direction(int face, int i, int j, int size) {
+  const float a = (2.0F * static_cast<float>(i) + 1.0F) / static_cast<float>(size) - 1.0F;
+  const float b = (2.0F * static_cast<float>(j) + 1.0F) / static_cast<float>(size) - 1.0F;
+  switch (face) {
+    case 0:
+      return {1.0F, -b, -a};
+    case 1:
+      return {-1.0F, -b, a};
+    case 2:
+      return {a, 1.0F, b};
+    case 3:
+      return {a, -1.0F, -b};
+    case 4:
+      return {a, -b, 1.0F};
+    default:
+      return {-a, -b, -1.0F};
+  }
+}
+
 /// Address on the cube: face coordinates in [0.5, size + 0.5], node k at k, and the index of the face's first element.
 template <class F>
 struct CubePoint {

@@ -67,4 +67,11 @@ PMSP_HD IntOf<F> row(const F& y, int height) {
   return to_int(min(whole(y), F(static_cast<float>(height - 1))));
 }
 
+/// Index, in row order, of the pixel that a direction of any length > 0 falls into.
+template <class F>
+PMSP_HD IntOf<F> pixel_index(const Vec3<F>& p, int width, int height) {
+  const Pixel<F> at = project(p, F(static_cast<float>(width)), F(static_cast<float>(height)));
+  return row(at.y, height) * IntOf<F>(width) + column(at.x, width);
+}
+
 }  // namespace pmsp::kernels

@@ -36,8 +36,7 @@ PMSP_HD Sight<F> sight(const Vec3<F>& point, const SightView& other, const Rigid
   const Vec3<F> p = transform(other_from_first, point);
   const F square = dot(p, p);
   const F range = sqrt(square);
-  const Pixel<F> at = project(p, F(static_cast<float>(other.width)), F(static_cast<float>(other.height)));
-  const IntOf<F> index = row(at.y, other.height) * IntOf<F>(other.width) + column(at.x, other.width);
+  const IntOf<F> index = pixel_index(p, other.width, other.height);
   const F nearest = gather<F>(other.nearest, index);
   const F farthest = gather<F>(other.farthest, index);
   const auto on_surface = (range >= nearest * F(limits.min_near)) & (range <= farthest * F(limits.max_far));

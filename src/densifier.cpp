@@ -32,7 +32,7 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
     options.backend = requested;
     engine = make_engine({options, results, stats, cancel}, options, backend);
   }
-  views.push_back({keyframe, engine->prepare(keyframe)});
+  views.push_back({keyframe, engine->prepare(keyframe), {}, {}});
   views.back().keyframe.image = {};
   views.back().keyframe.mask = {};
 }
@@ -49,26 +49,36 @@ void Densifier::Impl::advance(bool last) {
   forget();
 }
 
-/// One pass of PatchMatch. Passes after the first one start from the map of the pass before and look at the newest maps
-/// of the neighbours: this pass's of earlier keyframes, the one before's of later ones.
-void Densifier::Impl::match(std::int64_t i, int pass) {
+/// Chooses, once for all passes, what a keyframe is matched with; none or an empty range where it cannot be.
+void Densifier::Impl::choose(std::int64_t i) {
   const std::int64_t from = std::max(first, i - match_ahead());
   const std::int64_t to = std::min(end(), i + match_ahead() + 1);
   std::vector<const Keyframe*> sequence;
   for (std::int64_t k = from; k < to; ++k) sequence.push_back(&view(k).keyframe);
   View& reference = view(i);
+  for (const std::size_t k :
+       choose_neighbours(sequence, static_cast<std::size_t>(i - from), options.patchmatch.neighbours)) {
+    reference.neighbours.push_back(from + static_cast<std::int64_t>(k));
+  }
+  reference.range = depth_range(reference.keyframe, options.init);
+  if (reference.neighbours.empty()) {
+    ++stats.keyframes_without_neighbour;
+  } else if (!(reference.range.max > reference.range.min)) {
+    ++stats.keyframes_without_range;
+  }
+}
+
+/// One pass of PatchMatch. Passes after the first one start from the map of the pass before and look at the newest maps
+/// of the neighbours: this pass's of earlier keyframes, the one before's of later ones.
+void Densifier::Impl::match(std::int64_t i, int pass) {
+  if (pass == 0) choose(i);
+  View& reference = view(i);
+  if (reference.neighbours.empty() || !(reference.range.max > reference.range.min)) return;
   Engine::MatchTask task;
   task.reference = reference.frame.get();
   task.keyframe = &reference.keyframe;
-  for (const std::size_t k :
-       choose_neighbours(sequence, static_cast<std::size_t>(i - from), options.patchmatch.neighbours)) {
-    task.neighbours.push_back(view(from + static_cast<std::int64_t>(k)).frame.get());
-  }
-  task.range = depth_range(reference.keyframe, options.init);
-  if (task.neighbours.empty() || !(task.range.max > task.range.min)) {
-    if (pass == 0) ++(task.neighbours.empty() ? stats.keyframes_without_neighbour : stats.keyframes_without_range);
-    return;
-  }
+  for (const std::int64_t k : reference.neighbours) task.neighbours.push_back(view(k).frame.get());
+  task.range = reference.range;
   if (pass == 0 && options.init.warp_previous && i > first && view(i - 1).frame->matched) {
     task.previous = view(i - 1).frame.get();
   }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "engine.h"
 #include "patchmatch/neighbours.h"
@@ -20,6 +21,8 @@ namespace pmsp {
 struct View {
   Keyframe keyframe;  ///< its image and mask are gone; what is left of them is in the frame
   std::unique_ptr<Engine::Frame> frame;
+  std::vector<std::int64_t> neighbours;  ///< what all passes of matching look at, and between which depths
+  DepthRange range;
 };
 
 /// Stages run as soon as the keyframes that they look at are there: matching waits for `match_ahead` keyframes after
@@ -38,6 +41,7 @@ struct Densifier::Impl {
 
   void prepare(const Keyframe& keyframe);
   void advance(bool last);
+  void choose(std::int64_t i);
   void match(std::int64_t i, int pass);
   void filter(std::int64_t i);
   void fuse(std::int64_t i);

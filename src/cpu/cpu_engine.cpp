@@ -56,9 +56,14 @@ void CpuEngine::match(const MatchTask& task) {
       input.candidates.push_back(&sparse);
     }
     if (task.previous != nullptr) {
-      DepthMap previous = own(*task.previous).raw;
-      median_filter(previous, options.median, executor_);
-      warped = warp_planes(previous, reference.cam_from_world, executor_);
+      const CpuFrame& previous = own(*task.previous);
+      if (previous.median.depth.empty()) {  // its later passes are still to come
+        DepthMap filtered = previous.raw;
+        median_filter(filtered, options.median, executor_);
+        warped = warp_planes(filtered, reference.cam_from_world, executor_);
+      } else {
+        warped = warp_planes(previous.median, reference.cam_from_world, executor_);
+      }
       input.candidates.push_back(&warped);
     }
   } else {

@@ -444,8 +444,8 @@ void CudaEngine::send(MapDownload& download, const Frame& frame, std::function<v
   download.start(compute_, down_);
   expect([this, &download, id = frame.id, pose = frame.cam_from_world, to = std::move(to)] {
     const DepthMap& map = download.finish(id, pose);
+    download.busy = false;  // nobody else can ask for it before `to` returns or throws
     if (!cancelled()) to(map);
-    download.busy = false;
   });
 }
 

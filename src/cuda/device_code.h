@@ -14,6 +14,13 @@ using kernels::Vec3;
 
 inline int blocks(int count, int block) { return (count + block - 1) / block; }
 
+/// Launch shape of kernels with a thread for each pixel of an image, or of `depth` images.
+const dim3 kImageBlock(32, 8);
+inline dim3 image_grid(int width, int height, int depth = 1) {
+  return dim3(static_cast<unsigned>(blocks(width, static_cast<int>(kImageBlock.x))),
+              static_cast<unsigned>(blocks(height, static_cast<int>(kImageBlock.y))), static_cast<unsigned>(depth));
+}
+
 /// After a launch: throws if it was refused.
 #define PMSP_CUDA_LAUNCHED() PMSP_CUDA_CHECK(cudaGetLastError())
 

@@ -61,9 +61,7 @@ __global__ void filter_kernel(const __grid_constant__ ConsistencyArgs args) {
 }  // namespace
 
 void filter_pixels(const ConsistencyArgs& args, cudaStream_t stream) {
-  const dim3 grid(static_cast<unsigned>(blocks(args.grid.width, 32)),
-                  static_cast<unsigned>(blocks(args.grid.height, 8)));
-  filter_kernel<<<grid, dim3(32, 8), 0, stream>>>(args);
+  filter_kernel<<<image_grid(args.grid.width, args.grid.height), kImageBlock, 0, stream>>>(args);
   PMSP_CUDA_LAUNCHED();
 }
 

@@ -122,9 +122,7 @@ std::size_t fuse_scratch_bytes(int pixels) {
 }
 
 void fuse_pixels(const FuseArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream) {
-  const dim3 grid(static_cast<unsigned>(blocks(args.grid.width, 32)),
-                  static_cast<unsigned>(blocks(args.grid.height, 8)));
-  choose_kernel<<<grid, dim3(32, 8), 0, stream>>>(args);
+  choose_kernel<<<image_grid(args.grid.width, args.grid.height), kImageBlock, 0, stream>>>(args);
   PMSP_CUDA_LAUNCHED();
   const int pixels = args.grid.width * args.grid.height;
   PMSP_CUDA_CHECK(cub::DeviceSelect::Flagged(scratch, scratch_bytes, thrust::counting_iterator<unsigned int>(0),

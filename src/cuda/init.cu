@@ -49,8 +49,7 @@ __global__ void warp_kernel(const __grid_constant__ WarpArgs args) {
   const float inverse_depth = kernels::dot(plane_of(args.planes[from]), bearing);
   if (!(inverse_depth > 0.0F)) return;
   const Vec3<float> p = kernels::transform(args.reference_from_previous, (1.0F / inverse_depth) * bearing);
-  const kernels::Pixel<float> at = kernels::project(p, static_cast<float>(grid.width), static_cast<float>(grid.height));
-  const int to = kernels::row(at.y, grid.height) * grid.width + kernels::column(at.x, grid.width);
+  const int to = kernels::pixel_index(p, grid.width, grid.height);
   offer(args.keys, static_cast<std::size_t>(to), sqrtf(kernels::dot(p, p)), from);
 }
 
@@ -63,9 +62,7 @@ void splat_points(const SplatArgs& args, cudaStream_t stream) {
 }
 
 void warp_planes(const WarpArgs& args, cudaStream_t stream) {
-  const dim3 grid(static_cast<unsigned>(blocks(args.grid.width, 32)),
-                  static_cast<unsigned>(blocks(args.grid.height, 8)));
-  warp_kernel<<<grid, dim3(32, 8), 0, stream>>>(args);
+  warp_kernel<<<image_grid(args.grid.width, args.grid.height), kImageBlock, 0, stream>>>(args);
   PMSP_CUDA_LAUNCHED();
 }
 

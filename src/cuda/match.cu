@@ -179,11 +179,6 @@ dim3 colour_grid(const cpu::GridTables& grid, int colours) {
               static_cast<unsigned>(blocks(grid.height, kBlockHeight)), static_cast<unsigned>(colours));
 }
 
-const dim3 kMapBlock(32, 8);
-dim3 map_grid(const cpu::GridTables& grid) {
-  return dim3(static_cast<unsigned>(blocks(grid.width, 32)), static_cast<unsigned>(blocks(grid.height, 8)));
-}
-
 }  // namespace
 
 bool runs_here() {
@@ -204,17 +199,17 @@ void iterate_pixels(const MatchArgs& args, int colour, int iteration, cudaStream
 }
 
 void to_rows(const cpu::GridTables& grid, const float4* state, float4* raw, cudaStream_t stream) {
-  to_rows_kernel<<<map_grid(grid), kMapBlock, 0, stream>>>(grid, state, raw);
+  to_rows_kernel<<<image_grid(grid.width, grid.height), kImageBlock, 0, stream>>>(grid, state, raw);
   PMSP_CUDA_LAUNCHED();
 }
 
 void export_planes(const cpu::GridTables& grid, const float4* planes, const MapArrays& out, cudaStream_t stream) {
-  export_kernel<<<map_grid(grid), kMapBlock, 0, stream>>>(grid, planes, out);
+  export_kernel<<<image_grid(grid.width, grid.height), kImageBlock, 0, stream>>>(grid, planes, out);
   PMSP_CUDA_LAUNCHED();
 }
 
 void median_pixels(const MedianArgs& args, cudaStream_t stream) {
-  median_kernel<<<map_grid(args.grid), kMapBlock, 0, stream>>>(args);
+  median_kernel<<<image_grid(args.grid.width, args.grid.height), kImageBlock, 0, stream>>>(args);
   PMSP_CUDA_LAUNCHED();
 }
 

@@ -40,6 +40,18 @@ double Event::seconds_since(const Event& start) const {
   return 1e-3 * static_cast<double>(milliseconds);
 }
 
+void* DeviceMemory::allocate(std::size_t bytes) {
+  void* data = nullptr;
+  PMSP_CUDA_CHECK(cudaMalloc(&data, bytes));
+  return data;
+}
+
+void* PinnedMemory::allocate(std::size_t bytes) {
+  void* data = nullptr;
+  PMSP_CUDA_CHECK(cudaHostAlloc(&data, bytes, cudaHostAllocDefault));
+  return data;
+}
+
 PinnedRange::PinnedRange(void* data, std::size_t bytes) {
   PMSP_CUDA_CHECK(cudaHostRegister(data, bytes, cudaHostRegisterDefault));
   data_ = data;

@@ -57,25 +57,21 @@ class Event {
   cudaEvent_t event_ = nullptr;
 };
 
-/// Device memory.
-template <class T>
-class DeviceArray {
+/// Memory of one kind, uninitialised.
+template <class T, class Memory>
+class Array {
  public:
-  DeviceArray() = default;
-  explicit DeviceArray(std::size_t size) : size_(size) {
-    void* data = nullptr;
-    PMSP_CUDA_CHECK(cudaMalloc(&data, size * sizeof(T)));
-    data_ = static_cast<T*>(data);
-  }
-  ~DeviceArray() { cudaFree(data_); }
-  DeviceArray(DeviceArray&& other) noexcept
-      : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
-  DeviceArray& operator=(DeviceArray&& other) noexcept {
+  Array() = default;
+  explicit Array(std::size_t size) : data_(static_cast<T*>(Memory::allocate(size * sizeof(T)))), size_(size) {}
+  ~Array() { Memory::free(data_); }
+  Array(Array&& other) noexcept : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
+  Array& operator=(Array&& other) noexcept {
     std::swap(data_, other.data_);
     std::swap(size_, other.size_);
     return *this;
   }
   T* get() const { return data_; }
+  T& operator[](std::size_t i) const { return data_[i]; }  ///< where the host can read it
   std::size_t size() const { return size_; }
   bool empty() const { return size_ == 0; }
 
@@ -84,32 +80,21 @@ class DeviceArray {
   std::size_t size_ = 0;
 };
 
-/// Host memory that copies run to and from without the processor.
-template <class T>
-class PinnedArray {
- public:
-  PinnedArray() = default;
-  explicit PinnedArray(std::size_t size) : size_(size) {
-    void* data = nullptr;
-    PMSP_CUDA_CHECK(cudaHostAlloc(&data, size * sizeof(T), cudaHostAllocDefault));
-    data_ = static_cast<T*>(data);
-  }
-  ~PinnedArray() { cudaFreeHost(data_); }
-  PinnedArray(PinnedArray&& other) noexcept
-      : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
-  PinnedArray& operator=(PinnedArray&& other) noexcept {
-    std::swap(data_, other.data_);
-    std::swap(size_, other.size_);
-    return *this;
-  }
-  T* get() const { return data_; }
-  T& operator[](std::size_t i) const { return data_[i]; }
-  std::size_t size() const { return size_; }
-
- private:
-  T* data_ = nullptr;
-  std::size_t size_ = 0;
+struct DeviceMemory {
+  static void* allocate(std::size_t bytes);
+  static void free(void* data) { cudaFree(data); }
 };
+
+/// Host memory that copies run to and from without the processor.
+struct PinnedMemory {
+  static void* allocate(std::size_t bytes);
+  static void free(void* data) { cudaFreeHost(data); }
+};
+
+template <class T>
+using DeviceArray = Array<T, DeviceMemory>;
+template <class T>
+using PinnedArray = Array<T, PinnedMemory>;
 
 /// Page-locks memory that someone else owns, for as long as it lives.
 class PinnedRange {

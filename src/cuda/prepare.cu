@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include "cube.h"
 #include "cuda/device_code.h"
 #include "cuda/launch.h"
 #include "resample.h"
@@ -6,12 +7,6 @@
 // From a camera's image to colours and cube maps (src/sphere does the same on the CPU).
 namespace pmsp::cuda {
 namespace {
-
-const dim3 kBlock(32, 8);
-dim3 grid_of(int width, int height, int depth = 1) {
-  return dim3(static_cast<unsigned>(blocks(width, 32)), static_cast<unsigned>(blocks(height, 8)),
-              static_cast<unsigned>(depth));
-}
 
 __device__ unsigned char to_byte(float value) { return static_cast<unsigned char>(fminf(value + 0.5F, 255.0F)); }
 
@@ -77,32 +72,12 @@ __global__ void equalize_kernel(const float* gray, float* equalized, int width, 
   equalized[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)] = value;
 }
 
-/// Direction of a texel's centre, in the order and orientation of CUDA's cube maps.
-__device__ Vec3<float> texel_direction(int face, int i, int j, int size) {
-  const float a = (2.0F * static_cast<float>(i) + 1.0F) / static_cast<float>(size) - 1.0F;
-  const float b = (2.0F * static_cast<float>(j) + 1.0F) / static_cast<float>(size) - 1.0F;
-  switch (face) {
-    case 0:
-      return {1.0F, -b, -a};
-    case 1:
-      return {-1.0F, -b, a};
-    case 2:
-      return {a, 1.0F, b};
-    case 3:
-      return {a, -1.0F, -b};
-    case 4:
-      return {a, -b, 1.0F};
-    default:
-      return {-a, -b, -1.0F};
-  }
-}
-
 __global__ void fill_cube_kernel(kernels::GrayView gray, CubeArgs cube) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   const int j = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
   const int face = static_cast<int>(blockIdx.z);
   if (i >= cube.size || j >= cube.size) return;
-  const float value = kernels::sample_cubic(gray, texel_direction(face, i, j, cube.size));
+  const float value = kernels::sample_cubic(gray, kernels::texture_direction(face, i, j, cube.size));
   constexpr float kScale = 65535.0F / 255.0F;
   const float level = fminf(fmaxf(kScale * value + 0.5F, 0.0F), 65535.0F);
   surfCubemapwrite(static_cast<unsigned short>(level), cube.surface, i * static_cast<int>(sizeof(unsigned short)), j,
@@ -134,36 +109,33 @@ __global__ void fill_usable_kernel(const unsigned char* eroded, int width, int h
   const int j = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
   const int face = static_cast<int>(blockIdx.z);
   if (i >= cube.size || j >= cube.size) return;
-  const kernels::Pixel<float> at =
-      kernels::project(texel_direction(face, i, j, cube.size), static_cast<float>(width), static_cast<float>(height));
-  const std::size_t pixel = static_cast<std::size_t>(kernels::row(at.y, height)) * static_cast<std::size_t>(width) +
-                            static_cast<std::size_t>(kernels::column(at.x, width));
+  const int pixel = kernels::pixel_index(kernels::texture_direction(face, i, j, cube.size), width, height);
   surfCubemapwrite(eroded[pixel], cube.surface, i, j, face);
 }
 
 }  // namespace
 
 void resize(const ResizeArgs& args, cudaStream_t stream) {
-  resize_kernel<<<grid_of(args.width, args.height), kBlock, 0, stream>>>(args);
+  resize_kernel<<<image_grid(args.width, args.height), kImageBlock, 0, stream>>>(args);
   PMSP_CUDA_LAUNCHED();
 }
 
 void equalize_rows(const float* gray, float* equalized, int width, int height, cudaStream_t stream) {
-  equalize_kernel<<<grid_of(width, height), kBlock, 0, stream>>>(gray, equalized, width, height);
+  equalize_kernel<<<image_grid(width, height), kImageBlock, 0, stream>>>(gray, equalized, width, height);
   PMSP_CUDA_LAUNCHED();
 }
 
 void fill_cube(const float* gray, int width, int height, const CubeArgs& cube, cudaStream_t stream) {
-  fill_cube_kernel<<<grid_of(cube.size, cube.size, 6), kBlock, 0, stream>>>({gray, width, height}, cube);
+  fill_cube_kernel<<<image_grid(cube.size, cube.size, 6), kImageBlock, 0, stream>>>({gray, width, height}, cube);
   PMSP_CUDA_LAUNCHED();
 }
 
 void fill_usable_cube(const uchar4* color, int width, int height, double radius_px, unsigned char* scratch,
                       const CubeArgs& cube, cudaStream_t stream) {
-  erode_kernel<<<grid_of(width, height), kBlock, 0, stream>>>(color, scratch, width, height,
-                                                              static_cast<float>(radius_px));
+  erode_kernel<<<image_grid(width, height), kImageBlock, 0, stream>>>(color, scratch, width, height,
+                                                                      static_cast<float>(radius_px));
   PMSP_CUDA_LAUNCHED();
-  fill_usable_kernel<<<grid_of(cube.size, cube.size, 6), kBlock, 0, stream>>>(scratch, width, height, cube);
+  fill_usable_kernel<<<image_grid(cube.size, cube.size, 6), kImageBlock, 0, stream>>>(scratch, width, height, cube);
   PMSP_CUDA_LAUNCHED();
 }
 

@@ -37,6 +37,13 @@ inline int agreeing_maps_wanted(const ConsistencyFilterOptions& options, std::si
   return std::min(full, std::max(1, static_cast<int>(std::lround(full * std::min(share, 1.0)))));
 }
 
+/// The plane of a pixel that has a depth (see PlaneImage).
+inline kernels::Vec3<float> plane_of_pixel(const DepthMap& map, const SphereGrid& grid, int x, int y) {
+  return kernels::plane_from(
+      1.0F / map.depth(x, y), to_vec3(map.normal(x, y)),
+      kernels::bearing(grid.sin_lon()[x], grid.cos_lon()[x], grid.sin_lat()[y], grid.cos_lat()[y]));
+}
+
 /// A depth map's planes in row order, one array a coordinate, as kernels::agreement reads them.
 class PlaneRows {
  public:
@@ -48,14 +55,10 @@ class PlaneRows {
         z_(map.depth.size()) {
     pool.for_each(height_, [&](int row) {
       for (int column = 0; column < width_; ++column) {
-        const float depth = map.depth(column, row);
         const std::size_t at =
             static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(column);
-        if (depth <= 0.0F) continue;
-        const kernels::Vec3<float> normal = to_vec3(map.normal(column, row));
-        const kernels::Vec3<float> plane = kernels::plane_from(
-            1.0F / depth, normal,
-            kernels::bearing(grid.sin_lon()[column], grid.cos_lon()[column], grid.sin_lat()[row], grid.cos_lat()[row]));
+        if (map.depth(column, row) <= 0.0F) continue;
+        const kernels::Vec3<float> plane = plane_of_pixel(map, grid, column, row);
         x_[at] = plane.x;
         y_[at] = plane.y;
         z_[at] = plane.z;

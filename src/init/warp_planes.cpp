@@ -30,8 +30,7 @@ PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_
     for (int x = 0; x < width; ++x) {
       if (previous.depth(x, y) <= 0.0F) continue;
       const Vec3<float> p = kernels::transform(forward, surface_point(x, y));
-      const auto at = kernels::project(p, static_cast<float>(width), static_cast<float>(height));
-      target(x, y) = kernels::row(at.y, height) * width + kernels::column(at.x, width);
+      target(x, y) = kernels::pixel_index(p, width, height);
       range(x, y) = std::sqrt(kernels::dot(p, p));
     }
   });

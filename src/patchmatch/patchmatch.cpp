@@ -109,9 +109,7 @@ Planes to_checkerboard(const DepthMap& map, const SphereGrid& grid, ThreadPool& 
   pool.for_each(grid.height(), [&](int y) {
     for (int x = 0; x < grid.width(); ++x) {
       if (!(map.depth(x, y) > 0.0F)) continue;
-      const kernels::Vec3<float> plane = kernels::plane_from(
-          1.0F / map.depth(x, y), to_vec3(map.normal(x, y)),
-          kernels::bearing(grid.sin_lon()[x], grid.cos_lon()[x], grid.sin_lat()[y], grid.cos_lat()[y]));
+      const kernels::Vec3<float> plane = plane_of_pixel(map, grid, x, y);
       const std::size_t at = grid.index(x, y);
       planes.x[at] = plane.x;
       planes.y[at] = plane.y;

@@ -10,6 +10,7 @@
 #include <memory>
 #include <vector>
 
+#include "cube.h"
 #include "elementary.h"
 #include "vec3.h"
 
@@ -105,22 +106,7 @@ struct StripMap {
 struct HardwareCubeMap {
   int size;
   __host__ __device__ Vec3<float> direction(int i, int j, int face) const {
-    const float s = 2.0F * (static_cast<float>(i) + 0.5F) / size - 1.0F;
-    const float t = 2.0F * (static_cast<float>(j) + 0.5F) / size - 1.0F;
-    switch (face) {
-      case 0:
-        return {1.0F, -t, -s};
-      case 1:
-        return {-1.0F, -t, s};
-      case 2:
-        return {s, 1.0F, t};
-      case 3:
-        return {s, -1.0F, -t};
-      case 4:
-        return {s, -t, 1.0F};
-      default:
-        return {-s, -t, -1.0F};
-    }
+    return pmsp::kernels::texture_direction(face, i, j, size);
   }
 };
 
