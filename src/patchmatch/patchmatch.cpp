@@ -22,7 +22,10 @@ namespace {
 struct Planes {
   explicit Planes(std::size_t size) : x(size, 0.0F), y(size, 0.0F), z(size, 0.0F) {}
 
-  cpu::ConstPlaneArrays view() const { return {x.data(), y.data(), z.data()}; }
+  bool empty() const { return x.empty(); }
+  cpu::ConstPlaneArrays view() const {
+    return empty() ? cpu::ConstPlaneArrays{} : cpu::ConstPlaneArrays{x.data(), y.data(), z.data()};
+  }
 
   std::vector<float> x, y, z;
 };
@@ -104,12 +107,18 @@ std::vector<PlaneRows> add_surfaces(const MatchInput& input, const SphereGrid& g
   return surfaces;
 }
 
-Planes to_checkerboard(const DepthMap& map, const SphereGrid& grid, ThreadPool& pool) {
+/// Planes of a map of any size, none if it is missing: each pixel takes that of the map's pixel in which its centre
+/// lies.
+Planes to_checkerboard(const DepthMap* map, const SphereGrid& grid, ThreadPool& pool) {
+  if (map == nullptr || map->depth.empty()) return Planes(0);
   Planes planes(grid.size());
+  const SphereGrid map_grid(map->depth.width(), map->depth.height());
   pool.for_each(grid.height(), [&](int y) {
+    const int map_y = kernels::index_at_size(y, grid.height(), map_grid.height());
     for (int x = 0; x < grid.width(); ++x) {
-      if (!(map.depth(x, y) > 0.0F)) continue;
-      const kernels::Vec3<float> plane = plane_of_pixel(map, grid, x, y);
+      const int map_x = kernels::index_at_size(x, grid.width(), map_grid.width());
+      if (!(map->depth(map_x, map_y) > 0.0F)) continue;
+      const kernels::Vec3<float> plane = plane_of_pixel(*map, map_grid, map_x, map_y);
       const std::size_t at = grid.index(x, y);
       planes.x[at] = plane.x;
       planes.y[at] = plane.y;
@@ -175,8 +184,10 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   std::vector<Planes> candidates;
   std::vector<cpu::ConstPlaneArrays> candidate_views;
   for (const PlaneImage* image : input.candidates) candidates.push_back(to_checkerboard(*image, grid));
-  const bool started = input.start != nullptr && !input.start->depth.empty();
-  if (started) candidates.push_back(to_checkerboard(*input.start, grid, pool));
+  Planes start = to_checkerboard(input.start, grid, pool);
+  const bool started = !start.empty();
+  if (started) candidates.push_back(std::move(start));
+  const Planes coarse = to_checkerboard(input.coarse, grid, pool);
   for (const Planes& planes : candidates) candidate_views.push_back(planes.view());
   const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
   Planes planes(grid.size());
@@ -187,6 +198,7 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
                           {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
                           candidate_views.data(),
                           static_cast<int>(candidate_views.size()),
+                          coarse.view(),
                           !started,
                           usable.empty() ? nullptr : usable.data()};
 
