@@ -17,6 +17,12 @@ namespace pmsp::kernels {
 template <class F>
 struct Num;
 
+/// The 32-bit halves of 64-bit numbers.
+template <class UInt>
+struct Halves {
+  UInt low, high;
+};
+
 template <class F>
 struct ScalarNum {
   using Int = std::int32_t;
@@ -28,7 +34,10 @@ struct ScalarNum {
   static PMSP_HD F from_int(Int a) { return static_cast<F>(a); }
   static PMSP_HD F from_uint(UInt a) { return static_cast<F>(static_cast<std::int32_t>(a)); }
   static PMSP_HD F gather(const float* data, Int index) { return static_cast<F>(data[index]); }
-  static PMSP_HD UInt gather(const std::uint32_t* data, Int index) { return data[index]; }
+  static PMSP_HD Halves<UInt> gather(const std::uint64_t* data, Int index) {
+    const std::uint64_t value = data[index];
+    return {static_cast<UInt>(value), static_cast<UInt>(value >> 32U)};
+  }
   static PMSP_HD F pow2(Int exponent) {
     const std::uint32_t bits = static_cast<std::uint32_t>(exponent + 127) << 23U;
     float value = 0.0F;
@@ -94,7 +103,7 @@ PMSP_HD F gather(const float* data, const IntOf<F>& index) {
   return Num<F>::gather(data, index);
 }
 template <class F>
-PMSP_HD UIntOf<F> gather(const std::uint32_t* data, const IntOf<F>& index) {
+PMSP_HD Halves<UIntOf<F>> gather_halves(const std::uint64_t* data, const IntOf<F>& index) {
   return Num<F>::gather(data, index);
 }
 

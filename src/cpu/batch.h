@@ -12,19 +12,51 @@
 // xsimd's batches as the number type of the kernels.
 namespace pmsp::kernels {
 
-/// One element of 32 bits per lane, by the machine's own instruction: xsimd's gather (8.1) reads lane by lane on all
-/// instruction sets, which makes it a quarter to a half of PatchMatch's time.
-template <class V, class Int>
-PMSP_HD V gather_lanes(const typename V::value_type* data, const Int& index) {
+// Gathers use the machine's own instructions: xsimd's (8.1) reads lane by lane on all instruction sets, which makes it
+// a quarter to a half of PatchMatch's time.
+
+template <class F, class Int>
+PMSP_HD F gather_lanes(const float* data, const Int& index) {
 #if defined(__AVX512F__)
-  if constexpr (V::size == 16) return xsimd::bitwise_cast<V>(Int(_mm512_i32gather_epi32(index, data, 4)));
+  if constexpr (F::size == 16) return F(_mm512_i32gather_ps(index, data, 4));
 #endif
 #if defined(__AVX2__)
-  if constexpr (V::size == 8) {
-    return xsimd::bitwise_cast<V>(Int(_mm256_i32gather_epi32(reinterpret_cast<const int*>(data), index, 4)));
+  if constexpr (F::size == 8) return F(_mm256_i32gather_ps(data, index, 4));
+#endif
+  return F::gather(data, index);
+}
+
+template <class UInt, class Int>
+PMSP_HD Halves<UInt> gather_halves_of_lanes(const std::uint64_t* data, const Int& index) {
+#if defined(__AVX512F__)
+  if constexpr (UInt::size == 16) {
+    const __m512i indices = index;
+    const __m512i first = _mm512_i32gather_epi64(_mm512_castsi512_si256(indices), data, 8);
+    const __m512i last = _mm512_i32gather_epi64(_mm512_extracti64x4_epi64(indices, 1), data, 8);
+    const __m512i even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+    const __m512i odd = _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+    return {UInt(_mm512_permutex2var_epi32(first, even, last)), UInt(_mm512_permutex2var_epi32(first, odd, last))};
   }
 #endif
-  return V::gather(data, index);
+#if defined(__AVX2__)
+  if constexpr (UInt::size == 8) {
+    const auto* const numbers = reinterpret_cast<const long long*>(data);
+    const __m256i indices = index;
+    const __m256 first = _mm256_castsi256_ps(_mm256_i32gather_epi64(numbers, _mm256_castsi256_si128(indices), 8));
+    const __m256 last = _mm256_castsi256_ps(_mm256_i32gather_epi64(numbers, _mm256_extracti128_si256(indices, 1), 8));
+    const __m256i low = _mm256_castps_si256(_mm256_shuffle_ps(first, last, 0x88));  // lanes 0 1 4 5 2 3 6 7
+    const __m256i high = _mm256_castps_si256(_mm256_shuffle_ps(first, last, 0xdd));
+    return {UInt(_mm256_permute4x64_epi64(low, 0xd8)), UInt(_mm256_permute4x64_epi64(high, 0xd8))};
+  }
+#endif
+  alignas(64) std::uint32_t low[UInt::size];
+  alignas(64) std::uint32_t high[UInt::size];
+  for (std::size_t i = 0; i < UInt::size; ++i) {
+    const std::uint64_t value = data[index.get(i)];
+    low[i] = static_cast<std::uint32_t>(value);
+    high[i] = static_cast<std::uint32_t>(value >> 32U);
+  }
+  return {UInt::load_aligned(low), UInt::load_aligned(high)};
 }
 
 template <class Arch>
@@ -39,7 +71,9 @@ struct Num<xsimd::batch<float, Arch>> {
   static PMSP_HD F from_int(const Int& a) { return xsimd::to_float(a); }
   static PMSP_HD F from_uint(const UInt& a) { return xsimd::to_float(xsimd::bitwise_cast<Int>(a)); }
   static PMSP_HD F gather(const float* data, const Int& index) { return gather_lanes<F>(data, index); }
-  static PMSP_HD UInt gather(const std::uint32_t* data, const Int& index) { return gather_lanes<UInt>(data, index); }
+  static PMSP_HD Halves<UInt> gather(const std::uint64_t* data, const Int& index) {
+    return gather_halves_of_lanes<UInt>(data, index);
+  }
   static PMSP_HD F pow2(const Int& exponent) { return xsimd::bitwise_cast<F>(Int(exponent + Int(127)) << 23); }
 };
 

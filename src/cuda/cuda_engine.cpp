@@ -22,7 +22,8 @@
 namespace pmsp::cuda {
 namespace {
 
-constexpr int kGrayBits = 16;  ///< of the cube maps' texels: finer than the camera's, since resampling averages
+constexpr int kGrayBits =
+    16;  ///< of the cube maps' texels, as the CPU's: finer than the camera's, since resampling averages
 constexpr int kUsableBits = 8;
 constexpr std::size_t kDownloads = 2;  ///< depth maps on their way down at once
 

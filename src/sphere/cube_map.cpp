@@ -38,10 +38,10 @@ Vec3<float> node_direction(int face, int i, int j, int size) {
 template <class Function>
 CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
   const int nodes = size + 2;
-  std::vector<std::uint8_t> values(static_cast<std::size_t>(6 * nodes) * static_cast<std::size_t>(nodes));
+  std::vector<std::uint16_t> values(static_cast<std::size_t>(6 * nodes) * static_cast<std::size_t>(nodes));
   pool.for_each(6 * nodes, [&](int line) {
     const int face = line / nodes;
-    std::uint8_t* row = &values[static_cast<std::size_t>(line) * static_cast<std::size_t>(nodes)];
+    std::uint16_t* row = &values[static_cast<std::size_t>(line) * static_cast<std::size_t>(nodes)];
     const int j = line % nodes;
     for (int i = 0; i < nodes; ++i) {
       const int inner_i = std::clamp(i, 1, size);
@@ -52,7 +52,7 @@ CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
         const int sum = value_of(node_direction(face, inner_i, inner_j, size)) +
                         value_of(node_direction(face, i, inner_j, size)) +
                         value_of(node_direction(face, inner_i, j, size));
-        row[i] = static_cast<std::uint8_t>((sum + 1) / 3);
+        row[i] = static_cast<std::uint16_t>((sum + 1) / 3);
       }
     }
   });
@@ -62,12 +62,12 @@ CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
   cube.quads.resize(static_cast<std::size_t>(6 * side) * static_cast<std::size_t>(side));
   pool.for_each(6 * side, [&](int line) {
     const std::size_t first = static_cast<std::size_t>(line / side * nodes + line % side);
-    const std::uint8_t* upper = &values[first * static_cast<std::size_t>(nodes)];
-    const std::uint8_t* lower = upper + nodes;
-    std::uint32_t* quads = &cube.quads[static_cast<std::size_t>(line) * static_cast<std::size_t>(side)];
+    const std::uint16_t* upper = &values[first * static_cast<std::size_t>(nodes)];
+    const std::uint16_t* lower = upper + nodes;
+    std::uint64_t* quads = &cube.quads[static_cast<std::size_t>(line) * static_cast<std::size_t>(side)];
     for (int i = 0; i < side; ++i) {
-      quads[i] = static_cast<std::uint32_t>(upper[i]) | static_cast<std::uint32_t>(upper[i + 1]) << 8U |
-                 static_cast<std::uint32_t>(lower[i]) << 16U | static_cast<std::uint32_t>(lower[i + 1]) << 24U;
+      quads[i] = static_cast<std::uint64_t>(upper[i]) | static_cast<std::uint64_t>(upper[i + 1]) << 16U |
+                 static_cast<std::uint64_t>(lower[i]) << 32U | static_cast<std::uint64_t>(lower[i + 1]) << 48U;
     }
   });
   return cube;
@@ -106,8 +106,8 @@ int cube_size_for(int width) { return std::max(8, 2 * static_cast<int>(std::lrou
 CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool) {
   const kernels::GrayView view{gray.pixels().data(), gray.width(), gray.height()};
   return fill_cube(size, pool, [&](const Vec3<float>& direction) {
-    const float value = kernels::sample_cubic(view, direction);
-    return static_cast<std::uint8_t>(std::clamp(value + 0.5F, 0.0F, 255.0F));
+    const float level = static_cast<float>(kernels::kTexelsPerGray) * kernels::sample_cubic(view, direction);
+    return static_cast<std::uint16_t>(std::clamp(level + 0.5F, 0.0F, 65535.0F));
   });
 }
 
@@ -117,7 +117,8 @@ CubeMap make_usable_cube(const Image<std::uint8_t>& usable, int size, double rad
   const Image<std::uint8_t> inside = eroded(usable, radius_px);
   return fill_cube(size, pool, [&](const Vec3<float>& direction) {
     const Pixel<float> at = kernels::project(direction, width, height);
-    return inside(kernels::column(at.x, usable.width()), kernels::row(at.y, usable.height()));
+    const bool matchable = inside(kernels::column(at.x, usable.width()), kernels::row(at.y, usable.height())) != 0;
+    return static_cast<std::uint16_t>(matchable ? 65535 : 0);
   });
 }
 

@@ -13,7 +13,7 @@ namespace pmsp {
 /// Owns the six faces that a kernels::CubeView reads (layout there).
 struct CubeMap {
   int size = 0;
-  std::vector<std::uint32_t> quads;
+  std::vector<std::uint64_t> quads;
 
   bool empty() const { return quads.empty(); }
   kernels::CubeView view() const;
@@ -23,7 +23,7 @@ struct CubeMap {
 int cube_size_for(int width);
 
 /// Resamples a gray equirectangular image (values 0 to 255) by cubic convolution (Catmull-Rom; Keys 1981), rounded to
-/// bytes.
+/// 16 bits.
 CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool);
 
 /// 255 where a patch may be matched, 0 where it would reach into the mask: where any pixel is 0 within

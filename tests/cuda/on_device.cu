@@ -180,17 +180,17 @@ Both agreements(int count) {
 }
 
 Both cube_samples(const kernels::CubeView& cube, std::size_t elements, int count) {
-  const auto quads = uploaded(std::vector<std::uint32_t>(cube.quads, cube.quads + elements));
+  const auto quads = uploaded(std::vector<std::uint64_t>(cube.quads, cube.quads + elements));
   kernels::CubeView device = cube;
   device.quads = quads.get();
   return {CubeSamples::kValues, on_host(CubeSamples{cube}, count), on_device(CubeSamples{device}, count)};
 }
 
 Both patch_scores(const Scoring<kernels::CubeView>& scoring) {
-  std::vector<cuda::DeviceArray<std::uint32_t>> images;
+  std::vector<cuda::DeviceArray<std::uint64_t>> images;
   const auto on_device_too = [&](kernels::CubeView& cube) {
     if (kernels::is_empty(cube)) return;
-    images.push_back(uploaded(std::vector<std::uint32_t>(cube.quads, cube.quads + scoring.elements)));
+    images.push_back(uploaded(std::vector<std::uint64_t>(cube.quads, cube.quads + scoring.elements)));
     cube.quads = images.back().get();
   };
   Scoring<kernels::CubeView> device = scoring;

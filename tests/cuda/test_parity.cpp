@@ -4,15 +4,18 @@
 
 #include "core/recording.h"
 
-// Whole flights through the Densifier, on the CPU and on the device. Images are the same but for the last bits of the
-// interpolation, random numbers are equal: so nearly all pixels find the same surface.
+// Whole flights through the Densifier, on the CPU and on the device. Texels and random numbers are equal, but the
+// texture units interpolate with weights of 8 bits. That moves scores by about 1e-3, and where several planes score
+// nearly alike, the search then ends at another one, as it does with another seed (kernels/PERFORMANCE.md, "How far two
+// runs can agree"). Where a bound is below 0.99 it lies between what is measured and what two seeds of one backend have
+// in common; that the device's depths are as right as the CPU's is checked besides.
 using namespace pmsp;
 using namespace pmsp::test;
 
 namespace {
 
 constexpr double kSameDepth = 0.01;
-constexpr double kRoomEqual = 0.975;  ///< see check_pair
+constexpr double kRoomEqual = 0.985;  ///< see check_pair
 
 /// How two depth maps compare.
 struct Comparison {
@@ -70,8 +73,8 @@ Pair run_both(const synth::Mission& mission, DensifierOptions options) {
 }
 
 /// What must hold; depth maps of `mission`'s size are compared with the truth too. `raw_equal`: least share of the raw
-/// depths, away from the line of flight, that are equal. Noise of one gray level in the images, which is about what
-/// differs, leaves 0.977 (corridor), 0.985 (furniture), 0.990 (room) and 0.996 or more (others) of them as they are.
+/// depths, away from the line of flight, that are equal. Measured: 0.977 (corridor), 0.989 (furniture), 0.991 to
+/// 0.996 (room), 0.999 (others).
 void check_pair(const Pair& pair, const synth::Mission& mission, double raw_equal, double filtered_equal = 0.99) {
   REQUIRE(pair.cuda.order == pair.cpu.order);
   REQUIRE(pair.cuda.filtered.size() == pair.cpu.filtered.size());
@@ -140,9 +143,9 @@ TEST_CASE("CUDA and CPU recover the same sphere, room, furnished room, plane, co
     double raw_equal;  ///< see check_pair
   };
   const std::vector<Scene> scenes = {
-      {"sphere", synth::sphere_inside, 0.98, 0.99},           {"room", synth::empty_room, 0.95, 0.98},
-      {"furniture", synth::textured_room, 0.94, 0.975},       {"slanted plane", synth::slanted_plane, 0.97, 0.99},
-      {"corridor", synth::corridor_across_seam, 0.92, 0.965}, {"floor", synth::floor_at_nadir, 0.97, 0.99}};
+      {"sphere", synth::sphere_inside, 0.98, 0.995},          {"room", synth::empty_room, 0.95, kRoomEqual},
+      {"furniture", synth::textured_room, 0.94, 0.98},        {"slanted plane", synth::slanted_plane, 0.97, 0.995},
+      {"corridor", synth::corridor_across_seam, 0.92, 0.972}, {"floor", synth::floor_at_nadir, 0.97, 0.995}};
   for (const Scene& scene : scenes) {
     INFO(scene.name);
     const synth::Mission mission = scene.make(recipe_of(640, 320, 5));
@@ -195,8 +198,9 @@ TEST_CASE("CUDA and CPU agree with geometric passes", "[cuda][parity][geometric]
     CAPTURE(passes);
     DensifierOptions options = preset(Quality::kOnline);
     options.patchmatch.geometric_passes = passes;
-    // The filter keeps more after such passes, also where byte texels (CPU) and 16-bit ones (CUDA) lead apart.
-    check_pair(run_both(mission, options), mission, 0.94, 0.965);
+    // The filter keeps more after such passes, also where there are several good planes. Measured: 0.973 and 0.974; two
+    // seeds of one backend: 0.965 and 0.968.
+    check_pair(run_both(mission, options), mission, 0.967, 0.97);
   }
 }
 
@@ -249,7 +253,8 @@ TEST_CASE("CUDA and CPU agree with any number of neighbours", "[cuda][parity]") 
     REQUIRE(pair.cuda.order == pair.cpu.order);
     const Comparison of_filtered = compare(pair.cuda.filtered[4], pair.cpu.filtered[4], mission, 4);
     CAPTURE(of_filtered.equal, of_filtered.common);
-    CHECK(of_filtered.equal >= 0.97);  // a coarse map: 1 % of depth is a small part of a pixel
+    // A coarse map: 1 % of depth is a small part of a pixel. Measured from 0.981 (1 neighbour) on; two seeds: 0.967.
+    CHECK(of_filtered.equal >= 0.975);
     CHECK(of_filtered.common >= 0.95);
   }
 }
@@ -294,7 +299,7 @@ TEST_CASE("CUDA and CPU agree at 5760 x 2880", "[cuda][parity][large]") {
     equal += std::abs(first - second) <= kSameDepth * first ? 1 : 0;
   }
   CAPTURE(right, right_on_cpu, both, equal);
-  CHECK(static_cast<double>(equal) >= 0.985 * static_cast<double>(both));
+  CHECK(static_cast<double>(equal) >= 0.99 * static_cast<double>(both));
   CHECK(right > right_on_cpu - 0.01);
   CHECK(right > 0.5);
 }

@@ -223,7 +223,7 @@ TEST_CASE("a sample at a node is the node's value, and it is linear between node
   const CubeMap map = make_cube_map(image_of_noise(64, 32, 9), kSize, pool);
   const k::CubeView cube = map.view();
   const auto node = [&](int i, int j) {  // of the face +x
-    return static_cast<int>(map.quads[static_cast<std::size_t>(j * (kSize + 1) + i)] & 255U);
+    return static_cast<double>(map.quads[static_cast<std::size_t>(j * (kSize + 1) + i)] & 0xffffU) / k::kTexelsPerGray;
   };
   for (int j = 1; j < kSize; ++j) {
     for (int i = 1; i < kSize; ++i) {
@@ -243,15 +243,15 @@ TEST_CASE("the largest faces that the options allow are addressed exactly") {
   const int size = cube_size_for(16384);
   const std::size_t side = static_cast<std::size_t>(size) + 1;
   // calloc, because its pages cost nothing until they are written; one face is all that a direction near +x reaches
-  const std::unique_ptr<std::uint32_t, decltype(&std::free)> face(
-      static_cast<std::uint32_t*>(std::calloc(side * side, sizeof(std::uint32_t))), &std::free);
+  const std::unique_ptr<std::uint64_t, decltype(&std::free)> face(
+      static_cast<std::uint64_t*>(std::calloc(side * side, sizeof(std::uint64_t))), &std::free);
   REQUIRE(face != nullptr);
   k::CubeView cube = addresses_only(size);
   cube.quads = face.get();
   for (const int row : {10, size / 2, size - 8, size - 3}) {
     for (const int column : {11, size - 10, size - 5}) {
-      std::uint32_t& quad = face.get()[static_cast<std::size_t>(row) * side + static_cast<std::size_t>(column)];
-      quad = 0xc8c8c8c8U;  // 200 at all four corners
+      std::uint64_t& quad = face.get()[static_cast<std::size_t>(row) * side + static_cast<std::size_t>(column)];
+      quad = 0xc8c8c8c8c8c8c8c8U;  // 200 at all four corners
       const auto coordinate = [&](int node) { return static_cast<float>(2.0 * node / size - 1.0); };
       const float seen = k::sample(cube, Vec3<float>{1.0F, coordinate(column), coordinate(row)});
       INFO("row " << row << ", column " << column << " of faces of " << size);
