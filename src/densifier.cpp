@@ -114,7 +114,7 @@ bool Densifier::Impl::keeps_sights() const { return options.free_space.enabled &
 void Densifier::Impl::take(const DepthMap& map) {
   if (keeps_sights()) {
     const Stopwatch watch(stats.seconds_free_space);
-    sights.push_back(sight_map(map));
+    sights.push_back(sight_map(map, engine->executor()));
     if (sights.size() > static_cast<std::size_t>(options.free_space.history)) sights.pop_front();
   }
   if (callbacks.filtered_depth) callbacks.filtered_depth(map);

@@ -24,7 +24,7 @@ struct SightMap {
 };
 
 /// `map`: after the consistency filter, of even size.
-SightMap sight_map(const DepthMap& map);
+SightMap sight_map(const DepthMap& map, const Executor& executor);
 
 /// Removes floaters: points that other keyframes have looked through. Each of `others` has the point on its surface
 /// (within `max_relative_depth`), or has seen a surface behind it (farther than `min_relative_gap` behind), or has no

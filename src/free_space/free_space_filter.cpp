@@ -45,20 +45,22 @@ std::vector<const SightMap*> choose_views(const KeyframeCloud& cloud, const std:
 
 }  // namespace
 
-SightMap sight_map(const DepthMap& map) {
-  SightMap sight{map.keyframe_id, map.cam_from_world,
-                 Image<float>(map.depth.width() / kCell, map.depth.height() / kCell),
-                 Image<float>(map.depth.width() / kCell, map.depth.height() / kCell)};
-  for (int y = 0; y < sight.nearest.height() * kCell; ++y) {
-    for (int x = 0; x < sight.nearest.width() * kCell; ++x) {
-      const float depth = map.depth(x, y);
-      if (depth <= 0.0F) continue;
-      float& nearest = sight.nearest(x / kCell, y / kCell);
-      float& farthest = sight.farthest(x / kCell, y / kCell);
-      nearest = nearest > 0.0F ? std::min(nearest, depth) : depth;
-      farthest = std::max(farthest, depth);
+SightMap sight_map(const DepthMap& map, const Executor& executor) {
+  const int width = map.depth.width() / kCell;
+  const int height = map.depth.height() / kCell;
+  SightMap sight{map.keyframe_id, map.cam_from_world, Image<float>(width, height), Image<float>(width, height)};
+  executor.impl().pool.for_each(height, [&](int row) {
+    for (int y = row * kCell; y < (row + 1) * kCell; ++y) {
+      for (int x = 0; x < width * kCell; ++x) {
+        const float depth = map.depth(x, y);
+        if (depth <= 0.0F) continue;
+        float& nearest = sight.nearest(x / kCell, row);
+        float& farthest = sight.farthest(x / kCell, row);
+        nearest = nearest > 0.0F ? std::min(nearest, depth) : depth;
+        farthest = std::max(farthest, depth);
+      }
     }
-  }
+  });
   return sight;
 }
 

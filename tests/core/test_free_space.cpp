@@ -24,7 +24,7 @@ const synth::Mission& room() {
 
 std::vector<SightMap> sights_of(const std::vector<DepthMap>& maps) {
   std::vector<SightMap> sights;
-  for (const DepthMap& map : maps) sights.push_back(sight_map(map));
+  for (const DepthMap& map : maps) sights.push_back(sight_map(map, Executor(2)));
   return sights;
 }
 
@@ -68,7 +68,7 @@ TEST_CASE("a sight map holds the nearest and farthest depth of each cell", "[fre
   map.depth(0, 1) = 5.0F;
   map.depth(1, 1) = 3.0F;
   for (const int x : {2, 3}) map.depth(x, 0) = map.depth(x, 1) = 0.0F;
-  const SightMap sight = sight_map(map);
+  const SightMap sight = sight_map(map, Executor(2));
   CHECK(sight.keyframe_id == map.keyframe_id);
   REQUIRE(sight.nearest.width() == kWidth / 2);
   REQUIRE(sight.nearest.height() == kWidth / 4);
