@@ -32,7 +32,7 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
     options.backend = requested;
     engine = make_engine({options, results, stats, cancel}, options, backend);
   }
-  views.push_back({keyframe, engine->prepare(keyframe), {}, {}});
+  views.push_back({keyframe, engine->prepare(keyframe), Outlook(keyframe), {}, {}});
   views.back().keyframe.image = {};
   views.back().keyframe.mask = {};
 }
@@ -76,11 +76,11 @@ void Densifier::Impl::add_revisits(std::int64_t i) {
   const std::int64_t start_of_past = std::max(first, i - options.patchmatch.history);
   if (count == 0 || start_of_past >= end_of_past) return;
   View& reference = view(i);
-  std::vector<const Keyframe*> chosen;
-  std::vector<const Keyframe*> past;
-  for (const std::int64_t k : reference.neighbours) chosen.push_back(&view(k).keyframe);
-  for (std::int64_t k = start_of_past; k < end_of_past; ++k) past.push_back(&view(k).keyframe);
-  for (const std::size_t k : choose_revisits(reference.keyframe, chosen, past, count)) {
+  std::vector<Eigen::Vector3d> chosen;
+  std::vector<const Outlook*> past;
+  for (const std::int64_t k : reference.neighbours) chosen.push_back(view(k).keyframe.cam_from_world.center());
+  for (std::int64_t k = start_of_past; k < end_of_past; ++k) past.push_back(&view(k).outlook);
+  for (const std::size_t k : choose_revisits(reference.outlook, chosen, past, count)) {
     reference.neighbours.push_back(start_of_past + static_cast<std::int64_t>(k));
   }
 }
@@ -166,7 +166,10 @@ void Densifier::Impl::hand_out() {
 void Densifier::Impl::forget() {
   const std::int64_t keep =
       std::min({next_match.back() - match_ahead(), next_filter - filter_ahead(), next_fuse - fuse_ahead()});
-  for (; first_active < keep && first_active < end(); ++first_active) engine->release_maps(*view(first_active).frame);
+  for (; first_active < keep && first_active < end(); ++first_active) {
+    engine->release_maps(*view(first_active).frame);
+    view(first_active).keyframe.landmarks = {};
+  }
   const std::int64_t remembered = options.patchmatch.revisits > 0 ? options.patchmatch.history : 0;
   for (; first < first_active - remembered; ++first) views.pop_front();
 }

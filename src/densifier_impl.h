@@ -11,6 +11,7 @@
 
 #include "engine.h"
 #include "patchmatch/neighbours.h"
+#include "patchmatch/revisits.h"
 #include "pmsp/densifier.h"
 #include "pmsp/free_space.h"
 #include "pmsp/view_filter.h"
@@ -21,6 +22,7 @@ namespace pmsp {
 struct View {
   Keyframe keyframe;  ///< its image and mask are gone; what is left of them is in the frame
   std::unique_ptr<Engine::Frame> frame;
+  Outlook outlook;
   std::vector<std::int64_t> neighbours;  ///< what all passes of matching look at, and between which depths
   DepthRange range;
 };

@@ -14,11 +14,8 @@ namespace pmsp {
 std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference,
                                            int count);
 
-/// Chooses further source keyframes among `candidates`: those that see most of what the reference sees under a parallax
-/// that is more useful than what the chosen ones offer, in shares of the solid angle in which the reference has
-/// landmarks. `count` at most; fewer where there is little to gain. Returns indices into `candidates`.
-std::vector<std::size_t> choose_revisits(const Keyframe& reference, const std::vector<const Keyframe*>& chosen,
-                                         const std::vector<const Keyframe*>& candidates, int count);
+/// How much a parallax [deg] helps matching, 0 to 1: too little tells nothing, with too much patches look different.
+double parallax_usefulness(double parallax_deg);
 
 /// How far from the reference, in accepted keyframes, neighbours are looked for.
 int neighbour_reach(int count);

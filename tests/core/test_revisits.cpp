@@ -6,7 +6,7 @@
 #include <Eigen/Geometry>
 
 #include "core/recording.h"
-#include "patchmatch/neighbours.h"
+#include "patchmatch/revisits.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -33,11 +33,12 @@ Keyframe surrounded(std::int64_t id, const Vector3d& center, double range = 3.0,
 
 std::vector<std::size_t> revisits(const Keyframe& reference, const std::vector<Keyframe>& chosen,
                                   const std::vector<Keyframe>& candidates, int count = 2) {
-  std::vector<const Keyframe*> there;
-  std::vector<const Keyframe*> past;
-  for (const Keyframe& keyframe : chosen) there.push_back(&keyframe);
-  for (const Keyframe& keyframe : candidates) past.push_back(&keyframe);
-  return choose_revisits(reference, there, past, count);
+  std::vector<Vector3d> there;
+  std::vector<Outlook> outlooks(candidates.begin(), candidates.end());
+  std::vector<const Outlook*> past;
+  for (const Keyframe& keyframe : chosen) there.push_back(keyframe.cam_from_world.center());
+  for (const Outlook& outlook : outlooks) past.push_back(&outlook);
+  return choose_revisits(Outlook(reference), there, past, count);
 }
 
 /// A flight along z, and back beside it; the way back is shifted by `aside`.
@@ -57,7 +58,7 @@ synth::Mission out_and_back(double aside) {
 
 }  // namespace
 
-TEST_CASE("a place passed before is matched with where it adds parallax", "[neighbours]") {
+TEST_CASE("a place passed before is matched with where it adds parallax", "[revisits]") {
   const Keyframe reference = surrounded(0, {0, 0, 0});
   const std::vector<Keyframe> line = {surrounded(1, {0, 0, -0.4}), surrounded(2, {0, 0, 0.4})};
   const Keyframe beside = surrounded(3, {0.5, 0, 0});  // looks at what lies ahead and behind from the side
@@ -70,13 +71,13 @@ TEST_CASE("a place passed before is matched with where it adds parallax", "[neig
   CHECK(revisits(reference, {}, {beside, same_line, surrounded(6, {0, 0.5, 0})}, 1).size() == 1);
 }
 
-TEST_CASE("a keyframe behind a wall is not matched with", "[neighbours]") {
+TEST_CASE("a keyframe behind a wall is not matched with", "[revisits]") {
   const Keyframe reference = surrounded(0, {0, 0, 0});
   const std::vector<Keyframe> line = {surrounded(1, {0, 0, -0.4}), surrounded(2, {0, 0, 0.4})};
   CHECK(revisits(reference, line, {surrounded(3, {0.5, 0, 0}, 0.3)}).empty());  // in a closet: sees nothing of all that
 }
 
-TEST_CASE("keyframes without landmarks are never revisited and have no revisits", "[neighbours]") {
+TEST_CASE("keyframes without landmarks are never revisited and have no revisits", "[revisits]") {
   Keyframe blind = surrounded(1, {0.5, 0, 0});
   blind.landmarks.clear();
   const Keyframe reference = surrounded(0, {0, 0, 0});
@@ -84,7 +85,7 @@ TEST_CASE("keyframes without landmarks are never revisited and have no revisits"
   CHECK(revisits(blind, {}, {reference}).empty());
 }
 
-TEST_CASE("where a flight comes back, keyframes of the way there help", "[neighbours][densifier]" PMSP_ACCURACY) {
+TEST_CASE("where a flight comes back, keyframes of the way there help", "[revisits][densifier]" PMSP_ACCURACY) {
   const synth::Mission mission = out_and_back(0.5);
   DensifierOptions options = fast_options();
   const Recording without = densify(mission, options);
@@ -104,7 +105,7 @@ TEST_CASE("where a flight comes back, keyframes of the way there help", "[neighb
   CHECK(share(with) > share(without));
 }
 
-TEST_CASE("what is not remembered is not matched with", "[neighbours][densifier]") {
+TEST_CASE("what is not remembered is not matched with", "[revisits][densifier]") {
   const synth::Mission mission = out_and_back(0.5);
   DensifierOptions options = fast_options();
   const Recording without = densify(mission, options);
