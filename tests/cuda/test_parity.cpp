@@ -198,7 +198,7 @@ TEST_CASE("CUDA and CPU agree with geometric passes", "[cuda][parity][geometric]
     CAPTURE(passes);
     DensifierOptions options = preset(Quality::kOnline);
     options.patchmatch.geometric_passes = passes;
-    // The filter keeps more after such passes, also where there are several good planes. Measured: 0.973 and 0.974; two
+    // The filter keeps more after such passes, also where there are several good planes. Measured: 0.970 and 0.973; two
     // seeds of one backend: 0.965 and 0.968.
     check_pair(run_both(mission, options), mission, 0.967, 0.97);
   }
@@ -254,8 +254,8 @@ TEST_CASE("CUDA and CPU agree with any number of neighbours, revisited ones too"
     REQUIRE(pair.cuda.order == pair.cpu.order);
     const Comparison of_filtered = compare(pair.cuda.filtered[4], pair.cpu.filtered[4], mission, 4);
     CAPTURE(of_filtered.equal, of_filtered.common);
-    // A coarse map: 1 % of depth is a small part of a pixel. Measured from 0.981 (1 neighbour) on; two seeds: 0.967.
-    CHECK(of_filtered.equal >= 0.975);
+    // A coarse map: 1 % of depth is a small part of a pixel. Measured from 0.987 (1 neighbour) on; two seeds: 0.967.
+    CHECK(of_filtered.equal >= 0.98);
     CHECK(of_filtered.common >= 0.95);
   }
 }
