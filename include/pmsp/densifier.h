@@ -27,6 +27,7 @@ struct DensifierStats {
   std::int64_t pixels_after_median = 0;
   std::int64_t pixels_after_consistency = 0;
   std::int64_t points_fused = 0;     ///< before the free-space filter
+  std::int64_t points_repeated = 0;  ///< left out by the revisit filter
   std::int64_t points = 0;           ///< in the cloud; 0 when no callback takes it
   double seconds_prepare = 0.0;      ///< resizing, gray values, cube maps [s]
   double seconds_init = 0.0;         ///< [s]
@@ -35,6 +36,7 @@ struct DensifierStats {
   double seconds_consistency = 0.0;  ///< [s]
   double seconds_fusion = 0.0;       ///< [s]
   double seconds_free_space = 0.0;   ///< [s]
+  double seconds_revisits = 0.0;     ///< [s]
 };
 
 /// Receives results as soon as they are final. Members that are not set are not called, and what only they need is not

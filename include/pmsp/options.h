@@ -83,6 +83,10 @@ struct FusionOptions {
   double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
   double max_normal_deg = 60.0;      ///< angle of normals up to which they are one surface [deg], 0 to 180
   double min_confidence = 0.1;       ///< points below are not written (see DepthMap::confidence), 0 to 1
+  /// Memory for the surfaces of all earlier keyframes [MiB], 0 to 1000000, so that places that are passed again give
+  /// their points once (see RevisitFilter); 0: fusion knows only its window. Costs points where poses change afterwards
+  /// (loop closures): for live use 0.
+  int revisit_memory_mib = 0;
 
   void validate() const;
 };

@@ -364,3 +364,30 @@ TEST_CASE("with the whole mission, points are held back until the end, in order"
     CHECK(densifier.stats().points <= densifier.stats().points_fused);
   }
 }
+
+TEST_CASE("a flight back over the same places gives few points more, and they are counted", "[densifier]") {
+  const auto fly_twice = [](int memory_mib, bool flush_between) {
+    DensifierOptions options = fast_options(kTinyWidth);
+    options.fusion.spacing_px = 1.0;
+    options.fusion.revisit_memory_mib = memory_mib;
+    Recording recording;
+    Densifier densifier(options, recording.callbacks());
+    for (std::size_t i = 0; i < 7; ++i) densifier.add(synth::keyframe_of(test_flight(), i));
+    if (flush_between) densifier.flush();
+    for (std::size_t i = 0; i < 7; ++i) {
+      Keyframe again = synth::keyframe_of(test_flight(), 6 - i);
+      again.id += 1000;
+      densifier.add(again);
+    }
+    densifier.flush();
+    CHECK(densifier.stats().points == static_cast<std::int64_t>(recording.points()));
+    return densifier.stats();
+  };
+  const DensifierStats forgetful = fly_twice(0, false);
+  const DensifierStats remembering = fly_twice(16, false);
+  CHECK(forgetful.points_repeated == 0);
+  CHECK(remembering.points_fused == forgetful.points_fused);
+  CHECK(remembering.points + remembering.points_repeated == forgetful.points);
+  CHECK(remembering.points_repeated > forgetful.points / 10);
+  CHECK(fly_twice(16, true).points > remembering.points);  // a new sequence, perhaps in another frame
+}

@@ -30,6 +30,10 @@ std::string without_depth_map(const DensifierStats& s) {
   return text;
 }
 
+std::string repeated_points(const DensifierStats& s) {
+  return s.points_repeated > 0 ? "; " + count_text(s.points_repeated) + " more, of places passed before, left out" : "";
+}
+
 std::string seconds_text(double seconds) {
   char text[32];
   std::snprintf(text, sizeof(text), "%.1f s", seconds);
@@ -73,13 +77,14 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                     {"after_median", s.pixels_after_median},
                     {"after_consistency", s.pixels_after_consistency}};
   json["points_fused"] = s.points_fused;
+  json["points_repeated"] = s.points_repeated;
   json["points"] = s.points;
   json["seconds"] = {{"total", report.seconds_total},          {"decode_in_background", report.seconds_decode},
                      {"wait_for_images", report.seconds_wait}, {"verify_images", report.seconds_verify},
                      {"prepare", s.seconds_prepare},           {"init", s.seconds_init},
                      {"patchmatch", s.seconds_patchmatch},     {"median", s.seconds_median},
                      {"consistency", s.seconds_consistency},   {"fusion", s.seconds_fusion},
-                     {"free_space", s.seconds_free_space}};
+                     {"free_space", s.seconds_free_space},     {"revisits", s.seconds_revisits}};
   json["peak_memory_mib"] = peak_memory_mib();
   if (report.pairing) {
     json["pairing"] = {{"comparisons", report.pairing->comparisons},
@@ -106,11 +111,12 @@ std::string summary(const RunReport& report) {
          std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" + "pixels kept: PatchMatch " +
          percent_text(s.pixels_matched, s.pixels) + ", median filter " + percent_text(s.pixels_after_median, s.pixels) +
          ", consistency filter " + percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) +
-         "\n" + "points:      " + count_text(s.points) + "\n" + "time:        " + seconds_text(report.seconds_total) +
-         " (" + each + " s a keyframe): prepare " + seconds_text(s.seconds_prepare) + ", init " +
-         seconds_text(s.seconds_init) + ", PatchMatch " + seconds_text(s.seconds_patchmatch) + ", median " +
-         seconds_text(s.seconds_median) + ", consistency " + seconds_text(s.seconds_consistency) + ", fusion " +
-         seconds_text(s.seconds_fusion) + ", free space " + seconds_text(s.seconds_free_space) +
+         "\n" + "points:      " + count_text(s.points) + repeated_points(s) + "\n" +
+         "time:        " + seconds_text(report.seconds_total) + " (" + each + " s a keyframe): prepare " +
+         seconds_text(s.seconds_prepare) + ", init " + seconds_text(s.seconds_init) + ", PatchMatch " +
+         seconds_text(s.seconds_patchmatch) + ", median " + seconds_text(s.seconds_median) + ", consistency " +
+         seconds_text(s.seconds_consistency) + ", fusion " + seconds_text(s.seconds_fusion) + ", free space " +
+         seconds_text(s.seconds_free_space) + ", revisits " + seconds_text(s.seconds_revisits) +
          ", waiting for images " + seconds_text(report.seconds_wait) + "; " +
          std::to_string(static_cast<long>(peak_memory_mib())) + " MiB";
 }
