@@ -17,7 +17,10 @@
 namespace pmsp {
 
 Densifier::Impl::Impl(const DensifierOptions& given, DensifierCallbacks to)
-    : options(given), callbacks(std::move(to)), view_filter(given.view_filter), revisits(given.fusion) {
+    : options(given),
+      callbacks(std::move(to)),
+      view_filter(given.view_filter, given.width > 0 ? given.width : 2 * given.height),
+      revisits(given.fusion) {
   requested = given.backend;
   results.raw_depth = callbacks.raw_depth;
   if (callbacks.filtered_depth || keeps_sights()) results.filtered_depth = [this](const DepthMap& map) { take(map); };
@@ -176,6 +179,7 @@ bool Densifier::add(const Keyframe& keyframe) {
   impl_->ids.insert(keyframe.id);
   if (!impl_->view_filter.accept(keyframe)) {
     ++impl_->stats.keyframes_rejected;
+    if (impl_->view_filter.blurred()) ++impl_->stats.keyframes_blurred;
     return false;
   }
   ++impl_->stats.keyframes_accepted;

@@ -33,7 +33,7 @@ DensifierOptions paper() {
   DensifierOptions options;
   options.width = 640;
   options.height = 320;
-  options.view_filter = {true, 6.0, 60.0, 0.20};
+  options.view_filter = {true, 6.0, 60.0, 0.20, 0.0};
   options.init.sparse_points = true;
   options.init.sparse_radius_px = kOnePixel;
   options.init.warp_previous = true;
@@ -59,6 +59,7 @@ void ViewFilterOptions::validate() const {
   check("view_filter.min_parallax_deg", min_parallax_deg, 0.0, 180.0);
   check("view_filter.max_parallax_deg", max_parallax_deg, 0.0, 180.0);
   check("view_filter.min_share", min_share, 0.0, 1.0);
+  check("view_filter.min_sharpness", min_sharpness, 0.0, 1.0);
   if (min_parallax_deg >= max_parallax_deg) {
     throw InvalidOption("view_filter.min_parallax_deg must be below view_filter.max_parallax_deg");
   }

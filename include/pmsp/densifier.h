@@ -18,8 +18,9 @@ struct DensifierStats {
   std::int64_t keyframes_added = 0;
   std::int64_t keyframes_accepted = 0;  ///< by the view filter
   std::int64_t keyframes_rejected =
-      0;                        ///< by the view filter: too little or too much parallax, too few landmarks in common
-  std::int64_t depth_maps = 0;  ///< of accepted keyframes; the two counts below are those that got none
+      0;  ///< by the view filter: too little or too much parallax, too few landmarks in common, blurred
+  std::int64_t keyframes_blurred = 0;  ///< those of them that are blurred
+  std::int64_t depth_maps = 0;         ///< of accepted keyframes; the two counts below are those that got none
   std::int64_t keyframes_without_neighbour = 0;  ///< no other accepted keyframe near in time, from another place
   std::int64_t keyframes_without_range = 0;      ///< too few landmarks for a depth range
   std::int64_t pixels = 0;                       ///< unmasked pixels of these depth maps

@@ -19,6 +19,10 @@ std::string percent_text(std::int64_t part, std::int64_t whole) {
   return text;
 }
 
+std::string blurred_keyframes(const DensifierStats& s) {
+  return s.keyframes_blurred > 0 ? ", " + std::to_string(s.keyframes_blurred) + " left out as blurred" : "";
+}
+
 /// Why accepted keyframes have no depth map; "" when all have one.
 std::string without_depth_map(const DensifierStats& s) {
   std::string text;
@@ -69,6 +73,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                        {"added", s.keyframes_added},
                        {"accepted", s.keyframes_accepted},
                        {"rejected", s.keyframes_rejected},
+                       {"blurred", s.keyframes_blurred},
                        {"depth_maps", s.depth_maps},
                        {"without_neighbour", s.keyframes_without_neighbour},
                        {"without_range", s.keyframes_without_range}};
@@ -107,11 +112,12 @@ std::string summary(const RunReport& report) {
   char each[32];
   std::snprintf(each, sizeof(each), "%.2f", rate);
   return "keyframes:   " + std::to_string(report.keyframes) + " in the map, " + std::to_string(report.with_image) +
-         " with an image, " + std::to_string(s.keyframes_accepted) + " accepted by the view filter, " +
-         std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" + "pixels kept: PatchMatch " +
-         percent_text(s.pixels_matched, s.pixels) + ", median filter " + percent_text(s.pixels_after_median, s.pixels) +
-         ", consistency filter " + percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) +
-         "\n" + "points:      " + count_text(s.points) + repeated_points(s) + "\n" +
+         " with an image, " + std::to_string(s.keyframes_accepted) + " accepted by the view filter" +
+         blurred_keyframes(s) + ", " + std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" +
+         "pixels kept: PatchMatch " + percent_text(s.pixels_matched, s.pixels) + ", median filter " +
+         percent_text(s.pixels_after_median, s.pixels) + ", consistency filter " +
+         percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) + "\n" +
+         "points:      " + count_text(s.points) + repeated_points(s) + "\n" +
          "time:        " + seconds_text(report.seconds_total) + " (" + each + " s a keyframe): prepare " +
          seconds_text(s.seconds_prepare) + ", init " + seconds_text(s.seconds_init) + ", PatchMatch " +
          seconds_text(s.seconds_patchmatch) + ", median " + seconds_text(s.seconds_median) + ", consistency " +
