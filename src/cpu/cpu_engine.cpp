@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "cpu/cpu_engine.h"
 
+#include <cstdlib>
 #include <utility>
 
 #include "patchmatch/match_setup.h"
@@ -9,6 +10,7 @@
 #include "pmsp/initialiser.h"
 #include "pmsp/panorama.h"
 #include "pmsp/patchmatch.h"
+#include "pmsp/plane_priors.h"
 #include "util/stopwatch.h"
 
 namespace pmsp {
@@ -47,6 +49,7 @@ void CpuEngine::match(const MatchTask& task) {
     input.neighbours.push_back({&own(*neighbour).panorama, neighbour->cam_from_world});
     if (task.pass > 0) input.neighbour_maps.push_back(&own(*neighbour).raw);
   }
+  PlaneImage prior;
   PlaneImage sparse;
   PlaneImage warped;
   if (task.pass == 0) {
@@ -68,6 +71,11 @@ void CpuEngine::match(const MatchTask& task) {
     }
   } else {
     input.start = &reference.raw;
+    if (std::getenv("PRIOR") != nullptr) {
+      const Stopwatch watch(stats.seconds_init);
+      prior = plane_priors(reference.raw, reference.panorama, options.patchmatch, task.range, executor_);
+      input.prior = &prior;
+    }
   }
   const PassPlan plan = pass_plan(options.patchmatch, task.pass);
   input.first_iteration = plan.first_iteration;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -178,6 +179,22 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   const bool started = input.start != nullptr && !input.start->depth.empty();
   if (started) candidates.push_back(to_checkerboard(*input.start, grid, pool));
   for (const Planes& planes : candidates) candidate_views.push_back(planes.view());
+  std::vector<float> prior;
+  if (input.prior != nullptr) {
+    candidates.push_back(to_checkerboard(*input.prior, grid));
+    candidate_views.push_back(candidates.back().view());
+    prior.assign(grid.size(), 0.0F);
+    for (int y = 0; y < grid.height(); ++y)
+      for (int x = 0; x < grid.width(); ++x) {
+        const kernels::Vec3<float> b =
+            kernels::bearing(grid.sin_lon()[x], grid.cos_lon()[x], grid.sin_lat()[y], grid.cos_lat()[y]);
+        prior[grid.index(x, y)] = to_vec3((*input.prior)(x, y)).x * b.x + (*input.prior)(x, y).y() * b.y +
+                                  (*input.prior)(x, y).z() * b.z;
+      }
+  }
+  const auto env = [](const char* n, double d) { return std::getenv(n) != nullptr ? std::atof(std::getenv(n)) : d; };
+  matching.prior_weight = static_cast<float>(env("PW", 0.3));
+  matching.prior_tolerance = static_cast<float>(env("PT", 0.03));
   const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
   Planes planes(grid.size());
   std::vector<float> score(grid.size(), -1.0F);
@@ -188,7 +205,8 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
                           candidate_views.data(),
                           static_cast<int>(candidate_views.size()),
                           !started,
-                          usable.empty() ? nullptr : usable.data()};
+                          usable.empty() ? nullptr : usable.data(),
+                          prior.empty() ? nullptr : prior.data()};
 
   const auto cancelled = [&] { return cancel != nullptr && cancel->load(std::memory_order_relaxed); };
   pool.for_each(grid.height(), [&](int y) { rows.start_row(job, y); });
