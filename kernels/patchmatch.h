@@ -26,8 +26,7 @@ struct Matching {
   float log_depth_span;  ///< ln(largest depth / smallest depth)
   RandomKey random;
   int refinements;  ///< random draws per visit
-  float prior_weight;
-  float prior_tolerance;
+  float prior_weight;  ///< what a plane scores more that agrees with the prior
 };
 
 /// What is fixed for one visit to a pixel: computed once, used by all proposals.
@@ -35,7 +34,7 @@ template <class F, class Patch = ReferencePatch<F>>
 struct Visit {
   PatchFrame<F> frame;
   Patch patch;
-  F prior;  ///< inverse depth; 0 = none
+  F prior;  ///< inverse depth of the plane that a surface without texture is thought to have; 0 = none
 };
 
 /// A fine patch keeps edges where they are; a coarse one is needed where there is little texture. Each pixel gets the
@@ -57,10 +56,12 @@ PMSP_HD void begin_visit(Visit<F, Patch>& visit, const Matching<Cube>& m, const 
   }
 }
 
+/// What a plane scores more because it agrees with the prior. Without texture photometric scores are noise, which finds
+/// a better plane than the true one somewhere; with it, this is too little to hide that a prior is wrong.
 template <class F, class Cube>
 PMSP_HD F prior_score(const F& prior, const F& inverse_depth, const Matching<Cube>& m) {
   const auto known = prior > F(0);
-  const F off = abs(inverse_depth / select(known, prior, F(1)) - F(1)) * F(1.0F / m.prior_tolerance);
+  const F off = abs(inverse_depth / select(known, prior, F(1)) - F(1)) * F(1.0F / m.layout.disagreement_tolerance);
   return select(known, F(m.prior_weight) * max(F(1) - off, F(0)), F(0));
 }
 
@@ -83,6 +84,12 @@ constexpr std::uint32_t kDrawsPerProposal = 4;
 template <class F, class Cube>
 PMSP_HD Vec3<F> random_start(const UIntOf<F>& pixel, const Vec3<F>& bearing, const Matching<Cube>& m) {
   return random_plane<F>(m.random, pixel, 0, bearing, m.limits, m.log_depth_span);
+}
+
+/// The plane of a coarser map, where the patch has so little texture that larger ones tell more; else none.
+template <class F, class Patch, class Cube>
+PMSP_HD Vec3<F> coarse_start(const Vec3<F>& plane, const Visit<F, Patch>& visit, const Matching<Cube>& m) {
+  return select(visit.patch.variance < F(m.layout.coarse_variance), plane, Vec3<F>{F(0), F(0), F(0)});
 }
 
 /// Random search around the present plane: proposal number `draw` (0 to m.refinements - 1) of an iteration. The steps

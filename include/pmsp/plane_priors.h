@@ -9,7 +9,7 @@
 
 namespace pmsp {
 
-PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const PatchMatchOptions& options,
-                        const DepthRange& range, const Executor& executor);
+PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const DepthRange& range,
+                        const PatchMatchOptions& options, const Executor& executor);
 
 }  // namespace pmsp

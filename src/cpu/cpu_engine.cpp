@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "cpu/cpu_engine.h"
 
-#include <cstdlib>
 #include <utility>
+#include <vector>
 
 #include "patchmatch/match_setup.h"
 #include "pmsp/filters.h"
@@ -14,17 +14,18 @@
 #include "util/stopwatch.h"
 
 namespace pmsp {
-namespace {
 
 struct CpuFrame : Engine::Frame {
-  CpuFrame(const Keyframe& keyframe, Panorama prepared) : Frame(keyframe), panorama(std::move(prepared)) {}
+  using Frame::Frame;
 
-  Panorama panorama;
-  DepthMap raw;     ///< after the passes of PatchMatch so far
-  DepthMap median;  ///< after the last pass and the median filter
-  DepthMap map;     ///< after the consistency filter
+  std::vector<Panorama> levels;  ///< that of the depth maps' size first, then those of coarser ones
+  DepthMap raw;                  ///< after the passes of PatchMatch so far
+  DepthMap median;               ///< after the last pass and the median filter
+  DepthMap map;                  ///< after the consistency filter
   std::vector<std::uint8_t> covered;
 };
+
+namespace {
 
 CpuFrame& own(Engine::Frame& frame) { return static_cast<CpuFrame&>(frame); }
 const CpuFrame& own(const Engine::Frame& frame) { return static_cast<const CpuFrame&>(frame); }
@@ -33,67 +34,94 @@ const CpuFrame& own(const Engine::Frame& frame) { return static_cast<const CpuFr
 
 std::unique_ptr<Engine::Frame> CpuEngine::prepare(const Keyframe& keyframe) {
   const Stopwatch watch(context_.stats.seconds_prepare);
-  return std::make_unique<CpuFrame>(
-      keyframe, Panorama(keyframe.image, keyframe.mask, context_.options.width, context_.options.height, executor_));
+  const DensifierOptions& options = context_.options;
+  auto frame = std::make_unique<CpuFrame>(keyframe);
+  const int coarsest = coarse_levels(options.patchmatch, options.width, options.height);
+  for (int level = 0; level <= coarsest; ++level) {
+    frame->levels.emplace_back(keyframe.image, keyframe.mask, size_at_level(options.width, level),
+                               size_at_level(options.height, level), executor_);
+  }
+  return frame;
 }
 
 void CpuEngine::match(const MatchTask& task) {
-  const DensifierOptions& options = context_.options;
-  DensifierStats& stats = context_.stats;
   CpuFrame& reference = own(*task.reference);
+  PatchMatchStats matched;
+  DepthMap map;
+  const int coarsest = static_cast<int>(reference.levels.size()) - 1;
+  for (const MatchStage& stage : match_stages(context_.options.patchmatch, coarsest, task.pass)) {
+    map = run_stage(task, stage, map, matched);
+  }
+  reference.raw = std::move(map);
+  reference.matched = !context_.cancel.load(std::memory_order_relaxed);
+  if (reference.matched && task.last) finish_match(reference, matched);
+}
+
+DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, const DepthMap& coarse,
+                              PatchMatchStats& matched) {
+  const DensifierOptions& options = context_.options;
+  const CpuFrame& reference = own(*task.reference);
+  const std::size_t level = static_cast<std::size_t>(stage.level);
   MatchInput input;
   input.keyframe_id = reference.id;
-  input.reference = {&reference.panorama, reference.cam_from_world};
+  input.reference = {&reference.levels[level], reference.cam_from_world};
   input.range = task.range;
+  input.first_iteration = stage.first_iteration;
   for (const Frame* neighbour : task.neighbours) {
-    input.neighbours.push_back({&own(*neighbour).panorama, neighbour->cam_from_world});
+    input.neighbours.push_back({&own(*neighbour).levels[level], neighbour->cam_from_world});
     if (task.pass > 0) input.neighbour_maps.push_back(&own(*neighbour).raw);
   }
+  std::vector<PlaneImage> candidates;
   PlaneImage prior;
-  PlaneImage sparse;
-  PlaneImage warped;
   if (task.pass == 0) {
-    const Stopwatch watch(stats.seconds_init);
-    if (options.init.sparse_points) {
-      sparse = planes_from_landmarks(*task.keyframe, options.width, options.height, options.init);
-      input.candidates.push_back(&sparse);
-    }
-    if (task.previous != nullptr) {
-      const CpuFrame& previous = own(*task.previous);
-      if (previous.median.depth.empty()) {  // its later passes are still to come
-        DepthMap filtered = previous.raw;
-        median_filter(filtered, options.median, executor_);
-        warped = warp_planes(filtered, reference.cam_from_world, executor_);
-      } else {
-        warped = warp_planes(previous.median, reference.cam_from_world, executor_);
-      }
-      input.candidates.push_back(&warped);
-    }
+    candidates = first_planes(task, *input.reference.panorama);
+    for (const PlaneImage& planes : candidates) input.candidates.push_back(&planes);
+    input.coarse = &coarse;
   } else {
     input.start = &reference.raw;
-    if (std::getenv("PRIOR") != nullptr) {
-      const Stopwatch watch(stats.seconds_init);
-      prior = plane_priors(reference.raw, reference.panorama, options.patchmatch, task.range, executor_);
+    if (options.patchmatch.plane_priors) {
+      const Stopwatch watch(context_.stats.seconds_init);
+      prior = plane_priors(reference.raw, *input.reference.panorama, task.range, options.patchmatch, executor_);
       input.prior = &prior;
     }
   }
-  const PassPlan plan = pass_plan(options.patchmatch, task.pass);
-  input.first_iteration = plan.first_iteration;
   PatchMatchOptions how = options.patchmatch;
-  how.iterations = plan.iterations;
-  PatchMatchStats matched;
-  {
-    const Stopwatch watch(stats.seconds_patchmatch);
-    reference.raw = patchmatch(input, how, options.seed, executor_, &matched, &context_.cancel);
+  how.iterations = stage.iterations;
+  const Stopwatch watch(context_.stats.seconds_patchmatch);
+  return patchmatch(input, how, options.seed, executor_, &matched, &context_.cancel);
+}
+
+/// What the landmarks and the previous keyframe propose.
+std::vector<PlaneImage> CpuEngine::first_planes(const MatchTask& task, const Panorama& panorama) {
+  const Stopwatch watch(context_.stats.seconds_init);
+  const DensifierOptions& options = context_.options;
+  const int width = panorama.width();
+  const int height = panorama.height();
+  std::vector<PlaneImage> planes;
+  if (options.init.sparse_points) {
+    planes.push_back(planes_from_landmarks(*task.keyframe, width, height, options.init));
   }
-  reference.matched = !context_.cancel.load(std::memory_order_relaxed);
-  if (!reference.matched || !task.last) return;
+  if (task.previous != nullptr) {
+    const CpuFrame& previous = own(*task.previous);
+    DepthMap filtered;
+    if (previous.median.depth.empty()) {  // its later passes are still to come
+      filtered = previous.raw;
+      median_filter(filtered, options.median, executor_);
+    }
+    planes.push_back(warp_planes(filtered.depth.empty() ? previous.median : filtered, task.reference->cam_from_world,
+                                 width, height, executor_));
+  }
+  return planes;
+}
+
+void CpuEngine::finish_match(CpuFrame& reference, const PatchMatchStats& matched) {
+  DensifierStats& stats = context_.stats;
   if (context_.results.raw_depth) context_.results.raw_depth(reference.raw);
   FilterStats filtered;
   {
     const Stopwatch watch(stats.seconds_median);
     reference.median = reference.raw;
-    median_filter(reference.median, options.median, executor_, &filtered);
+    median_filter(reference.median, context_.options.median, executor_, &filtered);
   }
   ++stats.depth_maps;
   stats.pixels += matched.pixels;
@@ -122,7 +150,7 @@ void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
   inputs.reserve(window.size());
   for (Frame* frame : window) {
     CpuFrame& member = own(*frame);
-    inputs.push_back({&member.map, &member.panorama.color(), &member.covered});
+    inputs.push_back({&member.map, &member.levels.front().color(), &member.covered});
   }
   KeyframeCloud cloud;
   {

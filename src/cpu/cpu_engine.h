@@ -1,11 +1,19 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <memory>
 #include <utility>
+#include <vector>
 
 #include "engine.h"
+#include "patchmatch/match_setup.h"
+#include "pmsp/initialiser.h"
+#include "pmsp/panorama.h"
+#include "pmsp/patchmatch.h"
 
 namespace pmsp {
+
+struct CpuFrame;
 
 /// The stages on the CPU, one after the other; each hands its result out before it returns.
 class CpuEngine : public Engine {
@@ -17,6 +25,11 @@ class CpuEngine : public Engine {
   void filter(Frame& reference, const std::vector<const Frame*>& others) override;
   void fuse(const std::vector<Frame*>& window, std::size_t current) override;
   void deliver(bool /*all*/) override {}
+
+ private:
+  DepthMap run_stage(const MatchTask& task, const MatchStage& stage, const DepthMap& coarse, PatchMatchStats& matched);
+  std::vector<PlaneImage> first_planes(const MatchTask& task, const Panorama& panorama);
+  void finish_match(CpuFrame& reference, const PatchMatchStats& matched);
 };
 
 }  // namespace pmsp

@@ -42,9 +42,10 @@ struct MatchJob {
   PlaneArrays planes;
   const ConstPlaneArrays* candidates;  ///< proposals of the initialiser; the zero plane proposes nothing
   int num_candidates;
-  bool random_start;    ///< whether a random plane is proposed, too
-  const float* usable;  ///< checkerboard order, 0 = masked; nullptr = all
-  const float* prior;   ///< inverse depth, checkerboard order
+  ConstPlaneArrays coarse;  ///< proposals for pixels with little texture; nullptr = none
+  ConstPlaneArrays prior;   ///< planes that pixels without texture prefer; nullptr = none
+  bool random_start;        ///< whether a random plane is proposed, too
+  const float* usable;      ///< checkerboard order, 0 = masked; nullptr = all
 };
 
 /// Median filter of a depth map, rows of `width` floats.

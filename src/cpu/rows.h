@@ -12,6 +12,12 @@ namespace pmsp::cpu {
 
 using kernels::select;
 
+template <class F, class Arrays>
+PMSP_HD kernels::Vec3<F> plane_at(const Arrays& planes, std::size_t ring, int k, int count) {
+  return {load_ring<F>(planes.x + ring, k, count), load_ring<F>(planes.y + ring, k, count),
+          load_ring<F>(planes.z + ring, k, count)};
+}
+
 template <class F>
 PMSP_HD void begin(kernels::Visit<F>& visit, const MatchJob& job, int y, int parity, int k, std::size_t ring) {
   F sin_lon;
@@ -19,7 +25,10 @@ PMSP_HD void begin(kernels::Visit<F>& visit, const MatchJob& job, int y, int par
   load(sin_lon, job.grid.sin_lon[parity] + k);
   load(cos_lon, job.grid.cos_lon[parity] + k);
   kernels::begin_visit(visit, job.matching, sin_lon, cos_lon, F(job.grid.sin_lat[y]), F(job.grid.cos_lat[y]));
-  visit.prior = job.prior == nullptr ? F(0) : load_ring<F>(job.prior + ring, k, job.grid.width / 2);
+  visit.prior = F(0);
+  if (job.prior.x != nullptr) {
+    visit.prior = dot(plane_at<F>(job.prior, ring, k, job.grid.width / 2), visit.frame.bearing);
+  }
 }
 
 PMSP_HD bool any_usable(const MatchJob& job, std::size_t at, int count) {
@@ -42,12 +51,6 @@ PMSP_HD void keep(const kernels::Hypothesis<F>& best, const MatchJob& job, std::
   store_some(result.plane.y, job.planes.y + at, count);
   store_some(result.plane.z, job.planes.z + at, count);
   store_some(result.score, job.planes.score + at, count);
-}
-
-template <class F, class Arrays>
-PMSP_HD kernels::Vec3<F> plane_at(const Arrays& planes, std::size_t ring, int k, int count) {
-  return {load_ring<F>(planes.x + ring, k, count), load_ring<F>(planes.y + ring, k, count),
-          load_ring<F>(planes.z + ring, k, count)};
 }
 
 /// Start of the k-th pixel of a colour in a row, in checkerboard order.
@@ -80,6 +83,13 @@ void start_row(const MatchJob& job, int y) {
           const auto pixel = pixel_numbers<F>(job, y, parity, k);
           kernels::propose(best, kernels::random_start<F>(pixel, visit.frame.bearing, job.matching), visit,
                            job.matching);
+        }
+        if (job.coarse.x != nullptr) {
+          const kernels::Vec3<F> plane = plane_at<F>(job.coarse, ring, k, half);
+          kernels::propose(best, kernels::coarse_start(plane, visit, job.matching), visit, job.matching);
+        }
+        if (job.prior.x != nullptr) {
+          kernels::propose(best, plane_at<F>(job.prior, ring, k, half), visit, job.matching);
         }
         for (int i = 0; i < job.num_candidates; ++i) {
           kernels::propose(best, plane_at<F>(job.candidates[i], ring, k, half), visit, job.matching);

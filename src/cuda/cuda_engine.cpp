@@ -38,27 +38,45 @@ static_assert(sizeof(DevicePoint) == sizeof(CloudPoint) &&
                   offsetof(DevicePoint, confidence) == offsetof(CloudPoint, confidence),
               "points are copied as they are");
 
+/// A keyframe's image at one size, lent from the engine's pools.
+struct CudaImage {
+  std::shared_ptr<Colors> color;
+  std::shared_ptr<CubeTexture> gray;
+  std::shared_ptr<CubeTexture> usable;  ///< none without a mask
+};
+
 /// What a frame keeps on the device, lent from the engine's pools.
 struct CudaFrame : Engine::Frame {
   using Frame::Frame;
 
-  std::shared_ptr<Colors> color;
-  std::shared_ptr<CubeTexture> gray;
-  std::shared_ptr<CubeTexture> usable;  ///< none without a mask
-  std::shared_ptr<Planes> raw;          ///< after the passes of PatchMatch so far
-  std::shared_ptr<Planes> planes;       ///< after the last pass and the median filter
-  std::shared_ptr<Floats> confidence;   ///< after the consistency filter; 0 = no depth
-  std::shared_ptr<Bytes> covered;       ///< nonzero where a point of an earlier frame stands for the pixel
+  std::vector<CudaImage> levels;       ///< that of the depth maps' size first, then those of coarser ones
+  std::shared_ptr<Planes> raw;         ///< after the passes of PatchMatch so far
+  std::shared_ptr<Planes> planes;      ///< after the last pass and the median filter
+  std::shared_ptr<Floats> confidence;  ///< after the consistency filter; 0 = no depth
+  std::shared_ptr<Bytes> covered;      ///< nonzero where a point of an earlier frame stands for the pixel
 };
 
 CudaFrame& own(Engine::Frame& frame) { return static_cast<CudaFrame&>(frame); }
 const CudaFrame& own(const Engine::Frame& frame) { return static_cast<const CudaFrame&>(frame); }
 
+/// One of the sizes that stages work at.
+struct Level {
+  Level(int wide, int high) : width(wide), height(high), grid(wide, high) {}
+
+  std::size_t pixels() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
+
+  int width, height;
+  DeviceGrid grid;
+  std::optional<DeviceSpanTable> columns, rows;  ///< from the images' size
+  Pool<Colors> colors;
+  Pool<CubeTexture> grays, usables;
+};
+
 /// How long stages took and what became of the pixels, on its way to the statistics.
 struct Record {
   DeviceArray<Counts> device = DeviceArray<Counts>(1);
   PinnedArray<Counts> host = PinnedArray<Counts>(1);
-  Event marks[4];  ///< before, between and after the stages
+  Event marks[3];  ///< before, between and after the stages
 
   void start(const Stream& stream) {
     PMSP_CUDA_CHECK(cudaMemsetAsync(device.get(), 0, sizeof(Counts), stream.get()));
@@ -86,18 +104,20 @@ class CudaEngine : public Engine {
  private:
   void allocate();
   void set_image_size(int width, int height);
+  CudaImage prepare_level(Level& level, ResizeArgs args);
   void find_sparse(const MatchTask& task, MatchArgs& args);
-  void warp_previous(const MatchTask& task, MatchArgs& args);
+  const float4* planes_to_warp(const CudaFrame& previous);
+  void warp_previous(const MatchTask& task, const float4* planes, MatchArgs& args);
+  void run_stage(const MatchTask& task, const MatchStage& stage, const float4* to_warp, const DevicePlanes& coarse,
+                 float4* result);
   void filter_median(const CudaFrame& frame, float4* planes, Counts* counts);
   MapDownload& free_download();
   void send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to);
   void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
   void hand_out_first();
-  void finish_match(CudaFrame& reference, const std::shared_ptr<Record>& record);
-  void add_match_seconds(const Record& record);
-  DevicePlanes surface_of(const CudaFrame& neighbour, int pass) const {
-    if (pass == 0 || !neighbour.raw) return {nullptr, 0, 0};
-    return {neighbour.raw->get(), context_.options.width, context_.options.height};
+  void finish_match(CudaFrame& reference);
+  DevicePlanes surface_of(const CudaFrame& frame) const {
+    return {frame.raw ? frame.raw->get() : nullptr, context_.options.width, context_.options.height};
   }
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
   std::size_t pixels() const {
@@ -111,20 +131,17 @@ class CudaEngine : public Engine {
   };
 
   Stream compute_, up_, down_;
-  std::optional<DeviceGrid> grid_;
   int image_width_ = 0;
   int image_height_ = 0;
-  std::optional<DeviceSpanTable> columns_, rows_;
   Uploader images_, masks_;
   Floats gray_, equalized_;
   Bytes eroded_;
-  Planes state_, warp_source_;
+  Planes state_, coarse_, warp_source_;
   DeviceArray<std::uint64_t> sparse_keys_, warp_keys_;
   PinnedArray<SparsePoint> points_host_;
   DeviceArray<SparsePoint> points_;
   Event points_arrived_;
-  Pool<Colors> colors_;
-  Pool<CubeTexture> grays_, usables_;
+  std::vector<std::unique_ptr<Level>> levels_;  ///< that of the depth maps first
   Pool<Planes> raws_, planes_;
   Pool<Floats> confidences_;
   Pool<Bytes> covers_;
@@ -142,11 +159,17 @@ CudaEngine::~CudaEngine() {
 }
 
 void CudaEngine::allocate() {
-  if (grid_) return;
-  grid_.emplace(context_.options.width, context_.options.height);
+  const DensifierOptions& options = context_.options;
+  if (!levels_.empty()) return;
+  const int coarsest = coarse_levels(options.patchmatch, options.width, options.height);
+  for (int level = 0; level <= coarsest; ++level) {
+    levels_.push_back(
+        std::make_unique<Level>(size_at_level(options.width, level), size_at_level(options.height, level)));
+  }
   gray_ = Floats(pixels());
   equalized_ = Floats(pixels());
   state_ = Planes(pixels());
+  if (levels_.size() > 1) coarse_ = Planes(levels_[1]->pixels());
   if (context_.options.init.sparse_points) sparse_keys_ = DeviceArray<std::uint64_t>(pixels());
   if (context_.options.init.warp_previous) warp_keys_ = DeviceArray<std::uint64_t>(pixels());
 }
@@ -154,25 +177,21 @@ void CudaEngine::allocate() {
 void CudaEngine::set_image_size(int width, int height) {
   if (width == image_width_ && height == image_height_) return;
   PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));  // kernels may still read the old tables
-  columns_.emplace(width, context_.options.width);
-  rows_.emplace(height, context_.options.height);
+  for (const auto& level : levels_) {
+    level->columns.emplace(width, level->width);
+    level->rows.emplace(height, level->height);
+  }
   image_width_ = width;
   image_height_ = height;
 }
 
 std::unique_ptr<Engine::Frame> CudaEngine::prepare(const Keyframe& keyframe) {
   const DeviceScope scope(context_.options.device);
-  const int width = context_.options.width;
-  const int height = context_.options.height;
-  const int size = cube_size_for(width);
   const auto& image = keyframe.image;
   const auto& mask = keyframe.mask;
   allocate();
   set_image_size(image.width, image.height);
   ThreadPool& pool = executor_.impl().pool;
-  auto frame = std::make_unique<CudaFrame>(keyframe);
-  frame->color = colors_.get(pixels());
-  frame->gray = grays_.get(size, kGrayBits);
   ResizeArgs args{};
   args.image = images_.upload(image.data, 3 * static_cast<std::size_t>(image.width),
                               3 * static_cast<std::size_t>(image.stride), image.height, up_, compute_, pool);
@@ -182,31 +201,39 @@ std::unique_ptr<Engine::Frame> CudaEngine::prepare(const Keyframe& keyframe) {
   }
   args.source_width = image.width;
   args.source_height = image.height;
-  args.width = width;
-  args.height = height;
-  args.columns = columns_->view();
-  args.rows = rows_->view();
-  args.color = frame->color->get();
-  args.gray = gray_.get();
   const std::shared_ptr<Record> record = records_.get();
   record->marks[0].record(compute_);
-  resize(args, compute_.get());
+  auto frame = std::make_unique<CudaFrame>(keyframe);
+  for (const auto& level : levels_) frame->levels.push_back(prepare_level(*level, args));
   images_.consumed(compute_);
-  equalize_rows(gray_.get(), equalized_.get(), width, height, compute_.get());
-  fill_cube(equalized_.get(), width, height, {size, frame->gray->surface()}, compute_.get());
-  if (!mask.empty()) {
-    masks_.consumed(compute_);
-    if (eroded_.empty()) eroded_ = Bytes(pixels());
-    frame->usable = usables_.get(size, kUsableBits);
-    fill_usable_cube(frame->color->get(), width, height, kPatchReachPx, eroded_.get(), {size, frame->usable->surface()},
-                     compute_.get());
-  }
+  if (!mask.empty()) masks_.consumed(compute_);
   record->marks[1].record(compute_);
   expect([this, record] {
     record->marks[1].wait();
     context_.stats.seconds_prepare += record->marks[1].seconds_since(record->marks[0]);
   });
   return frame;
+}
+
+CudaImage CudaEngine::prepare_level(Level& level, ResizeArgs args) {
+  const int size = cube_size_for(level.width);
+  CudaImage image{level.colors.get(level.pixels()), level.grays.get(size, kGrayBits), nullptr};
+  args.width = level.width;
+  args.height = level.height;
+  args.columns = level.columns->view();
+  args.rows = level.rows->view();
+  args.color = image.color->get();
+  args.gray = gray_.get();
+  resize(args, compute_.get());
+  equalize_rows(gray_.get(), equalized_.get(), level.width, level.height, compute_.get());
+  fill_cube(equalized_.get(), level.width, level.height, {size, image.gray->surface()}, compute_.get());
+  if (args.mask != nullptr) {
+    if (eroded_.empty()) eroded_ = Bytes(pixels());
+    image.usable = level.usables.get(size, kUsableBits);
+    fill_usable_cube(args.color, level.width, level.height, kPatchReachPx, eroded_.get(),
+                     {size, image.usable->surface()}, compute_.get());
+  }
+  return image;
 }
 
 void CudaEngine::find_sparse(const MatchTask& task, MatchArgs& args) {
@@ -221,7 +248,7 @@ void CudaEngine::find_sparse(const MatchTask& task, MatchArgs& args) {
   for (const Landmark& landmark : landmarks) {
     const Eigen::Vector3d p = task.keyframe->cam_from_world * landmark.position_world;
     if (!(p.squaredNorm() > 0.0)) continue;
-    const Eigen::Vector2f at = pixel_from_bearing(p, context_.options.width, context_.options.height).cast<float>();
+    const Eigen::Vector2f at = pixel_from_bearing(p, args.grid.width, args.grid.height).cast<float>();
     const Eigen::Vector3f plane = (p / p.squaredNorm()).cast<float>();
     points_host_[count++] = {at.x(), at.y(), plane.x(), plane.y(), plane.z()};
   }
@@ -229,26 +256,27 @@ void CudaEngine::find_sparse(const MatchTask& task, MatchArgs& args) {
                                   cudaMemcpyHostToDevice, compute_.get()));
   points_arrived_.record(compute_);
   PMSP_CUDA_CHECK(cudaMemsetAsync(sparse_keys_.get(), 0xff, pixels() * sizeof(std::uint64_t), compute_.get()));
-  splat_points({points_.get(), static_cast<int>(count), context_.options.width, context_.options.height,
+  splat_points({points_.get(), static_cast<int>(count), args.grid.width, args.grid.height,
                 static_cast<float>(context_.options.init.sparse_radius_px), sparse_keys_.get()},
                compute_.get());
   args.sparse_keys = sparse_keys_.get();
   args.sparse_points = points_.get();
 }
 
-void CudaEngine::warp_previous(const MatchTask& task, MatchArgs& args) {
-  const CudaFrame& previous = own(*task.previous);
-  const RigidTransform moved = task.reference->cam_from_world * previous.cam_from_world.inverse();
-  const float4* planes = nullptr;
-  if (previous.planes) {
-    planes = previous.planes->get();
-  } else {  // its later passes are still to come
-    if (warp_source_.empty()) warp_source_ = Planes(pixels());
-    filter_median(previous, warp_source_.get(), nullptr);
-    planes = warp_source_.get();
-  }
+/// The planes that are warped into the next keyframe.
+const float4* CudaEngine::planes_to_warp(const CudaFrame& previous) {
+  if (previous.planes) return previous.planes->get();
+  if (warp_source_.empty()) warp_source_ = Planes(pixels());  // its later passes are still to come
+  filter_median(previous, warp_source_.get(), nullptr);
+  return warp_source_.get();
+}
+
+void CudaEngine::warp_previous(const MatchTask& task, const float4* planes, MatchArgs& args) {
+  const RigidTransform moved = task.reference->cam_from_world * task.previous->cam_from_world.inverse();
   PMSP_CUDA_CHECK(cudaMemsetAsync(warp_keys_.get(), 0xff, pixels() * sizeof(std::uint64_t), compute_.get()));
-  warp_planes({grid_->view(), planes, to_rigid(moved), warp_keys_.get()}, compute_.get());
+  warp_planes(
+      {levels_.front()->grid.view(), planes, to_rigid(moved), args.grid.width, args.grid.height, warp_keys_.get()},
+      compute_.get());
   args.warp_keys = warp_keys_.get();
   args.previous = planes;
   args.previous_from_reference = to_rigid(moved.inverse());
@@ -257,75 +285,87 @@ void CudaEngine::warp_previous(const MatchTask& task, MatchArgs& args) {
 void CudaEngine::filter_median(const CudaFrame& frame, float4* planes, Counts* counts) {
   const MedianFilterOptions& options = context_.options.median;
   median_pixels(
-      {grid_->view(), frame.raw->get(), frame.color->get(), options.enabled,
+      {levels_.front()->grid.view(), frame.raw->get(), frame.levels.front().color->get(), options.enabled,
        static_cast<float>(options.max_relative_deviation), static_cast<float>(options.min_score), planes, counts},
       compute_.get());
 }
 
 void CudaEngine::match(const MatchTask& task) {
   const DeviceScope scope(context_.options.device);
-  const DensifierOptions& options = context_.options;
   CudaFrame& reference = own(*task.reference);
+  const float4* const to_warp = task.previous == nullptr ? nullptr : planes_to_warp(own(*task.previous));
+  if (!reference.raw) reference.raw = raws_.get(pixels());
+  DevicePlanes coarse{};
+  const int coarsest = static_cast<int>(levels_.size()) - 1;
+  for (const MatchStage& stage : match_stages(context_.options.patchmatch, coarsest, task.pass)) {
+    const Planes& result = stage.level > 0 ? coarse_ : *reference.raw;
+    run_stage(task, stage, to_warp, coarse, result.get());
+    const Level& level = *levels_[static_cast<std::size_t>(stage.level)];
+    coarse = {result.get(), level.width, level.height};
+  }
+  reference.matched = true;
+  if (task.last) finish_match(reference);
+}
+
+void CudaEngine::run_stage(const MatchTask& task, const MatchStage& stage, const float4* to_warp,
+                           const DevicePlanes& coarse, float4* result) {
+  const DensifierOptions& options = context_.options;
+  const CudaFrame& reference = own(*task.reference);
+  const std::size_t at = static_cast<std::size_t>(stage.level);
+  const Level& level = *levels_[at];
+  const CudaImage& image = reference.levels[at];
   MatchArgs args{};
-  args.matching = make_matching<TextureCube>({reference.gray->texture()}, options.patchmatch, options.width, task.range,
+  args.matching = make_matching<TextureCube>({image.gray->texture()}, options.patchmatch, level.width, task.range,
                                              options.seed, reference.id);
   const RigidTransform world_from_ref = reference.cam_from_world.inverse();
   for (const Frame* frame : task.neighbours) {
     const CudaFrame& neighbour = own(*frame);
-    args.matching.views[args.matching.num_views++] = {{neighbour.gray->texture()},
-                                                      {neighbour.usable ? neighbour.usable->texture() : 0},
+    const CudaImage& other = neighbour.levels[at];
+    args.matching.views[args.matching.num_views++] = {{other.gray->texture()},
+                                                      {other.usable ? other.usable->texture() : 0},
                                                       to_rigid(neighbour.cam_from_world * world_from_ref),
-                                                      surface_of(neighbour, task.pass)};
+                                                      task.pass > 0 ? surface_of(neighbour) : DevicePlanes{}};
   }
-  args.grid = grid_->view();
+  args.grid = level.grid.view();
   args.state = state_.get();
-  args.color = reference.color->get();
-  const std::shared_ptr<Record> record = records_.get();
-  record->start(compute_);
+  args.color = image.color->get();
+  args.coarse = coarse;
   if (task.pass > 0) args.start = reference.raw->get();
+  const std::shared_ptr<Record> record = records_.get();
+  record->marks[0].record(compute_);
   if (task.pass == 0 && options.init.sparse_points) find_sparse(task, args);
-  if (task.previous != nullptr) warp_previous(task, args);
+  if (to_warp != nullptr) warp_previous(task, to_warp, args);
   record->marks[1].record(compute_);
   start_pixels(args, compute_.get());
-  const PassPlan plan = pass_plan(options.patchmatch, task.pass);
-  for (int i = 0; i < plan.iterations; ++i) {
-    for (int colour = 0; colour < 2; ++colour) iterate_pixels(args, colour, plan.first_iteration + i, compute_.get());
+  for (int i = 0; i < stage.iterations; ++i) {
+    for (int colour = 0; colour < 2; ++colour) iterate_pixels(args, colour, stage.first_iteration + i, compute_.get());
   }
-  if (!reference.raw) reference.raw = raws_.get(pixels());
-  to_rows(grid_->view(), state_.get(), reference.raw->get(), compute_.get());
+  to_rows(args.grid, state_.get(), result, compute_.get());
   record->marks[2].record(compute_);
-  reference.matched = true;
-  if (task.last) {
-    finish_match(reference, record);
-  } else {
-    expect([this, record] {
-      record->marks[2].wait();
-      add_match_seconds(*record);
-    });
-  }
+  expect([this, record] {
+    record->marks[2].wait();
+    context_.stats.seconds_init += record->marks[1].seconds_since(record->marks[0]);
+    context_.stats.seconds_patchmatch += record->marks[2].seconds_since(record->marks[1]);
+  });
 }
 
-void CudaEngine::add_match_seconds(const Record& record) {
-  context_.stats.seconds_init += record.marks[1].seconds_since(record.marks[0]);
-  context_.stats.seconds_patchmatch += record.marks[2].seconds_since(record.marks[1]);
-}
-
-void CudaEngine::finish_match(CudaFrame& reference, const std::shared_ptr<Record>& record) {
+void CudaEngine::finish_match(CudaFrame& reference) {
   if (context_.results.raw_depth) {
     MapDownload& download = free_download();
-    export_planes(grid_->view(), reference.raw->get(), download.view(), compute_.get());
+    export_planes(levels_.front()->grid.view(), reference.raw->get(), download.view(), compute_.get());
     send(download, reference, context_.results.raw_depth);
   }
   reference.planes = planes_.get(pixels());
+  const std::shared_ptr<Record> record = records_.get();
+  record->start(compute_);
   filter_median(reference, reference.planes->get(), record->device.get());
-  record->stop(compute_, 3);
+  record->stop(compute_, 1);
   // Nobody else will ask for it, and whoever gets the memory next works on the same stream.
   if (context_.options.patchmatch.geometric_passes == 0) reference.raw.reset();
   expect([this, record] {
-    record->marks[3].wait();
+    record->marks[1].wait();
     DensifierStats& stats = context_.stats;
-    add_match_seconds(*record);
-    stats.seconds_median += record->marks[3].seconds_since(record->marks[2]);
+    stats.seconds_median += record->marks[1].seconds_since(record->marks[0]);
     ++stats.depth_maps;
     stats.pixels += record->host[0].pixels;
     stats.pixels_matched += record->host[0].matched;
@@ -339,7 +379,7 @@ void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   CudaFrame& reference = own(frame);
   reference.confidence = confidences_.get(pixels());
   ConsistencyArgs args{};
-  args.grid = grid_->view();
+  args.grid = levels_.front()->grid.view();
   args.planes = reference.planes->get();
   for (const Frame* other : others) {
     args.others[args.num_others++] = {own(*other).planes->get(),
@@ -381,17 +421,17 @@ void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
   const auto points = points_pool_.get(pixels());
   const auto record = records_.get();
   FuseArgs args{};
-  args.grid = grid_->view();
+  args.grid = levels_.front()->grid.view();
   args.planes = reference.planes->get();
   args.confidence = reference.confidence->get();
-  args.color = reference.color->get();
+  args.color = reference.levels.front().color->get();
   args.covered = reference.covered->get();
   for (std::size_t i = 0; i < window.size(); ++i) {
     if (i == current) continue;
     const CudaFrame& other = own(*window[i]);
     args.others[args.num_others++] = {other.planes->get(),
                                       other.confidence->get(),
-                                      other.color->get(),
+                                      other.levels.front().color->get(),
                                       other.covered->get(),
                                       to_rigid(other.cam_from_world * reference.cam_from_world.inverse()),
                                       i > current};

@@ -68,6 +68,7 @@ struct MatchArgs {
   cpu::GridTables grid;
   float4* state;        ///< plane and score, checkerboard order (SphereGrid)
   const float4* start;  ///< planes to start from, row order; nullptr = random ones and the candidates below
+  DevicePlanes coarse;  ///< a smaller map, proposed where there is little texture; or empty
   const uchar4* color;  ///< of the reference
   const std::uint64_t* sparse_keys;  ///< per pixel: (distance, index of the landmark), ~0 = none; nullptr = not wanted
   const SparsePoint* sparse_points;
@@ -88,6 +89,7 @@ struct WarpArgs {
   cpu::GridTables grid;
   const float4* planes;
   kernels::Rigid reference_from_previous;
+  int width, height;  ///< of the keys, which may be fewer than the planes
   std::uint64_t* keys;
 };
 

@@ -49,7 +49,7 @@ __global__ void warp_kernel(const __grid_constant__ WarpArgs args) {
   const float inverse_depth = kernels::dot(plane_of(args.planes[from]), bearing);
   if (!(inverse_depth > 0.0F)) return;
   const Vec3<float> p = kernels::transform(args.reference_from_previous, (1.0F / inverse_depth) * bearing);
-  const int to = kernels::pixel_index(p, grid.width, grid.height);
+  const int to = kernels::pixel_index(p, args.width, args.height);
   offer(args.keys, static_cast<std::size_t>(to), sqrtf(kernels::dot(p, p)), from);
 }
 

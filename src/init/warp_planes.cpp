@@ -10,11 +10,10 @@
 
 namespace pmsp {
 
-PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_world, const Executor& executor) {
+PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_world, int width, int height,
+                       const Executor& executor) {
   using kernels::Vec3;
-  const int width = previous.depth.width();
-  const int height = previous.depth.height();
-  const SphereGrid grid(width, height);
+  const SphereGrid grid(previous.depth.width(), previous.depth.height());
   const RigidTransform cam_from_previous = cam_from_world * previous.cam_from_world.inverse();
   const kernels::Rigid forward = to_rigid(cam_from_previous);
   const kernels::Rigid backward = to_rigid(cam_from_previous.inverse());
@@ -24,10 +23,10 @@ PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_
   };
 
   // Where each pixel goes: independent of each other, on all threads.
-  Image<std::int32_t> target(width, height, -1);
-  Image<float> range(width, height, 0.0F);
-  executor.impl().pool.for_each(height, [&](int y) {
-    for (int x = 0; x < width; ++x) {
+  Image<std::int32_t> target(grid.width(), grid.height(), -1);
+  Image<float> range(grid.width(), grid.height(), 0.0F);
+  executor.impl().pool.for_each(grid.height(), [&](int y) {
+    for (int x = 0; x < grid.width(); ++x) {
       if (previous.depth(x, y) <= 0.0F) continue;
       const Vec3<float> p = kernels::transform(forward, surface_point(x, y));
       target(x, y) = kernels::pixel_index(p, width, height);
@@ -38,8 +37,8 @@ PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_
   // Who is in front: in one thread, since several pixels meet in one.
   PlaneImage planes(width, height, Eigen::Vector3f::Zero());
   std::vector<float> front(planes.size(), std::numeric_limits<float>::max());
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
+  for (int y = 0; y < grid.height(); ++y) {
+    for (int x = 0; x < grid.width(); ++x) {
       const std::int32_t to = target(x, y);
       if (to < 0 || range(x, y) >= front[static_cast<std::size_t>(to)]) continue;
       front[static_cast<std::size_t>(to)] = range(x, y);

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <vector>
 
 #include "patchmatch.h"
 #include "pmsp/initialiser.h"
@@ -15,12 +16,21 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width);
 kernels::PlaneLimits plane_limits(const PatchMatchOptions& options, const DepthRange& range);
 kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id);
 
-/// Iterations of one pass: the first one counts from 0, others go on counting.
-struct PassPlan {
-  int first_iteration;
+/// Iterations at one size.
+struct MatchStage {
+  int level;            ///< how often width and height are halved
+  int first_iteration;  ///< iterations count on from stage to stage
   int iterations;
 };
-PassPlan pass_plan(const PatchMatchOptions& options, int pass);
+
+/// How many coarser sizes there are to begin with: no panorama gets smaller than it may be.
+int coarse_levels(const PatchMatchOptions& options, int width, int height);
+
+/// The stages of one pass: the first pass goes from coarse to fine, the others work at full size.
+std::vector<MatchStage> match_stages(const PatchMatchOptions& options, int coarse_levels, int pass);
+
+/// Width or height at a level; even.
+int size_at_level(int size, int level);
 
 /// All but the views.
 template <class Cube>
@@ -33,6 +43,7 @@ kernels::Matching<Cube> make_matching(const Cube& reference, const PatchMatchOpt
   matching.log_depth_span = static_cast<float>(std::log(range.max / range.min));
   matching.random = patchmatch_key(seed, keyframe_id);
   matching.refinements = options.refinements;
+  matching.prior_weight = static_cast<float>(options.prior_weight);
   return matching;
 }
 

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -23,7 +22,10 @@ namespace {
 struct Planes {
   explicit Planes(std::size_t size) : x(size, 0.0F), y(size, 0.0F), z(size, 0.0F) {}
 
-  cpu::ConstPlaneArrays view() const { return {x.data(), y.data(), z.data()}; }
+  bool empty() const { return x.empty(); }
+  cpu::ConstPlaneArrays view() const {
+    return empty() ? cpu::ConstPlaneArrays{} : cpu::ConstPlaneArrays{x.data(), y.data(), z.data()};
+  }
 
   std::vector<float> x, y, z;
 };
@@ -59,6 +61,9 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
   if (!input.neighbour_maps.empty() && input.neighbour_maps.size() != count) {
     throw InvalidInput("patchmatch: " + std::to_string(input.neighbour_maps.size()) + " depth maps of " +
                        std::to_string(count) + " neighbours; expected none or one for each");
+  }
+  if (input.prior != nullptr && (input.prior->width() != width || input.prior->height() != height)) {
+    throw InvalidInput("patchmatch: prior planes are not of the reference's size");
   }
   for (const DepthMap* map : input.neighbour_maps) check_size(map, width, height);
   check_size(input.start, width, height);
@@ -105,12 +110,18 @@ std::vector<PlaneRows> add_surfaces(const MatchInput& input, const SphereGrid& g
   return surfaces;
 }
 
-Planes to_checkerboard(const DepthMap& map, const SphereGrid& grid, ThreadPool& pool) {
+/// Planes of a map of any size, none if it is missing: each pixel takes that of the map's pixel in which its centre
+/// lies.
+Planes to_checkerboard(const DepthMap* map, const SphereGrid& grid, ThreadPool& pool) {
+  if (map == nullptr || map->depth.empty()) return Planes(0);
   Planes planes(grid.size());
+  const SphereGrid map_grid(map->depth.width(), map->depth.height());
   pool.for_each(grid.height(), [&](int y) {
+    const int map_y = kernels::index_at_size(y, grid.height(), map_grid.height());
     for (int x = 0; x < grid.width(); ++x) {
-      if (!(map.depth(x, y) > 0.0F)) continue;
-      const kernels::Vec3<float> plane = plane_of_pixel(map, grid, x, y);
+      const int map_x = kernels::index_at_size(x, grid.width(), map_grid.width());
+      if (!(map->depth(map_x, map_y) > 0.0F)) continue;
+      const kernels::Vec3<float> plane = plane_of_pixel(*map, map_grid, map_x, map_y);
       const std::size_t at = grid.index(x, y);
       planes.x[at] = plane.x;
       planes.y[at] = plane.y;
@@ -176,25 +187,12 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   std::vector<Planes> candidates;
   std::vector<cpu::ConstPlaneArrays> candidate_views;
   for (const PlaneImage* image : input.candidates) candidates.push_back(to_checkerboard(*image, grid));
-  const bool started = input.start != nullptr && !input.start->depth.empty();
-  if (started) candidates.push_back(to_checkerboard(*input.start, grid, pool));
+  Planes start = to_checkerboard(input.start, grid, pool);
+  const bool started = !start.empty();
+  if (started) candidates.push_back(std::move(start));
+  const Planes coarse = to_checkerboard(input.coarse, grid, pool);
   for (const Planes& planes : candidates) candidate_views.push_back(planes.view());
-  std::vector<float> prior;
-  if (input.prior != nullptr) {
-    candidates.push_back(to_checkerboard(*input.prior, grid));
-    candidate_views.push_back(candidates.back().view());
-    prior.assign(grid.size(), 0.0F);
-    for (int y = 0; y < grid.height(); ++y)
-      for (int x = 0; x < grid.width(); ++x) {
-        const kernels::Vec3<float> b =
-            kernels::bearing(grid.sin_lon()[x], grid.cos_lon()[x], grid.sin_lat()[y], grid.cos_lat()[y]);
-        prior[grid.index(x, y)] = to_vec3((*input.prior)(x, y)).x * b.x + (*input.prior)(x, y).y() * b.y +
-                                  (*input.prior)(x, y).z() * b.z;
-      }
-  }
-  const auto env = [](const char* n, double d) { return std::getenv(n) != nullptr ? std::atof(std::getenv(n)) : d; };
-  matching.prior_weight = static_cast<float>(env("PW", 0.3));
-  matching.prior_tolerance = static_cast<float>(env("PT", 0.03));
+  const Planes prior = input.prior != nullptr ? to_checkerboard(*input.prior, grid) : Planes(0);
   const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
   Planes planes(grid.size());
   std::vector<float> score(grid.size(), -1.0F);
@@ -204,9 +202,10 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
                           {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
                           candidate_views.data(),
                           static_cast<int>(candidate_views.size()),
+                          coarse.view(),
+                          prior.view(),
                           !started,
-                          usable.empty() ? nullptr : usable.data(),
-                          prior.empty() ? nullptr : prior.data()};
+                          usable.empty() ? nullptr : usable.data()};
 
   const auto cancelled = [&] { return cancel != nullptr && cancel->load(std::memory_order_relaxed); };
   pool.for_each(grid.height(), [&](int y) { rows.start_row(job, y); });

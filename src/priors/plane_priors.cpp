@@ -81,8 +81,8 @@ void choose_row(const PriorJob& job, int row) {
 double env(const char* n, double d) { return std::getenv(n) != nullptr ? std::atof(std::getenv(n)) : d; }
 }
 
-PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const PatchMatchOptions& options,
-                        const DepthRange& range, const Executor& executor) {
+PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const DepthRange& range,
+                        const PatchMatchOptions& options, const Executor& executor) {
   const int width = map.depth.width();
   const int height = map.depth.height();
   ThreadPool& pool = executor.impl().pool;

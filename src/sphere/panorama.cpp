@@ -21,7 +21,7 @@ void check(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int w
   if (image.empty() || image.width % 2 != 0 || image.height % 2 != 0) {
     throw InvalidInput("the image is " + size_text(image.width, image.height) + "; expected an even width and height");
   }
-  if (width < 16 || height < 8 || width % 2 != 0 || height % 2 != 0) {
+  if (width < kMinPanoramaWidth || height < kMinPanoramaHeight || width % 2 != 0 || height % 2 != 0) {
     throw InvalidInput("the depth map is to be " + size_text(width, height) +
                        "; expected an even width from 16 and an even height from 8");
   }

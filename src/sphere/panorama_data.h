@@ -6,6 +6,10 @@
 
 namespace pmsp {
 
+/// Smallest depth map.
+constexpr int kMinPanoramaWidth = 16;
+constexpr int kMinPanoramaHeight = 8;
+
 /// Samples within this of a patch's centre carry most of its weight: so far a patch stays away from masked pixels.
 constexpr double kPatchReachPx = 3.0;
 

@@ -63,12 +63,17 @@ DepthMap map_from(const synth::RenderedView& view, const RigidTransform& cam_fro
   return map;
 }
 
+/// At the map's own size.
+PlaneImage warped(const DepthMap& map, const RigidTransform& cam_from_world, const Executor& executor) {
+  return warp_planes(map, cam_from_world, map.depth.width(), map.depth.height(), executor);
+}
+
 }  // namespace
 
 TEST_CASE("warping into the same camera changes nothing", "[init][warp]") {
   const synth::Mission mission = synth::textured_room(small_recipe(160, 1));
   const DepthMap map = truth_map(mission.frames[0]);
-  const PlaneImage planes = warp_planes(map, map.cam_from_world, Executor());
+  const PlaneImage planes = warped(map, map.cam_from_world, Executor());
   int wrong = 0;
   for (int y = 0; y < 80; ++y) {
     for (int x = 0; x < 160; ++x) {
@@ -88,7 +93,7 @@ TEST_CASE("pixels without a depth are not warped", "[init][warp]") {
     map.depth(x, 20) = 0.0F;
     map.normal(x, 20).setZero();
   }
-  const PlaneImage planes = warp_planes(map, map.cam_from_world, Executor());
+  const PlaneImage planes = warped(map, map.cam_from_world, Executor());
   int wrong = 0;
   for (int y = 0; y < 80; ++y) {
     for (int x = 0; x < 160; ++x) wrong += (planes(x, y).norm() > 0.0F) == (y != 20) ? 0 : 1;
@@ -109,7 +114,7 @@ TEST_CASE("a turned and moved camera gets planes through the true surface with t
   };
   for (std::size_t i = 0; i < poses.size(); ++i) {
     INFO("pose " << i);
-    const PlaneImage planes = warp_planes(truth_map(mission.frames[0]), poses[i], Executor());
+    const PlaneImage planes = warped(truth_map(mission.frames[0]), poses[i], Executor());
     const WarpQuality quality = judge(planes, view_from(mission.scene, poses[i], 160));
     CHECK(quality.present > 0.55);  // each pixel goes to one; where the image stretches, holes stay
     CHECK(quality.depth > 0.985);
@@ -139,7 +144,7 @@ TEST_CASE("where several pixels meet, the nearest surface wins", "[init][warp]")
         back(column, row) = std::max(back(column, row), p.norm());
       }
     }
-    const PlaneImage planes = warp_planes(map_from(view, previous), pose, Executor());
+    const PlaneImage planes = warped(map_from(view, previous), pose, Executor());
     int contested = 0;
     int lost = 0;
     for (int y = 0; y < kWidth / 2; ++y) {
@@ -160,9 +165,9 @@ TEST_CASE("warping does not depend on the number of threads", "[init][warp]") {
   const DepthMap map = truth_map(mission.frames[0]);
   const RigidTransform pose =
       RigidTransform{Eigen::Matrix3d::Identity(), Vector3d(0.3, 0.0, -0.6)} * map.cam_from_world;
-  const PlaneImage one = warp_planes(map, pose, Executor(1));
+  const PlaneImage one = warped(map, pose, Executor(1));
   for (const int threads : {2, 5}) {
-    const PlaneImage several = warp_planes(map, pose, Executor(threads));
+    const PlaneImage several = warped(map, pose, Executor(threads));
     CHECK(one.pixels() == several.pixels());
   }
 }

@@ -8,6 +8,7 @@
 #include "cuda/cuda_engine.h"
 #include "patch.h"
 #include "patchmatch.h"
+#include "patchmatch/match_setup.h"
 #include "pmsp/error.h"
 
 namespace pmsp::bench {
@@ -113,14 +114,22 @@ std::string case_name(const Workload& workload, const char* stage) {
 }
 
 /// Bilinear samples that PatchMatch takes of neighbours for one keyframe if no hypothesis is turned down unseen: the
-/// random plane and the candidates, then in each iteration the neighbours' planes and the random steps.
+/// random plane and the candidates, or the plane so far, then in each iteration the neighbours' planes and the random
+/// steps.
 double nominal_samples(const DensifierOptions& options) {
   const int candidates = (options.init.sparse_points ? 1 : 0) + (options.init.warp_previous ? 1 : 0);
   const PatchMatchOptions& patchmatch = options.patchmatch;
-  const int iterations = patchmatch.iterations + patchmatch.geometric_passes * patchmatch.geometric_iterations;
-  const int hypotheses = 1 + candidates + iterations * (kernels::kNeighbours + patchmatch.refinements);
-  return static_cast<double>(options.width) * options.height * hypotheses * options.patchmatch.neighbours *
-         kernels::kPatchSamples;
+  const int coarsest = coarse_levels(patchmatch, options.width, options.height);
+  double hypotheses = 0.0;
+  for (int pass = 0; pass <= patchmatch.geometric_passes; ++pass) {
+    for (const MatchStage& stage : match_stages(patchmatch, coarsest, pass)) {
+      const double pixels =
+          static_cast<double>(size_at_level(options.width, stage.level)) * size_at_level(options.height, stage.level);
+      const int starts = pass == 0 ? 1 + candidates : 1;
+      hypotheses += pixels * (starts + stage.iterations * (kernels::kNeighbours + patchmatch.refinements));
+    }
+  }
+  return hypotheses * patchmatch.neighbours * kernels::kPatchSamples;
 }
 
 void run_errand(const Errand& errand, const Workload& workload, const DeviceRequest& request, std::size_t free_before,

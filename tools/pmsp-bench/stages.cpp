@@ -28,7 +28,8 @@ void sparse(benchmark::State& state, const Workload& workload, const Executor&) 
 void warp(benchmark::State& state, const Workload& workload, const Executor& executor) {
   const DepthMap& previous = workload.median[workload.current - 1];
   while (state.KeepRunning()) {
-    const PlaneImage planes = warp_planes(previous, workload.keyframes[workload.current].cam_from_world, executor);
+    const PlaneImage planes = warp_planes(previous, workload.keyframes[workload.current].cam_from_world,
+                                          previous.depth.width(), previous.depth.height(), executor);
     benchmark::DoNotOptimize(planes.pixels().data());
   }
 }

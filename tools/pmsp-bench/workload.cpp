@@ -53,7 +53,8 @@ void make_match_input(Workload& workload, const Executor& executor) {
   workload.match.range = depth_range(workload.keyframes[current], workload.options.init);
   workload.sparse = planes_from_landmarks(workload.keyframes[current], workload.options.width, workload.options.height,
                                           workload.options.init);
-  workload.warped = warp_planes(workload.median[current - 1], workload.keyframes[current].cam_from_world, executor);
+  workload.warped = warp_planes(workload.median[current - 1], workload.keyframes[current].cam_from_world,
+                                workload.options.width, workload.options.height, executor);
   workload.match.candidates = {&workload.sparse, &workload.warped};
 }
 
@@ -89,6 +90,8 @@ std::unique_ptr<Workload> outline(const WorkloadRequest& request) {
   PatchMatchOptions& patchmatch = workload->options.patchmatch;
   patchmatch.neighbours = request.neighbours.value_or(patchmatch.neighbours);
   patchmatch.iterations = request.iterations.value_or(patchmatch.iterations);
+  patchmatch.coarse_levels = request.coarse_levels.value_or(patchmatch.coarse_levels);
+  patchmatch.refinements = request.refinements.value_or(patchmatch.refinements);
   patchmatch.geometric_passes = request.geometric_passes.value_or(patchmatch.geometric_passes);
   workload->options.validate();
   return workload;
