@@ -25,7 +25,7 @@ struct Matching {
   PlaneLimits limits;
   float log_depth_span;  ///< ln(largest depth / smallest depth)
   RandomKey random;
-  int refinements;  ///< random draws per visit
+  int refinements;     ///< random draws per visit
   float prior_weight;  ///< what a plane scores more that agrees with the prior
 };
 

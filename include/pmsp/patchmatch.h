@@ -27,9 +27,9 @@ struct MatchInput {
   PosedPanorama reference;
   std::vector<PosedPanorama> neighbours;  ///< 1 to 8, of the reference's size, from other places
   DepthRange range;
-  std::vector<const PlaneImage*> candidates;         ///< planes to try besides the random ones, of the reference's size
-  int first_iteration = 0;                           ///< iterations of the passes before
-  const DepthMap* start = nullptr;                   ///< the reference's own map; nullptr = random planes
+  std::vector<const PlaneImage*> candidates;  ///< planes to try besides the random ones, of the reference's size
+  int first_iteration = 0;                    ///< iterations of the passes before
+  const DepthMap* start = nullptr;            ///< the reference's own map; nullptr = random planes
   const DepthMap* coarse = nullptr;  ///< a smaller map, proposed where there is little texture (coarse_contrast)
   /// Planes of surfaces without texture (plane_priors), proposed and preferred there; nullptr = none.
   const PlaneImage* prior = nullptr;
