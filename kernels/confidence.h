@@ -7,7 +7,7 @@
 // How far a depth may be off, told from three things that each grow with the error: how much the maps that agree
 // differ, how much the plane differs from those around it, and what a pixel is worth in depth under the parallax at
 // hand. Their geometric mean ranks pixels better than any of them alone, and better than the photometric score, which
-// is high on a repeated pattern and on a blurred edge.
+// is high on a repeated pattern and on a blurred edge; but where that is low, the error is larger than they tell.
 namespace pmsp::kernels {
 
 /// Offsets of the pixels whose planes are compared with a pixel's own [px].
