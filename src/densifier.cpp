@@ -32,7 +32,7 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
     options.backend = requested;
     engine = make_engine({options, results, stats, cancel}, options, backend);
   }
-  views.push_back({keyframe, engine->prepare(keyframe), {}, {}});
+  views.push_back({keyframe, engine->prepare(keyframe), Outlook(keyframe), {}, {}});
   views.back().keyframe.image = {};
   views.back().keyframe.mask = {};
 }
@@ -60,11 +60,28 @@ void Densifier::Impl::choose(std::int64_t i) {
        choose_neighbours(sequence, static_cast<std::size_t>(i - from), options.patchmatch.neighbours)) {
     reference.neighbours.push_back(from + static_cast<std::int64_t>(k));
   }
+  add_revisits(i);
   reference.range = depth_range(reference.keyframe, options.init);
   if (reference.neighbours.empty()) {
     ++stats.keyframes_without_neighbour;
   } else if (!(reference.range.max > reference.range.min)) {
     ++stats.keyframes_without_range;
+  }
+}
+
+/// Adds keyframes from before the sequence around a keyframe, where the same place is passed again.
+void Densifier::Impl::add_revisits(std::int64_t i) {
+  const int count = options.patchmatch.revisits;
+  const std::int64_t end_of_past = i - match_ahead();
+  const std::int64_t start_of_past = std::max(first, i - options.patchmatch.history);
+  if (count == 0 || start_of_past >= end_of_past) return;
+  View& reference = view(i);
+  std::vector<Eigen::Vector3d> chosen;
+  std::vector<const Outlook*> past;
+  for (const std::int64_t k : reference.neighbours) chosen.push_back(view(k).keyframe.cam_from_world.center());
+  for (std::int64_t k = start_of_past; k < end_of_past; ++k) past.push_back(&view(k).outlook);
+  for (const std::size_t k : choose_revisits(reference.outlook, chosen, past, count)) {
+    reference.neighbours.push_back(start_of_past + static_cast<std::int64_t>(k));
   }
 }
 
@@ -144,11 +161,17 @@ void Densifier::Impl::hand_out() {
   callbacks.cloud(cloud);
 }
 
-/// Lets go of keyframes that no stage will look at again.
+/// Lets go of what no stage will look at again: of the maps of keyframes that are done with, and of all of those that
+/// are too old to be matched with.
 void Densifier::Impl::forget() {
   const std::int64_t keep =
       std::min({next_match.back() - match_ahead(), next_filter - filter_ahead(), next_fuse - fuse_ahead()});
-  for (; first < keep && !views.empty(); ++first) views.pop_front();
+  for (; first_active < keep && first_active < end(); ++first_active) {
+    engine->release_maps(*view(first_active).frame);
+    view(first_active).keyframe.landmarks = {};
+  }
+  const std::int64_t remembered = options.patchmatch.revisits > 0 ? options.patchmatch.history : 0;
+  for (; first < first_active - remembered; ++first) views.pop_front();
 }
 
 Densifier::Densifier(const DensifierOptions& options, DensifierCallbacks callbacks) {
@@ -185,7 +208,7 @@ void Densifier::flush() {
   impl_->held.clear();
   impl_->sights.clear();
   impl_->views.clear();
-  impl_->first = impl_->next_filter = impl_->next_fuse = 0;
+  impl_->first = impl_->first_active = impl_->next_filter = impl_->next_fuse = 0;
   std::fill(impl_->next_match.begin(), impl_->next_match.end(), 0);
   impl_->view_filter.reset();
 }

@@ -11,6 +11,7 @@
 
 #include "engine.h"
 #include "patchmatch/neighbours.h"
+#include "patchmatch/revisits.h"
 #include "pmsp/densifier.h"
 #include "pmsp/free_space.h"
 #include "pmsp/view_filter.h"
@@ -21,6 +22,7 @@ namespace pmsp {
 struct View {
   Keyframe keyframe;  ///< its image and mask are gone; what is left of them is in the frame
   std::unique_ptr<Engine::Frame> frame;
+  Outlook outlook;
   std::vector<std::int64_t> neighbours;  ///< what all passes of matching look at, and between which depths
   DepthRange range;
 };
@@ -42,6 +44,7 @@ struct Densifier::Impl {
   void prepare(const Keyframe& keyframe);
   void advance(bool last);
   void choose(std::int64_t i);
+  void add_revisits(std::int64_t i);
   void match(std::int64_t i, int pass);
   void filter(std::int64_t i);
   void fuse(std::int64_t i);
@@ -65,6 +68,7 @@ struct Densifier::Impl {
   std::deque<KeyframeCloud> held;        ///< fused, not yet handed out
   std::deque<SightMap> sights;           ///< of the last keyframes
   std::int64_t first = 0;                ///< index of views.front()
+  std::int64_t first_active = 0;         ///< keyframes before are only remembered as what others are matched with
   std::vector<std::int64_t> next_match;  ///< for each pass
   std::int64_t next_filter = 0;
   std::int64_t next_fuse = 0;

@@ -74,6 +74,9 @@ void InitOptions::validate() const {
 void PatchMatchOptions::validate() const {
   check("patchmatch.iterations", iterations, 1, 100);
   check("patchmatch.neighbours", neighbours, 1, 8);
+  check("patchmatch.revisits", revisits, 0, 4);
+  check("patchmatch.neighbours + patchmatch.revisits", neighbours + revisits, 1, 8);
+  check("patchmatch.history", history, 1, 100000);
   check("patchmatch.refinements", refinements, 0, 32);
   check("patchmatch.patch_spacing_px", patch_spacing_px, 0.5, 8.0);
   check("patchmatch.fine_patch", fine_patch, 0.1, 1.0);
@@ -140,6 +143,7 @@ DensifierOptions preset(Quality quality) {
   options.width = quality == Quality::kNormal ? 1440 : 0;
   options.height = quality == Quality::kNormal ? 720 : 0;
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
+  options.patchmatch.revisits = 1;
   options.consistency.window = 7;
   options.consistency.max_relative_depth = 0.007;  // finer pixels and more neighbours agree more closely
   options.fusion.spacing_px = 0.4;                 // pixels are small here; a finer cloud would hold little new

@@ -33,8 +33,12 @@ struct InitOptions {
 
 /// Red-black PatchMatch on the sphere.
 struct PatchMatchOptions {
-  int iterations = 1;   ///< of the first pass, 1 to 100; each visits every pixel once
-  int neighbours = 2;   ///< source keyframes per depth map, 1 to 8; cost grows in proportion
+  int iterations = 2;  ///< of the first pass at full size, 1 to 100; each visits every pixel once
+  int neighbours = 2;  ///< source keyframes per depth map, 1 to 8; cost grows in proportion
+  /// Source keyframes from earlier in the mission in addition, where the same place is passed again, 0 to 4; with
+  /// `neighbours` 8 at most. Only where they show much under another parallax than the neighbours do.
+  int revisits = 0;
+  int history = 100;    ///< keyframes whose images are remembered for that, 1 to 100000
   int refinements = 4;  ///< random draws per pixel and iteration, 0 to 32
   double patch_spacing_px =
       2.0;                  ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
@@ -54,8 +58,8 @@ struct PatchMatchOptions {
   /// Before each geometric pass, planes through the reliable surface around are proposed to pixels without texture, and
   /// preferred there; see pmsp/plane_priors.h.
   bool plane_priors = true;
-  double prior_weight = 0.3;     ///< score that agreement with such a plane is worth, 0 to 4
-  double max_slant_deg = 80.0;   ///< largest angle between a plane's normal and the ray [deg], 10 to 89
+  double prior_weight = 0.3;    ///< score that agreement with such a plane is worth, 0 to 4
+  double max_slant_deg = 80.0;  ///< largest angle between a plane's normal and the ray [deg], 10 to 89
   /// Further passes over the depth maps, in which planes score higher that agree with the depth maps of the neighbours,
   /// 0 to 4. Each needs those first, so that results come later by as many keyframes as neighbours are looked for
   /// ahead.

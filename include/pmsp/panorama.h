@@ -29,6 +29,9 @@ class Panorama {
   /// Colours, `width` x `height`.
   const Image<Rgb>& color() const;
 
+  /// Frees the colours, for a panorama that is only matched with from now on. It keeps its size.
+  void release_color();
+
   /// 255 where a depth is wanted, 0 where the mask forbids it (a pixel that covers any masked pixel is masked); `width`
   /// x `height`; empty without a mask.
   const Image<std::uint8_t>& usable() const;

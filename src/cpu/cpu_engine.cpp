@@ -160,4 +160,11 @@ void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
   context_.results.cloud(std::move(cloud));
 }
 
+void CpuEngine::release_maps(Frame& frame) {
+  CpuFrame& done = own(frame);
+  done.raw = done.median = done.map = {};
+  done.covered = {};
+  for (Panorama& level : done.levels) level.release_color();
+}
+
 }  // namespace pmsp

@@ -100,6 +100,7 @@ class CudaEngine : public Engine {
   void match(const MatchTask& task) override;
   void filter(Frame& reference, const std::vector<const Frame*>& others) override;
   void fuse(const std::vector<Frame*>& window, std::size_t current) override;
+  void release_maps(Frame& frame) override;
   void deliver(bool all) override;
 
  private:
@@ -478,6 +479,16 @@ void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
     if (cancelled()) return;
     context_.results.cloud(std::move(cloud));
   });
+}
+
+/// Memory that goes back to the pools may be used again at once: whoever gets it works on the same stream.
+void CudaEngine::release_maps(Frame& frame) {
+  CudaFrame& done = own(frame);
+  done.raw.reset();
+  done.planes.reset();
+  done.confidence.reset();
+  done.covered.reset();
+  for (CudaImage& image : done.levels) image.color.reset();
 }
 
 void CudaEngine::deliver(bool all) {

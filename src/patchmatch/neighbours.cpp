@@ -21,12 +21,17 @@ struct Candidate {
 double usefulness(const Keyframe& reference, const Keyframe& other) {
   const CommonParallax common = common_parallax(reference.landmarks, reference.cam_from_world.center(), other.landmarks,
                                                 other.cam_from_world.center(), 0.0, 180.0);
-  if (common.landmarks == 0 || common.median_deg <= 0.0) return 0.0;
-  const double ratio = std::log(common.median_deg / kBestParallaxDeg);
-  return std::exp(-ratio * ratio) * std::min(1.0, common.landmarks / 30.0);
+  if (common.landmarks == 0) return 0.0;
+  return parallax_usefulness(common.median_deg) * std::min(1.0, common.landmarks / 30.0);
 }
 
 }  // namespace
+
+double parallax_usefulness(double parallax_deg) {
+  if (!(parallax_deg > 0.0)) return 0.0;
+  const double ratio = std::log(parallax_deg / kBestParallaxDeg);
+  return std::exp(-ratio * ratio);
+}
 
 std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference,
                                            int count) {

@@ -14,6 +14,9 @@ namespace pmsp {
 std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference,
                                            int count);
 
+/// How much a parallax [deg] helps matching, 0 to 1: too little tells nothing, with too much patches look different.
+double parallax_usefulness(double parallax_deg);
+
 /// How far from the reference, in accepted keyframes, neighbours are looked for.
 int neighbour_reach(int count);
 

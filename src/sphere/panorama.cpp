@@ -60,6 +60,8 @@ Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mas
   check(image, mask, width, height);
   ThreadPool& pool = executor.impl().pool;
   const Image<Eigen::Vector3f> resized = area_resize(image, width, height, pool);
+  data_->width = width;
+  data_->height = height;
   data_->color = Image<Rgb>(width, height);
   Image<float> gray(width, height);
   const Eigen::Vector3f luma(0.299F, 0.587F, 0.114F);  // ITU-R BT.601
@@ -83,9 +85,10 @@ Panorama::~Panorama() = default;
 Panorama::Panorama(Panorama&&) noexcept = default;
 Panorama& Panorama::operator=(Panorama&&) noexcept = default;
 
-int Panorama::width() const { return data_->color.width(); }
-int Panorama::height() const { return data_->color.height(); }
+int Panorama::width() const { return data_->width; }
+int Panorama::height() const { return data_->height; }
 const Image<Rgb>& Panorama::color() const { return data_->color; }
+void Panorama::release_color() { data_->color = {}; }
 const Image<std::uint8_t>& Panorama::usable() const { return data_->usable; }
 
 }  // namespace pmsp

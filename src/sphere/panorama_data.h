@@ -14,6 +14,8 @@ constexpr int kMinPanoramaHeight = 8;
 constexpr double kPatchReachPx = 3.0;
 
 struct Panorama::Data {
+  int width = 0;
+  int height = 0;
   Image<Rgb> color;
   Image<std::uint8_t> usable;  ///< empty without a mask
   CubeMap gray;

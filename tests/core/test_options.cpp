@@ -39,6 +39,12 @@ const std::vector<Field>& fields() {
       {"init.range_margin", [](O& o, double v) { o.init.range_margin = v; }, 0.99, 1, 1000, 1000.1},
       {"patchmatch.iterations", [](O& o, double v) { o.patchmatch.iterations = whole(v); }, 0, 1, 100, 101, true},
       {"patchmatch.neighbours", [](O& o, double v) { o.patchmatch.neighbours = whole(v); }, 0, 1, 8, 9, true},
+      {"patchmatch.revisits", [](O& o, double v) { o.patchmatch.revisits = whole(v); }, -1, 0, 4, 5, true},
+      {"patchmatch.history", [](O& o, double v) { o.patchmatch.history = whole(v); }, 0, 1, 100000, 100001, true},
+      {"patchmatch.coarse_levels", [](O& o, double v) { o.patchmatch.coarse_levels = whole(v); }, -1, 0, 4, 5, true},
+      {"patchmatch.coarse_iterations", [](O& o, double v) { o.patchmatch.coarse_iterations = whole(v); }, 0, 1, 100,
+       101, true},
+      {"patchmatch.coarse_contrast", [](O& o, double v) { o.patchmatch.coarse_contrast = v; }, -0.01, 0, 255, 255.1},
       {"patchmatch.refinements", [](O& o, double v) { o.patchmatch.refinements = whole(v); }, -1, 0, 32, 33, true},
       {"patchmatch.patch_spacing_px", [](O& o, double v) { o.patchmatch.patch_spacing_px = v; }, 0.49, 0.5, 8, 8.01},
       {"patchmatch.sigma_color", [](O& o, double v) { o.patchmatch.sigma_color = v; }, 0.99, 1, 1000, 1000.1},
@@ -121,6 +127,8 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   CHECK(paper.height == 320);
   CHECK(paper.patchmatch.iterations == 4);
   CHECK(paper.patchmatch.neighbours == 2);
+  CHECK(paper.patchmatch.revisits == 0);
+  CHECK(paper.patchmatch.coarse_levels == 0);
   CHECK(paper.patchmatch.fine_patch == 1.0);
   CHECK(paper.consistency.window == 5);
   CHECK(paper.consistency.min_views == 3);
@@ -128,12 +136,12 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   const DensifierOptions online = preset(Quality::kOnline);
   CHECK(online.width == 640);
   CHECK(online.height == 320);
-  CHECK(online.patchmatch.iterations == 2);
+  CHECK(online.patchmatch.revisits == 0);
   CHECK(online.patchmatch.neighbours == 2);
   const DensifierOptions normal = preset(Quality::kNormal);
   CHECK(normal.width == 1440);
   CHECK(normal.height == 720);
-  CHECK(normal.patchmatch.iterations == 2);
+  CHECK(normal.patchmatch.revisits > 0);
   CHECK(normal.patchmatch.neighbours == 4);
   const DensifierOptions high = preset(Quality::kHigh);
   CHECK(high.width == 0);

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "patchmatch/revisits.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "equirect.h"
+#include "patchmatch/neighbours.h"
+#include "util/eigen_kernels.h"
+
+namespace pmsp {
+namespace {
+
+constexpr int kColumns = 24;  ///< of cells; those near the poles weigh less
+constexpr int kRows = 12;
+
+/// Least gain in usefulness, averaged over the solid angle with landmarks, for which a keyframe is taken.
+constexpr double kMinGain = 0.03;
+
+/// A point this much farther away than the farthest landmark in its direction counts as hidden.
+constexpr float kMaxBeyond = 1.1F;
+
+std::size_t cell_of(const Eigen::Vector3f& p) {
+  return static_cast<std::size_t>(kernels::pixel_index(to_vec3(p), kColumns, kRows));
+}
+
+double solid_angle(std::size_t cell) {
+  const int row = static_cast<int>(cell) / kColumns;
+  return std::cos((0.5 - (row + 0.5) / kRows) * kernels::kPi);
+}
+
+double parallax_deg(const Eigen::Vector3d& point, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  const Eigen::Vector3d from_a = point - a;
+  const Eigen::Vector3d from_b = point - b;
+  return kernels::angle_between({from_a.x(), from_a.y(), from_a.z()}, {from_b.x(), from_b.y(), from_b.z()}) * 180.0 /
+         kernels::kPi;
+}
+
+/// How useful a candidate is for matching a point of the reference; 0 where it does not see it.
+double usefulness(const Outlook& candidate, const Eigen::Vector3d& point, const Eigen::Vector3d& center) {
+  const Eigen::Vector3f p = (candidate.cam_from_world * point).cast<float>();
+  if (!(p.squaredNorm() > 0.0F) || p.norm() > kMaxBeyond * candidate.farthest[cell_of(p)]) return 0.0;
+  return parallax_usefulness(parallax_deg(point, center, candidate.cam_from_world.center()));
+}
+
+}  // namespace
+
+Outlook::Outlook(const Keyframe& keyframe)
+    : cam_from_world(keyframe.cam_from_world), farthest(static_cast<std::size_t>(kColumns) * kRows, 0.0F) {
+  struct Seen {
+    float range;
+    const Landmark* landmark;
+  };
+  std::vector<std::vector<Seen>> cells(farthest.size());
+  for (const Landmark& landmark : keyframe.landmarks) {
+    const Eigen::Vector3f p = (cam_from_world * landmark.position_world).cast<float>();
+    if (p.squaredNorm() > 0.0F) cells[cell_of(p)].push_back({p.norm(), &landmark});
+  }
+  double total = 0.0;
+  for (std::size_t cell = 0; cell < cells.size(); ++cell) {
+    std::vector<Seen>& seen = cells[cell];
+    if (seen.empty()) continue;
+    std::sort(seen.begin(), seen.end(), [](const Seen& a, const Seen& b) {
+      return a.range != b.range ? a.range < b.range : a.landmark->id < b.landmark->id;
+    });
+    farthest[cell] = seen.back().range;
+    samples.push_back({seen[seen.size() / 2].landmark->position_world, solid_angle(cell)});
+    total += samples.back().solid_angle;
+  }
+  for (Sample& sample : samples) sample.solid_angle /= total;
+}
+
+std::vector<std::size_t> choose_revisits(const Outlook& reference, const std::vector<Eigen::Vector3d>& chosen,
+                                         const std::vector<const Outlook*>& candidates, int count) {
+  const Eigen::Vector3d center = reference.cam_from_world.center();
+  std::vector<double> best(reference.samples.size(), 0.0);  // usefulness for each sample so far
+  for (std::size_t i = 0; i < best.size(); ++i) {
+    for (const Eigen::Vector3d& other : chosen) {
+      const double parallax = parallax_deg(reference.samples[i].position_world, center, other);
+      best[i] = std::max(best[i], parallax_usefulness(parallax));
+    }
+  }
+  std::vector<std::size_t> result;
+  while (result.size() < static_cast<std::size_t>(count)) {
+    double most = kMinGain;
+    std::size_t taken = candidates.size();
+    for (std::size_t k = 0; k < candidates.size(); ++k) {
+      double gain = 0.0;
+      for (std::size_t i = 0; i < best.size(); ++i) {
+        const Outlook::Sample& sample = reference.samples[i];
+        gain += sample.solid_angle * std::max(0.0, usefulness(*candidates[k], sample.position_world, center) - best[i]);
+      }
+      if (gain <= most) continue;
+      most = gain;
+      taken = k;
+    }
+    if (taken == candidates.size()) break;
+    result.push_back(taken);
+    for (std::size_t i = 0; i < best.size(); ++i) {
+      best[i] = std::max(best[i], usefulness(*candidates[taken], reference.samples[i].position_world, center));
+    }
+  }
+  return result;
+}
+
+}  // namespace pmsp

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "pmsp/keyframe.h"
+
+namespace pmsp {
+
+/// What a keyframe sees of its surroundings, by its landmarks, in a few hundred cells of a coarse panorama: enough to
+/// tell whether it and another keyframe see the same.
+struct Outlook {
+  explicit Outlook(const Keyframe& keyframe);
+
+  RigidTransform cam_from_world;
+  std::vector<float> farthest;  ///< range of the farthest landmark of each cell, 0 = none: so far it is known to see
+
+  /// One landmark, the middle one by range, for each cell that has any.
+  struct Sample {
+    Eigen::Vector3d position_world;
+    double solid_angle;  ///< share of the cell in that of all cells with landmarks
+  };
+  std::vector<Sample> samples;
+};
+
+/// Chooses further source keyframes among `candidates`, from anywhere in the mission: those that see most of what the
+/// reference sees under a parallax that is more useful than what the source keyframes at `chosen` (their centres in the
+/// world) offer. `count` at most; fewer where there is little to gain. Returns indices into `candidates`.
+std::vector<std::size_t> choose_revisits(const Outlook& reference, const std::vector<Eigen::Vector3d>& chosen,
+                                         const std::vector<const Outlook*>& candidates, int count);
+
+}  // namespace pmsp
