@@ -69,4 +69,9 @@ PMSP_HD F confidence_of_error(const F& error) {
   return F(kHalfConfidenceError) / (F(kHalfConfidenceError) + error);
 }
 
+/// The other way round; confidences below 0.01 count as that.
+PMSP_HD float error_of_confidence(float confidence) {
+  return kHalfConfidenceError * (1.0F / max(confidence, 0.01F) - 1.0F);
+}
+
 }  // namespace pmsp::kernels

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include "confidence.h"
 #include "equirect.h"
 #include "plane.h"
 
@@ -11,8 +12,16 @@ namespace pmsp::kernels {
 /// A later map that sees a surface from less than this share of the distance gets to make its points.
 constexpr float kMuchCloser = 0.6F;
 
-/// How much a map's depth counts: its error grows with the square of the distance.
-PMSP_HD float fusion_weight(float confidence, float depth) { return max(confidence, 0.01F) / (depth * depth); }
+/// Relative error that any depth has in common with those of its neighbourhood, however confident it is: keeps one map
+/// from taking all.
+constexpr float kCommonError = 0.001F;
+
+/// How much a map's depth counts: the inverse variance of the distance. A photometric score in place of a confidence,
+/// from maps that saw no consistency filter, weights in the same order.
+PMSP_HD float fusion_weight(float confidence, float depth) {
+  const float error = error_of_confidence(confidence);
+  return 1.0F / ((error * error + kCommonError * kCommonError) * (depth * depth));
+}
 
 /// Weighted sums over the maps that agree on a pixel.
 struct FusionSums {

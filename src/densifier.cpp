@@ -17,7 +17,10 @@
 namespace pmsp {
 
 Densifier::Impl::Impl(const DensifierOptions& given, DensifierCallbacks to)
-    : options(given), callbacks(std::move(to)), view_filter(given.view_filter) {
+    : options(given),
+      callbacks(std::move(to)),
+      view_filter(given.view_filter, given.width > 0 ? given.width : 2 * given.height),
+      revisits(given.fusion) {
   requested = given.backend;
   results.raw_depth = callbacks.raw_depth;
   if (callbacks.filtered_depth || keeps_sights()) results.filtered_depth = [this](const DepthMap& map) { take(map); };
@@ -145,7 +148,8 @@ void Densifier::Impl::hold(KeyframeCloud cloud) {
   while (held.size() > keep) hand_out();
 }
 
-/// Checks the oldest cloud that waits against what has been seen so far, and lets go of it.
+/// Checks the oldest cloud that waits against what has been seen so far, and lets go of it. What floats is removed
+/// first: it must not stand for points of keyframes to come.
 void Densifier::Impl::hand_out() {
   KeyframeCloud cloud = std::move(held.front());
   held.pop_front();
@@ -156,6 +160,12 @@ void Densifier::Impl::hand_out() {
       if (sight.keyframe_id != cloud.keyframe_id) others.push_back(&sight);
     }
     free_space_filter(cloud, others, options.free_space, engine->executor());
+  }
+  {
+    const Stopwatch watch(stats.seconds_revisits);
+    FilterStats filtered;
+    revisits.filter(cloud, options.width, engine->executor(), &filtered);
+    stats.points_repeated += filtered.before - filtered.after;
   }
   stats.points += static_cast<std::int64_t>(cloud.points.size());
   callbacks.cloud(cloud);
@@ -192,6 +202,7 @@ bool Densifier::add(const Keyframe& keyframe) {
   impl_->ids.insert(keyframe.id);
   if (!impl_->view_filter.accept(keyframe)) {
     ++impl_->stats.keyframes_rejected;
+    if (impl_->view_filter.blurred()) ++impl_->stats.keyframes_blurred;
     return false;
   }
   ++impl_->stats.keyframes_accepted;
@@ -211,6 +222,7 @@ void Densifier::flush() {
   impl_->first = impl_->first_active = impl_->next_filter = impl_->next_fuse = 0;
   std::fill(impl_->next_match.begin(), impl_->next_match.end(), 0);
   impl_->view_filter.reset();
+  impl_->revisits = RevisitFilter(impl_->options.fusion);
 }
 
 void Densifier::cancel() noexcept { impl_->cancel.store(true, std::memory_order_relaxed); }

@@ -14,6 +14,7 @@
 #include "patchmatch/revisits.h"
 #include "pmsp/densifier.h"
 #include "pmsp/free_space.h"
+#include "pmsp/revisit_filter.h"
 #include "pmsp/view_filter.h"
 
 namespace pmsp {
@@ -58,6 +59,7 @@ struct Densifier::Impl {
   DensifierCallbacks callbacks;  ///< of the caller
   EngineResults results;         ///< what the engine calls
   ViewFilter view_filter;
+  RevisitFilter revisits;
   DensifierStats stats;
   std::atomic<bool> cancel{false};
   std::set<std::int64_t> ids;

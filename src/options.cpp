@@ -33,7 +33,7 @@ DensifierOptions paper() {
   DensifierOptions options;
   options.width = 640;
   options.height = 320;
-  options.view_filter = {true, 6.0, 60.0, 0.20};
+  options.view_filter = {true, 6.0, 60.0, 0.20, 0.0};
   options.init.sparse_points = true;
   options.init.sparse_radius_px = kOnePixel;
   options.init.warp_previous = true;
@@ -50,7 +50,7 @@ DensifierOptions paper() {
   options.patchmatch.geometric_passes = 0;
   options.median = {true, 0.05, 0.1};
   options.consistency = {true, 5, 3, 0.08};
-  options.fusion = {5, kOnePixel, 0.08, 180.0, 0.0};
+  options.fusion = {5, kOnePixel, 0.08, 180.0, 0.0, 0};
   options.free_space.enabled = false;
   return options;
 }
@@ -61,6 +61,7 @@ void ViewFilterOptions::validate() const {
   check("view_filter.min_parallax_deg", min_parallax_deg, 0.0, 180.0);
   check("view_filter.max_parallax_deg", max_parallax_deg, 0.0, 180.0);
   check("view_filter.min_share", min_share, 0.0, 1.0);
+  check("view_filter.min_sharpness", min_sharpness, 0.0, 1.0);
   if (min_parallax_deg >= max_parallax_deg) {
     throw InvalidOption("view_filter.min_parallax_deg must be below view_filter.max_parallax_deg");
   }
@@ -112,6 +113,7 @@ void FusionOptions::validate() const {
   check("fusion.max_relative_depth", max_relative_depth, 0.0, 1.0);
   check("fusion.max_normal_deg", max_normal_deg, 0.0, 180.0);
   check("fusion.min_confidence", min_confidence, 0.0, 1.0);
+  check("fusion.revisit_memory_mib", revisit_memory_mib, 0, 1000000);
 }
 
 void FreeSpaceOptions::validate() const {
@@ -147,6 +149,7 @@ DensifierOptions preset(Quality quality) {
   options.consistency.window = 7;
   options.consistency.max_relative_depth = 0.007;  // finer pixels and more neighbours agree more closely
   options.fusion.spacing_px = 0.4;                 // pixels are small here; a finer cloud would hold little new
+  options.fusion.revisit_memory_mib = 256;         // poses are final
   options.free_space.whole_mission = true;
   return options;
 }

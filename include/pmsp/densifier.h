@@ -18,8 +18,9 @@ struct DensifierStats {
   std::int64_t keyframes_added = 0;
   std::int64_t keyframes_accepted = 0;  ///< by the view filter
   std::int64_t keyframes_rejected =
-      0;                        ///< by the view filter: too little or too much parallax, too few landmarks in common
-  std::int64_t depth_maps = 0;  ///< of accepted keyframes; the two counts below are those that got none
+      0;  ///< by the view filter: too little or too much parallax, too few landmarks in common, blurred
+  std::int64_t keyframes_blurred = 0;  ///< those of them that are blurred
+  std::int64_t depth_maps = 0;         ///< of accepted keyframes; the two counts below are those that got none
   std::int64_t keyframes_without_neighbour = 0;  ///< no other accepted keyframe near in time, from another place
   std::int64_t keyframes_without_range = 0;      ///< too few landmarks for a depth range
   std::int64_t pixels = 0;                       ///< unmasked pixels of these depth maps
@@ -27,6 +28,7 @@ struct DensifierStats {
   std::int64_t pixels_after_median = 0;
   std::int64_t pixels_after_consistency = 0;
   std::int64_t points_fused = 0;     ///< before the free-space filter
+  std::int64_t points_repeated = 0;  ///< left out by the revisit filter
   std::int64_t points = 0;           ///< in the cloud; 0 when no callback takes it
   double seconds_prepare = 0.0;      ///< resizing, gray values, cube maps [s]
   double seconds_init = 0.0;         ///< [s]
@@ -35,6 +37,7 @@ struct DensifierStats {
   double seconds_consistency = 0.0;  ///< [s]
   double seconds_fusion = 0.0;       ///< [s]
   double seconds_free_space = 0.0;   ///< [s]
+  double seconds_revisits = 0.0;     ///< [s]
 };
 
 /// Receives results as soon as they are final. Members that are not set are not called, and what only they need is not

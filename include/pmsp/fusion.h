@@ -22,9 +22,9 @@ struct FusionInput {
 };
 
 /// Makes points of the pixels of `window[current]` that no earlier point stands for. Depth, normal and colour are
-/// averages over the maps that agree, weighted with their confidence and the inverse square of their distance. Each
-/// point covers the pixels of the later maps (`window[current + 1]` on) whose centre lies within `options.spacing_px`
-/// of it. A pixel that a later map sees from much closer is left to that map.
+/// averages over the maps that agree, weighted with the inverse square of their expected errors (confidence, times the
+/// distance). Each point covers the pixels of the later maps (`window[current + 1]` on) whose centre lies within
+/// `options.spacing_px` of it. A pixel that a later map sees from much closer is left to that map.
 KeyframeCloud fuse(const std::vector<FusionInput>& window, std::size_t current, const FusionOptions& options,
                    const Executor& executor);
 

@@ -14,6 +14,10 @@ struct ViewFilterOptions {
   /// Share of the landmarks in common with the newest accepted keyframe whose parallax must lie between the two angles,
   /// 0 to 1. Larger accepts fewer keyframes.
   double min_share = 0.20;
+  /// Sharpness, relative to that of the last accepted keyframes, below which a keyframe is left out as blurred, 0
+  /// (never) to 1: gradient energy around the landmarks in common. Sharp ones have 0.9 to 1.1; motion blur over 2.7
+  /// pixels of the depth map makes it 0.55, over 7 pixels 0.2.
+  double min_sharpness = 0.70;
 
   /// Throws InvalidOption.
   void validate() const;
@@ -97,6 +101,10 @@ struct FusionOptions {
   double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
   double max_normal_deg = 60.0;      ///< angle of normals up to which they are one surface [deg], 0 to 180
   double min_confidence = 0.1;       ///< points below are not written (see DepthMap::confidence), 0 to 1
+  /// Memory for the surfaces of all earlier keyframes [MiB], 0 to 1000000, so that places that are passed again give
+  /// their points once (see RevisitFilter); 0: fusion knows only its window. Costs points where poses change afterwards
+  /// (loop closures): for live use 0.
+  int revisit_memory_mib = 0;
 
   void validate() const;
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include <Eigen/Core>
@@ -24,22 +25,30 @@ CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vect
 
 /// Accepts keyframes that see enough of what the newest accepted one saw from a usefully different place. The first one
 /// is always accepted; one without common landmarks never (Surmann et al. 2022, section III-A).
+///
+/// Leaves out blurred ones too, where the keyframes around do without: while the newest accepted one shares half of its
+/// landmarks and the parallax to it is below a quarter of `max_parallax_deg`. Landmarks seen in several images tell
+/// blur from a lack of texture: the same spots lose their gradients.
 class ViewFilter {
  public:
-  /// Throws InvalidOption.
-  explicit ViewFilter(const ViewFilterOptions& options);
+  /// `width`: of the depth maps, in whose pixels blur counts [px]; 0 = that of the images. Throws InvalidOption.
+  explicit ViewFilter(const ViewFilterOptions& options, int width = 0);
+  ~ViewFilter();
+  ViewFilter(ViewFilter&&) noexcept;
+  ViewFilter& operator=(ViewFilter&&) noexcept;
 
-  /// Decides on the next keyframe; if accepted, it becomes the newest one. Only pose and landmarks are read.
+  /// Decides on the next keyframe; if accepted, it becomes the newest one. Without an image it counts as sharp.
   bool accept(const Keyframe& keyframe);
+
+  /// Whether the last keyframe was left out for its blur alone.
+  bool blurred() const;
 
   /// The next keyframe is accepted whatever it is.
   void reset();
 
  private:
-  ViewFilterOptions options_;
-  bool has_newest_ = false;
-  std::vector<Landmark> newest_landmarks_;
-  Eigen::Vector3d newest_center_ = Eigen::Vector3d::Zero();
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace pmsp

@@ -2,12 +2,19 @@
 #include "pmsp/view_filter.h"
 
 #include <algorithm>
+#include <deque>
 #include <unordered_map>
+#include <utility>
 
 #include "equirect.h"
+#include "view_filter/sharpness.h"
 
 namespace pmsp {
 namespace {
+
+constexpr std::size_t kRecent = 3;        ///< accepted keyframes that sharpness is compared with
+constexpr double kSharedToSkip = 0.5;     ///< of the newest keyframe's landmarks, and
+constexpr double kParallaxToSkip = 0.25;  ///< of the largest parallax: until then a keyframe can be done without
 
 double angle_deg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return kernels::angle_between({a.x(), a.y(), a.z()}, {b.x(), b.y(), b.z()}) * 180.0 / kernels::kPi;
@@ -37,24 +44,68 @@ CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vect
   return result;
 }
 
-ViewFilter::ViewFilter(const ViewFilterOptions& options) : options_(options) { options_.validate(); }
+struct ViewFilter::Impl {
+  bool accept(const Keyframe& keyframe);
+  bool is_blurred(const std::vector<LandmarkSharpness>& sharpness) const;
 
-bool ViewFilter::accept(const Keyframe& keyframe) {
+  ViewFilterOptions options;
+  int width = 0;
+  bool blurred = false;
+  bool has_newest = false;
+  std::vector<Landmark> newest_landmarks;
+  Eigen::Vector3d newest_center = Eigen::Vector3d::Zero();
+  std::deque<std::vector<LandmarkSharpness>> recent;  ///< of the last accepted keyframes
+};
+
+/// Less sharp than the last keyframes have it in the median: one that is blurred itself does not hide the next.
+bool ViewFilter::Impl::is_blurred(const std::vector<LandmarkSharpness>& sharpness) const {
+  if (recent.empty()) return false;
+  std::vector<double> relative;
+  for (const auto& other : recent) relative.push_back(relative_sharpness(sharpness, other));
+  std::sort(relative.begin(), relative.end());
+  return relative[relative.size() / 2] < options.min_sharpness;
+}
+
+bool ViewFilter::Impl::accept(const Keyframe& keyframe) {
+  blurred = false;
   const Eigen::Vector3d center = keyframe.cam_from_world.center();
-  if (has_newest_ && options_.enabled) {
-    const CommonParallax common = common_parallax(newest_landmarks_, newest_center_, keyframe.landmarks, center,
-                                                  options_.min_parallax_deg, options_.max_parallax_deg);
-    if (common.landmarks == 0 || common.in_range < options_.min_share * common.landmarks) return false;
+  bool dispensable = false;  // a blurred keyframe is better than a hole
+  if (has_newest && options.enabled) {
+    const CommonParallax common = common_parallax(newest_landmarks, newest_center, keyframe.landmarks, center,
+                                                  options.min_parallax_deg, options.max_parallax_deg);
+    if (common.landmarks == 0 || common.in_range < options.min_share * common.landmarks) return false;
+    dispensable = common.landmarks >= kSharedToSkip * static_cast<double>(newest_landmarks.size()) &&
+                  common.median_deg <= kParallaxToSkip * options.max_parallax_deg;
   }
-  has_newest_ = true;
-  newest_landmarks_ = keyframe.landmarks;
-  newest_center_ = center;
+  if (options.enabled && options.min_sharpness > 0.0 && !keyframe.image.empty()) {
+    std::vector<LandmarkSharpness> sharpness = landmark_sharpness(keyframe, width > 0 ? width : keyframe.image.width);
+    blurred = dispensable && is_blurred(sharpness);
+    if (blurred) return false;
+    recent.push_back(std::move(sharpness));
+    if (recent.size() > kRecent) recent.pop_front();
+  }
+  has_newest = true;
+  newest_landmarks = keyframe.landmarks;
+  newest_center = center;
   return true;
 }
 
+ViewFilter::ViewFilter(const ViewFilterOptions& options, int width) : impl_(std::make_unique<Impl>()) {
+  options.validate();
+  impl_->options = options;
+  impl_->width = width;
+}
+ViewFilter::~ViewFilter() = default;
+ViewFilter::ViewFilter(ViewFilter&&) noexcept = default;
+ViewFilter& ViewFilter::operator=(ViewFilter&&) noexcept = default;
+
+bool ViewFilter::accept(const Keyframe& keyframe) { return impl_->accept(keyframe); }
+bool ViewFilter::blurred() const { return impl_->blurred; }
+
 void ViewFilter::reset() {
-  has_newest_ = false;
-  newest_landmarks_.clear();
+  impl_->blurred = impl_->has_newest = false;
+  impl_->newest_landmarks.clear();
+  impl_->recent.clear();
 }
 
 }  // namespace pmsp

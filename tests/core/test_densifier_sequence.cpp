@@ -127,6 +127,29 @@ TEST_CASE("keyframes that the view filter rejects have no part in the result", "
   CHECK(densifier.stats().keyframes_rejected == 7);
 }
 
+TEST_CASE("a blurred keyframe is left out and counted", "[densifier]" PMSP_ACCURACY) {
+  Recording recording;
+  Densifier densifier(fast_options(), recording.callbacks());
+  for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
+    Keyframe keyframe = synth::keyframe_of(test_flight(), i);
+    Image<Rgb> gray(kFlightWidth, kFlightHeight);
+    for (int y = 0; y < kFlightHeight; ++y) {
+      for (int x = 0; x < kFlightWidth; ++x) {
+        int sum = 0;
+        for (int k = 0; k < 8; ++k) sum += test_flight().frames[i].image((x + k) % kFlightWidth, y).g;
+        const auto mean = static_cast<std::uint8_t>(sum / 8);
+        gray(x, y) = {mean, mean, mean};
+      }
+    }
+    if (i == 3) keyframe.image = std::as_const(gray).view();
+    CHECK(densifier.add(keyframe) == (i != 3));
+  }
+  densifier.flush();
+  CHECK(ids_of(recording, 'c') == std::vector<std::int64_t>{0, 1, 2, 4, 5, 6});
+  CHECK(densifier.stats().keyframes_blurred == 1);
+  CHECK(densifier.stats().keyframes_rejected == 1);
+}
+
 TEST_CASE("accepted keyframes that get no depth map are counted with the reason", "[densifier]") {
   Densifier alone(fast_options(kTinyWidth), {});
   alone.add(synth::keyframe_of(test_flight(), 0));
@@ -363,4 +386,31 @@ TEST_CASE("with the whole mission, points are held back until the end, in order"
     CHECK(std::is_sorted(handed_out.begin(), handed_out.end()));
     CHECK(densifier.stats().points <= densifier.stats().points_fused);
   }
+}
+
+TEST_CASE("a flight back over the same places gives few points more, and they are counted", "[densifier]") {
+  const auto fly_twice = [](int memory_mib, bool flush_between) {
+    DensifierOptions options = fast_options(kTinyWidth);
+    options.fusion.spacing_px = 1.0;
+    options.fusion.revisit_memory_mib = memory_mib;
+    Recording recording;
+    Densifier densifier(options, recording.callbacks());
+    for (std::size_t i = 0; i < 7; ++i) densifier.add(synth::keyframe_of(test_flight(), i));
+    if (flush_between) densifier.flush();
+    for (std::size_t i = 0; i < 7; ++i) {
+      Keyframe again = synth::keyframe_of(test_flight(), 6 - i);
+      again.id += 1000;
+      densifier.add(again);
+    }
+    densifier.flush();
+    CHECK(densifier.stats().points == static_cast<std::int64_t>(recording.points()));
+    return densifier.stats();
+  };
+  const DensifierStats forgetful = fly_twice(0, false);
+  const DensifierStats remembering = fly_twice(16, false);
+  CHECK(forgetful.points_repeated == 0);
+  CHECK(remembering.points_fused == forgetful.points_fused);
+  CHECK(remembering.points + remembering.points_repeated == forgetful.points);
+  CHECK(remembering.points_repeated > forgetful.points / 10);
+  CHECK(fly_twice(16, true).points > remembering.points);  // a new sequence, perhaps in another frame
 }

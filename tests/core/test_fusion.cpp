@@ -260,25 +260,36 @@ TEST_CASE("surfaces that face another way are not averaged", "[fusion]") {
   CHECK(static_cast<double>(one) > 0.5 * static_cast<double>(cloud.points.size()));
 }
 
-TEST_CASE("colours are averaged with the weight of confidence over squared distance", "[fusion]") {
+TEST_CASE("colours are averaged with the inverse square of the expected errors", "[fusion]") {
   Fusion fusion(sphere());
   fusion.maps.resize(2);
   fusion.colors[0] = Image<Rgb>(kWidth, kWidth / 2, {100, 0, 200});
   fusion.colors[1] = Image<Rgb>(kWidth, kWidth / 2, {200, 0, 100});
-  for (float& confidence : fusion.maps[1].confidence.pixels()) confidence = 0.5F;
+  for (float& confidence : fusion.maps[0].confidence.pixels()) confidence = 5.0F / 6.0F;  // expected error 0.1 %
+  for (float& confidence : fusion.maps[1].confidence.pixels()) confidence = 5.0F / 7.0F;  // 0.2 %
+  const double first_weight = 1.0 / (0.1 * 0.1 + 0.1 * 0.1);                              // the common error: 0.1 %
+  const double second_weight = 1.0 / (0.2 * 0.2 + 0.1 * 0.1);
   const KeyframeCloud cloud = fusion.fuse_one(0);
   int wrong = 0;
   const Vector3d other = cloud.cam_from_world * fusion.maps[1].cam_from_world.center();
   for (const CloudPoint& point : cloud.points) {
     if (point.views != 2) continue;
-    const double first = 1.0 / static_cast<double>(point.position.squaredNorm());
-    const double second = 0.5 / (point.position.cast<double>() - other).squaredNorm();
+    const double first = first_weight / static_cast<double>(point.position.squaredNorm());
+    const double second = second_weight / (point.position.cast<double>() - other).squaredNorm();
     const double red = (100.0 * first + 200.0 * second) / (first + second);
     wrong += std::abs(point.color.r - red) > 3.0 || std::abs(point.color.b - (300.0 - red)) > 3.0 || point.color.g != 0
                  ? 1
                  : 0;
   }
   CHECK(wrong == 0);
+}
+
+TEST_CASE("maps of no confidence still give finite points", "[fusion]") {
+  FusionOptions options;
+  options.min_confidence = 0.0;
+  const KeyframeCloud cloud = Fusion(sphere(), 0.0F).fuse_one(0, options);
+  REQUIRE(cloud.points.size() == sphere().frames[0].depth.size());
+  for (const CloudPoint& point : cloud.points) REQUIRE(error_of(sphere().scene, cloud, point) < 0.003);
 }
 
 TEST_CASE("what a later map sees from much closer is left to it", "[fusion]") {

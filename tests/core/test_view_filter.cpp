@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <functional>
 #include <vector>
 
+#include "core/helpers.h"
 #include "pmsp/error.h"
 #include "pmsp/view_filter.h"
 
 using namespace pmsp;
+using namespace pmsp::test;
 using Eigen::Vector3d;
 
 namespace {
@@ -46,7 +50,103 @@ bool accepts_parallax(double degrees) {
   return filter.accept(keyframe(1, kRight, {landmark(1, degrees)}));
 }
 
+/// Along rows, as a turning camera does.
+Image<Rgb> blurred(const Image<Rgb>& image, int length) {
+  Image<Rgb> result(image.width(), image.height());
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) {
+      int sum[3] = {};
+      for (int k = 0; k < length; ++k) {
+        const Rgb& pixel = image((x + k) % image.width(), y);
+        sum[0] += pixel.r;
+        sum[1] += pixel.g;
+        sum[2] += pixel.b;
+      }
+      const auto mean = [&](int i) { return static_cast<std::uint8_t>(sum[i] / length); };
+      result(x, y) = {mean(0), mean(1), mean(2)};
+    }
+  }
+  return result;
+}
+
+/// The same scene darker and with less contrast.
+Image<Rgb> faded(Image<Rgb> image) {
+  for (Rgb& pixel : image.pixels()) {
+    const auto fade = [](std::uint8_t value) { return static_cast<std::uint8_t>(20 + value * 2 / 5); };
+    pixel = {fade(pixel.r), fade(pixel.g), fade(pixel.b)};
+  }
+  return image;
+}
+
+constexpr int kFlightWidth = 512;
+const synth::Mission& flight() {
+  static const synth::Mission kFlight = synth::textured_room(small_recipe(kFlightWidth, 7));
+  return kFlight;
+}
+
+using Change = std::function<Image<Rgb>(const Image<Rgb>&)>;
+Change motion(int length) {
+  return [length](const Image<Rgb>& image) { return blurred(image, length); };
+}
+
+/// Whether keyframe i is left out as blurred when it is changed.
+std::vector<bool> found_blurred(const Change& change, const std::vector<std::size_t>& changed,
+                                const ViewFilterOptions& options = {}, int width = 0) {
+  ViewFilter filter(options, width);
+  std::vector<bool> result;
+  for (std::size_t i = 0; i < flight().frames.size(); ++i) {
+    Keyframe frame = synth::keyframe_of(flight(), i);
+    Image<Rgb> image = flight().frames[i].image;
+    if (std::count(changed.begin(), changed.end(), i) > 0) image = change(image);
+    frame.image = image.view();
+    const bool accepted = filter.accept(frame);
+    result.push_back(filter.blurred());
+    CHECK(accepted != filter.blurred());
+  }
+  return result;
+}
+
+std::vector<bool> only(const std::vector<std::size_t>& indices) {
+  std::vector<bool> result(flight().frames.size(), false);
+  for (const std::size_t i : indices) result[i] = true;
+  return result;
+}
+
 }  // namespace
+
+TEST_CASE("a blurred keyframe is left out, sharp ones before and after are not", "[view_filter][blur]" PMSP_ACCURACY) {
+  CHECK(found_blurred(motion(4), {3}) == only({3}));
+  CHECK(found_blurred(motion(12), {2, 5}) == only({2, 5}));
+  CHECK(found_blurred(motion(12), {}) == only({}));
+}
+
+TEST_CASE("brightness and contrast are no blur", "[view_filter][blur]" PMSP_ACCURACY) {
+  CHECK(found_blurred(faded, {1, 4}) == only({}));
+  CHECK(found_blurred([](const Image<Rgb>& image) { return faded(blurred(image, 6)); }, {4}) == only({4}));
+}
+
+TEST_CASE("blur counts in pixels of the depth map", "[view_filter][blur]" PMSP_ACCURACY) {
+  CHECK(found_blurred(motion(3), {3}) == only({3}));
+  CHECK(found_blurred(motion(3), {3}, {}, kFlightWidth / 4) == only({}));
+  CHECK(found_blurred(motion(16), {3}, {}, kFlightWidth / 4) == only({3}));
+}
+
+TEST_CASE("a blurred keyframe is better than a hole", "[view_filter][blur]" PMSP_ACCURACY) {
+  // All are blurred from the third on: what remains must go on from the newest accepted one.
+  const std::vector<bool> found = found_blurred(motion(8), {2, 3, 4, 5, 6});
+  CHECK(found[2]);
+  CHECK(std::count(found.begin(), found.end(), true) < 4);
+  ViewFilterOptions narrow;
+  narrow.max_parallax_deg = 16.0;  // a quarter of it has passed with each keyframe
+  narrow.min_share = 0.0;
+  CHECK(found_blurred(motion(12), {3}, narrow) == only({}));
+}
+
+TEST_CASE("the search for blur can be switched off", "[view_filter][blur]") {
+  ViewFilterOptions off;
+  off.min_sharpness = 0.0;
+  CHECK(found_blurred(motion(20), {3}, off) == only({}));
+}
 
 TEST_CASE("common_parallax counts common landmarks and gives their angles", "[view_filter]") {
   const std::vector<Landmark> a = {landmark(5, 10.0), landmark(1, 70.0), landmark(3, 30.0), landmark(8, 20.0)};

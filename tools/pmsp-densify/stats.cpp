@@ -19,6 +19,10 @@ std::string percent_text(std::int64_t part, std::int64_t whole) {
   return text;
 }
 
+std::string blurred_keyframes(const DensifierStats& s) {
+  return s.keyframes_blurred > 0 ? ", " + std::to_string(s.keyframes_blurred) + " left out as blurred" : "";
+}
+
 /// Why accepted keyframes have no depth map; "" when all have one.
 std::string without_depth_map(const DensifierStats& s) {
   std::string text;
@@ -28,6 +32,10 @@ std::string without_depth_map(const DensifierStats& s) {
   add(s.keyframes_without_neighbour, "no neighbour to be matched with");
   add(s.keyframes_without_range, "too few landmarks for a depth range");
   return text;
+}
+
+std::string repeated_points(const DensifierStats& s) {
+  return s.points_repeated > 0 ? "; " + count_text(s.points_repeated) + " more, of places passed before, left out" : "";
 }
 
 std::string seconds_text(double seconds) {
@@ -65,6 +73,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                        {"added", s.keyframes_added},
                        {"accepted", s.keyframes_accepted},
                        {"rejected", s.keyframes_rejected},
+                       {"blurred", s.keyframes_blurred},
                        {"depth_maps", s.depth_maps},
                        {"without_neighbour", s.keyframes_without_neighbour},
                        {"without_range", s.keyframes_without_range}};
@@ -73,13 +82,14 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                     {"after_median", s.pixels_after_median},
                     {"after_consistency", s.pixels_after_consistency}};
   json["points_fused"] = s.points_fused;
+  json["points_repeated"] = s.points_repeated;
   json["points"] = s.points;
   json["seconds"] = {{"total", report.seconds_total},          {"decode_in_background", report.seconds_decode},
                      {"wait_for_images", report.seconds_wait}, {"verify_images", report.seconds_verify},
                      {"prepare", s.seconds_prepare},           {"init", s.seconds_init},
                      {"patchmatch", s.seconds_patchmatch},     {"median", s.seconds_median},
                      {"consistency", s.seconds_consistency},   {"fusion", s.seconds_fusion},
-                     {"free_space", s.seconds_free_space}};
+                     {"free_space", s.seconds_free_space},     {"revisits", s.seconds_revisits}};
   json["peak_memory_mib"] = peak_memory_mib();
   if (report.pairing) {
     json["pairing"] = {{"comparisons", report.pairing->comparisons},
@@ -102,15 +112,17 @@ std::string summary(const RunReport& report) {
   char each[32];
   std::snprintf(each, sizeof(each), "%.2f", rate);
   return "keyframes:   " + std::to_string(report.keyframes) + " in the map, " + std::to_string(report.with_image) +
-         " with an image, " + std::to_string(s.keyframes_accepted) + " accepted by the view filter, " +
-         std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" + "pixels kept: PatchMatch " +
-         percent_text(s.pixels_matched, s.pixels) + ", median filter " + percent_text(s.pixels_after_median, s.pixels) +
-         ", consistency filter " + percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) +
-         "\n" + "points:      " + count_text(s.points) + "\n" + "time:        " + seconds_text(report.seconds_total) +
-         " (" + each + " s a keyframe): prepare " + seconds_text(s.seconds_prepare) + ", init " +
-         seconds_text(s.seconds_init) + ", PatchMatch " + seconds_text(s.seconds_patchmatch) + ", median " +
-         seconds_text(s.seconds_median) + ", consistency " + seconds_text(s.seconds_consistency) + ", fusion " +
-         seconds_text(s.seconds_fusion) + ", free space " + seconds_text(s.seconds_free_space) +
+         " with an image, " + std::to_string(s.keyframes_accepted) + " accepted by the view filter" +
+         blurred_keyframes(s) + ", " + std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" +
+         "pixels kept: PatchMatch " + percent_text(s.pixels_matched, s.pixels) + ", median filter " +
+         percent_text(s.pixels_after_median, s.pixels) + ", consistency filter " +
+         percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) + "\n" +
+         "points:      " + count_text(s.points) + repeated_points(s) + "\n" +
+         "time:        " + seconds_text(report.seconds_total) + " (" + each + " s a keyframe): prepare " +
+         seconds_text(s.seconds_prepare) + ", init " + seconds_text(s.seconds_init) + ", PatchMatch " +
+         seconds_text(s.seconds_patchmatch) + ", median " + seconds_text(s.seconds_median) + ", consistency " +
+         seconds_text(s.seconds_consistency) + ", fusion " + seconds_text(s.seconds_fusion) + ", free space " +
+         seconds_text(s.seconds_free_space) + ", revisits " + seconds_text(s.seconds_revisits) +
          ", waiting for images " + seconds_text(report.seconds_wait) + "; " +
          std::to_string(static_cast<long>(peak_memory_mib())) + " MiB";
 }

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "view_filter/sharpness.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include "pmsp/camera.h"
+
+namespace pmsp {
+namespace {
+
+constexpr int kSide = 9;              ///< of a patch [px of the depth map]
+constexpr double kMinCosLat = 0.5;    ///< up to 60 degrees of latitude
+constexpr float kMinVariance = 4.0F;  ///< [gray levels squared]; noise below
+constexpr std::size_t kMinCommon = 20;
+
+using Patch = std::array<float, kSide * kSide>;
+
+/// Mean gray value (green twice) of box x box pixels from (x, y) on; x wraps, y stays inside.
+float box_mean(const ImageView<const Rgb>& image, int x, int y, int box) {
+  int sum = 0;
+  for (int j = y; j < y + box; ++j) {
+    const Rgb* row = image.row(std::clamp(j, 0, image.height - 1));
+    for (int i = x; i < x + box; ++i) {
+      const Rgb& pixel = row[((i % image.width) + image.width) % image.width];
+      sum += pixel.r + 2 * pixel.g + pixel.b;
+    }
+  }
+  return static_cast<float>(sum) / static_cast<float>(4 * box * box);
+}
+
+/// Samples around a direction a depth map's pixel apart, each the mean over as much; rows get longer towards the poles.
+std::optional<Patch> patch_around(const ImageView<const Rgb>& image, const Eigen::Vector3d& direction, int width) {
+  const double cos_lat = std::hypot(direction.x(), direction.z()) / direction.norm();
+  if (!(cos_lat >= kMinCosLat)) return std::nullopt;
+  const double step = static_cast<double>(image.width) / width;
+  const int box = std::max(1, static_cast<int>(std::lround(step)));
+  const Eigen::Vector2d center = pixel_from_bearing(direction, image.width, image.height);
+  Patch patch{};
+  for (int j = 0; j < kSide; ++j) {
+    const double y = center.y() + (j - kSide / 2) * step - 0.5 * box;
+    for (int i = 0; i < kSide; ++i) {
+      const double x = center.x() + (i - kSide / 2) * step / cos_lat - 0.5 * box;
+      patch[static_cast<std::size_t>(j * kSide + i)] =
+          box_mean(image, static_cast<int>(std::lround(x)), static_cast<int>(std::lround(y)), box);
+    }
+  }
+  return patch;
+}
+
+std::optional<LandmarkSharpness> sharpness_of(std::int64_t id, const Patch& patch) {
+  float mean = 0.0F;
+  for (const float value : patch) mean += value / static_cast<float>(patch.size());
+  float squares = 0.0F;
+  for (const float value : patch) squares += (value - mean) * (value - mean);
+  if (squares < kMinVariance * static_cast<float>(patch.size())) return std::nullopt;
+  LandmarkSharpness result{id, 0.0F, 0.0F};
+  const auto square = [](float value) { return value * value; };
+  for (std::size_t j = 0; j < kSide; ++j) {
+    for (std::size_t i = 0; i + 1 < kSide; ++i) {
+      result.horizontal += square(patch[j * kSide + i + 1] - patch[j * kSide + i]) / squares;
+      result.vertical += square(patch[(i + 1) * kSide + j] - patch[i * kSide + j]) / squares;
+    }
+  }
+  return result;
+}
+
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+std::vector<LandmarkSharpness> landmark_sharpness(const Keyframe& keyframe, int width) {
+  std::vector<LandmarkSharpness> result;
+  result.reserve(keyframe.landmarks.size());
+  for (const Landmark& landmark : keyframe.landmarks) {
+    const auto patch = patch_around(keyframe.image, keyframe.cam_from_world * landmark.position_world, width);
+    const auto sharpness = patch ? sharpness_of(landmark.id, *patch) : std::nullopt;
+    if (sharpness) result.push_back(*sharpness);
+  }
+  std::sort(result.begin(), result.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+  return result;
+}
+
+double relative_sharpness(const std::vector<LandmarkSharpness>& image, const std::vector<LandmarkSharpness>& other) {
+  std::vector<double> horizontal;
+  std::vector<double> vertical;
+  auto match = other.begin();
+  for (const LandmarkSharpness& here : image) {
+    while (match != other.end() && match->id < here.id) ++match;
+    if (match == other.end()) break;
+    if (match->id != here.id) continue;
+    constexpr float kTiny = 1e-6F;
+    horizontal.push_back(static_cast<double>((here.horizontal + kTiny) / (match->horizontal + kTiny)));
+    vertical.push_back(static_cast<double>((here.vertical + kTiny) / (match->vertical + kTiny)));
+  }
+  if (horizontal.size() < kMinCommon) return 1.0;
+  return std::min(median(horizontal), median(vertical));
+}
+
+}  // namespace pmsp
