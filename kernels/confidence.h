@@ -7,7 +7,7 @@
 // How far a depth may be off, told from three things that each grow with the error: how much the maps that agree
 // differ, how much the plane differs from those around it, and what a pixel is worth in depth under the parallax at
 // hand. Their geometric mean ranks pixels better than any of them alone, and better than the photometric score, which
-// is high on a repeated pattern and on a blurred edge.
+// is high on a repeated pattern and on a blurred edge; but where that is low, the error is larger than they tell.
 namespace pmsp::kernels {
 
 /// Offsets of the pixels whose planes are compared with a pixel's own [px].
@@ -35,7 +35,12 @@ struct Evidence {
   F roughness;      ///< mean deviation of the planes around
   F agree;          ///< number of maps that agree
   F maps;           ///< number of maps asked
+  F score;          ///< how well the patches match
 };
+
+/// Below this score more is to be expected than geometry tells, in proportion, up to twice as much: where there is no
+/// texture, maps may agree because they started from the same prior (plane_prior.h).
+constexpr float kTrustedScore = 0.9F;
 
 /// The relative error to be expected (its median, fitted to ground truth); large where no map agrees.
 template <class F>
@@ -46,13 +51,14 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float pixel_angle) {
   const F spread = sqrt(evidence.square_spread / agree) + F(kFloor);
   const F resolution = F(pixel_angle) / sqrt(evidence.square_gain + F(1e-8F));
   const F mean = sqrt((evidence.roughness + F(kFloor)) * sqrt(spread * resolution));
-  return F(kCalibration) * mean * evidence.maps / agree;
+  const F doubt = F(kTrustedScore) / min(max(evidence.score, F(0.5F * kTrustedScore)), F(kTrustedScore));
+  return F(kCalibration) * mean * doubt * evidence.maps / agree;
 }
 
-PMSP_HD float expected_error(const Votes& votes, float roughness, int maps, float pixel_angle) {
-  return expected_error<float>(
-      {votes.square_spread, votes.square_gain, roughness, static_cast<float>(votes.agree), static_cast<float>(maps)},
-      pixel_angle);
+PMSP_HD float expected_error(const Votes& votes, float roughness, int maps, float score, float pixel_angle) {
+  return expected_error<float>({votes.square_spread, votes.square_gain, roughness, static_cast<float>(votes.agree),
+                                static_cast<float>(maps), score},
+                               pixel_angle);
 }
 
 /// Relative error that gives a confidence of one half.

@@ -25,7 +25,8 @@ struct Matching {
   PlaneLimits limits;
   float log_depth_span;  ///< ln(largest depth / smallest depth)
   RandomKey random;
-  int refinements;  ///< random draws per visit
+  int refinements;     ///< random draws per visit
+  float prior_weight;  ///< what a plane scores more that agrees with the prior
 };
 
 /// What is fixed for one visit to a pixel: computed once, used by all proposals.
@@ -33,6 +34,7 @@ template <class F, class Patch = ReferencePatch<F>>
 struct Visit {
   PatchFrame<F> frame;
   Patch patch;
+  F prior;  ///< inverse depth of the plane that a surface without texture is thought to have; 0 = none
 };
 
 /// A fine patch keeps edges where they are; a coarse one is needed where there is little texture. Each pixel gets the
@@ -54,12 +56,22 @@ PMSP_HD void begin_visit(Visit<F, Patch>& visit, const Matching<Cube>& m, const 
   }
 }
 
+/// What a plane scores more because it agrees with the prior. Without texture photometric scores are noise, which finds
+/// a better plane than the true one somewhere; with it, this is too little to hide that a prior is wrong.
+template <class F, class Cube>
+PMSP_HD F prior_score(const F& prior, const F& inverse_depth, const Matching<Cube>& m) {
+  const auto known = prior > F(0);
+  const F off = abs(inverse_depth / select(known, prior, F(1)) - F(1)) * F(1.0F / m.layout.disagreement_tolerance);
+  return select(known, F(m.prior_weight) * max(F(1) - off, F(0)), F(0));
+}
+
 /// Scores a plane and keeps it where it is allowed and better.
 template <class F, class Patch, class Cube>
 PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, const Visit<F, Patch>& visit, const Matching<Cube>& m) {
   const auto allowed = is_allowed(plane, visit.frame.bearing, m.limits);
   if (!any(allowed)) return;
-  const F score = plane_score(visit.patch, visit.frame, m.views, m.num_views, plane, m.layout);
+  const F score = plane_score(visit.patch, visit.frame, m.views, m.num_views, plane, m.layout) +
+                  prior_score(visit.prior, dot(plane, visit.frame.bearing), m);
   const auto better = allowed & (score > best.score);
   best.plane = select(better, plane, best.plane);
   best.score = select(better, score, best.score);

@@ -24,7 +24,8 @@ void median_filter(DepthMap& map, const MedianFilterOptions& options, const Exec
 /// `options.window`, in proportion (at least one other), and depths that as many maps contradict as agree: those whose
 /// surface lies clearly behind the point, so that they have looked through it. Confidence is made anew of the expected
 /// error (see DepthMap), which grows with the spread of the maps that agree, with the deviation from the planes around
-/// and with what a pixel of parallax is worth in depth, and falls with the share of maps that agree. A point agrees
+/// and with what a pixel of parallax is worth in depth, and falls with the share of maps that agree and with `map`'s
+/// photometric score. A point agrees
 /// with another map if that map's surface in the point's direction is as far, within `options.max_relative_depth`.
 void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others,
                         const ConsistencyFilterOptions& options, const Executor& executor,

@@ -59,7 +59,11 @@ struct PatchMatchOptions {
   int coarse_levels = 1;
   int coarse_iterations = 2;     ///< at each of these sizes, 1 to 100
   double coarse_contrast = 3.0;  ///< standard deviation of a patch up to which that is so [gray levels], 0 to 255
-  double max_slant_deg = 80.0;   ///< largest angle between a plane's normal and the ray [deg], 10 to 89
+  /// Before each geometric pass, planes through the reliable surface around are proposed to pixels without texture, and
+  /// preferred there; see pmsp/plane_priors.h.
+  bool plane_priors = true;
+  double prior_weight = 0.3;    ///< score that agreement with such a plane is worth, 0 to 4
+  double max_slant_deg = 80.0;  ///< largest angle between a plane's normal and the ray [deg], 10 to 89
   /// Further passes over the depth maps, in which planes score higher that agree with the depth maps of the neighbours,
   /// 0 to 4. Each needs those first, so that results come later by as many keyframes as neighbours are looked for
   /// ahead.

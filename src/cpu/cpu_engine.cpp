@@ -10,6 +10,7 @@
 #include "pmsp/initialiser.h"
 #include "pmsp/panorama.h"
 #include "pmsp/patchmatch.h"
+#include "pmsp/plane_priors.h"
 #include "util/stopwatch.h"
 
 namespace pmsp {
@@ -71,12 +72,18 @@ DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, co
     if (task.pass > 0) input.neighbour_maps.push_back(&own(*neighbour).raw);
   }
   std::vector<PlaneImage> candidates;
+  PlaneImage prior;
   if (task.pass == 0) {
     candidates = first_planes(task, *input.reference.panorama);
     for (const PlaneImage& planes : candidates) input.candidates.push_back(&planes);
     input.coarse = &coarse;
   } else {
     input.start = &reference.raw;
+    if (options.patchmatch.plane_priors) {
+      const Stopwatch watch(context_.stats.seconds_init);
+      prior = plane_priors(reference.raw, *input.reference.panorama, task.range, options.patchmatch, executor_);
+      input.prior = &prior;
+    }
   }
   PatchMatchOptions how = options.patchmatch;
   how.iterations = stage.iterations;

@@ -6,6 +6,7 @@
 #include "agreement.h"
 #include "confidence.h"
 #include "patchmatch.h"
+#include "plane_prior.h"
 #include "sight.h"
 
 // The CPU backend: the kernels over one row of pixels, once for each instruction set. This header is included by code
@@ -42,6 +43,7 @@ struct MatchJob {
   const ConstPlaneArrays* candidates;  ///< proposals of the initialiser; the zero plane proposes nothing
   int num_candidates;
   ConstPlaneArrays coarse;  ///< proposals for pixels with little texture; nullptr = none
+  ConstPlaneArrays prior;   ///< planes that pixels without texture prefer; nullptr = none
   bool random_start;        ///< whether a random plane is proposed, too
   const float* usable;      ///< checkerboard order, 0 = masked; nullptr = all
 };
@@ -98,6 +100,14 @@ struct SightPoints {
   int count;
 };
 
+/// How much texture there is around each pixel.
+struct VarianceJob {
+  kernels::CubeView image;
+  GridTables grid;
+  float spacing;    ///< of the samples (tangent of the angle)
+  float* variance;  ///< rows of `width` floats
+};
+
 /// One instruction set's functions.
 struct RowKernels {
   /// Random planes and the initialiser's candidates for row y.
@@ -108,6 +118,7 @@ struct RowKernels {
   void (*compare_row)(const CompareJob& job, int y, const CompareRow& out);
   void (*roughness_row)(const RoughnessJob& job, int y);
   void (*sight_points)(const SightJob& job, const SightPoints& points);
+  void (*variance_row)(const VarianceJob& job, int y);
 };
 
 }  // namespace pmsp::cpu

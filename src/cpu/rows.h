@@ -5,19 +5,30 @@
 #include "cpu/row_kernels.h"
 #include "median.h"
 #include "patchmatch.h"
+#include "plane_prior.h"
 
 // The row functions over a number type; each instruction set's file instantiates them with its own batch.
 namespace pmsp::cpu {
 
 using kernels::select;
 
+template <class F, class Arrays>
+PMSP_HD kernels::Vec3<F> plane_at(const Arrays& planes, std::size_t ring, int k, int count) {
+  return {load_ring<F>(planes.x + ring, k, count), load_ring<F>(planes.y + ring, k, count),
+          load_ring<F>(planes.z + ring, k, count)};
+}
+
 template <class F>
-PMSP_HD void begin(kernels::Visit<F>& visit, const MatchJob& job, int y, int parity, int k) {
+PMSP_HD void begin(kernels::Visit<F>& visit, const MatchJob& job, int y, int parity, int k, std::size_t ring) {
   F sin_lon;
   F cos_lon;
   load(sin_lon, job.grid.sin_lon[parity] + k);
   load(cos_lon, job.grid.cos_lon[parity] + k);
   kernels::begin_visit(visit, job.matching, sin_lon, cos_lon, F(job.grid.sin_lat[y]), F(job.grid.cos_lat[y]));
+  visit.prior = F(0);
+  if (job.prior.x != nullptr) {
+    visit.prior = dot(plane_at<F>(job.prior, ring, k, job.grid.width / 2), visit.frame.bearing);
+  }
 }
 
 PMSP_HD bool any_usable(const MatchJob& job, std::size_t at, int count) {
@@ -40,12 +51,6 @@ PMSP_HD void keep(const kernels::Hypothesis<F>& best, const MatchJob& job, std::
   store_some(result.plane.y, job.planes.y + at, count);
   store_some(result.plane.z, job.planes.z + at, count);
   store_some(result.score, job.planes.score + at, count);
-}
-
-template <class F, class Arrays>
-PMSP_HD kernels::Vec3<F> plane_at(const Arrays& planes, std::size_t ring, int k, int count) {
-  return {load_ring<F>(planes.x + ring, k, count), load_ring<F>(planes.y + ring, k, count),
-          load_ring<F>(planes.z + ring, k, count)};
 }
 
 /// Start of the k-th pixel of a colour in a row, in checkerboard order.
@@ -73,7 +78,7 @@ void start_row(const MatchJob& job, int y) {
       const std::size_t at = ring + static_cast<std::size_t>(k);
       kernels::Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
       if (any_usable(job, at, count < lanes<F>() ? count : lanes<F>())) {
-        begin(visit, job, y, parity, k);
+        begin(visit, job, y, parity, k, ring);
         if (job.random_start) {
           const auto pixel = pixel_numbers<F>(job, y, parity, k);
           kernels::propose(best, kernels::random_start<F>(pixel, visit.frame.bearing, job.matching), visit,
@@ -82,6 +87,9 @@ void start_row(const MatchJob& job, int y) {
         if (job.coarse.x != nullptr) {
           const kernels::Vec3<F> plane = plane_at<F>(job.coarse, ring, k, half);
           kernels::propose(best, kernels::coarse_start(plane, visit, job.matching), visit, job.matching);
+        }
+        if (job.prior.x != nullptr) {
+          kernels::propose(best, plane_at<F>(job.prior, ring, k, half), visit, job.matching);
         }
         for (int i = 0; i < job.num_candidates; ++i) {
           kernels::propose(best, plane_at<F>(job.candidates[i], ring, k, half), visit, job.matching);
@@ -102,7 +110,7 @@ void iterate_row(const MatchJob& job, int y, int colour, int iteration) {
     const int count = half - k;
     const std::size_t at = ring + static_cast<std::size_t>(k);
     if (!any_usable(job, at, count < lanes<F>() ? count : lanes<F>())) continue;
-    begin(visit, job, y, parity, k);
+    begin(visit, job, y, parity, k, ring);
     kernels::Hypothesis<F> best{plane_at<F>(job.planes, ring, k, half), load_ring<F>(job.planes.score + ring, k, half)};
     for (int i = 0; i < kernels::kNeighbours; ++i) {
       const kernels::NeighbourOffset offset = kernels::neighbour_offset(i);
@@ -211,8 +219,27 @@ void sight_points(const SightJob& job, const SightPoints& points) {
 }
 
 template <class F>
+void variance_row(const VarianceJob& job, int y) {
+  const F spacing(job.spacing);
+  for (int x = 0; x < job.grid.width; x += lanes<F>()) {
+    F sin_lon;
+    F cos_lon;
+    load(sin_lon, job.grid.sin_lon[2] + x);
+    load(cos_lon, job.grid.cos_lon[2] + x);
+    const F sin_lat(job.grid.sin_lat[y]);
+    const F cos_lat(job.grid.cos_lat[y]);
+    const kernels::PatchFrame<F> frame{kernels::bearing(sin_lon, cos_lon, sin_lat, cos_lat),
+                                       spacing * kernels::tangent_right(sin_lon, cos_lon),
+                                       spacing * kernels::tangent_down(sin_lon, cos_lon, sin_lat, cos_lat)};
+    store_some(kernels::ramp_free_variance(job.image, frame), job.variance + y * job.grid.width + x,
+               job.grid.width - x);
+  }
+}
+
+template <class F>
 constexpr RowKernels row_kernels() {
-  return {&start_row<F>, &iterate_row<F>, &median_row<F>, &compare_row<F>, &roughness_row<F>, &sight_points<F>};
+  return {&start_row<F>,     &iterate_row<F>,  &median_row<F>,  &compare_row<F>,
+          &roughness_row<F>, &sight_points<F>, &variance_row<F>};
 }
 
 }  // namespace pmsp::cpu

@@ -15,6 +15,7 @@
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "pmsp/point_cloud.h"
+#include "priors/prior_setup.h"
 #include "sphere/cube_map.h"
 #include "sphere/panorama_data.h"
 #include "util/eigen_kernels.h"
@@ -112,6 +113,7 @@ class CudaEngine : public Engine {
   void warp_previous(const MatchTask& task, const float4* planes, MatchArgs& args);
   void run_stage(const MatchTask& task, const MatchStage& stage, const float4* to_warp, const DevicePlanes& coarse,
                  float4* result);
+  const float4* plane_priors(const CudaFrame& reference, const MatchArgs& args);
   void filter_median(const CudaFrame& frame, float4* planes, Counts* counts);
   MapDownload& free_download();
   void send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to);
@@ -143,6 +145,7 @@ class CudaEngine : public Engine {
   PinnedArray<SparsePoint> points_host_;
   DeviceArray<SparsePoint> points_;
   Event points_arrived_;
+  std::optional<DevicePriors> priors_;
   std::vector<std::unique_ptr<Level>> levels_;  ///< that of the depth maps first
   Pool<Planes> raws_, planes_;
   Pool<Floats> confidences_;
@@ -284,6 +287,23 @@ void CudaEngine::warp_previous(const MatchTask& task, const float4* planes, Matc
   args.previous_from_reference = to_rigid(moved.inverse());
 }
 
+/// Those of the pass that starts from the reference's map.
+const float4* CudaEngine::plane_priors(const CudaFrame& reference, const MatchArgs& args) {
+  if (!priors_) priors_.emplace(args.grid.width, args.grid.height);
+  PriorArgs work = priors_->view();
+  work.image = args.matching.reference;
+  work.grid = args.grid;
+  work.cells.map = surface_of(reference);
+  work.cells.sin_lon = args.grid.sin_lon[2];
+  work.cells.cos_lon = args.grid.cos_lon[2];
+  work.cells.sin_lat = args.grid.sin_lat;
+  work.cells.cos_lat = args.grid.cos_lat;
+  work.cells.min_variance = texture_variance(context_.options.patchmatch);
+  work.cells.limits = args.matching.limits;
+  find_priors(work, compute_.get());
+  return work.priors;
+}
+
 void CudaEngine::filter_median(const CudaFrame& frame, float4* planes, Counts* counts) {
   const MedianFilterOptions& options = context_.options.median;
   median_pixels(
@@ -337,6 +357,7 @@ void CudaEngine::run_stage(const MatchTask& task, const MatchStage& stage, const
   record->marks[0].record(compute_);
   if (task.pass == 0 && options.init.sparse_points) find_sparse(task, args);
   if (to_warp != nullptr) warp_previous(task, to_warp, args);
+  if (task.pass > 0 && options.patchmatch.plane_priors) args.priors = plane_priors(reference, args);
   record->marks[1].record(compute_);
   start_pixels(args, compute_.get());
   for (int i = 0; i < stage.iterations; ++i) {

@@ -60,11 +60,13 @@ std::size_t memory_needed(const DensifierOptions& options) {
                                                       options.consistency.window + options.fusion.window);
   const std::size_t working =
       (2 * 16 + 4 + 2 * 8 + 2 * 4 + 1) * pixels;  // state, warped planes, coarse map, keys, gray, eroded mask
+  const std::size_t priors =
+      options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 20 * pixels : 0;
   const std::size_t copies = (2 * 20 + 2 * 32 + 5) * pixels;  // depth maps and points on their way down
   const std::size_t remembered =
       options.patchmatch.revisits > 0 ? static_cast<std::size_t>(options.patchmatch.history) : 0;
   const std::size_t images = remembered * (18 + (coarse > 0 ? 6 : 0)) * side * side;
-  return frames * frame + working + copies + images;
+  return frames * frame + working + priors + copies + images;
 }
 
 }  // namespace pmsp::cuda

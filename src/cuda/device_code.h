@@ -44,6 +44,8 @@ PMSP_HD Vec3<F> plane_at(const DevicePlanes& map, int index) {
   return {plane.x, plane.y, plane.z};
 }
 
+PMSP_HD float score_at(const DevicePlanes& map, int index) { return map.planes[index].w; }
+
 PMSP_HD Vec3<float> plane_of(const float4& plane) { return {plane.x, plane.y, plane.z}; }
 
 __device__ inline Vec3<float> bearing_at(const cpu::GridTables& grid, int x, int y) {

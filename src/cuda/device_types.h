@@ -7,6 +7,7 @@
 
 #include "cpu/row_kernels.h"
 #include "patchmatch.h"
+#include "plane_prior.h"
 
 // What kernels are called with. Pointers are device pointers. Images are row-major without padding unless it says
 // otherwise.
@@ -62,14 +63,25 @@ struct CubeArgs {
   cudaSurfaceObject_t surface;
 };
 
+/// Plane priors of a keyframe.
+struct PriorArgs {
+  TextureCube image;
+  cpu::GridTables grid;
+  float spacing;  ///< of the samples by which texture is judged
+  kernels::PriorCells<DevicePlanes> cells;
+  float* variance;  ///< that of `cells`
+  float4* priors;   ///< per pixel, row order; zero = none
+};
+
 /// A keyframe's match.
 struct MatchArgs {
   kernels::Matching<TextureCube> matching;
   cpu::GridTables grid;
-  float4* state;        ///< plane and score, checkerboard order (SphereGrid)
-  const float4* start;  ///< planes to start from, row order; nullptr = random ones and the candidates below
-  DevicePlanes coarse;  ///< a smaller map, proposed where there is little texture; or empty
-  const uchar4* color;  ///< of the reference
+  float4* state;         ///< plane and score, checkerboard order (SphereGrid)
+  const float4* start;   ///< planes to start from, row order; nullptr = random ones and the candidates below
+  DevicePlanes coarse;   ///< a smaller map, proposed where there is little texture; or empty
+  const float4* priors;  ///< planes that pixels without texture prefer, row order; nullptr = none
+  const uchar4* color;   ///< of the reference
   const std::uint64_t* sparse_keys;  ///< per pixel: (distance, index of the landmark), ~0 = none; nullptr = not wanted
   const SparsePoint* sparse_points;
   const std::uint64_t* warp_keys;  ///< per pixel: (range, index of the previous map's pixel), ~0 = none; or nullptr

@@ -48,8 +48,8 @@ __global__ void filter_kernel(const __grid_constant__ ConsistencyArgs args) {
       }
       kept = votes.keep(args.wanted);
       if (kept) {
-        confidence = kernels::confidence_of_error(
-            kernels::expected_error(votes, roughness(args, x, y, bearing, depth), args.num_others, args.pixel_angle));
+        confidence = kernels::confidence_of_error(kernels::expected_error(votes, roughness(args, x, y, bearing, depth),
+                                                                          args.num_others, plane.w, args.pixel_angle));
       }
     }
     args.confidence[at] = kept ? confidence : 0.0F;

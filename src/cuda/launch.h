@@ -29,6 +29,9 @@ void splat_points(const SplatArgs& args, cudaStream_t stream);
 /// Moves the previous map's pixels; `keys` are all ~0 before.
 void warp_planes(const WarpArgs& args, cudaStream_t stream);
 
+/// Planes for surfaces without texture.
+void find_priors(const PriorArgs& args, cudaStream_t stream);
+
 void start_pixels(const MatchArgs& args, cudaStream_t stream);
 void iterate_pixels(const MatchArgs& args, int colour, int iteration, cudaStream_t stream);
 

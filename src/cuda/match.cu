@@ -43,9 +43,15 @@ __device__ Place place_of(const cpu::GridTables& grid, int colour) {
   return place;
 }
 
-__device__ void begin(Visit& visit, const Matching& matching, const cpu::GridTables& grid, const Place& place) {
-  kernels::begin_visit(visit, matching, grid.sin_lon[2][place.x], grid.cos_lon[2][place.x], grid.sin_lat[place.y],
+__device__ Vec3<float> prior_plane(const MatchArgs& args, const Place& place) {
+  return args.priors == nullptr ? Vec3<float>{0.0F, 0.0F, 0.0F} : plane_of(args.priors[place.in_rows]);
+}
+
+__device__ void begin(Visit& visit, const MatchArgs& args, const Place& place) {
+  const cpu::GridTables& grid = args.grid;
+  kernels::begin_visit(visit, args.matching, grid.sin_lon[2][place.x], grid.cos_lon[2][place.x], grid.sin_lat[place.y],
                        grid.cos_lat[place.y]);
+  visit.prior = kernels::dot(prior_plane(args, place), visit.frame.bearing);
 }
 
 __device__ void keep(float4* state, std::size_t at, const kernels::Hypothesis<float>& best) {
@@ -81,15 +87,16 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks) start_kernel(const 
   if (args.color[place.in_rows].w != 0) {
     const Matching& matching = args.matching;
     Visit visit{{}, SharedPatch(samples)};
-    begin(visit, matching, args.grid, place);
+    begin(visit, args, place);
     const Vec3<float> first =
         args.start != nullptr
             ? plane_of(args.start[place.in_rows])
             : kernels::random_start<float>(static_cast<std::uint32_t>(place.in_rows), visit.frame.bearing, matching);
 #pragma unroll 1
-    for (int kind = -2; kind < 2; ++kind) {
-      const Vec3<float> plane = kind == -2   ? first
-                                : kind == -1 ? kernels::coarse_start(coarse_plane(args, place), visit, matching)
+    for (int kind = -3; kind < 2; ++kind) {
+      const Vec3<float> plane = kind == -3   ? first
+                                : kind == -2 ? kernels::coarse_start(coarse_plane(args, place), visit, matching)
+                                : kind == -1 ? prior_plane(args, place)
                                              : candidate(args, place.in_rows, kind);
       kernels::propose(best, plane, visit, matching);
     }
@@ -105,7 +112,7 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks)
   const Matching& matching = args.matching;
   const int half = args.grid.width / 2;
   Visit visit{{}, SharedPatch(samples)};
-  begin(visit, matching, args.grid, place);
+  begin(visit, args, place);
   const float4 before = args.state[place.at];
   kernels::Hypothesis<float> best{plane_of(before), before.w};
 #pragma unroll 1

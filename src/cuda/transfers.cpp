@@ -5,6 +5,7 @@
 #include <cstring>
 #include <vector>
 
+#include "priors/prior_setup.h"
 #include "sphere/area_resize.h"
 #include "sphere/grid.h"
 
@@ -49,6 +50,32 @@ DeviceSpanTable::DeviceSpanTable(int source, int target) {
   copy_up(first_.get(), first.data(), first.size());
   copy_up(weights_.get(), weights.data(), weights.size());
   view_ = {first_.get(), weights_.get(), static_cast<int>(count)};
+}
+
+DevicePriors::DevicePriors(int width, int height) {
+  const PriorGrid size(width, height);
+  const std::vector<int> looks = look_table(size);
+  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  looks_ = DeviceArray<int>(looks.size());
+  supports_ = DeviceArray<kernels::Vec3<float>>(size.cells());
+  plain_ = DeviceArray<unsigned char>(size.cells());
+  around_ = DeviceArray<kernels::Surroundings>(size.cells());
+  planes_ = DeviceArray<kernels::PriorPlane>(2 * size.cells());
+  variance_ = DeviceArray<float>(pixels);
+  priors_ = DeviceArray<float4>(pixels);
+  copy_up(looks_.get(), looks.data(), looks.size());
+  view_.spacing = texture_spacing(width);
+  view_.variance = variance_.get();
+  view_.priors = priors_.get();
+  view_.cells.variance = variance_.get();
+  view_.cells.columns = size.columns;
+  view_.cells.rows = size.rows;
+  view_.cells.looks = looks_.get();
+  view_.cells.supports = supports_.get();
+  view_.cells.plain = plain_.get();
+  view_.cells.around = around_.get();
+  view_.cells.found = planes_.get();
+  view_.cells.chosen = planes_.get() + size.cells();
 }
 
 const unsigned char* Uploader::upload(const void* data, std::size_t row_bytes, std::size_t row_pitch, int rows,

@@ -34,6 +34,24 @@ class DeviceSpanTable {
   DeviceSpans view_{};
 };
 
+/// What plane priors are made in.
+class DevicePriors {
+ public:
+  DevicePriors(int width, int height);
+  /// All but image, map and limits.
+  const PriorArgs& view() const { return view_; }
+
+ private:
+  DeviceArray<int> looks_;
+  DeviceArray<kernels::Vec3<float>> supports_;
+  DeviceArray<unsigned char> plain_;
+  DeviceArray<kernels::Surroundings> around_;
+  DeviceArray<kernels::PriorPlane> planes_;
+  DeviceArray<float> variance_;
+  DeviceArray<float4> priors_;
+  PriorArgs view_{};
+};
+
 /// Images on their way up, through page-locked memory. While the device works on one, the next can arrive.
 class Uploader {
  public:

@@ -44,8 +44,8 @@ void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& other
       }
       for (int x = 0; x < width; ++x) {
         const kernels::Votes& vote = votes[static_cast<std::size_t>(x)];
-        const float error =
-            kernels::expected_error(vote, roughness(x, y), static_cast<int>(others.size()), pixel_angle);
+        const float error = kernels::expected_error(vote, roughness(x, y), static_cast<int>(others.size()),
+                                                    map.confidence(x, y), pixel_angle);
         map.confidence(x, y) = kernels::confidence_of_error(error);
         if (!vote.keep(wanted)) filtered(x, y) = 0.0F;
       }

@@ -43,6 +43,7 @@ kernels::Matching<Cube> make_matching(const Cube& reference, const PatchMatchOpt
   matching.log_depth_span = static_cast<float>(std::log(range.max / range.min));
   matching.random = patchmatch_key(seed, keyframe_id);
   matching.refinements = options.refinements;
+  matching.prior_weight = static_cast<float>(options.prior_weight);
   return matching;
 }
 

@@ -62,6 +62,9 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
     throw InvalidInput("patchmatch: " + std::to_string(input.neighbour_maps.size()) + " depth maps of " +
                        std::to_string(count) + " neighbours; expected none or one for each");
   }
+  if (input.prior != nullptr && (input.prior->width() != width || input.prior->height() != height)) {
+    throw InvalidInput("patchmatch: prior planes are not of the reference's size");
+  }
   for (const DepthMap* map : input.neighbour_maps) check_size(map, width, height);
   check_size(input.start, width, height);
   // Products of these numbers must stay inside the range of single precision.
@@ -189,6 +192,7 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   if (started) candidates.push_back(std::move(start));
   const Planes coarse = to_checkerboard(input.coarse, grid, pool);
   for (const Planes& planes : candidates) candidate_views.push_back(planes.view());
+  const Planes prior = input.prior != nullptr ? to_checkerboard(*input.prior, grid) : Planes(0);
   const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
   Planes planes(grid.size());
   std::vector<float> score(grid.size(), -1.0F);
@@ -199,6 +203,7 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
                           candidate_views.data(),
                           static_cast<int>(candidate_views.size()),
                           coarse.view(),
+                          prior.view(),
                           !started,
                           usable.empty() ? nullptr : usable.data()};
 

@@ -156,9 +156,9 @@ TEST_CASE("agreement: the parallax gain is the turn of the direction over the re
   }
 }
 
-TEST_CASE("expected error: grows with spread, roughness and missing maps, falls with parallax") {
-  const auto error = [](double spread, double gain, double roughness, double agree) {
-    const k::Evidence<double> evidence{agree * spread * spread, agree * gain * gain, roughness, agree, 4.0};
+TEST_CASE("expected error: grows with spread, roughness and missing maps, falls with parallax and score") {
+  const auto error = [](double spread, double gain, double roughness, double agree, double score = 1.0) {
+    const k::Evidence<double> evidence{agree * spread * spread, agree * gain * gain, roughness, agree, 4.0, score};
     return k::expected_error(evidence, 0.01F);
   };
   const double usual = error(0.003, 0.3, 0.003, 4.0);
@@ -168,6 +168,9 @@ TEST_CASE("expected error: grows with spread, roughness and missing maps, falls 
   CHECK(error(0.003, 0.3, 0.006, 4.0) > 1.1 * usual);
   CHECK(error(0.003, 0.1, 0.003, 4.0) > 1.1 * usual);
   CHECK(error(0.003, 0.3, 0.003, 2.0) > 1.9 * usual);
+  CHECK(error(0.003, 0.3, 0.003, 4.0, 0.95) == Approx(usual));
+  CHECK(error(0.003, 0.3, 0.003, 4.0, 0.6) > 1.4 * usual);
+  CHECK(error(0.003, 0.3, 0.003, 4.0, -1.0) == Approx(2.0 * usual));
   CHECK(std::isfinite(error(0.0, 0.0, 0.0, 0.0)));
   CHECK(error(0.0, 0.0, 0.0, 0.0) > usual);
   CHECK(k::confidence_of_error(0.0) == Approx(1.0));

@@ -38,7 +38,7 @@ std::optional<Eigen::Vector3d> random_surface_point(const Mission& mission, cons
   const Eigen::Vector3d bearing = bearing_from_pixel(pixel, mission.width, mission.height);
   const std::optional<Hit> hit =
       mission.scene.intersect(cam_from_world.center(), cam_from_world.rotation.transpose() * bearing);
-  if (!hit) {
+  if (!hit || mission.scene.contrast(*hit) < options.min_contrast) {
     return std::nullopt;
   }
   return hit->position;

@@ -37,6 +37,7 @@ struct LandmarkOptions {
   int count = 1500;
   int min_views = 3;   ///< keyframes that must see a landmark
   double noise = 0.0;  ///< standard deviation of each coordinate, relative to the distance from the first observer
+  double min_contrast = 0.0;       ///< of the surfaces that have landmarks [gray levels]
   double max_latitude_deg = 80.0;  ///< not observed nearer to a pole, as feature detectors don't
   std::uint64_t seed = 7;
 };
@@ -108,6 +109,8 @@ struct Recipe {
 /// InvalidOption when the flight would be longer than the scene.
 Mission textured_room(const Recipe& recipe = {});  ///< 6 x 3 x 8 room with furniture, flight along its length
 Mission empty_room(const Recipe& recipe = {});     ///< the same without furniture
+/// The room with painted walls and ceiling, a door, pictures, skirting boards and a lamp: as flats are.
+Mission painted_room(const Recipe& recipe = {});
 Mission sphere_inside(const Recipe& recipe = {});  ///< sphere of radius 2.8 around the flight
 Mission slanted_plane(const Recipe& recipe = {});  ///< plane, slanted in all directions, in a dome of radius 3
 Mission corridor_across_seam(

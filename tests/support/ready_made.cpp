@@ -83,6 +83,41 @@ Mission textured_room(const Recipe& recipe) {
   return make(recipe, scene, through_room());
 }
 
+Mission painted_room(const Recipe& recipe) {
+  constexpr double kThin = 0.02;  // what hangs on a wall is as thick
+  Textures textures(recipe);
+  Scene scene;
+  const auto upright = [&](double x, double y, double z, const Eigen::Vector3d& size, const TextureOptions& texture) {
+    scene.add(Box{{x, y, z}, 0.5 * size, Eigen::Matrix3d::Identity()}, texture);
+  };
+  const auto plain = [&](std::uint64_t seed, const Eigen::Vector3d& base) {
+    TextureOptions texture = painted(1000 * recipe.texture_seed + 100 + seed);
+    texture.base = base;
+    return texture;
+  };
+  const Eigen::Vector3d white(225.0, 222.0, 215.0);
+  scene.add(Box{Eigen::Vector3d::Zero(), {3.0, 1.5, 4.0}, Eigen::Matrix3d::Identity()},
+            plain(0, {200.0, 195.0, 180.0}));                          // walls and ceiling
+  upright(0.0, 1.5, 0.0, {6.0, 2.0 * kThin, 8.0}, textures.at(2.0));   // floor
+  upright(-3.0, 1.42, 0.0, {2.0 * kThin, 0.1, 8.0}, plain(1, white));  // skirting boards
+  upright(3.0, 1.42, 0.0, {2.0 * kThin, 0.1, 8.0}, plain(2, white));
+  upright(0.0, 1.42, 4.0, {6.0, 0.1, 2.0 * kThin}, plain(3, white));
+  upright(0.0, 1.42, -4.0, {6.0, 0.1, 2.0 * kThin}, plain(4, white));
+  upright(3.0, 0.48, -0.8, {2.0 * kThin, 2.04, 0.9}, plain(5, {130.0, 95.0, 70.0}));  // door on the right
+  upright(-3.0, -0.3, 1.2, {2.0 * kThin, 0.8, 1.1}, textures.at(2.0));                // pictures
+  upright(3.0, -0.3, 1.6, {2.0 * kThin, 0.6, 0.6}, textures.at(2.0));
+  upright(0.9, -0.4, 4.0, {1.2, 0.9, 2.0 * kThin}, textures.at(2.5));
+  upright(-0.8, -0.2, -4.0, {0.8, 0.6, 2.0 * kThin}, textures.at(2.5));
+  upright(0.3, -1.45, 0.9, {0.3, 0.1, 0.3}, textures.at(1.5));               // lamp
+  scene.add(furniture(-2.5, -1.0, {0.8, 2.0, 1.6}, 0.0), plain(6, white));   // white cupboard
+  scene.add(furniture(2.2, 1.2, {1.2, 0.8, 1.8}, 20.0), textures.at(2.0));   // bed on the right
+  scene.add(furniture(1.3, -3.0, {0.9, 1.7, 0.7}, 10.0), textures.at(2.0));  // shelf behind
+  scene.add(furniture(-0.9, 0.6, {0.5, 0.5, 0.5}, 45.0), textures.at(1.5));  // stool
+  Recipe with_marks = recipe;
+  with_marks.mission.landmarks.min_contrast = 20.0;
+  return make(with_marks, scene, through_room());
+}
+
 Mission sphere_inside(const Recipe& recipe) {
   Textures textures(recipe);
   Scene scene;

@@ -135,6 +135,10 @@ Eigen::Vector3d Scene::color(const Hit& hit) const {
   return objects_[static_cast<std::size_t>(hit.surface / 8)].texture.color(hit.position, hit.normal);
 }
 
+double Scene::contrast(const Hit& hit) const {
+  return objects_[static_cast<std::size_t>(hit.surface / 8)].texture.options().contrast;
+}
+
 bool Scene::visible(const Eigen::Vector3d& origin, const Eigen::Vector3d& position) const {
   const double distance = (position - origin).norm();
   const std::optional<Hit> first = intersect(origin, position - origin);

@@ -51,6 +51,9 @@ class Scene {
   /// Red, green, blue at a hit, not clamped.
   Eigen::Vector3d color(const Hit& hit) const;
 
+  /// Standard deviation of the brightness of the surface there [gray levels].
+  double contrast(const Hit& hit) const;
+
   /// Whether nothing stands between `origin` and `position`, which lies on a surface.
   bool visible(const Eigen::Vector3d& origin, const Eigen::Vector3d& position) const;
 

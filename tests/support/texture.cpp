@@ -60,6 +60,17 @@ TextureOptions weak(std::uint64_t seed) {
   return options;
 }
 
+TextureOptions painted(std::uint64_t seed) {
+  TextureOptions options;
+  options.seed = seed;
+  options.base = Eigen::Vector3d(205.0, 200.0, 190.0);
+  options.coarsest = 3.0;
+  options.octaves = 1;
+  options.contrast = 8.0;
+  options.chroma = 0.0;
+  return options;
+}
+
 Texture::Texture(const TextureOptions& options) : options_(options) {
   // What interpolation over three axes leaves of the standard deviation of uniform corner values.
   constexpr double kNoiseDeviation = 0.40;

@@ -26,6 +26,10 @@ TextureOptions textured(std::uint64_t seed);
 /// Plaster: contrast of a few gray levels.
 TextureOptions weak(std::uint64_t seed);
 
+/// Paint without any texture; what little brightness changes is light that falls off over metres. Scene units are
+/// metres.
+TextureOptions painted(std::uint64_t seed);
+
 /// The octaves of value noise that TextureOptions stand for. Each octave's lattice is turned by a rotation of its own,
 /// so that no wall is parallel to a lattice plane.
 class Texture {

@@ -17,12 +17,10 @@ using namespace pmsp;
 using MakeMission = std::function<synth::Mission(const synth::Recipe&)>;
 
 const std::map<std::string, MakeMission>& scenes() {
-  static const std::map<std::string, MakeMission> kScenes = {{"room", synth::textured_room},
-                                                             {"empty", synth::empty_room},
-                                                             {"sphere", synth::sphere_inside},
-                                                             {"plane", synth::slanted_plane},
-                                                             {"corridor", synth::corridor_across_seam},
-                                                             {"floor", synth::floor_at_nadir}};
+  static const std::map<std::string, MakeMission> kScenes = {
+      {"room", synth::textured_room},   {"empty", synth::empty_room},    {"painted", synth::painted_room},
+      {"sphere", synth::sphere_inside}, {"plane", synth::slanted_plane}, {"corridor", synth::corridor_across_seam},
+      {"floor", synth::floor_at_nadir}};
   return kScenes;
 }
 
@@ -55,9 +53,10 @@ void add_scene_options(CLI::App& app, Arguments& arguments) {
     names.push_back(name);
   }
   const std::string group = "Scene and flight";
-  app.add_option("--scene", arguments.scene,
-                 "room (with furniture), empty (the same without), sphere (from inside), plane (slanted), corridor "
-                 "(a wall across the seam), floor (at the nadir)")
+  app.add_option(
+         "--scene", arguments.scene,
+         "room (with furniture), empty (the same without), painted (with bare walls, a door, pictures), sphere (from "
+         "inside), plane (slanted), corridor (a wall across the seam), floor (at the nadir)")
       ->check(CLI::IsMember(names))
       ->capture_default_str()
       ->group(group);

@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "equirect.h"
+#include "patch.h"
+#include "plane.h"
+
+// Planes for surfaces without texture, through the reliable surface around them (what ACMP's planar prior is for, Xu
+// and Tao 2020, but without a triangulation). The sphere is divided into cells. A cell's support is the most reliable
+// point of the depth map that it sees. From cells that have pixels without texture one looks along great circles in all
+// directions for the first support; the plane that most of what one finds lies on is the cell's prior. Three supports
+// that surround the cell define it: priors fill in between what is known, they do not extend it. A cell's functions are
+// branchy and therefore in plain floats; there are few cells.
+namespace pmsp::kernels {
+
+constexpr int kPriorColumns = 160;          ///< of cells, at most
+constexpr int kPriorDirections = 16;        ///< in which supports are looked for
+constexpr float kPriorReach = 1.4F;         ///< how far [rad]: to the ends of a room's ceiling
+constexpr int kPriorMinSupports = 5;        ///< that must lie on the plane
+constexpr float kPriorTolerance = 0.02F;    ///< relative distance up to which they do
+constexpr float kSupportMinScore = 0.7F;    ///< of a support's pixel
+constexpr int kSupportMinNeighbours = 3;    ///< of the eight around it that must lie on its plane ...
+constexpr float kSupportTolerance = 0.01F;  ///< ... up to this relative distance: along an edge they do
+constexpr float kTexturePixels = 1.2F;      ///< distance of the samples by which texture is judged
+
+/// Variance of the gray values around a pixel that no linear ramp explains: light that falls off along a wall is no
+/// texture.
+template <class F, class Cube>
+PMSP_HD F ramp_free_variance(const Cube& image, const PatchFrame<F>& frame) {
+  const F center = sample(image, frame.bearing);
+  F sum(0);
+  F square(0);
+  F across(0);
+  F along(0);
+  float spread = 0.0F;
+  for (int j = 0; j < kPatchSide; ++j) {
+    const Vec3<F> left = fma(F(patch_offset(j)), frame.down, frame.bearing);
+    for (int i = 0; i < kPatchSide; ++i) {
+      const F gray = sample(image, fma(F(patch_offset(i)), frame.right, left)) - center;
+      sum = sum + gray;
+      square = fma(gray, gray, square);
+      across = fma(F(patch_offset(i)), gray, across);
+      along = fma(F(patch_offset(j)), gray, along);
+      spread += patch_offset(i) * patch_offset(i);
+    }
+  }
+  const F of_ramp = fma(across, across, along * along) * F(1.0F / spread);
+  return max(square - sum * sum * F(1.0F / kPatchSamples) - of_ramp, F(0)) * F(1.0F / kPatchSamples);
+}
+
+/// The first support in each direction; (0, 0, 0) where there is none within reach.
+struct Surroundings {
+  Vec3<float> points[kPriorDirections];
+  int count;
+};
+
+/// A cell's prior; the zero plane = none.
+struct PriorPlane {
+  Vec3<float> plane;
+  int supports;  ///< that lie on it
+  float cost;    ///< how far all are off: sum of distances, in tolerances, each at most 1
+};
+
+/// All cells, in row order, and what they are made from. `Map`: the depth map so far, with `width`, `height`,
+/// `plane_at` and `score_at`.
+template <class Map>
+struct PriorCells {
+  Map map;
+  const float* sin_lon;  ///< of the map's columns and rows
+  const float* cos_lon;
+  const float* sin_lat;
+  const float* cos_lat;
+  const float* variance;  ///< ramp_free_variance of the map's pixels
+  float min_variance;     ///< less is no texture
+  PlaneLimits limits;
+  int columns, rows;
+  const int* looks;       ///< see looked_at: [row][direction][step]
+  Vec3<float>* supports;  ///< points of the surface; (0, 0, 0) = none
+  unsigned char* plain;   ///< whether a cell has pixels without texture
+  Surroundings* around;
+  PriorPlane* found;   ///< from each cell alone
+  PriorPlane* chosen;  ///< from its neighbours' too
+
+  PMSP_HD Vec3<float> bearing_at(int x, int y) const { return bearing(sin_lon[x], cos_lon[x], sin_lat[y], cos_lat[y]); }
+};
+
+PMSP_HD bool is_point(const Vec3<float>& p) { return dot(p, p) > 0.0F; }
+
+/// How many pixels two steps around lie on the plane of pixel (x, y).
+template <class Map>
+PMSP_HD int neighbours_on_plane(const PriorCells<Map>& cells, int x, int y, const Vec3<float>& plane) {
+  int count = 0;
+  for (int i = 0; i < 9; ++i) {
+    const int row = y + 2 * (i / 3 - 1);
+    const int column = (x + 2 * (i % 3 - 1) + cells.map.width) % cells.map.width;
+    if (i == 4 || row < 0 || row >= cells.map.height) continue;
+    const Vec3<float> direction = cells.bearing_at(column, row);
+    const float there = dot(plane_at<float>(cells.map, row * cells.map.width + column), direction);
+    count += abs(dot(plane, direction) - there) < kSupportTolerance * there ? 1 : 0;
+  }
+  return count;
+}
+
+/// Writes `supports` and `plain` of a cell.
+template <class Map>
+PMSP_HD void find_support(const PriorCells<Map>& cells, int column, int row) {
+  Vec3<float> support{0.0F, 0.0F, 0.0F};
+  bool plain = false;
+  float best = kSupportMinScore;
+  const int y1 = (row + 1) * cells.map.height / cells.rows;
+  const int x1 = (column + 1) * cells.map.width / cells.columns;
+  for (int y = row * cells.map.height / cells.rows; y < y1; ++y) {
+    for (int x = column * cells.map.width / cells.columns; x < x1; ++x) {
+      const int index = y * cells.map.width + x;
+      const Vec3<float> plane = plane_at<float>(cells.map, index);
+      const Vec3<float> direction = cells.bearing_at(x, y);
+      const float inverse_depth = dot(plane, direction);
+      if (!(inverse_depth > 0.0F)) continue;
+      const bool textured = cells.variance[index] >= cells.min_variance;
+      plain = plain || !textured;
+      if (!textured || !(score_at(cells.map, index) > best)) continue;
+      if (neighbours_on_plane(cells, x, y, plane) < kSupportMinNeighbours) continue;
+      best = score_at(cells.map, index);
+      support = (1.0F / inverse_depth) * direction;
+    }
+  }
+  cells.supports[row * cells.columns + column] = support;
+  cells.plain[row * cells.columns + column] = plain ? 1 : 0;
+}
+
+/// How many steps of one row of cells one looks along a great circle.
+PMSP_HD int look_steps(int rows) {
+  return static_cast<int>(kPriorReach / static_cast<float>(kPi) * static_cast<float>(rows));
+}
+
+/// Index of the cell where one gets from the first cell of a row by so many steps in a direction. From the row's other
+/// cells it is as many columns further on.
+inline int looked_at(int row, int direction, int step, int columns, int rows) {
+  const double lat = (0.5 - (row + 0.5) / rows) * kPi;
+  const double lon = (0.5 / columns - 0.5) * 2.0 * kPi;
+  const double turn = 2.0 * kPi * direction / kPriorDirections;
+  const double angle = kPi * step / rows;
+  const Vec3<double> right = tangent_right(std::sin(lon), std::cos(lon));
+  const Vec3<double> down = tangent_down(std::sin(lon), std::cos(lon), std::sin(lat), std::cos(lat));
+  const Vec3<double> along = fma(std::cos(turn), right, std::sin(turn) * down);
+  const Vec3<double> center = bearing(std::sin(lon), std::cos(lon), std::sin(lat), std::cos(lat));
+  const Pixel<double> at = project_exactly(fma(std::cos(angle), center, std::sin(angle) * along), columns, rows);
+  const int y = static_cast<int>(at.y);
+  return (y < rows ? y : rows - 1) * columns + static_cast<int>(at.x);
+}
+
+template <class Map>
+PMSP_HD void look_around(Surroundings& around, const PriorCells<Map>& cells, int column, int row) {
+  const int steps = look_steps(cells.rows);
+  const int* look = cells.looks + row * kPriorDirections * steps;
+  around.count = 0;
+  for (int d = 0; d < kPriorDirections; ++d) {
+    around.points[d] = {0.0F, 0.0F, 0.0F};
+    for (int i = 0; i < steps; ++i) {
+      const int first = look[d * steps + i];
+      const bool beyond = first % cells.columns + column >= cells.columns;
+      const Vec3<float>& support = cells.supports[first + column - (beyond ? cells.columns : 0)];
+      if (!is_point(support)) continue;
+      around.points[d] = support;
+      ++around.count;
+      break;
+    }
+  }
+}
+
+/// Takes the plane if it explains the surroundings better.
+PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const Surroundings& around,
+                      const Vec3<float>& bearing, const PlaneLimits& limits) {
+  if (!is_allowed(plane, bearing, limits)) return;
+  PriorPlane candidate{plane, 0, 0.0F};
+  for (int d = 0; d < kPriorDirections; ++d) {
+    if (!is_point(around.points[d])) continue;
+    const float off = abs(dot(plane, around.points[d]) - 1.0F) * (1.0F / kPriorTolerance);
+    candidate.supports += off < 1.0F ? 1 : 0;
+    candidate.cost += min(off, 1.0F);
+  }
+  if (candidate.supports >= kPriorMinSupports && candidate.cost < best.cost) best = candidate;
+}
+
+/// The plane through three points; zero where they lie on one with the camera.
+PMSP_HD Vec3<float> plane_through(const Vec3<float>& a, const Vec3<float>& b, const Vec3<float>& c) {
+  const Vec3<float> bc = cross(b, c);
+  const float volume = dot(a, bc);
+  if (volume * volume <= 1e-8F * dot(a, a) * dot(b, b) * dot(c, c)) return {0.0F, 0.0F, 0.0F};
+  return (1.0F / volume) * (cross(a, b) + bc + cross(c, a));
+}
+
+/// Least squares over those of the surroundings that lie on the plane.
+PMSP_HD Vec3<float> refitted(const Surroundings& around, const Vec3<float>& plane) {
+  Vec3<float> rows[3] = {};
+  Vec3<float> sum{};
+  for (int d = 0; d < kPriorDirections; ++d) {
+    const Vec3<float>& p = around.points[d];
+    if (!is_point(p) || abs(dot(plane, p) - 1.0F) >= kPriorTolerance) continue;
+    rows[0] = fma(p.x, p, rows[0]);
+    rows[1] = fma(p.y, p, rows[1]);
+    rows[2] = fma(p.z, p, rows[2]);
+    sum = sum + p;
+  }
+  const Vec3<float> cofactors = cross(rows[1], rows[2]);
+  const float determinant = dot(rows[0], cofactors);
+  if (!(determinant > 0.0F)) return plane;
+  const Vec3<float> scaled =
+      fma(sum.x, cofactors, fma(sum.y, cross(rows[2], rows[0]), sum.z * cross(rows[0], rows[1])));
+  return (1.0F / determinant) * scaled;
+}
+
+/// Bearing of the centre of a cell.
+PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
+  const float pi = static_cast<float>(kPi);
+  const float lon = ((static_cast<float>(column) + 0.5F) / static_cast<float>(columns) - 0.5F) * 2.0F * pi;
+  const float lat = (0.5F - (static_cast<float>(row) + 0.5F) / static_cast<float>(rows)) * pi;
+  return bearing(sinf(lon), cosf(lon), sinf(lat), cosf(lat));
+}
+
+/// Writes `around` and `found` of a cell: of the planes through three supports that surround it, the one that explains
+/// the surroundings best.
+template <class Map>
+PMSP_HD void find_plane(const PriorCells<Map>& cells, int column, int row) {
+  constexpr int kWide = kPriorDirections / 2;  // a wider gap, and the cell would lie outside the triangle
+  constexpr int kNarrow = 3;                   // a narrower one makes no good triangle
+  const int cell = row * cells.columns + column;
+  PriorPlane best{{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)};
+  Surroundings& around = cells.around[cell];
+  around.count = 0;
+  if (cells.plain[cell] != 0) look_around(around, cells, column, row);
+  if (around.count >= kPriorMinSupports) {
+    const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
+    for (int i = 0; i + 2 * kNarrow < kPriorDirections; ++i) {
+      for (int j = i + kNarrow; j <= i + kWide && j + kNarrow < kPriorDirections; ++j) {
+        for (int k = j + kNarrow; k <= j + kWide && k < kPriorDirections; ++k) {
+          const int rest = kPriorDirections + i - k;
+          if (rest < kNarrow || rest > kWide) continue;
+          const Vec3<float>& a = around.points[i];
+          const Vec3<float>& b = around.points[j];
+          const Vec3<float>& c = around.points[k];
+          if (!is_point(a) || !is_point(b) || !is_point(c)) continue;
+          consider(best, plane_through(a, b, c), around, center, cells.limits);
+        }
+      }
+    }
+    if (best.supports > 0) consider(best, refitted(around, best.plane), around, center, cells.limits);
+  }
+  cells.found[cell] = best;
+}
+
+/// Writes `chosen` of a cell: its own plane, or that of a cell beside it if that explains the surroundings better.
+template <class Map>
+PMSP_HD void choose_plane(const PriorCells<Map>& cells, int column, int row) {
+  const int cell = row * cells.columns + column;
+  PriorPlane best = cells.found[cell];
+  if (cells.around[cell].count >= kPriorMinSupports) {
+    const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
+    for (int i = 0; i < 9; ++i) {
+      const int other_row = row + i / 3 - 1;
+      const int other_column = (column + i % 3 - 1 + cells.columns) % cells.columns;
+      if (other_row < 0 || other_row >= cells.rows) continue;
+      const PriorPlane& other = cells.found[other_row * cells.columns + other_column];
+      if (other.supports > 0) consider(best, other.plane, cells.around[cell], center, cells.limits);
+    }
+  }
+  cells.chosen[cell] = best;
+}
+
+/// The prior of a pixel of the map; zero = none.
+template <class Map>
+PMSP_HD Vec3<float> prior_at(const PriorCells<Map>& cells, int x, int y) {
+  const int index = y * cells.map.width + x;
+  const bool plain = cells.variance[index] < cells.min_variance && is_point(plane_at<float>(cells.map, index));
+  if (!plain) return {0.0F, 0.0F, 0.0F};
+  return cells.chosen[y * cells.rows / cells.map.height * cells.columns + x * cells.columns / cells.map.width].plane;
+}
+
+}  // namespace pmsp::kernels

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
+
+#include <Eigen/Geometry>
+
+#include "core/helpers.h"
+#include "core/recording.h"
+#include "pmsp/error.h"
+#include "pmsp/panorama.h"
+#include "pmsp/plane_priors.h"
+#include "support/rng.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+using Where = std::function<bool(int, int)>;
+
+/// What a pass of PatchMatch would leave: the truth where there is texture, chance elsewhere.
+DepthMap map_without_plain(const synth::Frame& frame, const Where& plain) {
+  DepthMap map = truth_map(frame, 0.95F);
+  for (int y = 0; y < map.depth.height(); ++y) {
+    for (int x = 0; x < map.depth.width(); ++x) {
+      if (!plain(x, y)) continue;
+      const auto draw = static_cast<std::uint64_t>(y * map.depth.width() + x);
+      map.depth(x, y) = static_cast<float>(1.0 + 4.0 * synth::uniform(3, draw));
+      map.normal(x, y) = -bearing_of(map.depth, x, y).cast<float>();
+      map.confidence(x, y) = 0.3F;
+    }
+  }
+  return map;
+}
+
+PlaneImage priors_of(const synth::Frame& frame, const DepthMap& map, int threads = 0) {
+  const Executor executor(threads);
+  const Panorama panorama(frame.image.view(), {}, map.depth.width(), map.depth.height(), executor);
+  return plane_priors(map, panorama, {0.3, 30.0}, PatchMatchOptions{}, executor);
+}
+
+/// Ranges at which the priors meet their pixels' rays; 0 = no prior.
+Image<float> ranges(const PlaneImage& priors) {
+  Image<float> result(priors.width(), priors.height(), 0.0F);
+  for (int y = 0; y < priors.height(); ++y) {
+    for (int x = 0; x < priors.width(); ++x) {
+      const double inverse = priors(x, y).cast<double>().dot(bearing_of(result, x, y));
+      if (inverse > 0.0) result(x, y) = static_cast<float>(1.0 / inverse);
+    }
+  }
+  return result;
+}
+
+struct Found {
+  double share = 0.0;   ///< of the pixels, those with a prior
+  double within = 0.0;  ///< of these, those within 3 % of the truth
+};
+
+Found judge(const Image<float>& priors, const Image<float>& truth, const Where& counts) {
+  int pixels = 0;
+  int present = 0;
+  int good = 0;
+  for (int y = 0; y < priors.height(); ++y) {
+    for (int x = 0; x < priors.width(); ++x) {
+      if (!counts(x, y)) continue;
+      ++pixels;
+      if (!(priors(x, y) > 0.0F)) continue;
+      ++present;
+      good += std::abs(priors(x, y) - truth(x, y)) <= 0.03F * truth(x, y) ? 1 : 0;
+    }
+  }
+  return {static_cast<double>(present) / std::max(pixels, 1), static_cast<double>(good) / std::max(present, 1)};
+}
+
+/// A textured mission whose image is a single colour at some pixels.
+synth::Frame with_plain(synth::Frame frame, const Where& plain) {
+  for (int y = 0; y < frame.image.height(); ++y) {
+    for (int x = 0; x < frame.image.width(); ++x) {
+      if (plain(x, y)) frame.image(x, y) = {200, 200, 200};
+    }
+  }
+  return frame;
+}
+
+/// Latitude of a pixel [deg].
+double latitude_of(const synth::Frame& frame, int y) { return 90.0 - 180.0 * (y + 0.5) / frame.image.height(); }
+
+/// Angle from a direction in the camera [deg].
+double degrees_from(const synth::Frame& frame, int x, int y, const Eigen::Vector3d& direction) {
+  const double cosine = direction.normalized().dot(bearing_of(frame.depth, x, y));
+  return std::acos(std::clamp(cosine, -1.0, 1.0)) * 180.0 / std::acos(-1.0);
+}
+
+synth::Frame frame_of(const synth::Mission& mission) { return mission.frames[0]; }
+
+constexpr int kWidth = 256;
+
+}  // namespace
+
+TEST_CASE("a plain patch of a wall gets the wall's plane, wherever it lies", "[priors]") {
+  const synth::Frame textured = frame_of(synth::empty_room(small_recipe(kWidth, 1)));
+  const Eigen::Vector3d up(0.0, -1.0, 0.0);
+  const Eigen::Vector3d seam(0.05, 0.0, -1.0);
+  const Eigen::Vector3d right(1.0, 0.1, 0.1);
+  for (const Eigen::Vector3d& direction : {up, seam, right}) {
+    CAPTURE(direction.transpose());
+    const Where plain = [&](int x, int y) { return degrees_from(textured, x, y, direction) < 16.0; };
+    const Where inner = [&](int x, int y) { return degrees_from(textured, x, y, direction) < 8.0; };
+    const Where outside = [&](int x, int y) { return degrees_from(textured, x, y, direction) > 24.0; };
+    const synth::Frame frame = with_plain(textured, plain);
+    const Image<float> priors = ranges(priors_of(frame, map_without_plain(frame, plain)));
+    const Found found = judge(priors, frame.depth, inner);
+    CAPTURE(found.share, found.within);
+    CHECK(found.share > 0.98);
+    CHECK(found.within > 0.98);
+    CHECK(judge(priors, frame.depth, outside).share < 0.02);  // textured
+  }
+}
+
+TEST_CASE("behind a near thing the wall goes on", "[priors]") {
+  synth::Scene scene;
+  scene.add(synth::Box{Eigen::Vector3d::Zero(), {4.0, 3.0, 3.0}, Eigen::Matrix3d::Identity()}, synth::textured(1));
+  scene.add(synth::Box{{0.0, 0.0, 1.5}, {0.15, 0.15, 0.15}, Eigen::Matrix3d::Identity()}, synth::textured(2));
+  const synth::Mission mission = synth::make_mission(scene, {RigidTransform{}}, kWidth, kWidth / 2);
+  const synth::Frame textured = frame_of(mission);
+  const auto on_wall = [&](int x, int y) { return textured.surface(x, y) / 8 == 0; };
+  const Where plain = [&](int x, int y) {
+    return on_wall(x, y) && degrees_from(textured, x, y, Eigen::Vector3d::UnitZ()) < 40.0;
+  };
+  const synth::Frame frame = with_plain(textured, plain);
+  const Where ring = [&](int x, int y) {  // away from the texture at both rims
+    const double degrees = degrees_from(textured, x, y, Eigen::Vector3d::UnitZ());
+    return degrees > 18.0 && degrees < 30.0;
+  };
+  const Found found = judge(ranges(priors_of(frame, map_without_plain(frame, plain))), frame.depth, ring);
+  CAPTURE(found.share, found.within);
+  CHECK(found.share > 0.9);
+  CHECK(found.within > 0.97);
+}
+
+TEST_CASE("nothing is proposed to the sky, nor without anything reliable", "[priors]") {
+  const synth::Frame textured = frame_of(synth::floor_at_nadir(small_recipe(kWidth, 1)));
+  const Where sky = [&](int, int y) { return latitude_of(textured, y) > 0.0; };
+  const Where clearly = [&](int, int y) { return latitude_of(textured, y) > 4.0; };
+  const synth::Frame frame = with_plain(textured, sky);
+  DepthMap map = map_without_plain(frame, sky);
+  CHECK(judge(ranges(priors_of(frame, map)), frame.depth, clearly).share == 0.0);
+  std::fill(map.confidence.pixels().begin(), map.confidence.pixels().end(), 0.4F);
+  CHECK(filled(ranges(priors_of(frame, map))) == 0.0);
+}
+
+TEST_CASE("light that falls off along a wall is no texture", "[priors]") {
+  const synth::Frame textured = frame_of(synth::empty_room(small_recipe(kWidth, 1)));
+  const Where plain = [&](int x, int y) { return degrees_from(textured, x, y, {1.0, 0.1, 0.1}) < 16.0; };
+  const Where inner = [&](int x, int y) { return degrees_from(textured, x, y, {1.0, 0.1, 0.1}) < 8.0; };
+  synth::Frame frame = textured;
+  for (int y = 0; y < frame.image.height(); ++y) {
+    for (int x = 0; x < frame.image.width(); ++x) {
+      const auto gray = static_cast<std::uint8_t>(100 + (512 * y) / frame.image.height() % 200);  // 8 levels a row
+      if (plain(x, y)) frame.image(x, y) = {gray, gray, gray};
+    }
+  }
+  const DepthMap map = map_without_plain(frame, plain);
+  CHECK(judge(ranges(priors_of(frame, map)), frame.depth, inner).share > 0.9);
+}
+
+TEST_CASE("priors do not depend on the number of threads, and need maps of the image's size", "[priors]") {
+  const synth::Frame frame = frame_of(synth::painted_room(small_recipe(96, 1)));
+  const DepthMap map = truth_map(frame, 0.95F);
+  CHECK(same(ranges(priors_of(frame, map, 1)), ranges(priors_of(frame, map, 3))));
+  const Executor executor(1);
+  const Panorama other(frame.image.view(), {}, 48, 24, executor);
+  CHECK_THROWS_AS(plane_priors(map, other, {0.3, 30.0}, PatchMatchOptions{}, executor), InvalidInput);
+}
+
+TEST_CASE("plane priors give painted walls their depth, and can be switched off", "[priors]" PMSP_ACCURACY) {
+  synth::Recipe recipe = small_recipe(640, 4);
+  recipe.mission.render.noise_sigma = 2.0;
+  const synth::Mission mission = synth::painted_room(recipe);
+  const synth::Frame& frame = mission.frames[1];
+  const auto raw_depth = [&](bool with_priors) {
+    DensifierOptions options = preset(Quality::kOnline);
+    options.patchmatch.plane_priors = with_priors;
+    Image<float> depth;
+    DensifierCallbacks callbacks;
+    callbacks.raw_depth = [&](const DepthMap& map) {
+      if (map.keyframe_id == frame.id) depth = map.depth;
+    };
+    Densifier densifier(options, callbacks);
+    fly_through(densifier, mission);
+    return depth;
+  };
+  const Image<float> with = raw_depth(true);
+  const Image<float> without = raw_depth(false);
+  const auto wall = [&](const Image<float>& depth) {
+    return synth::share_within(depth, frame.depth, 0.03, [&](int x, int y) { return frame.surface(x, y) / 8 == 0; });
+  };
+  const auto rest = [&](const Image<float>& depth) {
+    return synth::share_within(depth, frame.depth, 0.03, [&](int x, int y) { return frame.surface(x, y) / 8 != 0; });
+  };
+  CAPTURE(wall(with), wall(without), rest(with), rest(without));
+  CHECK(wall(with) > wall(without) + 0.2);
+  CHECK(rest(with) > rest(without) - 0.01);
+}
