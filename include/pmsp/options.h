@@ -17,7 +17,7 @@ struct ViewFilterOptions {
   /// Sharpness, relative to that of the last accepted keyframes, below which a keyframe is left out as blurred, 0
   /// (never) to 1: gradient energy around the landmarks in common. Sharp ones have 0.9 to 1.1; motion blur over 2.7
   /// pixels of the depth map makes it 0.55, over 7 pixels 0.2.
-  double min_sharpness = 0.70;
+  double min_sharpness = 0.40;
 
   /// Throws InvalidOption.
   void validate() const;
