@@ -146,6 +146,7 @@ DensifierOptions preset(Quality quality) {
   options.height = quality == Quality::kNormal ? 720 : 0;
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
   options.patchmatch.revisits = 1;
+  options.patchmatch.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 an image takes 0.1 GiB
   options.consistency.window = 7;
   options.consistency.max_relative_depth = 0.007;  // finer pixels and more neighbours agree more closely
   options.fusion.spacing_px = 0.4;                 // pixels are small here; a finer cloud would hold little new
