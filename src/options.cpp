@@ -145,6 +145,7 @@ DensifierOptions preset(Quality quality) {
   options.width = quality == Quality::kNormal ? 1440 : 0;
   options.height = quality == Quality::kNormal ? 720 : 0;
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
+  options.patchmatch.iterations = 1;  // with four and more neighbours the geometric passes do the rest
   options.patchmatch.revisits = 1;
   options.patchmatch.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 an image takes 0.1 GiB
   options.consistency.window = 7;
