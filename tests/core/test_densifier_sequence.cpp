@@ -411,6 +411,7 @@ TEST_CASE("a flight back over the same places gives few points more, and they ar
   CHECK(forgetful.points_repeated == 0);
   CHECK(remembering.points_fused == forgetful.points_fused);
   CHECK(remembering.points + remembering.points_repeated == forgetful.points);
-  CHECK(remembering.points_repeated > forgetful.points / 10);
+  // Of the tiny maps under sanitizers, whose depths are poor, few points meet again.
+  CHECK(remembering.points_repeated > (kSanitized ? 0 : forgetful.points / 10));
   CHECK(fly_twice(16, true).points > remembering.points);  // a new sequence, perhaps in another frame
 }
