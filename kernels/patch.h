@@ -58,6 +58,14 @@ struct PatchFrame {
   Vec3<F> bearing, right, down;
 };
 
+/// The frame of a pixel, of the sines and cosines of its longitude and latitude.
+template <class F>
+PMSP_HD PatchFrame<F> patch_frame(const F& sin_lon, const F& cos_lon, const F& sin_lat, const F& cos_lat,
+                                  const F& spacing) {
+  return {bearing(sin_lon, cos_lon, sin_lat, cos_lat), spacing * tangent_right(sin_lon, cos_lon),
+          spacing * tangent_down(sin_lon, cos_lon, sin_lat, cos_lat)};
+}
+
 /// Standard deviation of the bilateral weights, in proportion to how far the patch's gray values (its contrasts here)
 /// spread around the centre's. Spread is what 15 of the 36 samples keep within: half a patch of plaster beside a
 /// silhouette has little of it, and then the silhouette's edge has no say; a patch that is textured all over keeps all

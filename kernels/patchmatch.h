@@ -42,16 +42,13 @@ struct Visit {
 template <class F, class Patch, class Cube>
 PMSP_HD void begin_visit(Visit<F, Patch>& visit, const Matching<Cube>& m, const F& sin_lon, const F& cos_lon,
                          const F& sin_lat, const F& cos_lat) {
-  const Vec3<F> right = tangent_right(sin_lon, cos_lon);
-  const Vec3<F> down = tangent_down(sin_lon, cos_lon, sin_lat, cos_lat);
   const F fine(m.layout.fine_spacing);
-  visit.frame = {bearing(sin_lon, cos_lon, sin_lat, cos_lat), fine * right, fine * down};
+  visit.frame = patch_frame(sin_lon, cos_lon, sin_lat, cos_lat, fine);
   take_patch(visit.patch, m.reference, visit.frame, m.layout);
   const auto textured = visit.patch.variance > F(m.layout.fine_variance);
   if (!all(textured)) {
     const F spacing = select(textured, fine, F(m.layout.spacing));
-    visit.frame.right = spacing * right;
-    visit.frame.down = spacing * down;
+    visit.frame = patch_frame(sin_lon, cos_lon, sin_lat, cos_lat, spacing);
     take_patch(visit.patch, m.reference, visit.frame, m.layout);
   }
 }

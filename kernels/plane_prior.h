@@ -145,9 +145,8 @@ inline int looked_at(int row, int direction, int step, int columns, int rows) {
   const Vec3<double> along = fma(std::cos(turn), right, std::sin(turn) * down);
   const Vec3<double> center = bearing(std::sin(lon), std::cos(lon), std::sin(lat), std::cos(lat));
   const Pixel<double> at = project_exactly(fma(std::cos(angle), center, std::sin(angle) * along), columns, rows);
-  const int x = static_cast<int>(at.x);
   const int y = static_cast<int>(at.y);
-  return (y < rows ? y : rows - 1) * columns + (x < columns ? x : 0);
+  return (y < rows ? y : rows - 1) * columns + static_cast<int>(at.x);
 }
 
 template <class Map>

@@ -35,7 +35,8 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
     options.backend = requested;
     engine = make_engine({options, results, stats, cancel}, options, backend);
   }
-  views.push_back({keyframe, engine->prepare(keyframe), Outlook(keyframe), {}, {}});
+  views.push_back(
+      {keyframe, engine->prepare(keyframe), options.patchmatch.revisits > 0 ? Outlook(keyframe) : Outlook(), {}, {}});
   views.back().keyframe.image = {};
   views.back().keyframe.mask = {};
 }

@@ -47,18 +47,31 @@ std::unique_ptr<Engine::Frame> CpuEngine::prepare(const Keyframe& keyframe) {
 void CpuEngine::match(const MatchTask& task) {
   CpuFrame& reference = own(*task.reference);
   PatchMatchStats matched;
+  DepthMap filtered;
+  const DepthMap* const to_warp = map_to_warp(task, filtered);
   DepthMap map;
   const int coarsest = static_cast<int>(reference.levels.size()) - 1;
   for (const MatchStage& stage : match_stages(context_.options.patchmatch, coarsest, task.pass)) {
-    map = run_stage(task, stage, map, matched);
+    map = run_stage(task, stage, to_warp, map, matched);
   }
   reference.raw = std::move(map);
   reference.matched = !context_.cancel.load(std::memory_order_relaxed);
   if (reference.matched && task.last) finish_match(reference, matched);
 }
 
-DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, const DepthMap& coarse,
-                              PatchMatchStats& matched) {
+/// The previous keyframe's map, median filtered; into `scratch` while its later passes are still to come.
+const DepthMap* CpuEngine::map_to_warp(const MatchTask& task, DepthMap& scratch) {
+  if (task.previous == nullptr) return nullptr;
+  const CpuFrame& previous = own(*task.previous);
+  if (!previous.median.depth.empty()) return &previous.median;
+  const Stopwatch watch(context_.stats.seconds_init);
+  scratch = previous.raw;
+  median_filter(scratch, context_.options.median, executor_);
+  return &scratch;
+}
+
+DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, const DepthMap* to_warp,
+                              const DepthMap& coarse, PatchMatchStats& matched) {
   const DensifierOptions& options = context_.options;
   const CpuFrame& reference = own(*task.reference);
   const std::size_t level = static_cast<std::size_t>(stage.level);
@@ -74,7 +87,7 @@ DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, co
   std::vector<PlaneImage> candidates;
   PlaneImage prior;
   if (task.pass == 0) {
-    candidates = first_planes(task, *input.reference.panorama);
+    candidates = first_planes(task, to_warp, *input.reference.panorama);
     for (const PlaneImage& planes : candidates) input.candidates.push_back(&planes);
     input.coarse = &coarse;
   } else {
@@ -92,7 +105,8 @@ DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, co
 }
 
 /// What the landmarks and the previous keyframe propose.
-std::vector<PlaneImage> CpuEngine::first_planes(const MatchTask& task, const Panorama& panorama) {
+std::vector<PlaneImage> CpuEngine::first_planes(const MatchTask& task, const DepthMap* to_warp,
+                                                const Panorama& panorama) {
   const Stopwatch watch(context_.stats.seconds_init);
   const DensifierOptions& options = context_.options;
   const int width = panorama.width();
@@ -101,15 +115,8 @@ std::vector<PlaneImage> CpuEngine::first_planes(const MatchTask& task, const Pan
   if (options.init.sparse_points) {
     planes.push_back(planes_from_landmarks(*task.keyframe, width, height, options.init));
   }
-  if (task.previous != nullptr) {
-    const CpuFrame& previous = own(*task.previous);
-    DepthMap filtered;
-    if (previous.median.depth.empty()) {  // its later passes are still to come
-      filtered = previous.raw;
-      median_filter(filtered, options.median, executor_);
-    }
-    planes.push_back(warp_planes(filtered.depth.empty() ? previous.median : filtered, task.reference->cam_from_world,
-                                 width, height, executor_));
+  if (to_warp != nullptr) {
+    planes.push_back(warp_planes(*to_warp, task.reference->cam_from_world, width, height, executor_));
   }
   return planes;
 }

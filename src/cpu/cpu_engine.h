@@ -28,8 +28,10 @@ class CpuEngine : public Engine {
   void deliver(bool /*all*/) override {}
 
  private:
-  DepthMap run_stage(const MatchTask& task, const MatchStage& stage, const DepthMap& coarse, PatchMatchStats& matched);
-  std::vector<PlaneImage> first_planes(const MatchTask& task, const Panorama& panorama);
+  const DepthMap* map_to_warp(const MatchTask& task, DepthMap& scratch);
+  DepthMap run_stage(const MatchTask& task, const MatchStage& stage, const DepthMap* to_warp, const DepthMap& coarse,
+                     PatchMatchStats& matched);
+  std::vector<PlaneImage> first_planes(const MatchTask& task, const DepthMap* to_warp, const Panorama& panorama);
   void finish_match(CpuFrame& reference, const PatchMatchStats& matched);
 };
 

@@ -220,17 +220,13 @@ void sight_points(const SightJob& job, const SightPoints& points) {
 
 template <class F>
 void variance_row(const VarianceJob& job, int y) {
-  const F spacing(job.spacing);
   for (int x = 0; x < job.grid.width; x += lanes<F>()) {
     F sin_lon;
     F cos_lon;
     load(sin_lon, job.grid.sin_lon[2] + x);
     load(cos_lon, job.grid.cos_lon[2] + x);
-    const F sin_lat(job.grid.sin_lat[y]);
-    const F cos_lat(job.grid.cos_lat[y]);
-    const kernels::PatchFrame<F> frame{kernels::bearing(sin_lon, cos_lon, sin_lat, cos_lat),
-                                       spacing * kernels::tangent_right(sin_lon, cos_lon),
-                                       spacing * kernels::tangent_down(sin_lon, cos_lon, sin_lat, cos_lat)};
+    const auto frame =
+        kernels::patch_frame(sin_lon, cos_lon, F(job.grid.sin_lat[y]), F(job.grid.cos_lat[y]), F(job.spacing));
     store_some(kernels::ramp_free_variance(job.image, frame), job.variance + y * job.grid.width + x,
                job.grid.width - x);
   }

@@ -12,13 +12,8 @@ __global__ void variance_kernel(const __grid_constant__ PriorArgs args) {
   const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
   if (x >= grid.width || y >= grid.height) return;
-  const float sin_lon = grid.sin_lon[2][x];
-  const float cos_lon = grid.cos_lon[2][x];
-  const float sin_lat = grid.sin_lat[y];
-  const float cos_lat = grid.cos_lat[y];
-  const kernels::PatchFrame<float> frame{kernels::bearing(sin_lon, cos_lon, sin_lat, cos_lat),
-                                         args.spacing * kernels::tangent_right(sin_lon, cos_lon),
-                                         args.spacing * kernels::tangent_down(sin_lon, cos_lon, sin_lat, cos_lat)};
+  const auto frame =
+      kernels::patch_frame(grid.sin_lon[2][x], grid.cos_lon[2][x], grid.sin_lat[y], grid.cos_lat[y], args.spacing);
   args.variance[row_index(grid, x, y)] = kernels::ramp_free_variance(args.image, frame);
 }
 

@@ -26,6 +26,7 @@ struct Footprint {
   double reach;              ///< how far off the surface it may lie, along the normal [sides]
   double depth;              ///< of a cell across the surface [sides]
   int level;
+  int axis;  ///< of the world, that the normal is nearest to
 };
 
 /// Errors are larger than the spacing: a cell is a quarter of the tolerance deep, which keeps searches short. A power
@@ -57,11 +58,10 @@ bool known(const OccupiedCells& cells, const Footprint& print, int axis) {
 
 bool known(const OccupiedCells& cells, const Footprint& print) {
   const Eigen::Vector3d n = print.normal.cwiseAbs();
-  int axis = 0;
-  const double most = n.maxCoeff(&axis);
+  const double most = n[print.axis];
   if (!(most > 0.0)) return false;
   for (int i = 0; i < 3; ++i) {
-    if ((i == axis || n[i] > kAlsoFacing * most) && known(cells, print, i)) return true;
+    if ((i == print.axis || n[i] > kAlsoFacing * most) && known(cells, print, i)) return true;
   }
   return false;
 }
@@ -72,7 +72,8 @@ struct RevisitFilter::Impl {
   explicit Impl(const FusionOptions& given)
       : options(given), cells(static_cast<std::size_t>(given.revisit_memory_mib) << 20) {}
 
-  Footprint footprint(const CloudPoint& point, const RigidTransform& world_from_cam, double spacing) const {
+  Footprint footprint(const CloudPoint& point, const RigidTransform& world_from_cam, double spacing,
+                      double cell_depth) const {
     const Eigen::Vector3d ray = point.position.cast<double>();
     const Eigen::Vector3d normal = point.normal.cast<double>();
     const double depth = ray.norm();
@@ -84,7 +85,8 @@ struct RevisitFilter::Impl {
     const double scale = std::ldexp(1.0, -print.level);
     print.position = scale * (world_from_cam * ray);
     print.normal = world_from_cam.rotation * normal;
-    print.depth = cell_depth(options.max_relative_depth, spacing);
+    print.normal.cwiseAbs().maxCoeff(&print.axis);
+    print.depth = cell_depth;
     print.reach = scale * error * std::abs(ray.dot(normal));
     return print;
   }
@@ -110,14 +112,13 @@ void RevisitFilter::filter(KeyframeCloud& cloud, int width, const Executor& exec
     std::vector<SurfaceCell> own(before);
     std::vector<std::uint8_t> kept(before);
     const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
+    const double depth = cell_depth(options.max_relative_depth, spacing);
     const int chunks = static_cast<int>((before + kChunk - 1) / kChunk);
     executor.impl().pool.for_each(chunks, [&](int c) {
       const std::size_t first = static_cast<std::size_t>(c) * kChunk;
       for (std::size_t i = first; i < std::min(before, first + kChunk); ++i) {
-        const Footprint print = impl_->footprint(cloud.points[i], world_from_cam, spacing);
-        int axis = 0;
-        print.normal.cwiseAbs().maxCoeff(&axis);
-        own[i] = cell_of(print, axis);
+        const Footprint print = impl_->footprint(cloud.points[i], world_from_cam, spacing, depth);
+        own[i] = cell_of(print, print.axis);
         kept[i] = known(impl_->cells, print) ? 0 : 1;
       }
     });

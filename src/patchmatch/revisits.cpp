@@ -30,10 +30,7 @@ double solid_angle(std::size_t cell) {
 }
 
 double parallax_deg(const Eigen::Vector3d& point, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  const Eigen::Vector3d from_a = point - a;
-  const Eigen::Vector3d from_b = point - b;
-  return kernels::angle_between({from_a.x(), from_a.y(), from_a.z()}, {from_b.x(), from_b.y(), from_b.z()}) * 180.0 /
-         kernels::kPi;
+  return angle_deg(point - a, point - b);
 }
 
 /// How useful a candidate is for matching a point of the reference; 0 where it does not see it.

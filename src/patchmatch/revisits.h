@@ -13,6 +13,7 @@ namespace pmsp {
 /// What a keyframe sees of its surroundings, by its landmarks, in a few hundred cells of a coarse panorama: enough to
 /// tell whether it and another keyframe see the same.
 struct Outlook {
+  Outlook() = default;  ///< of a keyframe that nobody asks about
   explicit Outlook(const Keyframe& keyframe);
 
   RigidTransform cam_from_world;

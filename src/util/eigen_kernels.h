@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include "equirect.h"
 #include "pmsp/transform.h"
 #include "vec3.h"
 
@@ -16,5 +17,10 @@ inline kernels::Rigid to_rigid(const RigidTransform& transform) {
 
 inline kernels::Vec3<float> to_vec3(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
 inline Eigen::Vector3f to_eigen(const kernels::Vec3<float>& v) { return {v.x, v.y, v.z}; }
+
+/// Angle between two directions [deg].
+inline double angle_deg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return kernels::angle_between({a.x(), a.y(), a.z()}, {b.x(), b.y(), b.z()}) * 180.0 / kernels::kPi;
+}
 
 }  // namespace pmsp

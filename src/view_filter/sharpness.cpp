@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "pmsp/camera.h"
+#include "util/median.h"
 
 namespace pmsp {
 namespace {
@@ -65,12 +66,6 @@ std::optional<LandmarkSharpness> sharpness_of(std::int64_t id, const Patch& patc
     }
   }
   return result;
-}
-
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 }  // namespace

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/view_filter.h"
 
-#include <algorithm>
 #include <deque>
 #include <unordered_map>
 #include <utility>
 
-#include "equirect.h"
+#include "util/eigen_kernels.h"
+#include "util/median.h"
 #include "view_filter/sharpness.h"
 
 namespace pmsp {
@@ -15,10 +15,6 @@ namespace {
 constexpr std::size_t kRecent = 3;        ///< accepted keyframes that sharpness is compared with
 constexpr double kSharedToSkip = 0.5;     ///< of the newest keyframe's landmarks, and
 constexpr double kParallaxToSkip = 0.25;  ///< of the largest parallax: until then a keyframe can be done without
-
-double angle_deg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return kernels::angle_between({a.x(), a.y(), a.z()}, {b.x(), b.y(), b.z()}) * 180.0 / kernels::kPi;
-}
 
 }  // namespace
 
@@ -38,9 +34,7 @@ CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vect
   }
   result.landmarks = static_cast<int>(angles.size());
   if (angles.empty()) return result;
-  const auto middle = angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2);
-  std::nth_element(angles.begin(), middle, angles.end());
-  result.median_deg = *middle;
+  result.median_deg = median(angles);
   return result;
 }
 
@@ -62,8 +56,7 @@ bool ViewFilter::Impl::is_blurred(const std::vector<LandmarkSharpness>& sharpnes
   if (recent.empty()) return false;
   std::vector<double> relative;
   for (const auto& other : recent) relative.push_back(relative_sharpness(sharpness, other));
-  std::sort(relative.begin(), relative.end());
-  return relative[relative.size() / 2] < options.min_sharpness;
+  return median(relative) < options.min_sharpness;
 }
 
 bool ViewFilter::Impl::accept(const Keyframe& keyframe) {
