@@ -74,7 +74,7 @@ struct PriorCells {
   float min_variance;     ///< less is no texture
   PlaneLimits limits;
   int columns, rows;
-  const int* looks;       ///< see looked_at: [row][direction][step]
+  const int* looks;       ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
   Vec3<float>* supports;  ///< points of the surface; (0, 0, 0) = none
   unsigned char* plain;   ///< whether a cell has pixels without texture
   Surroundings* around;
@@ -131,22 +131,6 @@ PMSP_HD void find_support(const PriorCells<Map>& cells, int column, int row) {
 /// How many steps of one row of cells one looks along a great circle.
 PMSP_HD int look_steps(int rows) {
   return static_cast<int>(kPriorReach / static_cast<float>(kPi) * static_cast<float>(rows));
-}
-
-/// Index of the cell where one gets from the first cell of a row by so many steps in a direction. From the row's other
-/// cells it is as many columns further on.
-inline int looked_at(int row, int direction, int step, int columns, int rows) {
-  const double lat = (0.5 - (row + 0.5) / rows) * kPi;
-  const double lon = (0.5 / columns - 0.5) * 2.0 * kPi;
-  const double turn = 2.0 * kPi * direction / kPriorDirections;
-  const double angle = kPi * step / rows;
-  const Vec3<double> right = tangent_right(std::sin(lon), std::cos(lon));
-  const Vec3<double> down = tangent_down(std::sin(lon), std::cos(lon), std::sin(lat), std::cos(lat));
-  const Vec3<double> along = fma(std::cos(turn), right, std::sin(turn) * down);
-  const Vec3<double> center = bearing(std::sin(lon), std::cos(lon), std::sin(lat), std::cos(lat));
-  const Pixel<double> at = project_exactly(fma(std::cos(angle), center, std::sin(angle) * along), columns, rows);
-  const int y = static_cast<int>(at.y);
-  return (y < rows ? y : rows - 1) * columns + static_cast<int>(at.x);
 }
 
 template <class Map>

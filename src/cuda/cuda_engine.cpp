@@ -63,7 +63,7 @@ const CudaFrame& own(const Engine::Frame& frame) { return static_cast<const Cuda
 
 /// One of the sizes that stages work at.
 struct Level {
-  Level(int wide, int high) : width(wide), height(high), grid(wide, high) {}
+  Level(int wide, int high, const Stream& stream) : width(wide), height(high), grid(wide, high, stream) {}
 
   std::size_t pixels() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
 
@@ -169,22 +169,25 @@ void CudaEngine::allocate() {
   const int coarsest = coarse_levels(options.patchmatch, options.width, options.height);
   for (int level = 0; level <= coarsest; ++level) {
     levels_.push_back(
-        std::make_unique<Level>(size_at_level(options.width, level), size_at_level(options.height, level)));
+        std::make_unique<Level>(size_at_level(options.width, level), size_at_level(options.height, level), compute_));
   }
   gray_ = Floats(pixels());
   equalized_ = Floats(pixels());
   state_ = Planes(pixels());
   if (levels_.size() > 1) coarse_ = Planes(levels_[1]->pixels());
-  if (context_.options.init.sparse_points) sparse_keys_ = DeviceArray<std::uint64_t>(pixels());
-  if (context_.options.init.warp_previous) warp_keys_ = DeviceArray<std::uint64_t>(pixels());
+  if (options.init.sparse_points) sparse_keys_ = DeviceArray<std::uint64_t>(pixels());
+  if (options.init.warp_previous) warp_keys_ = DeviceArray<std::uint64_t>(pixels());
+  if (options.patchmatch.plane_priors && options.patchmatch.geometric_passes > 0) {
+    priors_.emplace(options.width, options.height, compute_);
+  }
 }
 
 void CudaEngine::set_image_size(int width, int height) {
   if (width == image_width_ && height == image_height_) return;
   PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));  // kernels may still read the old tables
   for (const auto& level : levels_) {
-    level->columns.emplace(width, level->width);
-    level->rows.emplace(height, level->height);
+    level->columns.emplace(width, level->width, compute_);
+    level->rows.emplace(height, level->height, compute_);
   }
   image_width_ = width;
   image_height_ = height;
@@ -289,7 +292,6 @@ void CudaEngine::warp_previous(const MatchTask& task, const float4* planes, Matc
 
 /// Those of the pass that starts from the reference's map.
 const float4* CudaEngine::plane_priors(const CudaFrame& reference, const MatchArgs& args) {
-  if (!priors_) priors_.emplace(args.grid.width, args.grid.height);
   PriorArgs work = priors_->view();
   work.image = args.matching.reference;
   work.grid = args.grid;

@@ -12,14 +12,16 @@
 namespace pmsp::cuda {
 namespace {
 
+/// Queued on the stream whose kernels will read it: cudaMemcpy would return, and no other stream would wait, before all
+/// has arrived. The source may go at once.
 template <class T>
-void copy_up(T* to, const T* from, std::size_t count) {
-  PMSP_CUDA_CHECK(cudaMemcpy(to, from, count * sizeof(T), cudaMemcpyHostToDevice));
+void copy_up(T* to, const T* from, std::size_t count, const Stream& stream) {
+  PMSP_CUDA_CHECK(cudaMemcpyAsync(to, from, count * sizeof(T), cudaMemcpyHostToDevice, stream.get()));
 }
 
 }  // namespace
 
-DeviceGrid::DeviceGrid(int width, int height) {
+DeviceGrid::DeviceGrid(int width, int height, const Stream& stream) {
   const SphereGrid grid(width, height);
   const std::size_t columns = static_cast<std::size_t>(width);
   const std::size_t rows = static_cast<std::size_t>(height);
@@ -28,14 +30,14 @@ DeviceGrid::DeviceGrid(int width, int height) {
   float* const cos_lon = sin_lon + columns;
   float* const sin_lat = cos_lon + columns;
   float* const cos_lat = sin_lat + rows;
-  copy_up(sin_lon, grid.sin_lon(), columns);
-  copy_up(cos_lon, grid.cos_lon(), columns);
-  copy_up(sin_lat, grid.sin_lat(), rows);
-  copy_up(cos_lat, grid.cos_lat(), rows);
+  copy_up(sin_lon, grid.sin_lon(), columns, stream);
+  copy_up(cos_lon, grid.cos_lon(), columns, stream);
+  copy_up(sin_lat, grid.sin_lat(), rows, stream);
+  copy_up(cos_lat, grid.cos_lat(), rows, stream);
   view_ = {width, height, {nullptr, nullptr, sin_lon}, {nullptr, nullptr, cos_lon}, sin_lat, cos_lat};
 }
 
-DeviceSpanTable::DeviceSpanTable(int source, int target) {
+DeviceSpanTable::DeviceSpanTable(int source, int target, const Stream& stream) {
   const std::vector<ResampleSpan> spans = resample_spans(source, target);
   std::size_t count = 0;
   for (const ResampleSpan& span : spans) count = std::max(count, span.weights.size());
@@ -47,12 +49,12 @@ DeviceSpanTable::DeviceSpanTable(int source, int target) {
   }
   first_ = DeviceArray<int>(first.size());
   weights_ = DeviceArray<float>(weights.size());
-  copy_up(first_.get(), first.data(), first.size());
-  copy_up(weights_.get(), weights.data(), weights.size());
+  copy_up(first_.get(), first.data(), first.size(), stream);
+  copy_up(weights_.get(), weights.data(), weights.size(), stream);
   view_ = {first_.get(), weights_.get(), static_cast<int>(count)};
 }
 
-DevicePriors::DevicePriors(int width, int height) {
+DevicePriors::DevicePriors(int width, int height, const Stream& stream) {
   const PriorGrid size(width, height);
   const std::vector<int> looks = look_table(size);
   const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
@@ -63,7 +65,7 @@ DevicePriors::DevicePriors(int width, int height) {
   planes_ = DeviceArray<kernels::PriorPlane>(2 * size.cells());
   variance_ = DeviceArray<float>(pixels);
   priors_ = DeviceArray<float4>(pixels);
-  copy_up(looks_.get(), looks.data(), looks.size());
+  copy_up(looks_.get(), looks.data(), looks.size(), stream);
   view_.spacing = texture_spacing(width);
   view_.variance = variance_.get();
   view_.priors = priors_.get();

@@ -8,13 +8,14 @@
 #include "pmsp/depth_map.h"
 #include "util/thread_pool.h"
 
-// What lies in device memory for a whole flight, and what travels between host and device.
+// What lies in device memory for a whole flight, and what travels between host and device. `stream`: of the kernels
+// that read it.
 namespace pmsp::cuda {
 
 /// The tables of a SphereGrid. Of the columns' tables only those of all columns are filled.
 class DeviceGrid {
  public:
-  DeviceGrid(int width, int height);
+  DeviceGrid(int width, int height, const Stream& stream);
   const cpu::GridTables& view() const { return view_; }
 
  private:
@@ -25,7 +26,7 @@ class DeviceGrid {
 /// Resampling weights along one axis.
 class DeviceSpanTable {
  public:
-  DeviceSpanTable(int source, int target);
+  DeviceSpanTable(int source, int target, const Stream& stream);
   const DeviceSpans& view() const { return view_; }
 
  private:
@@ -37,7 +38,7 @@ class DeviceSpanTable {
 /// What plane priors are made in.
 class DevicePriors {
  public:
-  DevicePriors(int width, int height);
+  DevicePriors(int width, int height, const Stream& stream);
   /// All but image, map and limits.
   const PriorArgs& view() const { return view_; }
 

@@ -12,10 +12,20 @@ PriorGrid::PriorGrid(int width, int height)
 std::vector<int> look_table(const PriorGrid& grid) {
   std::vector<int> looks;
   const int steps = kernels::look_steps(grid.rows);
+  const double lon = (0.5 / grid.columns - 0.5) * 2.0 * kernels::kPi;
+  const auto right = kernels::tangent_right(std::sin(lon), std::cos(lon));
   for (int row = 0; row < grid.rows; ++row) {
+    const double lat = (0.5 - (row + 0.5) / grid.rows) * kernels::kPi;
+    const auto center = kernels::bearing(std::sin(lon), std::cos(lon), std::sin(lat), std::cos(lat));
+    const auto down = kernels::tangent_down(std::sin(lon), std::cos(lon), std::sin(lat), std::cos(lat));
     for (int direction = 0; direction < kernels::kPriorDirections; ++direction) {
+      const double turn = 2.0 * kernels::kPi * direction / kernels::kPriorDirections;
+      const auto along = fma(std::cos(turn), right, std::sin(turn) * down);
       for (int step = 1; step <= steps; ++step) {
-        looks.push_back(kernels::looked_at(row, direction, step, grid.columns, grid.rows));
+        const double angle = kernels::kPi * step / grid.rows;
+        const auto at = fma(std::cos(angle), center, std::sin(angle) * along);
+        const kernels::Vec3<float> to{static_cast<float>(at.x), static_cast<float>(at.y), static_cast<float>(at.z)};
+        looks.push_back(kernels::pixel_index(to, grid.columns, grid.rows));
       }
     }
   }

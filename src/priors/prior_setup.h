@@ -19,7 +19,8 @@ struct PriorGrid {
   int columns, rows;
 };
 
-/// kernels::looked_at of all rows, directions and steps.
+/// Where one gets from the first cell of each row along great circles: in all directions, one step of a row of cells
+/// after the other (see kernels::PriorCells). From the row's other cells it is as many columns further on.
 std::vector<int> look_table(const PriorGrid& grid);
 
 /// Distance of the samples by which texture is judged (tangent of the angle).

@@ -39,12 +39,23 @@ bool same(const KeyframeCloud& a, const KeyframeCloud& b) {
                     });
 }
 
-bool same(const Recording& a, const Recording& b) {
-  const auto maps = [](const DepthMap& p, const DepthMap& q) { return same(p, q); };
-  const auto clouds = [](const KeyframeCloud& p, const KeyframeCloud& q) { return same(p, q); };
-  return a.order == b.order && std::equal(a.raw.begin(), a.raw.end(), b.raw.begin(), b.raw.end(), maps) &&
-         std::equal(a.filtered.begin(), a.filtered.end(), b.filtered.begin(), b.filtered.end(), maps) &&
-         std::equal(a.clouds.begin(), a.clouds.end(), b.clouds.begin(), b.clouds.end(), clouds);
+bool same(const Recording& a, const Recording& b) { return difference(a, b).empty(); }
+
+std::string difference(const Recording& a, const Recording& b) {
+  if (a.order != b.order) return "the order of the results";
+  for (std::size_t i = 0; i < a.raw.size(); ++i) {
+    if (!same(a.raw[i], b.raw[i])) return "raw depth map " + std::to_string(a.raw[i].keyframe_id);
+  }
+  for (std::size_t i = 0; i < a.filtered.size(); ++i) {
+    if (!same(a.filtered[i], b.filtered[i])) return "filtered depth map " + std::to_string(a.filtered[i].keyframe_id);
+  }
+  for (std::size_t i = 0; i < a.clouds.size(); ++i) {
+    if (!same(a.clouds[i], b.clouds[i])) {
+      return "cloud " + std::to_string(a.clouds[i].keyframe_id) + ", of " + std::to_string(a.clouds[i].points.size()) +
+             " and " + std::to_string(b.clouds[i].points.size()) + " points";
+    }
+  }
+  return {};
 }
 
 DensifierOptions fast_options(int width, int threads) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -23,6 +24,9 @@ struct Recording {
 
 bool same(const KeyframeCloud& a, const KeyframeCloud& b);
 bool same(const Recording& a, const Recording& b);
+
+/// What differs first; empty if nothing does.
+std::string difference(const Recording& a, const Recording& b);
 
 constexpr int kFlightWidth = width_of_any(128);
 constexpr int kFlightHeight = kFlightWidth / 2;

@@ -63,9 +63,9 @@ TEST_CASE("runs at full size give the same bytes", "[cuda][densifier]") {
   options.backend = Backend::kCuda;
   const Recording first = densify(mission, options);
   CHECK(first.points() > 100000);
-  for (int i = 0; i < 3; ++i) CHECK(same(densify(mission, options), first));
+  for (int i = 0; i < 3; ++i) CHECK(difference(densify(mission, options), first) == "");
   options.pipelined = true;
-  for (int i = 0; i < 3; ++i) CHECK(same(densify(mission, options), first));
+  for (int i = 0; i < 3; ++i) CHECK(difference(densify(mission, options), first) == "");
 }
 
 TEST_CASE("a pipelined Densifier hands out the same, in the same order", "[cuda][densifier]") {
