@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "pmsp/camera.h"
+#include "random.h"
 #include "util/median.h"
 
 namespace pmsp {
@@ -16,16 +17,17 @@ constexpr int kSide = 9;              ///< of a patch [px of the depth map]
 constexpr double kMinCosLat = 0.5;    ///< up to 60 degrees of latitude
 constexpr float kMinVariance = 4.0F;  ///< [gray levels squared]; noise below
 constexpr std::size_t kMinCommon = 20;
+constexpr std::size_t kMostLandmarks = 400;  ///< a keyframe
 
 using Patch = std::array<float, kSide * kSide>;
 
-/// Mean gray value (green twice) of box x box pixels from (x, y) on; x wraps, y stays inside.
+/// Mean gray value (green twice) of box x box pixels from (x, y) on, of which x lies inside the image and y need not.
 float box_mean(const ImageView<const Rgb>& image, int x, int y, int box) {
   int sum = 0;
   for (int j = y; j < y + box; ++j) {
     const Rgb* row = image.row(std::clamp(j, 0, image.height - 1));
     for (int i = x; i < x + box; ++i) {
-      const Rgb& pixel = row[((i % image.width) + image.width) % image.width];
+      const Rgb& pixel = row[i < image.width ? i : i - image.width];
       sum += pixel.r + 2 * pixel.g + pixel.b;
     }
   }
@@ -39,16 +41,33 @@ std::optional<Patch> patch_around(const ImageView<const Rgb>& image, const Eigen
   const double step = static_cast<double>(image.width) / width;
   const int box = std::max(1, static_cast<int>(std::lround(step)));
   const Eigen::Vector2d center = pixel_from_bearing(direction, image.width, image.height);
+  std::array<int, kSide> columns{};  // where the boxes begin
+  std::array<int, kSide> rows{};
+  for (int i = 0; i < kSide; ++i) {
+    const double off = (i - kSide / 2) * step;
+    const int column = static_cast<int>(std::lround(center.x() + off / cos_lat - 0.5 * box)) % image.width;
+    columns[static_cast<std::size_t>(i)] = column < 0 ? column + image.width : column;
+    rows[static_cast<std::size_t>(i)] = static_cast<int>(std::lround(center.y() + off - 0.5 * box));
+  }
   Patch patch{};
-  for (int j = 0; j < kSide; ++j) {
-    const double y = center.y() + (j - kSide / 2) * step - 0.5 * box;
-    for (int i = 0; i < kSide; ++i) {
-      const double x = center.x() + (i - kSide / 2) * step / cos_lat - 0.5 * box;
-      patch[static_cast<std::size_t>(j * kSide + i)] =
-          box_mean(image, static_cast<int>(std::lround(x)), static_cast<int>(std::lround(y)), box);
-    }
+  float* sample = patch.data();
+  for (const int row : rows) {
+    for (const int column : columns) *sample++ = box_mean(image, column, row, box);
   }
   return patch;
+}
+
+/// Enough landmarks for a median: those that come first by a hash of their ids, so that keyframes with the same
+/// landmarks choose the same.
+std::vector<const Landmark*> some_of(const std::vector<Landmark>& landmarks) {
+  std::vector<const Landmark*> chosen;
+  for (const Landmark& landmark : landmarks) chosen.push_back(&landmark);
+  if (chosen.size() <= kMostLandmarks) return chosen;
+  const auto hash = [](const Landmark* landmark) { return kernels::mix(static_cast<std::uint32_t>(landmark->id)); };
+  std::nth_element(chosen.begin(), chosen.begin() + kMostLandmarks, chosen.end(),
+                   [&](const Landmark* a, const Landmark* b) { return hash(a) < hash(b); });
+  chosen.resize(kMostLandmarks);
+  return chosen;
 }
 
 std::optional<LandmarkSharpness> sharpness_of(std::int64_t id, const Patch& patch) {
@@ -72,10 +91,9 @@ std::optional<LandmarkSharpness> sharpness_of(std::int64_t id, const Patch& patc
 
 std::vector<LandmarkSharpness> landmark_sharpness(const Keyframe& keyframe, int width) {
   std::vector<LandmarkSharpness> result;
-  result.reserve(keyframe.landmarks.size());
-  for (const Landmark& landmark : keyframe.landmarks) {
-    const auto patch = patch_around(keyframe.image, keyframe.cam_from_world * landmark.position_world, width);
-    const auto sharpness = patch ? sharpness_of(landmark.id, *patch) : std::nullopt;
+  for (const Landmark* landmark : some_of(keyframe.landmarks)) {
+    const auto patch = patch_around(keyframe.image, keyframe.cam_from_world * landmark->position_world, width);
+    const auto sharpness = patch ? sharpness_of(landmark->id, *patch) : std::nullopt;
     if (sharpness) result.push_back(*sharpness);
   }
   std::sort(result.begin(), result.end(), [](const auto& a, const auto& b) { return a.id < b.id; });

@@ -15,8 +15,8 @@ struct LandmarkSharpness {
   float horizontal, vertical;
 };
 
-/// Of the keyframe's landmarks in pixels of a depth map of that width, ascending id; without those near the poles and
-/// on patches without contrast.
+/// Of some hundred of the keyframe's landmarks in pixels of a depth map of that width, ascending id; without those near
+/// the poles and on patches without contrast.
 std::vector<LandmarkSharpness> landmark_sharpness(const Keyframe& keyframe, int width);
 
 /// Median ratio of the sharpness of the same landmarks in two images, of the direction in which it is lower, or 1 where
