@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <utility>
 #include <vector>
 
 #include "confidence.h"
@@ -132,7 +133,7 @@ void RevisitFilter::filter(KeyframeCloud& cloud, int width, const Executor& exec
     own.resize(end);
     impl_->recent.push_back(std::move(own));
     if (impl_->recent.size() > static_cast<std::size_t>((options.window - 1) / 2)) {
-      for (const SurfaceCell& cell : impl_->recent.front()) impl_->cells.add(cell);
+      impl_->cells.add(std::move(impl_->recent.front()), executor.impl().pool);
       impl_->recent.pop_front();
     }
   }
