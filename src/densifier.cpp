@@ -145,7 +145,8 @@ void Densifier::Impl::take(const DepthMap& map) {
 void Densifier::Impl::hold(KeyframeCloud cloud) {
   stats.points_fused += static_cast<std::int64_t>(cloud.points.size());
   held.push_back(std::move(cloud));
-  const std::size_t keep = options.free_space.whole_mission ? static_cast<std::size_t>(options.free_space.history) : 0;
+  const bool waits = keeps_sights() && options.free_space.whole_mission;
+  const std::size_t keep = waits ? static_cast<std::size_t>(options.free_space.history) : 0;
   while (held.size() > keep) hand_out();
 }
 
@@ -185,6 +186,34 @@ void Densifier::Impl::forget() {
   for (; first < first_active - remembered; ++first) views.pop_front();
 }
 
+bool Densifier::Impl::add(const Keyframe& keyframe) {
+  ++stats.keyframes_added;
+  ids.insert(keyframe.id);
+  if (!view_filter.accept(keyframe)) {
+    ++stats.keyframes_rejected;
+    if (view_filter.blurred()) ++stats.keyframes_blurred;
+    return false;
+  }
+  ++stats.keyframes_accepted;
+  prepare(keyframe);
+  advance(false);
+  engine->deliver(false);
+  return true;
+}
+
+void Densifier::Impl::flush() {
+  advance(true);
+  engine->deliver(true);
+  while (!stopped() && !held.empty()) hand_out();
+  held.clear();
+  sights.clear();
+  views.clear();
+  first = first_active = next_filter = next_fuse = 0;
+  std::fill(next_match.begin(), next_match.end(), 0);
+  view_filter.reset();
+  revisits = RevisitFilter(options.fusion);
+}
+
 Densifier::Densifier(const DensifierOptions& options, DensifierCallbacks callbacks) {
   options.validate();
   impl_ = std::make_unique<Impl>(options, std::move(callbacks));
@@ -199,31 +228,11 @@ bool Densifier::add(const Keyframe& keyframe) {
     throw InvalidInput("keyframe " + std::to_string(keyframe.id) + " was added before; expected each id once");
   }
   if (impl_->stopped()) return false;
-  ++impl_->stats.keyframes_added;
-  impl_->ids.insert(keyframe.id);
-  if (!impl_->view_filter.accept(keyframe)) {
-    ++impl_->stats.keyframes_rejected;
-    if (impl_->view_filter.blurred()) ++impl_->stats.keyframes_blurred;
-    return false;
-  }
-  ++impl_->stats.keyframes_accepted;
-  impl_->prepare(keyframe);
-  impl_->advance(false);
-  impl_->engine->deliver(false);
-  return true;
+  return impl_->or_cancel([&] { return impl_->add(keyframe); });
 }
 
 void Densifier::flush() {
-  impl_->advance(true);
-  impl_->engine->deliver(true);
-  while (!impl_->stopped() && !impl_->held.empty()) impl_->hand_out();
-  impl_->held.clear();
-  impl_->sights.clear();
-  impl_->views.clear();
-  impl_->first = impl_->first_active = impl_->next_filter = impl_->next_fuse = 0;
-  std::fill(impl_->next_match.begin(), impl_->next_match.end(), 0);
-  impl_->view_filter.reset();
-  impl_->revisits = RevisitFilter(impl_->options.fusion);
+  impl_->or_cancel([&] { impl_->flush(); });
 }
 
 void Densifier::cancel() noexcept { impl_->cancel.store(true, std::memory_order_relaxed); }

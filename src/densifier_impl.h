@@ -42,6 +42,20 @@ struct Densifier::Impl {
   std::int64_t filter_ahead() const { return options.consistency.enabled ? (options.consistency.window - 1) / 2 : 0; }
   std::int64_t fuse_ahead() const { return (options.fusion.window - 1) / 2; }
 
+  bool add(const Keyframe& keyframe);
+  void flush();
+
+  /// Work that fails half-way leaves frames that later work must not look at.
+  template <class Work>
+  auto or_cancel(const Work& work) {
+    try {
+      return work();
+    } catch (...) {
+      cancel = true;
+      throw;
+    }
+  }
+
   void prepare(const Keyframe& keyframe);
   void advance(bool last);
   void choose(std::int64_t i);

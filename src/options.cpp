@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/options.h"
 
-#include <cmath>
 #include <sstream>
+#include <string>
 
 #include "pmsp/error.h"
 
@@ -21,6 +21,13 @@ void check_size(const char* field, int value, int low, int high) {
   check(field, value, low, high);
   if (value % 2 != 0)
     throw InvalidOption(std::string(field) + " is " + std::to_string(value) + "; expected an even number");
+}
+
+/// As many keyframes before as after the one in the middle.
+void check_window(const char* field, int value, int low, int high) {
+  check(field, value, low, high);
+  if (value % 2 == 0)
+    throw InvalidOption(std::string(field) + " is " + std::to_string(value) + "; expected an odd number");
 }
 
 /// Radius of a disc that covers one pixel: where the paper's program changes the pixel that a point falls into [px].
@@ -63,7 +70,10 @@ void ViewFilterOptions::validate() const {
   check("view_filter.min_share", min_share, 0.0, 1.0);
   check("view_filter.min_sharpness", min_sharpness, 0.0, 1.0);
   if (min_parallax_deg >= max_parallax_deg) {
-    throw InvalidOption("view_filter.min_parallax_deg must be below view_filter.max_parallax_deg");
+    std::ostringstream text;
+    text << "view_filter.min_parallax_deg is " << min_parallax_deg
+         << "; expected less than view_filter.max_parallax_deg, " << max_parallax_deg;
+    throw InvalidOption(text.str());
   }
 }
 
@@ -76,7 +86,10 @@ void PatchMatchOptions::validate() const {
   check("patchmatch.iterations", iterations, 1, 100);
   check("patchmatch.neighbours", neighbours, 1, 8);
   check("patchmatch.revisits", revisits, 0, 4);
-  check("patchmatch.neighbours + patchmatch.revisits", neighbours + revisits, 1, 8);
+  if (neighbours + revisits > 8) {
+    throw InvalidOption("patchmatch.neighbours is " + std::to_string(neighbours) + " and patchmatch.revisits " +
+                        std::to_string(revisits) + "; expected no more than 8 together");
+  }
   check("patchmatch.history", history, 1, 100000);
   check("patchmatch.refinements", refinements, 0, 32);
   check("patchmatch.patch_spacing_px", patch_spacing_px, 0.5, 8.0);
@@ -102,13 +115,13 @@ void MedianFilterOptions::validate() const {
 }
 
 void ConsistencyFilterOptions::validate() const {
-  check("consistency.window", window, 2, 15);
+  check_window("consistency.window", window, 3, 15);
   check("consistency.min_views", min_views, 1, window);
   check("consistency.max_relative_depth", max_relative_depth, 0.0, 1.0);
 }
 
 void FusionOptions::validate() const {
-  check("fusion.window", window, 1, 31);
+  check_window("fusion.window", window, 1, 31);
   check("fusion.spacing_px", spacing_px, 0.0, 4.0);
   check("fusion.max_relative_depth", max_relative_depth, 0.0, 1.0);
   check("fusion.max_normal_deg", max_normal_deg, 0.0, 180.0);
@@ -147,7 +160,7 @@ DensifierOptions preset(Quality quality) {
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
   options.patchmatch.iterations = 1;  // with four and more neighbours the geometric passes do the rest
   options.patchmatch.revisits = 1;
-  options.patchmatch.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 an image takes 0.1 GiB
+  options.patchmatch.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 an image takes 0.2 GiB
   options.consistency.window = 7;
   options.consistency.max_relative_depth = 0.007;  // finer pixels and more neighbours agree more closely
   options.fusion.spacing_px = 0.4;                 // pixels are small here; a finer cloud would hold little new

@@ -17,12 +17,12 @@ namespace pmsp {
 struct DensifierStats {
   std::int64_t keyframes_added = 0;
   std::int64_t keyframes_accepted = 0;  ///< by the view filter
-  std::int64_t keyframes_rejected =
-      0;  ///< by the view filter: too little or too much parallax, too few landmarks in common, blurred
-  std::int64_t keyframes_blurred = 0;  ///< those of them that are blurred
-  std::int64_t depth_maps = 0;         ///< of accepted keyframes; the two counts below are those that got none
+  std::int64_t keyframes_rejected = 0;  ///< by the view filter: too little or too much parallax, too few landmarks in
+                                        ///< common, blurred
+  std::int64_t keyframes_blurred = 0;   ///< those of them that are blurred
+  std::int64_t depth_maps = 0;          ///< of accepted keyframes; the two counts below are those that got none
   std::int64_t keyframes_without_neighbour = 0;  ///< no other accepted keyframe near in time, from another place
-  std::int64_t keyframes_without_range = 0;      ///< too few landmarks for a depth range
+  std::int64_t keyframes_without_range = 0;      ///< no landmark to tell a depth range from
   std::int64_t pixels = 0;                       ///< unmasked pixels of these depth maps
   std::int64_t pixels_matched = 0;               ///< with an estimate after PatchMatch
   std::int64_t pixels_after_median = 0;
@@ -42,7 +42,7 @@ struct DensifierStats {
 
 /// Receives results as soon as they are final. Members that are not set are not called, and what only they need is not
 /// computed. All calls come from inside `add` and `flush`, on the thread that called them, in the order in which the
-/// keyframes were added.
+/// keyframes were added. They may call `cancel` and what is const of their Densifier, nothing else.
 struct DensifierCallbacks {
   std::function<void(const DepthMap&)> raw_depth;       ///< straight from PatchMatch
   std::function<void(const DepthMap&)> filtered_depth;  ///< after the median and consistency filters
@@ -54,7 +54,10 @@ struct DensifierCallbacks {
 /// flight.
 ///
 /// A Densifier has no global state; several may live in one process. One of them must not be used from two threads at
-/// once. Results depend on the input and the seed only, not on the number of threads.
+/// once. Results depend on input, seed, backend and instruction set, not on the number of threads.
+///
+/// What a callback throws comes out of `add` or `flush`. After that, or when these throw anything but the InvalidInput
+/// that `add` names, the Densifier is as after `cancel`.
 class Densifier {
  public:
   /// Throws InvalidOption; BackendUnavailable when `options.backend` or `options.simd` asks for more than this machine
@@ -65,16 +68,18 @@ class Densifier {
   Densifier& operator=(Densifier&&) noexcept;
 
   /// Takes one keyframe; image and mask are copied as far as they are needed. Returns whether the view filter accepted
-  /// it. Throws InvalidInput when image, mask or pose are unusable, or the id was added before; the Densifier then is
-  /// as if the call had not been made.
+  /// it, or, after `cancel`, false. Throws InvalidInput when image, mask, pose or landmarks are unusable (see
+  /// Keyframe), or the id was added before: the Densifier then is as if the call had not been made. Throws DeviceError
+  /// when the GPU fails, BackendUnavailable when only now, with sizes that follow the images, its memory turns out not
+  /// to suffice.
   bool add(const Keyframe& keyframe);
 
   /// Finishes what waits in the windows: after it, every accepted keyframe that has a neighbour has had its callbacks.
-  /// More keyframes may follow; they start a new sequence.
+  /// More keyframes may follow; they start a new sequence. Throws DeviceError.
   void flush();
 
   /// Makes `add` or `flush` return early at the next safe point (between two iterations); may be called from any thread
-  /// or a signal handler. Results that were handed out stay valid; nothing more is handed out.
+  /// or a signal handler. Results that were handed out stay valid; nothing more is handed out, and no more is taken.
   void cancel() noexcept;
   bool cancelled() const noexcept;
 

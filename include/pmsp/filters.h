@@ -17,6 +17,7 @@ struct FilterStats {
 
 /// Drops depths that deviate from the median of their 3 x 3 neighbourhood (around the seam and over the poles too) or
 /// whose photometric score (`confidence` of a map from `patchmatch`) is too low. What stays keeps its depth and normal.
+/// Throws InvalidOption.
 void median_filter(DepthMap& map, const MedianFilterOptions& options, const Executor& executor,
                    FilterStats* stats = nullptr);
 
@@ -25,8 +26,9 @@ void median_filter(DepthMap& map, const MedianFilterOptions& options, const Exec
 /// surface lies clearly behind the point, so that they have looked through it. Confidence is made anew of the expected
 /// error (see DepthMap), which grows with the spread of the maps that agree, with the deviation from the planes around
 /// and with what a pixel of parallax is worth in depth, and falls with the share of maps that agree and with `map`'s
-/// photometric score. A point agrees
-/// with another map if that map's surface in the point's direction is as far, within `options.max_relative_depth`.
+/// photometric score. A point agrees with another map if that map's surface in the point's direction is as far, within
+/// `options.max_relative_depth`. Without any other map nothing changes. Throws InvalidOption, and InvalidInput when the
+/// maps differ in size.
 void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others,
                         const ConsistencyFilterOptions& options, const Executor& executor,
                         FilterStats* stats = nullptr);

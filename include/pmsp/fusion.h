@@ -24,7 +24,8 @@ struct FusionInput {
 /// Makes points of the pixels of `window[current]` that no earlier point stands for. Depth, normal and colour are
 /// averages over the maps that agree, weighted with the inverse square of their expected errors (confidence, times the
 /// distance). Each point covers the pixels of the later maps (`window[current + 1]` on) whose centre lies within
-/// `options.spacing_px` of it. A pixel that a later map sees from much closer is left to that map.
+/// `options.spacing_px` of it. A pixel that a later map sees from much closer is left to that map. Throws
+/// InvalidOption, and InvalidInput when sizes differ, something is missing or `current` is not in the window.
 KeyframeCloud fuse(const std::vector<FusionInput>& window, std::size_t current, const FusionOptions& options,
                    const Executor& executor);
 

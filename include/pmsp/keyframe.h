@@ -14,7 +14,7 @@ namespace pmsp {
 /// A sparse point of the SLAM map, as one keyframe observes it.
 struct Landmark {
   std::int64_t id = 0;                                       ///< the same in all keyframes that observe it
-  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();  ///< [scene units]
+  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();  ///< within 1e12 of the origin [scene units]
 };
 
 /// What a SLAM hands over for one keyframe: a full 360° x 180° equirectangular image, its pose, and the landmarks that
@@ -27,9 +27,10 @@ struct Landmark {
 struct Keyframe {
   std::int64_t id = 0;
   double timestamp = 0.0;         ///< [s]
-  RigidTransform cam_from_world;  ///< translation in scene units
+  RigidTransform cam_from_world;  ///< a rotation, and a translation within 1e12 [scene units]
   std::vector<Landmark> landmarks;
-  ImageView<const Rgb> image;          ///< even width and height; only read during the call that it is given to
+  ImageView<const Rgb> image;          ///< even width from 16, even height from 8; only read during the call
+                                       ///< that it is given to
   ImageView<const std::uint8_t> mask;  ///< 0 = ignore, any other = use; size of `image`; empty = use all
 };
 

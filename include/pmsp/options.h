@@ -87,7 +87,7 @@ struct MedianFilterOptions {
 /// Keeps what several depth maps agree on.
 struct ConsistencyFilterOptions {
   bool enabled = true;
-  int window = 5;                     ///< depth maps compared, the filtered one included, 2 to 15
+  int window = 5;                     ///< depth maps compared, the filtered one in the middle, odd, 3 to 15
   int min_views = 3;                  ///< depth maps that must agree, the filtered one included, 1 to window
   double max_relative_depth = 0.015;  ///< deviation that still counts as agreement, 0 to 1
 
@@ -96,7 +96,7 @@ struct ConsistencyFilterOptions {
 
 /// Joins depth maps into a cloud without duplicates.
 struct FusionOptions {
-  int window = 5;                    ///< depth maps that are joined with each other, 1 to 31
+  int window = 5;                    ///< depth maps that are joined with each other, odd, 1 to 31
   double spacing_px = 0.3;           ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
   double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
   double max_normal_deg = 60.0;      ///< angle of normals up to which they are one surface [deg], 0 to 180
@@ -121,7 +121,7 @@ struct FreeSpaceOptions {
   /// have their say. For live use false: then those of the past and of the fusion window have theirs.
   bool whole_mission = false;
   /// Keyframes whose sight is remembered, 1 to 100000. Memory for each: two bytes a pixel of its depth map; with
-  /// `whole_mission` also 36 bytes a point.
+  /// `whole_mission` also 32 bytes a point.
   int history = 300;
 
   void validate() const;
@@ -147,9 +147,10 @@ enum class Quality {
 
 /// Everything that a Densifier can be told.
 struct DensifierOptions {
-  int width = 640;         ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images
-  int height = 320;        ///< of the depth maps [px], even, 16 to 8192; 0 = half the width
-  std::uint64_t seed = 1;  ///< of the random planes; same input and seed, same bytes
+  int width = 640;         ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images, at most 5760, or
+                           ///< twice the height if one is given
+  int height = 320;        ///< of the depth maps [px], even, 16 to 8192; 0 = as the images' shape asks
+  std::uint64_t seed = 1;  ///< of the random planes; same input, seed, backend and instruction set, same bytes
   Backend backend = Backend::kAuto;
   int device = 0;           ///< CUDA device, as the driver numbers them, 0 to 255
   bool pipelined = false;   ///< CUDA: `add` returns while its work goes on, and results come with the next call, so

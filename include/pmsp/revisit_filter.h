@@ -34,7 +34,8 @@ class RevisitFilter {
   /// of [px].
   void filter(KeyframeCloud& cloud, int width, const Executor& executor, FilterStats* stats = nullptr);
 
-  /// What is allocated for what is remembered [bytes]; at most `revisit_memory_mib`.
+  /// What is allocated for what is remembered [bytes]; at most `revisit_memory_mib`. The points of half a fusion window
+  /// come on top, 16 bytes each.
   std::size_t memory() const;
 
  private:

@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
-#include <cmath>
+#include <utility>
 
 #include "confidence.h"
 #include "cpu/executor_impl.h"
 #include "filters/depth_map_tools.h"
+#include "pmsp/error.h"
 #include "pmsp/filters.h"
 
 namespace pmsp {
+
 void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others,
                         const ConsistencyFilterOptions& options, const Executor& executor, FilterStats* stats) {
   options.validate();
+  for (const DepthMap* other : others) {
+    if (!same_size(*other, map)) throw InvalidInput("consistency_filter: the depth maps differ in size");
+  }
   const std::int64_t before = count_depths(map);
   if (options.enabled && !others.empty()) {
     const int width = map.depth.width();

@@ -21,6 +21,10 @@ inline std::int64_t count_depths(const DepthMap& map) {
   return std::count_if(depths.begin(), depths.end(), [](float depth) { return depth > 0.0F; });
 }
 
+inline bool same_size(const DepthMap& a, const DepthMap& b) {
+  return a.depth.width() == b.depth.width() && a.depth.height() == b.depth.height();
+}
+
 /// Restores the rule that normal and confidence are 0 where depth is.
 inline void clear_where_no_depth(DepthMap& map) {
   for (std::size_t i = 0; i < map.depth.size(); ++i) {

@@ -114,12 +114,25 @@ class RowFuser {
   const SphereGrid& grid_;
 };
 
+void check(const std::vector<FusionInput>& window) {
+  for (const FusionInput& input : window) {
+    if (input.map == nullptr || input.color == nullptr || input.covered == nullptr) {
+      throw InvalidInput("fuse: a keyframe of the window lacks its depth map, colours or covered pixels");
+    }
+    const bool fits = same_size(*input.map, *window.front().map) && input.covered->size() == input.map->depth.size() &&
+                      input.color->width() == input.map->depth.width() &&
+                      input.color->height() == input.map->depth.height();
+    if (!fits) throw InvalidInput("fuse: depth maps, colours and covered pixels differ in size");
+  }
+}
+
 }  // namespace
 
 KeyframeCloud fuse(const std::vector<FusionInput>& window, std::size_t current, const FusionOptions& options,
                    const Executor& executor) {
   options.validate();
   if (current >= window.size()) throw InvalidInput("fuse: the current keyframe is not in the window");
+  check(window);
   const DepthMap& map = *window[current].map;
   const SphereGrid grid(map.depth.width(), map.depth.height());
   ThreadPool& pool = executor.impl().pool;
@@ -139,6 +152,9 @@ KeyframeCloud fuse(const std::vector<FusionInput>& window, std::size_t current, 
   std::vector<std::vector<CloudPoint>> rows(static_cast<std::size_t>(grid.height()));
   pool.for_each(grid.height(), [&](int y) { rows[static_cast<std::size_t>(y)] = fuser.fuse_row(y); });
   KeyframeCloud cloud{map.keyframe_id, map.cam_from_world, {}};
+  std::size_t count = 0;
+  for (const std::vector<CloudPoint>& row : rows) count += row.size();
+  cloud.points.reserve(count);
   for (const std::vector<CloudPoint>& row : rows) cloud.points.insert(cloud.points.end(), row.begin(), row.end());
   return cloud;
 }

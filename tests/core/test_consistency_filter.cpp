@@ -257,6 +257,12 @@ TEST_CASE("a consistency filter that is switched off changes nothing, bad option
   CHECK_THROWS_AS(filtered(maps[2], {&hole}, options), InvalidOption);
 }
 
+TEST_CASE("the consistency filter refuses maps of another size", "[consistency]") {
+  DepthMap map = truth_map(synth::sphere_inside(small_recipe(64, 1)).frames[0]);
+  const DepthMap other = truth_map(synth::sphere_inside(small_recipe(32, 1)).frames[0]);
+  CHECK_THROWS_AS(consistency_filter(map, {&other}, {}, Executor(1)), InvalidInput);
+}
+
 TEST_CASE("the consistency filter gives the same bytes for any number of threads", "[consistency]") {
   std::vector<DepthMap> maps = truth_maps(room());
   for (std::size_t k = 0; k < maps.size(); ++k) {

@@ -115,6 +115,25 @@ TEST_CASE("what a callback throws comes out of add or flush", "[densifier]") {
   CHECK_THROWS_WITH(fly_through(densifier, test_flight()), "disk full");
 }
 
+TEST_CASE("after a callback has thrown, nothing more is taken or handed out", "[densifier]") {
+  int clouds = 0;
+  bool thrown = false;
+  DensifierCallbacks callbacks;
+  callbacks.filtered_depth = [&](const DepthMap&) {
+    thrown = true;
+    throw std::runtime_error("disk full");
+  };
+  callbacks.cloud = [&](const KeyframeCloud&) { clouds += thrown ? 1 : 0; };
+  Densifier densifier(fast_options(kTinyWidth), callbacks);
+  CHECK_THROWS_WITH(fly_through(densifier, test_flight()), "disk full");
+  CHECK(densifier.cancelled());
+  Keyframe more = synth::keyframe_of(test_flight(), 0);
+  more.id = 1000;
+  CHECK_FALSE(densifier.add(more));
+  densifier.flush();
+  CHECK(clouds == 0);
+}
+
 TEST_CASE("a CUDA device that is not there is an error, and with auto a reason for the CPU", "[densifier][errors]") {
   DensifierOptions options = fast_options(kTinyWidth);
   options.device = 255;

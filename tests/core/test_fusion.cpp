@@ -350,6 +350,17 @@ TEST_CASE("fusion refuses bad options and a keyframe that is not there", "[fusio
   CHECK_THROWS_AS(fusion.fuse_one(0, options), InvalidOption);
 }
 
+TEST_CASE("fusion refuses what differs in size or is missing", "[fusion]") {
+  Fusion fusion(sphere());
+  fusion.covered[1].pop_back();
+  CHECK_THROWS_AS(fusion.fuse_one(0), InvalidInput);
+  fusion.covered[1].push_back(0);
+  CHECK_NOTHROW(fusion.fuse_one(0));
+  fusion.colors[2] = Image<Rgb>(kWidth, kWidth / 2 - 2);
+  CHECK_THROWS_AS(fusion.fuse_one(0), InvalidInput);
+  CHECK_THROWS_AS(fuse({{&fusion.maps[0], nullptr, &fusion.covered[0]}}, 0, {}, Executor(1)), InvalidInput);
+}
+
 TEST_CASE("points go into the world by the pose that is given", "[fusion]") {
   KeyframeCloud cloud;
   CloudPoint point;

@@ -35,6 +35,7 @@ const std::vector<Field>& fields() {
       {"view_filter.max_parallax_deg", [](O& o, double v) { o.view_filter.max_parallax_deg = v; }, -0.01, 6.1, 180,
        180.1},
       {"view_filter.min_share", [](O& o, double v) { o.view_filter.min_share = v; }, -0.01, 0, 1, 1.01},
+      {"view_filter.min_sharpness", [](O& o, double v) { o.view_filter.min_sharpness = v; }, -0.01, 0, 1, 1.01},
       {"init.sparse_radius_px", [](O& o, double v) { o.init.sparse_radius_px = v; }, -0.01, 0, 100, 100.1},
       {"init.range_margin", [](O& o, double v) { o.init.range_margin = v; }, 0.99, 1, 1000, 1000.1},
       {"patchmatch.iterations", [](O& o, double v) { o.patchmatch.iterations = whole(v); }, 0, 1, 100, 101, true},
@@ -47,6 +48,10 @@ const std::vector<Field>& fields() {
       {"patchmatch.coarse_contrast", [](O& o, double v) { o.patchmatch.coarse_contrast = v; }, -0.01, 0, 255, 255.1},
       {"patchmatch.refinements", [](O& o, double v) { o.patchmatch.refinements = whole(v); }, -1, 0, 32, 33, true},
       {"patchmatch.patch_spacing_px", [](O& o, double v) { o.patchmatch.patch_spacing_px = v; }, 0.49, 0.5, 8, 8.01},
+      {"patchmatch.fine_patch", [](O& o, double v) { o.patchmatch.fine_patch = v; }, 0.09, 0.1, 1, 1.01},
+      {"patchmatch.fine_patch_contrast", [](O& o, double v) { o.patchmatch.fine_patch_contrast = v; }, -0.01, 0, 255,
+       255.1},
+      {"patchmatch.prior_weight", [](O& o, double v) { o.patchmatch.prior_weight = v; }, -0.01, 0, 4, 4.01},
       {"patchmatch.sigma_color", [](O& o, double v) { o.patchmatch.sigma_color = v; }, 0.99, 1, 1000, 1000.1},
       {"patchmatch.min_sigma_color", [](O& o, double v) { o.patchmatch.min_sigma_color = v; }, 0.99, 1, 1000, 1000.1},
       {"patchmatch.sigma_space_px", [](O& o, double v) { o.patchmatch.sigma_space_px = v; }, 0.49, 0.5, 100, 100.1},
@@ -60,7 +65,7 @@ const std::vector<Field>& fields() {
        1.01},
       {"median.max_relative_deviation", [](O& o, double v) { o.median.max_relative_deviation = v; }, -0.01, 0, 1, 1.01},
       {"median.min_score", [](O& o, double v) { o.median.min_score = v; }, -1.01, -1, 1, 1.01},
-      {"consistency.window", [](O& o, double v) { o.consistency.window = whole(v); }, 1, 3, 15, 16, true},
+      {"consistency.window", [](O& o, double v) { o.consistency.window = whole(v); }, 2, 3, 15, 16, true},
       {"consistency.min_views", [](O& o, double v) { o.consistency.min_views = whole(v); }, 0, 1, 5, 6, true},
       {"consistency.max_relative_depth", [](O& o, double v) { o.consistency.max_relative_depth = v; }, -0.01, 0, 1,
        1.01},
@@ -69,6 +74,14 @@ const std::vector<Field>& fields() {
       {"fusion.max_relative_depth", [](O& o, double v) { o.fusion.max_relative_depth = v; }, -0.01, 0, 1, 1.01},
       {"fusion.max_normal_deg", [](O& o, double v) { o.fusion.max_normal_deg = v; }, -0.01, 0, 180, 180.1},
       {"fusion.min_confidence", [](O& o, double v) { o.fusion.min_confidence = v; }, -0.01, 0, 1, 1.01},
+      {"fusion.revisit_memory_mib", [](O& o, double v) { o.fusion.revisit_memory_mib = whole(v); }, -1, 0, 1000000,
+       1000001, true},
+      {"free_space.views", [](O& o, double v) { o.free_space.views = whole(v); }, 0, 1, 1000, 1001, true},
+      {"free_space.max_relative_depth", [](O& o, double v) { o.free_space.max_relative_depth = v; }, -0.01, 0, 1, 1.01},
+      {"free_space.min_relative_gap", [](O& o, double v) { o.free_space.min_relative_gap = v; }, -0.01, 0, 1, 1.01},
+      {"free_space.max_contradiction", [](O& o, double v) { o.free_space.max_contradiction = v; }, -0.01, 0, 100,
+       100.1},
+      {"free_space.history", [](O& o, double v) { o.free_space.history = whole(v); }, 0, 1, 100000, 100001, true},
   };
   return kFields;
 }
@@ -109,6 +122,26 @@ TEST_CASE("sizes are even, or 0 for automatic", "[options]") {
   CHECK_THROWS_WITH(options.validate(), Catch::Contains("height") && Catch::Contains("161"));
   options.height = 0;
   CHECK_NOTHROW(options.validate());
+}
+
+TEST_CASE("windows are odd: as many keyframes before as after", "[options]") {
+  for (const int window : {4, 14}) {
+    DensifierOptions options;
+    options.consistency.window = window;
+    CHECK_THROWS_WITH(options.validate(), Catch::Contains("consistency.window") && Catch::Contains("odd"));
+    options = {};
+    options.fusion.window = window;
+    CHECK_THROWS_WITH(options.validate(), Catch::Contains("fusion.window") && Catch::Contains("odd"));
+  }
+}
+
+TEST_CASE("neighbours and revisits share eight places", "[options]") {
+  PatchMatchOptions options;
+  options.neighbours = 7;
+  options.revisits = 1;
+  CHECK_NOTHROW(options.validate());
+  options.revisits = 2;
+  CHECK_THROWS_WITH(options.validate(), Catch::Contains("neighbours is 7") && Catch::Contains("revisits 2"));
 }
 
 TEST_CASE("the parallax angles must be in order", "[options]") {
