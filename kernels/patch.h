@@ -87,6 +87,9 @@ PMSP_HD F sigma_color(const Patch& patch, const PatchLayout& layout) {
   return min(max(F(kPerSpread) * high, F(layout.min_sigma_color)), F(layout.max_sigma_color));
 }
 
+/// Logarithm of a sample's least weight: half precision, in which a GPU keeps weights, still holds all 36 of them.
+constexpr float kLeastLogWeight = -9.0F;
+
 /// `Cube`: CubeView, or any other type for which `sample` and `is_empty` are there. `Patch`: ReferencePatch<F> or
 /// alike.
 template <class Patch, class F, class Cube>
@@ -107,7 +110,7 @@ PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& fr
   F sum_square(0);
   for (int k = 0; k < kPatchSamples; ++k) {
     const F gray = patch.contrast(k);
-    const F weight = F(layout.space_weight[k]) * exp(max(gray * gray * color_factor, F(-40)));
+    const F weight = F(layout.space_weight[k]) * exp(max(gray * gray * color_factor, F(kLeastLogWeight)));
     patch.put(k, weight, gray);
     sum = sum + weight;
     sum_gray = fma(weight, gray, sum_gray);

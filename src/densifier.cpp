@@ -228,6 +228,8 @@ bool Densifier::add(const Keyframe& keyframe) {
     throw InvalidInput("keyframe " + std::to_string(keyframe.id) + " was added before; expected each id once");
   }
   if (impl_->stopped()) return false;
+  DensifierOptions sized = impl_->options;
+  fill_in_size(sized, keyframe.image.width, keyframe.image.height);  // throws before anything has changed
   return impl_->or_cancel([&] { return impl_->add(keyframe); });
 }
 

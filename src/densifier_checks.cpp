@@ -53,12 +53,19 @@ void check_keyframe(const Keyframe& keyframe) {
 }
 
 void fill_in_size(DensifierOptions& options, int image_width, int image_height) {
+  if (options.width != 0 && options.height != 0) return;
   if (options.width == 0) {
     options.width = options.height != 0 ? 2 * options.height : even(std::min(image_width, kLargestWidth));
   }
   if (options.height == 0) {
-    options.height =
-        even(static_cast<int>(std::lround(static_cast<double>(options.width) * image_height / image_width)));
+    const double height = static_cast<double>(options.width) * image_height / image_width;
+    options.height = even(static_cast<int>(std::min(std::round(height), 1e6)));
+  }
+  try {
+    options.validate();
+  } catch (const InvalidOption& error) {
+    throw InvalidInput("for images of " + size_text(image_width, image_height) + " " + error.what() +
+                       "; give width and height");
   }
 }
 

@@ -9,7 +9,8 @@ namespace pmsp {
 /// Throws InvalidInput, naming keyframe and field, unless image, mask, pose and landmarks are usable.
 void check_keyframe(const Keyframe& keyframe);
 
-/// Replaces a width or height of 0 by what an image of this size stands for.
+/// Replaces a width or height of 0 by what an image of this size stands for. Throws InvalidInput if that is no size of
+/// a depth map.
 void fill_in_size(DensifierOptions& options, int image_width, int image_height);
 
 }  // namespace pmsp

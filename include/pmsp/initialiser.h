@@ -18,14 +18,19 @@ namespace pmsp {
 /// plane.
 using PlaneImage = Image<Eigen::Vector3f>;
 
+/// Depths that single precision bears, in squares and products of three: what lies nearer or farther is passed over
+/// [scene units].
+constexpr double kMinDepth = 1e-6;
+constexpr double kMaxDepth = 1e6;
+
 /// Smallest and largest range that a keyframe's pixels are looked for in [scene units].
 struct DepthRange {
   double min = 0.0;
   double max = 0.0;
 };
 
-/// Range of the keyframe's landmarks (2nd to 98th percentile), widened by `options.range_margin` at both ends; {0, 0}
-/// when it observes none.
+/// Range of the keyframe's landmarks (2nd to 98th percentile), widened by `options.range_margin` at both ends, from
+/// kMinDepth to kMaxDepth at most; {0, 0} when it observes none that lies between these.
 DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options);
 
 /// Planes through the keyframe's landmarks, `width` x `height`: each pixel within `options.sparse_radius_px` of a

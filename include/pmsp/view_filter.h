@@ -23,8 +23,9 @@ CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vect
                                const std::vector<Landmark>& b, const Eigen::Vector3d& center_b, double min_deg,
                                double max_deg);
 
-/// Accepts keyframes that see enough of what the newest accepted one saw from a usefully different place. The first one
-/// is always accepted; one without common landmarks never (Surmann et al. 2022, section III-A).
+/// Accepts keyframes that see enough of what the newest accepted one saw from a usefully different place (Surmann et
+/// al. 2022, section III-A). The first one is always accepted, and so is one that has landmarks but none in common, as
+/// after a loss of tracking: it begins anew. One without landmarks is not.
 ///
 /// Leaves out blurred ones too, where the keyframes around do without: while the newest accepted one shares half of its
 /// landmarks and the parallax to it is below a quarter of `max_parallax_deg`. Landmarks seen in several images tell

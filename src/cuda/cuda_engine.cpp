@@ -26,7 +26,8 @@ namespace {
 constexpr int kGrayBits =
     16;  ///< of the cube maps' texels, as the CPU's: finer than the camera's, since resampling averages
 constexpr int kUsableBits = 8;
-constexpr std::size_t kDownloads = 2;  ///< depth maps on their way down at once
+constexpr std::size_t kDownloads = 2;     ///< depth maps on their way down at once, and clouds
+constexpr std::size_t kMostPending = 64;  ///< how far the host may run ahead, so that it can stop when told to
 
 using Colors = DeviceArray<uchar4>;
 using Planes = DeviceArray<float4>;
@@ -94,7 +95,8 @@ struct Record {
 /// kernel reads was written by an earlier one, and memory that goes back to its pool may be used again at once.
 class CudaEngine : public Engine {
  public:
-  CudaEngine(const EngineContext& context, Executor executor) : Engine(context, std::move(executor)) {}
+  CudaEngine(const EngineContext& context, Executor executor)
+      : Engine(context, std::move(executor)), device_(context.options.device) {}
   ~CudaEngine() override;
 
   std::unique_ptr<Frame> prepare(const Keyframe& keyframe) override;
@@ -119,6 +121,7 @@ class CudaEngine : public Engine {
   void send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to);
   void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
   void hand_out_first();
+  bool may_go_on();
   void finish_match(CudaFrame& reference);
   DevicePlanes surface_of(const CudaFrame& frame) const {
     return {frame.raw ? frame.raw->get() : nullptr, context_.options.width, context_.options.height};
@@ -134,6 +137,7 @@ class CudaEngine : public Engine {
     std::int64_t round;              ///< Densifier::add or flush during which it was asked for
   };
 
+  LastScope device_;  ///< before all that lies on the device
   Stream compute_, up_, down_;
   int image_width_ = 0;
   int image_height_ = 0;
@@ -156,10 +160,12 @@ class CudaEngine : public Engine {
   Pool<Record> records_;
   std::vector<std::unique_ptr<MapDownload>> downloads_;
   std::deque<Pending> pending_;
+  std::size_t clouds_out_ = 0;
   std::int64_t round_ = 0;
 };
 
 CudaEngine::~CudaEngine() {
+  device_.enter();
   for (const Stream* stream : {&compute_, &up_, &down_}) cudaStreamSynchronize(stream->get());
 }
 
@@ -255,7 +261,7 @@ void CudaEngine::find_sparse(const MatchTask& task, MatchArgs& args) {
   std::size_t count = 0;
   for (const Landmark& landmark : landmarks) {
     const Eigen::Vector3d p = task.keyframe->cam_from_world * landmark.position_world;
-    if (!(p.squaredNorm() > 0.0)) continue;
+    if (!(p.norm() >= kMinDepth && p.norm() <= kMaxDepth)) continue;
     const Eigen::Vector2f at = pixel_from_bearing(p, args.grid.width, args.grid.height).cast<float>();
     const Eigen::Vector3f plane = (p / p.squaredNorm()).cast<float>();
     points_host_[count++] = {at.x(), at.y(), plane.x(), plane.y(), plane.z()};
@@ -316,6 +322,7 @@ void CudaEngine::filter_median(const CudaFrame& frame, float4* planes, Counts* c
 
 void CudaEngine::match(const MatchTask& task) {
   const DeviceScope scope(context_.options.device);
+  if (!may_go_on()) return;
   CudaFrame& reference = own(*task.reference);
   const float4* const to_warp = task.previous == nullptr ? nullptr : planes_to_warp(own(*task.previous));
   if (!reference.raw) reference.raw = raws_.get(pixels());
@@ -438,6 +445,7 @@ void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
   const DeviceScope scope(context_.options.device);
   const FusionOptions& options = context_.options.fusion;
   const CudaFrame& reference = own(*window[current]);
+  while (clouds_out_ >= kDownloads) hand_out_first();
   if (chosen_.empty()) {
     chosen_ = Bytes(pixels());
     indices_ = DeviceArray<unsigned int>(pixels());
@@ -472,14 +480,16 @@ void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
   record->start(compute_);
   fuse_pixels(args, fuse_scratch_.get(), fuse_scratch_.size(), compute_.get());
   record->stop(compute_, 1);
+  ++clouds_out_;
   expect([this, record, points, id = reference.id, pose = reference.cam_from_world] {
+    --clouds_out_;
     record->marks[1].wait();
+    if (cancelled()) return;
     context_.stats.seconds_fusion += record->marks[1].seconds_since(record->marks[0]);
     KeyframeCloud cloud{id, pose, std::vector<CloudPoint>(record->host[0].points)};
     PMSP_CUDA_CHECK(cudaMemcpyAsync(cloud.points.data(), points->get(), cloud.points.size() * sizeof(CloudPoint),
                                     cudaMemcpyDeviceToHost, down_.get()));
     PMSP_CUDA_CHECK(cudaStreamSynchronize(down_.get()));
-    if (cancelled()) return;
     context_.results.cloud(std::move(cloud));
   });
 }
@@ -522,6 +532,12 @@ void CudaEngine::send(MapDownload& download, const Frame& frame, std::function<v
     download.busy = false;  // nobody else can ask for it before `to` returns or throws
     if (!cancelled()) to(map);
   });
+}
+
+/// Whether nobody has cancelled; asked before each pass, while not too much is queued.
+bool CudaEngine::may_go_on() {
+  while (!cancelled() && pending_.size() > kMostPending) hand_out_first();
+  return !cancelled();
 }
 
 void CudaEngine::hand_out_first() {

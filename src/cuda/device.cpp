@@ -9,6 +9,12 @@
 #include "sphere/cube_map.h"
 
 namespace pmsp::cuda {
+namespace {
+
+/// Of the largest images that are usual; those to come are not known when memory is asked for.
+constexpr std::size_t kCameraPixels = std::size_t{5760} * 2880;
+
+}  // namespace
 
 Device find_device(int number) {
   Device device;
@@ -66,7 +72,8 @@ std::size_t memory_needed(const DensifierOptions& options) {
   const std::size_t remembered =
       options.patchmatch.revisits > 0 ? static_cast<std::size_t>(options.patchmatch.history) : 0;
   const std::size_t images = remembered * (18 + (coarse > 0 ? 6 : 0)) * side * side;
-  return frames * frame + working + priors + copies + images;
+  const std::size_t uploads = 2 * (3 + 1) * std::max(pixels, kCameraPixels);
+  return frames * frame + working + priors + copies + images + uploads;
 }
 
 }  // namespace pmsp::cuda

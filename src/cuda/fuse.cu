@@ -81,7 +81,7 @@ __global__ void point_kernel(const __grid_constant__ FuseArgs args) {
     kernels::FusionSums sums;
     average(args, x, y, at, sums);
     const Vec3<float> position = (sums.depth / sums.weight) * bearing_at(grid, x, y);
-    const Vec3<float> normal = kernels::normalized(sums.normal);
+    const Vec3<float> normal = kernels::normalized((1.0F / sums.weight) * sums.normal);
     const Vec3<float> color = (1.0F / sums.weight) * sums.color;
     DevicePoint point{};
     point.position[0] = position.x;

@@ -23,8 +23,16 @@ void check(cudaError_t result, const char* call, const char* file, int line) {
 DeviceScope::DeviceScope(int device) {
   PMSP_CUDA_CHECK(cudaGetDevice(&before_));
   PMSP_CUDA_CHECK(cudaSetDevice(device));
+  cudaGetLastError();  // what calls of others have left behind is not ours
 }
 DeviceScope::~DeviceScope() { cudaSetDevice(before_); }
+
+void LastScope::enter() noexcept {
+  if (cudaGetDevice(&before_) == cudaSuccess) cudaSetDevice(device_);
+}
+LastScope::~LastScope() {
+  if (before_ >= 0) cudaSetDevice(before_);
+}
 
 Stream::Stream() { PMSP_CUDA_CHECK(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking)); }
 Stream::~Stream() { cudaStreamDestroy(stream_); }

@@ -29,6 +29,20 @@ class DeviceScope {
   int before_ = 0;
 };
 
+/// As the first member of a class: its device is current from `enter` on, while the other members are destroyed.
+class LastScope {
+ public:
+  explicit LastScope(int device) : device_(device) {}
+  ~LastScope();
+  LastScope(const LastScope&) = delete;
+  LastScope& operator=(const LastScope&) = delete;
+  void enter() noexcept;
+
+ private:
+  int device_;
+  int before_ = -1;  ///< not entered
+};
+
 class Stream {
  public:
   Stream();

@@ -13,7 +13,7 @@ namespace pmsp::cuda {
 namespace {
 
 /// Queued on the stream whose kernels will read it: cudaMemcpy would return, and no other stream would wait, before all
-/// has arrived. The source may go at once.
+/// has arrived. The source must stay until the stream has got there.
 template <class T>
 void copy_up(T* to, const T* from, std::size_t count, const Stream& stream) {
   PMSP_CUDA_CHECK(cudaMemcpyAsync(to, from, count * sizeof(T), cudaMemcpyHostToDevice, stream.get()));
@@ -34,6 +34,7 @@ DeviceGrid::DeviceGrid(int width, int height, const Stream& stream) {
   copy_up(cos_lon, grid.cos_lon(), columns, stream);
   copy_up(sin_lat, grid.sin_lat(), rows, stream);
   copy_up(cos_lat, grid.cos_lat(), rows, stream);
+  PMSP_CUDA_CHECK(cudaStreamSynchronize(stream.get()));
   view_ = {width, height, {nullptr, nullptr, sin_lon}, {nullptr, nullptr, cos_lon}, sin_lat, cos_lat};
 }
 
@@ -51,6 +52,7 @@ DeviceSpanTable::DeviceSpanTable(int source, int target, const Stream& stream) {
   weights_ = DeviceArray<float>(weights.size());
   copy_up(first_.get(), first.data(), first.size(), stream);
   copy_up(weights_.get(), weights.data(), weights.size(), stream);
+  PMSP_CUDA_CHECK(cudaStreamSynchronize(stream.get()));
   view_ = {first_.get(), weights_.get(), static_cast<int>(count)};
 }
 
@@ -66,6 +68,7 @@ DevicePriors::DevicePriors(int width, int height, const Stream& stream) {
   variance_ = DeviceArray<float>(pixels);
   priors_ = DeviceArray<float4>(pixels);
   copy_up(looks_.get(), looks.data(), looks.size(), stream);
+  PMSP_CUDA_CHECK(cudaStreamSynchronize(stream.get()));
   view_.spacing = texture_spacing(width);
   view_.variance = variance_.get();
   view_.priors = priors_.get();

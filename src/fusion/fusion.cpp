@@ -79,7 +79,7 @@ class RowFuser {
         kernels::bearing(grid_.sin_lon()[x], grid_.cos_lon()[x], grid_.sin_lat()[y], grid_.cos_lat()[y]);
     CloudPoint point;
     point.position = (sums.depth / sums.weight) * to_eigen(bearing);
-    point.normal = to_eigen(kernels::normalized(sums.normal));
+    point.normal = to_eigen(kernels::normalized((1.0F / sums.weight) * sums.normal));
     const kernels::Vec3<float> color = (1.0F / sums.weight) * sums.color;
     point.color = {to_byte(color.x), to_byte(color.y), to_byte(color.z)};
     point.confidence = confidence;

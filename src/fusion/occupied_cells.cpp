@@ -104,7 +104,7 @@ void OccupiedCells::add(std::vector<SurfaceCell> cells, ThreadPool& pool) {
   for (int level = 0; level <= kCoarserLevels && !cells.empty(); ++level) cells = add_new(cells, pool);
 }
 
-/// Adds cells of any levels. Returns those a level above the new ones: above the others, all are known.
+/// Adds cells of any levels. Returns those a level above the new ones: above the others they were added before.
 std::vector<SurfaceCell> OccupiedCells::add_new(const std::vector<SurfaceCell>& cells, ThreadPool& pool) {
   const std::size_t chunks = (cells.size() + kChunk - 1) / kChunk;
   std::vector<std::uint64_t> keys(cells.size());

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -22,7 +23,7 @@ constexpr double kAlsoFacing = 0.7;  ///< a second axis is tried from this share
 
 /// What a point covers of a surface, in cells of its own size.
 struct Footprint {
-  Eigen::Vector3d position;  ///< world [sides of a cell]
+  Eigen::Vector3d position;  ///< in the world, from the origin [sides of a cell]
   Eigen::Vector3d normal;    ///< world
   double reach;              ///< how far off the surface it may lie, along the normal [sides]
   double depth;              ///< of a cell across the surface [sides]
@@ -93,6 +94,7 @@ struct RevisitFilter::Impl {
   }
 
   FusionOptions options;
+  std::optional<Eigen::Vector3d> origin;  ///< where the first cloud was seen from: near it numbers of cells are small
   OccupiedCells cells;
   std::deque<std::vector<SurfaceCell>> recent;  ///< of clouds that share a window with the next one
 };
@@ -112,7 +114,9 @@ void RevisitFilter::filter(KeyframeCloud& cloud, int width, const Executor& exec
   if (options.revisit_memory_mib > 0 && spacing > 0.0) {
     std::vector<SurfaceCell> own(before);
     std::vector<std::uint8_t> kept(before);
-    const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
+    RigidTransform world_from_cam = cloud.cam_from_world.inverse();
+    if (!impl_->origin) impl_->origin = world_from_cam.translation;
+    world_from_cam.translation -= *impl_->origin;
     const double depth = cell_depth(options.max_relative_depth, spacing);
     const int chunks = static_cast<int>((before + kChunk - 1) / kChunk);
     executor.impl().pool.for_each(chunks, [&](int c) {

@@ -10,14 +10,15 @@ DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options) {
   ranges.reserve(keyframe.landmarks.size());
   for (const Landmark& landmark : keyframe.landmarks) {
     const double range = (keyframe.cam_from_world * landmark.position_world).norm();
-    if (range > 0.0) ranges.push_back(range);
+    if (range >= kMinDepth && range <= kMaxDepth) ranges.push_back(range);
   }
   if (ranges.empty()) return {};
   std::sort(ranges.begin(), ranges.end());
   const auto percentile = [&](double share) {
     return ranges[static_cast<std::size_t>(share * static_cast<double>(ranges.size() - 1) + 0.5)];
   };
-  return {percentile(0.02) / options.range_margin, percentile(0.98) * options.range_margin};
+  return {std::max(percentile(0.02) / options.range_margin, kMinDepth),
+          std::min(percentile(0.98) * options.range_margin, kMaxDepth)};
 }
 
 }  // namespace pmsp

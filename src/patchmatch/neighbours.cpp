@@ -52,7 +52,8 @@ std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& s
     for (const Candidate& candidate : candidates) {
       const bool known = std::find(chosen.begin(), chosen.end(), candidate.index) != chosen.end();
       if (known || chosen.size() >= wanted) continue;
-      if (round == 0 && per_side[candidate.after ? 1 : 0] >= (wanted + 1) / 2) continue;
+      const bool enough = per_side[candidate.after ? 1 : 0] >= (wanted + 1) / 2;
+      if (round == 0 && (enough || !(candidate.usefulness > 0.0))) continue;
       ++per_side[candidate.after ? 1 : 0];
       chosen.push_back(candidate.index);
     }

@@ -67,11 +67,10 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
   }
   for (const DepthMap* map : input.neighbour_maps) check_size(map, width, height);
   check_size(input.start, width, height);
-  // Products of these numbers must stay inside the range of single precision.
-  if (!(input.range.min >= 1e-12) || !(input.range.max > input.range.min) || !(input.range.max <= 1e12)) {
+  if (!(input.range.min >= kMinDepth) || !(input.range.max > input.range.min) || !(input.range.max <= kMaxDepth)) {
     std::ostringstream text;
-    text << "patchmatch: the depth range is " << input.range.min << " to " << input.range.max
-         << "; expected 1e-12 <= min < max <= 1e12";
+    text << "patchmatch: the depth range is " << input.range.min << " to " << input.range.max << "; expected "
+         << kMinDepth << " <= min < max <= " << kMaxDepth;
     throw InvalidInput(text.str());
   }
   for (const PosedPanorama& neighbour : input.neighbours) {

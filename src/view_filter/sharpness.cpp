@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "pmsp/camera.h"
 #include "random.h"
@@ -63,7 +64,11 @@ std::vector<const Landmark*> some_of(const std::vector<Landmark>& landmarks) {
   std::vector<const Landmark*> chosen;
   for (const Landmark& landmark : landmarks) chosen.push_back(&landmark);
   if (chosen.size() <= kMostLandmarks) return chosen;
-  const auto hash = [](const Landmark* landmark) { return kernels::mix(static_cast<std::uint32_t>(landmark->id)); };
+  const auto hash = [](const Landmark* landmark) {
+    const std::uint64_t id = static_cast<std::uint64_t>(landmark->id);
+    return std::pair(kernels::mix(static_cast<std::uint32_t>(id) ^ kernels::mix(static_cast<std::uint32_t>(id >> 32))),
+                     id);
+  };
   std::nth_element(chosen.begin(), chosen.begin() + kMostLandmarks, chosen.end(),
                    [&](const Landmark* a, const Landmark* b) { return hash(a) < hash(b); });
   chosen.resize(kMostLandmarks);

@@ -66,7 +66,8 @@ bool ViewFilter::Impl::accept(const Keyframe& keyframe) {
   if (has_newest && options.enabled) {
     const CommonParallax common = common_parallax(newest_landmarks, newest_center, keyframe.landmarks, center,
                                                   options.min_parallax_deg, options.max_parallax_deg);
-    if (common.landmarks == 0 || common.in_range < options.min_share * common.landmarks) return false;
+    // With nothing in common a SLAM has lost its way and found another: from there on it is a new flight.
+    if (keyframe.landmarks.empty() || common.in_range < options.min_share * common.landmarks) return false;
     dispensable = common.landmarks >= kSharedToSkip * static_cast<double>(newest_landmarks.size()) &&
                   common.median_deg <= kParallaxToSkip * options.max_parallax_deg;
   }

@@ -69,6 +69,33 @@ TEST_CASE("a keyframe that makes no sense is refused by name, and it is as if it
   CHECK(same(recording, test_result()));
 }
 
+TEST_CASE("images whose shape makes no depth map are refused, and it is as if they had not come", "[densifier]") {
+  DensifierOptions options = fast_options(kTinyWidth);
+  options.height = 0;
+  Densifier densifier(options, {});
+  const Image<Rgb> flat(1024, 8);
+  const Keyframe good = synth::keyframe_of(test_flight(), 0);
+  Keyframe bad = good;
+  bad.image = flat.view();
+  CHECK_THROWS_AS(densifier.add(bad), InvalidInput);
+  CHECK_THROWS_WITH(densifier.add(bad), Catch::Contains("1024 x 8") && Catch::Contains("height"));
+  CHECK(densifier.add(good));
+  CHECK(densifier.options().height == kTinyWidth / 2);
+}
+
+TEST_CASE("landmarks at the camera or beyond all measure do not end a flight", "[densifier]") {
+  Densifier densifier(fast_options(kTinyWidth), {});
+  for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
+    Keyframe keyframe = synth::keyframe_of(test_flight(), i);
+    keyframe.landmarks.resize(20);
+    keyframe.landmarks[3].position_world = keyframe.cam_from_world.center();
+    keyframe.landmarks[4].position_world = {1e12, 0.0, 0.0};
+    CHECK_NOTHROW(densifier.add(keyframe));
+  }
+  CHECK_NOTHROW(densifier.flush());
+  CHECK(densifier.stats().depth_maps > 0);
+}
+
 TEST_CASE("an id stays taken over a flush and over a rejection", "[densifier]") {
   Densifier densifier(fast_options(), {});
   const Keyframe first = synth::keyframe_of(test_flight(), 0);

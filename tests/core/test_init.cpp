@@ -68,9 +68,18 @@ TEST_CASE("the depth range leaves out the outer two percent and is widened", "[i
   range = depth_range(observing(points), options);
   CHECK(range.min == Approx(1.0));
   CHECK(range.max == Approx(297.0));
-  points[0] *= 1e6;  // a stray landmark
+  points[0] *= 1e3;  // a stray landmark
   range = depth_range(observing(points), options);
   CHECK(range.max == Approx(297.0));
+}
+
+TEST_CASE("landmarks at no usable depth are passed over, and the depth range ends where these do", "[init]") {
+  const std::vector<Vector3d> stray = {1e-7 * toward(10, 10), 1e7 * toward(70, 31), Vector3d(0.0, 0.0, 0.0)};
+  CHECK(depth_range(observing(stray), InitOptions{}).max == 0.0);
+  CHECK(count_planes(planes_from_landmarks(observing(stray), kWidth, kHeight, with_radius(6.0))) == 0);
+  const DepthRange range = depth_range(observing({2e-6 * toward(10, 10), 8e5 * toward(70, 31)}), InitOptions{});
+  CHECK(range.min == kMinDepth);
+  CHECK(range.max == kMaxDepth);
 }
 
 TEST_CASE("the depth range of few landmarks is theirs, of none is empty", "[init]") {

@@ -8,6 +8,7 @@
 #include "core/helpers.h"
 #include "pmsp/error.h"
 #include "pmsp/view_filter.h"
+#include "view_filter/sharpness.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -190,12 +191,35 @@ TEST_CASE("common_parallax of nothing in common is zero", "[view_filter]") {
   CHECK(common_parallax({}, kLeft, {}, kRight, 0.0, 180.0).landmarks == 0);
 }
 
-TEST_CASE("the first keyframe is accepted whatever it is, one with nothing in common never", "[view_filter]") {
+TEST_CASE("the first keyframe is accepted whatever it is, and what has landmarks but none in common", "[view_filter]") {
   ViewFilter filter{ViewFilterOptions{}};
   CHECK(filter.accept(keyframe(0, kLeft, {})));
-  CHECK_FALSE(filter.accept(keyframe(1, kRight, {landmark(1, 20.0)})));
+  CHECK(filter.accept(keyframe(1, kRight, {landmark(1, 20.0)})));
+  CHECK_FALSE(filter.accept(keyframe(2, kRight, {})));
+  CHECK(filter.accept(keyframe(3, kLeft, {landmark(2, 20.0)})));  // tracking was lost and found
+  CHECK_FALSE(filter.accept(keyframe(4, kLeft, {landmark(2, 20.0)})));
   filter.reset();
-  CHECK(filter.accept(keyframe(2, kRight, {landmark(1, 20.0)})));
+  CHECK(filter.accept(keyframe(5, kLeft, {landmark(2, 20.0)})));
+}
+
+TEST_CASE("which landmarks blur is measured at does not depend on their order", "[view_filter][blur]") {
+  synth::Recipe recipe = small_recipe(256, 1);
+  recipe.mission.landmarks.count = 1500;
+  const synth::Mission mission = synth::textured_room(recipe);
+  Keyframe frame = synth::keyframe_of(mission, 0);
+  for (std::size_t i = 0; i < frame.landmarks.size(); ++i) {
+    frame.landmarks[i].id = static_cast<std::int64_t>(i) << 32;  // as where the upper half numbers the maps
+  }
+  REQUIRE(frame.landmarks.size() > 500);
+  const auto ids = [&] {
+    std::vector<std::int64_t> result;
+    for (const LandmarkSharpness& sharpness : landmark_sharpness(frame, 256)) result.push_back(sharpness.id);
+    return result;
+  };
+  const std::vector<std::int64_t> before = ids();
+  CHECK(before.size() > 200);
+  std::reverse(frame.landmarks.begin(), frame.landmarks.end());
+  CHECK(ids() == before);
 }
 
 TEST_CASE("the share of landmarks with useful parallax decides, its border included", "[view_filter]") {

@@ -35,7 +35,6 @@ PreparedOnDevice prepare_on_device(ImageView<const Rgb> image, ImageView<const s
   const cuda::Stream stream;
   const cuda::DeviceSpanTable columns(image.width, width, stream);
   const cuda::DeviceSpanTable rows(image.height, height, stream);
-  PMSP_CUDA_CHECK(cudaStreamSynchronize(stream.get()));
   const auto image_on_device = uploaded(bytes);
   cuda::DeviceArray<unsigned char> mask_on_device;
   if (!mask.empty()) mask_on_device = uploaded(allowed);
