@@ -151,6 +151,18 @@ TEST_CASE("a full disk is an OutputError that names the file, and the old file s
   CHECK(dir.entries() == 1);
 }
 
+TEST_CASE("temporary files that killed runs left, with names of this process, are in nobody's way") {
+  const TempDir dir;
+  constexpr int kLeft = 400;  // more than the files that this program has written so far
+  for (int i = 0; i < kLeft; ++i) {
+    write_text(dir / (".c.ply." + std::to_string(getpid()) + "-" + std::to_string(i) + ".tmp"), "left");
+  }
+  PlyWriter writer(dir / "c.ply", {});
+  writer.finish();
+  CHECK(read_ply(dir / "c.ply").positions.empty());
+  CHECK(dir.entries() == kLeft + 1);
+}
+
 TEST_CASE("targets that cannot be written are refused before any work") {
   const TempDir dir;
   CHECK_THROWS_AS(PlyWriter(dir / "no/such/c.ply", {}), OutputError);

@@ -81,20 +81,6 @@ void DepthMapFolder::write(const DepthMap& map) {
 
 void DepthMapFolder::finish() const { write_file(folder_ / "index.json", json_text(index_)); }
 
-void make_folder(const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error || !std::filesystem::is_directory(folder)) {
-    throw OutputError(folder.string() + ": the folder cannot be made" + (error ? ": " + error.message() : ""));
-  }
-}
-
-void write_file(const std::filesystem::path& path, const std::string& content) {
-  AtomicFile file(path);
-  file.write(content);
-  file.commit();
-}
-
 std::string json_text(const nlohmann::ordered_json& json) {
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }

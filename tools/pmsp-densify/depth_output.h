@@ -34,12 +34,6 @@ class DepthMapFolder {
   nlohmann::ordered_json index_;
 };
 
-/// Makes a folder and its parents. Throws OutputError.
-void make_folder(const std::filesystem::path& folder);
-
-/// Writes a file whole or not at all. Throws OutputError.
-void write_file(const std::filesystem::path& path, const std::string& content);
-
 /// `json`, indented, for people as well.
 std::string json_text(const nlohmann::ordered_json& json);
 

@@ -10,7 +10,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "depth_output.h"
+#include "export/atomic_file.h"
 #include "map_figures.h"
 #include "pmsp/error.h"
 #include "progress.h"
@@ -26,7 +26,7 @@ constexpr int kLabelRows = 30;
 void write_png(const std::filesystem::path& path, const cv::Mat& image) {
   std::vector<unsigned char> encoded;
   if (!cv::imencode(".png", image, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
-  write_file(path, std::string(encoded.begin(), encoded.end()));
+  write_file(path, encoded);
 }
 
 cv::Mat view_of(const Image<float>& image) {
