@@ -19,7 +19,7 @@ double png_depth_scale(const SlamMap& map, double range_margin);
 /// keyframe id, and index.json.
 class DepthMapFolder {
  public:
-  /// `kind`: "raw" or "filtered". Throws OutputError when the folder cannot be made.
+  /// `kind`: "raw" or "filtered". Depth maps that an earlier run left in the folder are removed. Throws OutputError.
   DepthMapFolder(const std::filesystem::path& folder, const std::string& kind, const SlamMap& map, double png_scale);
 
   void write(const DepthMap& map);
@@ -33,6 +33,9 @@ class DepthMapFolder {
   double png_scale_;
   nlohmann::ordered_json index_;
 };
+
+/// Whether DepthMapFolder writes files of that name.
+bool is_depth_map_file(const std::string& name);
 
 /// `json`, indented, for people as well.
 std::string json_text(const nlohmann::ordered_json& json);
