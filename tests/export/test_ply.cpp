@@ -4,7 +4,6 @@
 #include <unistd.h>
 #include <csignal>
 #include <cstring>
-#include <limits>
 
 #include <catch2/catch.hpp>
 

@@ -5,7 +5,6 @@
 #include <deque>
 #include <filesystem>
 #include <string>
-#include <vector>
 
 #include <opencv2/core.hpp>
 
