@@ -213,7 +213,7 @@ TEST_CASE("progress for programs is JSON lines on standard output") {
   CHECK(last["points"] == read_ply(dir / "c.ply").positions.size());
 }
 
-TEST_CASE("--force removes depth maps and pictures of an earlier run, and nothing else") {
+TEST_CASE("a forced run removes depth maps and pictures of an earlier run, and nothing else") {
   const TempDir dir;
   for (const char* folder : {"depth", "look"}) {
     std::filesystem::create_directory(dir / folder);

@@ -11,6 +11,7 @@
 #include "exit_code.h"
 #include "export/atomic_file.h"
 #include "interrupt.h"
+#include "io/map_keyframe.h"
 #include "pmsp/densifier.h"
 #include "pmsp/io/ply.h"
 #include "preview.h"
@@ -75,16 +76,6 @@ class Decoder {
   std::size_t asked_ = 0;  ///< of the source's keyframe_ids
   std::string first_error_;
 };
-
-std::vector<Landmark> landmarks_of(const SlamMap& map, const MapKeyframe& keyframe) {
-  std::vector<Landmark> landmarks;
-  landmarks.reserve(keyframe.observations.size());
-  for (const MapObservation& observation : keyframe.observations) {
-    const MapLandmark* landmark = map.find_landmark(observation.landmark_id);
-    if (landmark != nullptr) landmarks.push_back({landmark->id, landmark->position_world});
-  }
-  return landmarks;
-}
 
 std::vector<std::string> ply_comments(const DensifierOptions& options) {
   // No threads, no paths, no times: the same input gives the same bytes.
@@ -232,11 +223,7 @@ class Run {
     const MapKeyframe* found = map_.find_keyframe(item.keyframe_id);
     if (found == nullptr)
       throw InvalidInput("an image names keyframe " + std::to_string(item.keyframe_id) + ", which the map lacks");
-    Keyframe keyframe;
-    keyframe.id = found->id;
-    keyframe.timestamp = found->timestamp;
-    keyframe.cam_from_world = found->cam_from_world;
-    keyframe.landmarks = landmarks_of(map_, *found);
+    Keyframe keyframe = io::keyframe_of(map_, *found);
     keyframe.image = item.image.view();
     keyframe.mask = mask_for(item.image);
     if (preview_) {
