@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include <fcntl.h>
@@ -21,7 +22,7 @@ namespace pmsp {
 
 /// A file that appears under its name when `commit` is called, complete, or not at all. Where the file system can do
 /// it, the file has no name before, so that even a killed process leaves nothing behind; elsewhere it lies beside the
-/// target as ".NAME.PID-N.tmp" and is removed by the destructor.
+/// target as ".NAME.PID-N.tmp" and is removed by the destructor; one that a killed process leaves does no harm.
 class AtomicFile {
  public:
   explicit AtomicFile(const std::filesystem::path& target) : target_(target) {
@@ -82,11 +83,12 @@ class AtomicFile {
  private:
   static constexpr std::size_t kBufferBytes = std::size_t{1} << 20;
 
-  [[noreturn]] void fail(const char* what) {
+  [[noreturn]] void fail(const std::string& what) {
     const int code = errno;
     discard();
     std::string message = target_.string() + ": cannot " + what + ": " + std::strerror(code);
     if (code == ENOENT) message += "; does the folder exist?";
+    if (code == EEXIST) message += "; runs that were killed left such files, remove them";
     throw OutputError(message);
   }
 
@@ -105,6 +107,21 @@ class AtomicFile {
 
   std::string descriptor_path() const { return "/proc/self/fd/" + std::to_string(fd_); }
 
+  /// Calls `make` with one name after the other until it has made a file of that name. In containers PIDs repeat, so
+  /// names may be taken by what killed processes left.
+  template <class Make>
+  void make_temporary(const Make& make) {
+    constexpr int kTries = 1000;
+    for (int left = kTries;; --left) {
+      const std::filesystem::path name = temporary_name();
+      if (make(name.c_str())) {
+        temporary_ = name;
+        return;
+      }
+      if (errno != EEXIST || left == 0) fail("create the temporary file " + name.string());
+    }
+  }
+
   void open_temporary() {
 #ifdef O_TMPFILE
     fd_ = ::open(folder_.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
@@ -114,16 +131,16 @@ class AtomicFile {
       fd_ = -1;
     }
 #endif
-    const std::filesystem::path name = temporary_name();
-    fd_ = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    if (fd_ < 0) fail("create");
-    temporary_ = name;
+    make_temporary([this](const char* name) {
+      fd_ = ::open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+      return fd_ >= 0;
+    });
   }
 
   void link_unnamed() {
-    const std::filesystem::path name = temporary_name();
-    if (::linkat(AT_FDCWD, descriptor_path().c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) != 0) fail("create");
-    temporary_ = name;
+    make_temporary([this](const char* name) {
+      return ::linkat(AT_FDCWD, descriptor_path().c_str(), AT_FDCWD, name, AT_SYMLINK_FOLLOW) == 0;
+    });
   }
 
   void flush() {
@@ -147,5 +164,22 @@ class AtomicFile {
   int fd_ = -1;
   std::vector<char> buffer_;
 };
+
+/// Writes a whole file or nothing; `bytes` is a string or a vector of bytes. Throws OutputError.
+template <class Bytes>
+void write_file(const std::filesystem::path& path, const Bytes& bytes) {
+  AtomicFile file(path);
+  file.write(bytes.data(), bytes.size());
+  file.commit();
+}
+
+/// Makes a folder and its parents, which may exist. Throws OutputError.
+inline void make_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error || !std::filesystem::is_directory(folder, error)) {
+    throw OutputError(folder.string() + ": the folder cannot be made" + (error ? ": " + error.message() : ""));
+  }
+}
 
 }  // namespace pmsp

@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "export/atomic_file.h"
+#include "export/regular_file.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
 
@@ -72,8 +73,8 @@ int side_from(const std::string& word, const std::string& name) {
 template <class T>
 Image<T> read(const std::filesystem::path& path, const std::string& magic, const char* channels, const T& zero) {
   const std::string name = path.string();
+  require_regular_file(path);
   std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) throw IoError(name + ": cannot be read: there is no such file");
   std::ifstream stream(path, std::ios::binary);
   const std::uintmax_t size = std::filesystem::file_size(path, error);
   if (!stream || error) throw IoError(name + ": cannot be opened for reading");

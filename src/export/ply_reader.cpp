@@ -2,13 +2,13 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <optional>
 #include <string>
 #include <system_error>
 
+#include "export/regular_file.h"
 #include "pmsp/error.h"
 #include "pmsp/io/ply.h"
 
@@ -108,9 +108,8 @@ std::vector<std::string> split(const std::string& line) {
 class Input {
  public:
   explicit Input(const std::filesystem::path& path) : name_(path.string()) {
+    require_regular_file(path);
     std::error_code error;
-    const bool regular = std::filesystem::is_regular_file(path, error);
-    if (error || !regular) throw IoError(name_ + ": cannot be read: there is no such file");
     stream_.open(path, std::ios::binary);
     size_ = std::filesystem::file_size(path, error);
     if (!stream_ || error) throw IoError(name_ + ": cannot be opened for reading");

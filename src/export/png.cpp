@@ -2,12 +2,12 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
-#include <system_error>
 #include <vector>
 
 #include <opencv2/imgcodecs.hpp>
 
 #include "export/atomic_file.h"
+#include "export/regular_file.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
 
@@ -29,16 +29,11 @@ void write_png16(const std::filesystem::path& path, const Image<float>& image, d
   }
   std::vector<unsigned char> encoded;
   if (!cv::imencode(".png", values, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
-  AtomicFile file(path);
-  file.write(encoded.data(), encoded.size());
-  file.commit();
+  write_file(path, encoded);
 }
 
 Image<float> read_png16(const std::filesystem::path& path, double scale) {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) {
-    throw IoError(path.string() + ": cannot be read: there is no such file");
-  }
+  require_regular_file(path);
   cv::Mat values;
   try {
     values = cv::imread(path.string(), cv::IMREAD_UNCHANGED);

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "image_decode.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <fstream>
+#include <initializer_list>
 #include <opencv2/imgcodecs.hpp>
 #include <system_error>
 #include <vector>
@@ -13,6 +15,7 @@ namespace pmsp::io {
 namespace {
 
 constexpr std::uintmax_t kMaxFileBytes = std::uintmax_t{1} << 30;
+constexpr std::uint64_t kMaxPixels = std::uint64_t{16384} * 8192;
 
 std::vector<std::uint8_t> read_bytes(const std::filesystem::path& path) {
   std::error_code error;
@@ -30,29 +33,62 @@ std::vector<std::uint8_t> read_bytes(const std::filesystem::path& path) {
   return bytes;
 }
 
-/// True for a JPEG whose end-of-image marker is missing. An embedded thumbnail has such a marker of its own, so the
-/// segments before the scan are skipped by their lengths.
-bool is_truncated_jpeg(const std::vector<std::uint8_t>& bytes) {
-  constexpr std::uint8_t kMark = 0xFF, kStart = 0xD8, kEnd = 0xD9, kScan = 0xDA;
-  if (bytes.size() < 4 || bytes[0] != kMark || bytes[1] != kStart) return false;
+/// What a file says of itself before its pixels; size 0 where it is neither JPEG nor PNG, or broken.
+struct Header {
+  std::uint64_t width = 0;
+  std::uint64_t height = 0;
+  bool truncated = false;  ///< a JPEG whose end-of-image marker is missing
+};
+
+std::uint64_t big_endian(const std::vector<std::uint8_t>& bytes, std::size_t at, std::size_t count) {
+  std::uint64_t value = 0;
+  for (std::size_t i = at; i < at + count && i < bytes.size(); ++i) value = value * 256 + bytes[i];
+  return value;
+}
+
+/// An embedded thumbnail has a size and an end marker of its own, so the segments before the scan are skipped by their
+/// lengths.
+Header jpeg_header(const std::vector<std::uint8_t>& bytes) {
+  constexpr std::uint8_t kMark = 0xFF, kEnd = 0xD9, kScan = 0xDA, kTables = 0xC4, kExtension = 0xC8, kCoding = 0xCC;
+  Header header;
   std::size_t at = 2;
   while (at + 4 <= bytes.size() && bytes[at] == kMark && bytes[at + 1] != kScan) {
-    if (bytes[at + 1] == kMark) {  // a fill byte
+    const std::uint8_t kind = bytes[at + 1];
+    if (kind == kMark) {  // a fill byte
       ++at;
       continue;
     }
-    at += 2 + static_cast<std::size_t>(bytes[at + 2] * 256 + bytes[at + 3]);
+    const bool is_frame = (kind & 0xF0U) == 0xC0U && kind != kTables && kind != kExtension && kind != kCoding;
+    if (is_frame) {
+      header.height = big_endian(bytes, at + 5, 2);
+      header.width = big_endian(bytes, at + 7, 2);
+    }
+    at += 2 + static_cast<std::size_t>(big_endian(bytes, at + 2, 2));
   }
-  for (; at + 1 < bytes.size(); ++at)
-    if (bytes[at] == kMark && bytes[at + 1] == kEnd) return false;
-  return true;
+  header.truncated = true;
+  for (; at + 1 < bytes.size() && header.truncated; ++at)
+    header.truncated = bytes[at] != kMark || bytes[at + 1] != kEnd;
+  return header;
+}
+
+Header header_of(const std::vector<std::uint8_t>& bytes) {
+  const auto starts_with = [&](std::initializer_list<std::uint8_t> magic) {
+    return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
+  };
+  if (starts_with({0xFF, 0xD8}) && bytes.size() >= 4) return jpeg_header(bytes);
+  if (starts_with({0x89, 'P', 'N', 'G'})) return {big_endian(bytes, 16, 4), big_endian(bytes, 20, 4), false};
+  return {};
 }
 
 }  // namespace
 
 cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags) {
   const std::vector<std::uint8_t> bytes = read_bytes(path);
-  if (is_truncated_jpeg(bytes))
+  const Header header = header_of(bytes);
+  if (header.width * header.height > kMaxPixels)  // a small file may promise gigabytes, which OpenCV would allocate
+    throw IoError(path.string() + ": is " + std::to_string(header.width) + "x" + std::to_string(header.height) +
+                  " pixels, which are too many; expected 16384x8192 at most");
+  if (header.truncated)
     throw IoError(path.string() + ": the JPEG ends after " + std::to_string(bytes.size()) +
                   " bytes without its end marker; copy the file again");
   cv::Mat image;

@@ -13,6 +13,8 @@ namespace pmsp::map_detail {
 namespace {
 
 constexpr std::int64_t kMaxImageWidth = 1 << 16;
+constexpr double kMaxDistance = 1e12;  ///< from the origin [scene units]; the Densifier takes no more
+constexpr const char* kExpectedPosition = "expected finite numbers, at most 1e12 from the origin";
 
 template <class... Parts>
 std::string text(const Parts&... parts) {
@@ -45,6 +47,8 @@ MapCamera checked_camera(const RawMap& raw, const RawCamera& camera) {
     reject("fps", text("is ", camera.fps, ", expected a finite number >= 0"));
   return {camera.name, static_cast<int>(camera.cols), static_cast<int>(camera.rows), camera.fps};
 }
+
+bool is_position(const Eigen::Vector3d& p) { return p.allFinite() && p.norm() <= kMaxDistance; }
 
 std::vector<MapCamera> checked_cameras(const RawMap& raw) {
   std::vector<MapCamera> cameras;
@@ -84,9 +88,9 @@ RigidTransform checked_pose(const RawMap& raw, const RawKeyframe& keyframe, int 
               ", expected a rotation: length 1 within 0.001"));
   }
   const Eigen::Vector3d& t = keyframe.translation;
-  if (!t.allFinite()) {
+  if (!is_position(t)) {
     fail(raw.path, where(msgpack ? "trans_cw" : "pose_cw"),
-         text("the translation is (", t.x(), ", ", t.y(), ", ", t.z(), "), expected finite numbers"));
+         text("the translation is (", t.x(), ", ", t.y(), ", ", t.z(), "), ", kExpectedPosition));
   }
   return cam_from_slam_cam(image_width) * RigidTransform{canonical_rotation(q, norm), t};
 }
@@ -100,9 +104,9 @@ void sort_landmarks(RawMap& raw) {
            "this id appears more than once, expected unique ids");
     }
     const Eigen::Vector3d& p = landmarks[i].position_world;
-    if (!p.allFinite()) {
+    if (!is_position(p)) {
       fail(raw.path, place(raw.dialect, "landmarks", std::to_string(landmarks[i].id), "pos_w"),
-           text("is (", p.x(), ", ", p.y(), ", ", p.z(), "), expected finite numbers"));
+           text("is (", p.x(), ", ", p.y(), ", ", p.z(), "), ", kExpectedPosition));
     }
   }
 }

@@ -336,7 +336,10 @@ void read_keyframes(const Database& database, RawMap& map, const std::vector<std
     }
     if (!rows.is_null(7)) {
       keyframe.keyframe.source_frame = rows.integer(7);
-      if (*keyframe.keyframe.source_frame < 0) rows.wrong(7, "a number >= 0");
+      if (*keyframe.keyframe.source_frame < 0) {
+        fail(database.path(), rows.where(7),
+             "is " + std::to_string(*keyframe.keyframe.source_frame) + ", expected a number >= 0");
+      }
     }
     set_observations(keyframe.keyframe, landmark_ids,
                      [&](std::size_t i) { return Eigen::Vector2f(keypoints[i].x, keypoints[i].y); });

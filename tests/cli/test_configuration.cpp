@@ -85,6 +85,24 @@ TEST_CASE("flags come before the file, the file before the preset") {
   CHECK(nlohmann::json::parse(densify({"config", "--config", file, "--quality", "online"}).out)["width"] == 640);
 }
 
+TEST_CASE("a quality that the file leaves nothing to is warned of") {
+  const TempDir dir;
+  const std::string file = (dir / "c.json").string();
+  const std::string high = densify({"config", "--quality", "high"}).out;
+  write_text(file, high);
+  const Result all = densify({"config", "--config", file, "--quality", "normal"});
+  CHECK(all.code == 0);
+  CHECK(all.out == high);
+  CHECK_THAT(all.err, Contains("warning: --quality normal changes nothing") && Contains(file));
+  CHECK(densify({"config", "--config", file}).err.empty());
+  const Result run =
+      densify(quick_run(dir / "c.ply", {"--config", file, "--quality", "online", "--quiet", "--patchmatch-iterations",
+                                        "1", "--patchmatch-neighbours", "2"}));
+  CHECK_THAT(run.err, Contains("warning: --quality online changes nothing"));
+  write_text(file, R"({"fusion": {"window": 7}})");
+  CHECK(densify({"config", "--config", file, "--quality", "normal"}).err.empty());
+}
+
 TEST_CASE("the paper's setting is a quality, and the help names what it changes") {
   const auto json = nlohmann::json::parse(densify({"config", "--quality", "paper"}).out);
   CHECK(json["patchmatch"]["fine_patch"] == 1.0);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <chrono>
 #include <csignal>
+#include <set>
 #include <sstream>
 #include <thread>
 
@@ -58,6 +59,7 @@ TEST_CASE("a run writes all that was asked for") {
   for (const char* kind : {"depth", "raw"}) {
     const auto index = nlohmann::json::parse(read_text(dir / kind / "index.json"));
     REQUIRE(index["maps"].size() == 5);
+    CHECK_THAT(index["confidence"].get<std::string>(), Contains(kind == std::string("raw") ? "NCC" : "relative error"));
     for (const auto& entry : index["maps"]) {
       const MapKeyframe* keyframe = map.find_keyframe(entry["keyframe_id"].get<std::int64_t>());
       REQUIRE(keyframe != nullptr);
@@ -145,22 +147,22 @@ TEST_CASE("an empty result gives 5, the stage and the option to try, and no file
 
 TEST_CASE("each stage that may lose all points is named with an option that exists") {
   DensifierStats stats;
-  stats.keyframes_added = 9;
   const std::string help = densify({"run", "--help"}).out;
   const auto check = [&](const std::string& stage) {
-    const std::string text = tool::explain_empty(stats, 9);
+    const std::string text = tool::explain_empty(stats);
     INFO(text);
     CHECK_THAT(text, Contains(stage));
     const std::size_t dashes = text.find("--");
     REQUIRE(dashes != std::string::npos);
-    CHECK_THAT(help, Contains(text.substr(dashes, text.find(' ', dashes) - dashes) + " "));
+    CHECK_THAT(help, Contains(text.substr(dashes, text.find_first_of(" ,", dashes) - dashes) + " "));
   };
-  check("view filter");
+  check("no keyframe has an image");
+  stats.keyframes_added = 9;
   stats.keyframes_accepted = 1;
   stats.keyframes_without_neighbour = 1;
   check("neighbour");
   stats.keyframes_without_range = 1;
-  check("depth range");
+  CHECK_THAT(tool::explain_empty(stats), Contains("no landmarks") && Contains("pmsp-densify info"));
   stats.depth_maps = 1;
   check("mask");
   stats.pixels = 10;
@@ -171,6 +173,8 @@ TEST_CASE("each stage that may lose all points is named with an option that exis
   check("consistency");
   stats.pixels_after_consistency = 7;
   check("fusion");
+  stats.points_fused = 6;
+  check("free-space filter");
 }
 
 TEST_CASE("the summary and the statistics name keyframes without a depth map") {
@@ -207,6 +211,46 @@ TEST_CASE("progress for programs is JSON lines on standard output") {
   CHECK(keyframes == 5);
   CHECK(last["event"] == "done");
   CHECK(last["points"] == read_ply(dir / "c.ply").positions.size());
+}
+
+TEST_CASE("a forced run removes depth maps and pictures of an earlier run, and nothing else") {
+  const TempDir dir;
+  for (const char* folder : {"depth", "look"}) {
+    std::filesystem::create_directory(dir / folder);
+    for (const char* name : {"depth_000077.pfm", "depth_000077.png", "normal_000077.pfm", "confidence_1234567.pfm",
+                             "keyframe_000077.png", "depth_77.pfm", "depth_000077_mine.pfm", "notes.txt"}) {
+      write_text(dir / folder / name, "old");
+    }
+  }
+  REQUIRE(densify(quick_run(dir / "c.ply", {"--force", "--depth-maps", (dir / "depth").string(), "--preview",
+                                            (dir / "look").string()}))
+              .code == 0);
+  const auto entries = [&](const char* folder) {
+    std::set<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(dir / folder)) names.insert(entry.path().filename());
+    return names;
+  };
+  const std::set<std::string> depth = entries("depth");
+  for (const char* own : {"depth_000077.pfm", "depth_000077.png", "normal_000077.pfm", "confidence_1234567.pfm"}) {
+    INFO(own);
+    CHECK(depth.count(own) == 0);
+  }
+  CHECK(depth.size() == 4 + 5 * 4 + 1);  // what is not its own, five keyframes, the index
+  const std::set<std::string> look = entries("look");
+  CHECK(look.count("keyframe_000077.png") == 0);
+  CHECK(look.size() == 7 + 4 + 2);
+}
+
+TEST_CASE("SIGTERM ends a run with 143") {
+  const TempDir dir;
+  Command command(densify_words(quick_run(dir / "c.ply", {"--width", "2048", "--height", "1024",
+                                                          "--patchmatch-iterations", "100", "--progress", "plain"})));
+  for (int i = 0; i < 600 && command.err_so_far().find("keyframe 1/5") == std::string::npos; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  kill(command.pid(), SIGTERM);
+  CHECK(command.wait().code == 143);
+  CHECK(dir.entries() == 0);
 }
 
 TEST_CASE("SIGINT ends a run with 130 and leaves nothing; the old cloud stays") {

@@ -14,7 +14,7 @@ TEST_CASE("help and version go to standard output") {
     CHECK(help.code == 0);
     CHECK(help.err.empty());
     for (const char* word :
-         {"run", "info", "config", "Examples:", "--images", "--patchmatch-iterations", "Exit codes"}) {
+         {"run", "info", "config", "Examples:", "--images", "--patchmatch-iterations", "Exit codes", "143"}) {
       CHECK_THAT(help.out, Contains(word));
     }
   }
@@ -46,9 +46,17 @@ TEST_CASE("usage errors give 2 and name what is wrong") {
       {{"m.msg", "--images", "a", "--quality", "best"}, "best"},
       {{"m.msg", "--images", "a", "--progress", "loud"}, "--progress"},
       {{"m.msg", "--images", "a", "--backend", "opencl"}, "--backend"},
-      {{"m.msg", "--images", "a", "--fps", "-3"}, "--fps"},
-      {{"m.msg", "--images", "a", "--frame-offset", "x"}, "--frame-offset"},
-      {{"m.msg", "--images", "a", "--depth-maps", "d", "--raw-depth-maps", "./d"}, "--raw-depth-maps"},
+      {{"m.msg", "--images", "a", "--fps", "-3"}, "--fps is \"-3\"; expected"},
+      {{"m.msg", "--images", "a", "--fps", "fast"}, "--fps is \"fast\"; expected"},
+      {{"m.msg", "--images", "a", "--frame-offset", "1e3"}, "--frame-offset is \"1e3\"; expected a whole number"},
+      {{"m.msg", "--images", "a", "--free-space-history", "100001"}, "a whole number from 1 to 100000 "},
+      {{"m.msg", "--images", "a", "--depth-maps", "d", "--raw-depth-maps", "./d/"}, "--raw-depth-maps"},
+      {{"m.msg", "--images", "a", "-o", "c.ply", "--stats", "./c.ply"}, "--output c.ply and --stats ./c.ply"},
+      {{"m.msg", "--images", "a", "-o", "c", "--preview", "c"}, "--output c and --preview c"},
+      {{"m.msg", "--images", "a", "-o", "c", "--depth-maps", "c/d"}, "--output c and --depth-maps c/d"},
+      {{"m.msg", "--images", "a", "--stats", "d/index.json", "--depth-maps", "d"}, "--stats d/index.json and"},
+      {{"m.msg", "--images", "a", "-o", "look/cloud_above.png", "--preview", "look"}, "and --preview look"},
+      {{"m.msg", "--images", "a", "--preview", "./a"}, "--preview ./a is the folder of the images"},
   };
   for (const auto& [arguments, word] : cases) {
     const Result result = densify(arguments);
@@ -81,7 +89,8 @@ TEST_CASE("input that cannot be used gives 3 and names the file") {
       {{map, "--video", "no.mp4", "-o", out}, "no.mp4"},
       {{map, "--images", images, "--mask", "no.png", "-o", out}, "no.png"},
       {{map, "--images", images, "--mask", rubbish, "-o", out}, "rubbish"},
-      {{map, "--images", images, "--config", "no.json", "-o", out}, "no.json"},
+      {{map, "--images", images, "--config", "no.json", "-o", out}, "no.json: cannot be read: there is no such file"},
+      {{map, "--images", images, "--config", images, "-o", out}, "it is a folder"},
       {{"info", "no.msg"}, "no.msg"},
       {{"info", map, "--images", "no-folder"}, "no-folder"},
   };
@@ -116,6 +125,19 @@ TEST_CASE("outputs that exist are refused before any work, with 6") {
   const Result folder = densify(quick_run(dir / "no/such/folder/c.ply"));
   CHECK(folder.code == 6);
   CHECK_THAT(folder.err, Contains("no/such/folder"));
+}
+
+TEST_CASE("outputs that get along may share a folder") {
+  const TempDir dir;
+  const std::string folder = (dir / "out").string();
+  std::filesystem::create_directory(folder);
+  const Result result = densify(quick_run(folder + "/c.ply", {"--force", "--stats", folder + "/s.json", "--depth-maps",
+                                                              folder, "--preview", folder + "/"}));
+  INFO(result.err);
+  CHECK(result.code == 0);
+  for (const char* name : {"c.ply", "s.json", "index.json", "cloud_above.png"}) {
+    CHECK(std::filesystem::exists(std::filesystem::path(folder) / name));
+  }
 }
 
 TEST_CASE("inputs are never overwritten, even with --force") {

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
 
-#include <algorithm>
-#include <cmath>
-
 #include <Eigen/Geometry>
 
 #include "eval/flight.h"

@@ -2,7 +2,6 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
-#include <mutex>
 
 #include "eval/flight.h"
 #include "export/temp_dir.h"

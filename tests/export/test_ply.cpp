@@ -4,7 +4,6 @@
 #include <unistd.h>
 #include <csignal>
 #include <cstring>
-#include <limits>
 
 #include <catch2/catch.hpp>
 
@@ -149,6 +148,18 @@ TEST_CASE("a full disk is an OutputError that names the file, and the old file s
   CHECK(WEXITSTATUS(status) == 0);
   CHECK(read_text(dir / "c.ply") == "old");
   CHECK(dir.entries() == 1);
+}
+
+TEST_CASE("temporary files that killed runs left, with names of this process, are in nobody's way") {
+  const TempDir dir;
+  constexpr int kLeft = 400;  // more than the files that this program has written so far
+  for (int i = 0; i < kLeft; ++i) {
+    write_text(dir / (".c.ply." + std::to_string(getpid()) + "-" + std::to_string(i) + ".tmp"), "left");
+  }
+  PlyWriter writer(dir / "c.ply", {});
+  writer.finish();
+  CHECK(read_ply(dir / "c.ply").positions.empty());
+  CHECK(dir.entries() == kLeft + 1);
 }
 
 TEST_CASE("targets that cannot be written are refused before any work") {

@@ -196,6 +196,27 @@ TEST_CASE("A wrong size, a cut and a broken file are named, and the rest can be 
   CHECK(drain(*source).frames == Frames{19, 31});
 }
 
+TEST_CASE("A small file that promises gigabytes of pixels is refused before they are allocated") {
+  TempFolder folder;
+  const auto shots = shots_from(0.0);
+  write_frames(folder, "%06lld.jpg", shots);
+  const auto overwrite = [&](const char* name, std::streamoff at, const std::string& bytes) {
+    std::fstream file(folder / name, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(at).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  };
+  // In a JPEG, height and width stand 5 bytes behind the mark FF C0, in a PNG, width and height at byte 16.
+  std::ifstream jpeg(folder / "000000.jpg", std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(jpeg), std::istreambuf_iterator<char>()};
+  overwrite("000000.jpg", static_cast<std::streamoff>(bytes.find("\xFF\xC0")) + 5, "\xFF\xF0\xFF\xF1");
+  write_gray_frame(folder / "000001.png", 1);
+  std::filesystem::rename(folder / "000001.png", folder / "000001.jpg");
+  overwrite("000001.jpg", 16, std::string("\x00\x00\x80\x00\x00\x00\x40\x00", 8));
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  CHECK_THROWS_WITH(source->next(), Contains("000000.jpg") && Contains("65521x65520") && Contains("16384x8192"));
+  CHECK_THROWS_WITH(source->next(), Contains("000001.jpg") && Contains("32768x16384"));
+  CHECK(source->next().has_value());
+}
+
 TEST_CASE("A cut PNG is an error, not a gray image") {
   TempFolder folder;
   const auto shots = shots_from(0.0);

@@ -137,6 +137,7 @@ TEST_CASE("values that make no sense are refused with their place") {
   check_keyframe("rot_cw", {0.0, 0.0, 0.0, 1.002}, "length 1");
   check_keyframe("rot_cw", {0.0, 0.0, 0.0, 0.0}, "length 1");
   check_keyframe("trans_cw", {0.0, kNan, 0.0}, "finite");
+  check_keyframe("trans_cw", {0.0, 2e12, 0.0}, "at most 1e12");
   check_keyframe("cam", "nobody's", "no camera \"nobody's\"");
   for (const double x : {kNan, kInfinity, -1.0, 641.0, 1e300}) {
     json keypoints = good_tree()["keyframes"]["9"]["undist_keypts"];
@@ -146,6 +147,8 @@ TEST_CASE("values that make no sense are refused with their place") {
   json tree = good_tree();
   tree["landmarks"]["12"]["pos_w"][2] = kInfinity;
   CHECK_THAT(error_of_tree(tree), Contains("landmarks[\"12\"].pos_w") && Contains("finite"));
+  tree["landmarks"]["12"]["pos_w"][2] = -2e12;
+  CHECK_THAT(error_of_tree(tree), Contains("landmarks[\"12\"].pos_w") && Contains("at most 1e12"));
   tree["landmarks"]["12"].erase("pos_w");
   CHECK_THAT(error_of_tree(tree), Contains("landmarks[\"12\"].pos_w") && Contains("array of 3 numbers"));
 }

@@ -68,7 +68,7 @@ TEST_CASE("cells that are wrong are named by table, row and column") {
         "there are 0 keypoints");
   check("UPDATE associations SET lm_ids = NULL WHERE id = 9", "associations, id 9, column lm_ids", "has 0 elements");
   check("UPDATE associations SET lm_ids = zeroblob(13) WHERE id = 9", "lm_ids", "a multiple of 4 bytes");
-  check("UPDATE keyframes SET src_frm_id = -4 WHERE id = 9", "column src_frm_id", ">= 0");
+  check("UPDATE keyframes SET src_frm_id = -4 WHERE id = 9", "column src_frm_id", "is -4, expected a number >= 0");
   check("UPDATE keyframes SET id = -4 WHERE id = 9", "table keyframes, id -4", "expected an id >= 0");
   check("UPDATE landmarks SET pos_w = zeroblob(23) WHERE id = 5", "table landmarks, id 5, column pos_w", "3 doubles");
   check("UPDATE landmarks SET pos_w = X'000000000000f87f000000000000f87f000000000000f87f' WHERE id = 5",

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <cmath>
 #include <cstring>
 
 #include <catch2/catch.hpp>

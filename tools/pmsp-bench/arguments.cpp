@@ -3,7 +3,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <iostream>
 
 #include "cuda/cuda_engine.h"
 #include "pmsp-bench/stages.h"

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <utility>
 
 #include "cuda/cuda_engine.h"
 #include "patch.h"

@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "io/map_keyframe.h"
 #include "pmsp/error.h"
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
@@ -13,22 +14,6 @@
 #include "support/mission.h"
 
 namespace pmsp::bench {
-namespace {
-
-Keyframe keyframe_of(const SlamMap& map, std::int64_t id) {
-  const MapKeyframe& found = *map.find_keyframe(id);
-  Keyframe keyframe;
-  keyframe.id = id;
-  keyframe.timestamp = found.timestamp;
-  keyframe.cam_from_world = found.cam_from_world;
-  for (const MapObservation& observation : found.observations) {
-    const MapLandmark* landmark = map.find_landmark(observation.landmark_id);
-    if (landmark != nullptr) keyframe.landmarks.push_back({landmark->id, landmark->position_world});
-  }
-  return keyframe;
-}
-
-}  // namespace
 
 Flight render_flight(int image_width, int keyframes) {
   synth::Recipe recipe;
@@ -52,7 +37,7 @@ Flight read_flight(const std::filesystem::path& map_file, const std::filesystem:
   while (flight.keyframes.size() < wanted) {
     std::optional<ImageSource::Item> item = source->next();
     if (!item) break;
-    Keyframe keyframe = keyframe_of(map, item->keyframe_id);
+    Keyframe keyframe = io::keyframe_of(map, *map.find_keyframe(item->keyframe_id));
     if (!filter.accept(keyframe)) continue;
     images->push_back(std::move(item->image));
     keyframe.image = std::as_const(images->back()).view();

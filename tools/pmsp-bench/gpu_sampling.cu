@@ -1032,8 +1032,11 @@ Settings settings_from(int argc, char** argv) {
     } else if (argument == "--no-accuracy") {
       s.accuracy = false;
     } else {
-      std::fputs(kUsage, argument == "--help" ? stdout : stderr);
-      std::exit(argument == "--help" ? 0 : 2);
+      const bool help = argument == "--help";
+      const bool lacks_value = argument == "--runs" || argument == "--json";
+      if (!help) std::fprintf(stderr, "%s: %s\n", argv[i], lacks_value ? "its value is missing" : "no such argument");
+      std::fputs(kUsage, help ? stdout : stderr);
+      std::exit(help ? 0 : 2);
     }
   }
   return s;

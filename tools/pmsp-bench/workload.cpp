@@ -2,7 +2,6 @@
 #include "pmsp-bench/workload.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "pmsp/error.h"
 #include "pmsp/filters.h"

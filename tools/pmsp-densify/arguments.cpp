@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "arguments.h"
 
+#include <algorithm>
 #include <iostream>
 
 #include <CLI/CLI.hpp>
@@ -19,8 +20,19 @@ constexpr const char* kExamples =
     "  pmsp-densify info map.msg --images keyframes/\n"
     "  pmsp-densify config --quality high > high.json\n"
     "\n"
-    "Exit codes: 0 ok, 1 unexpected error, 2 usage, 3 input, 4 backend unavailable, 5 empty result, 6 output, 130 "
-    "interrupted";
+    "Exit codes: 0 ok, 1 unexpected error, 2 usage, 3 input, 4 backend unavailable, 5 empty result, 6 output, "
+    "128 + n stopped by signal n (130 Ctrl-C, 143 SIGTERM)";
+
+std::int64_t frame_offset_from(const std::string& text) {
+  if (const auto offset = number_from<std::int64_t>(text)) return *offset;
+  throw UsageError("--frame-offset is \"" + text + "\"; expected a whole number of frames, such as 12 or -12");
+}
+
+double frame_rate_from(const std::string& text) {
+  const auto fps = number_from<double>(text);
+  if (fps && *fps >= 0.0 && *fps <= 1e6) return *fps;
+  throw UsageError("--fps is \"" + text + "\"; expected frames per second up to 1000000, or 0 for the map's own");
+}
 
 void add_inputs(CLI::App& app, Arguments& a) {
   app.add_option("map", a.map, "Map of OpenVSLAM or stella_vslam (MessagePack or SQLite)")->type_name("MAP");
@@ -31,10 +43,15 @@ void add_inputs(CLI::App& app, Arguments& a) {
   app.add_option("--video", a.video, "The video that the SLAM saw, instead of --images")
       ->type_name("FILE")
       ->group("Input");
-  app.add_option("--frame-offset", a.frame_offset, "Added to frame indices [frames; default 0]")
+  app.add_option_function<std::string>(
+         "--frame-offset", [&a](const std::string& text) { a.frame_offset = frame_offset_from(text); },
+         "Added to the frame indices of keyframes; other than 0, it says that images are found by frame index: by no "
+         "other reading of their names, nor by a video's presentation times [frames; default 0]")
       ->type_name("N")
       ->group("Input");
-  app.add_option("--fps", a.fps, "Frame rate that turns timestamps into frame indices [1/s; default 0 = the map's]")
+  app.add_option_function<std::string>(
+         "--fps", [&a](const std::string& text) { a.fps = frame_rate_from(text); },
+         "Frame rate that turns timestamps into frame indices [1/s; default 0 = the map's]")
       ->type_name("F")
       ->group("Input");
 }
@@ -43,10 +60,14 @@ void add_table(CLI::App& app, Arguments& a) {
   app.add_option_function<std::string>(
          "--quality", [&a](const std::string& name) { a.quality = name; },
          "Preset: online (640 x 320, keeps up with a flight), normal (1440 x 720), high (the images' size) or paper "
-         "(Surmann et al. 2022 as published, to compare with) [default online]")
+         "(Surmann et al. 2022 as published, to compare with); options of --config and flags override the preset's "
+         "[default online]")
       ->type_name("NAME")
       ->group("Configuration");
-  app.add_option("--config", a.config, "JSON file with options, as `config` prints them; flags override it")
+  app.add_option(
+         "--config", a.config,
+         "JSON file with options, as `config` prints them, which override the preset's; flags override them. Its "
+         "key \"quality\" names the preset where --quality does not")
       ->type_name("FILE")
       ->group("Configuration");
   for (const OptionEntry& entry : option_table()) {
@@ -198,7 +219,6 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   }
   refuse_extras(*app.get_subcommands().front());
   a.verb = info.parsed() ? Verb::kInfo : config.parsed() ? Verb::kConfig : Verb::kRun;
-  if (!(a.fps >= 0.0) || a.fps > 1e6) throw UsageError("--fps is no frame rate; expected 0 (the map's) to 1000000");
   if (!a.images.empty() && !a.video.empty()) throw UsageError("--images and --video exclude each other");
   if (a.verb == Verb::kRun) check_run(a);
   if (a.verb == Verb::kInfo && a.map.empty()) throw UsageError("MAP is missing: pmsp-densify info MAP");

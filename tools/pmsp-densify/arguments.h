@@ -8,8 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "option_table.h"
 
 namespace pmsp::tool {
@@ -55,6 +53,10 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv);
 /// Defaults, then the preset of the quality, then the configuration file, then flags; validated. Throws InvalidOption,
 /// IoError.
 DensifierOptions effective_options(const Arguments& arguments);
+
+/// A warning where --quality was given in vain, because the configuration file and flags set all that it would; ""
+/// else.
+std::string quality_warning(const Arguments& arguments);
 
 /// "pmsp-densify 0.1.0"
 std::string version_text();

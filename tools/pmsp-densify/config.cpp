@@ -3,18 +3,16 @@
 #include <iostream>
 #include <iterator>
 
-#include "exit_code.h"
+#include "export/regular_file.h"
 #include "verbs.h"
 
 namespace pmsp::tool {
 namespace {
 
 nlohmann::json read_config(const std::filesystem::path& path) {
-  std::error_code ignored;
+  require_regular_file(path);
   std::ifstream file(path, std::ios::binary);
-  if (!file || !std::filesystem::is_regular_file(path, ignored)) {
-    throw IoError(path.string() + ": the configuration cannot be read: there is no such file");
-  }
+  if (!file) throw IoError(path.string() + ": cannot be opened for reading");
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   try {
     return nlohmann::json::parse(text, nullptr, true, true);
@@ -36,17 +34,42 @@ Quality quality_of(const Arguments& arguments, const nlohmann::json& file) {
   }
 }
 
+nlohmann::json config_of(const Arguments& arguments) {
+  return arguments.config.empty() ? nlohmann::json::object() : read_config(arguments.config);
+}
+
+/// The preset, over it the configuration file, over that flags.
+DensifierOptions options_over(Quality quality, const Arguments& arguments, const nlohmann::json& file) {
+  DensifierOptions options = preset(quality);
+  apply_json(options, file, arguments.config.string());
+  for (const auto& [entry, text] : arguments.overrides) set_from_text(options, *entry, text, entry->flag());
+  return options;
+}
+
 }  // namespace
 
 DensifierOptions effective_options(const Arguments& arguments) {
-  const nlohmann::json file = arguments.config.empty() ? nlohmann::json::object() : read_config(arguments.config);
-  DensifierOptions options = preset(quality_of(arguments, file));
-  apply_json(options, file, arguments.config.string());
-  for (const auto& [entry, text] : arguments.overrides) set_from_text(options, *entry, text, entry->flag());
+  const nlohmann::json file = config_of(arguments);
+  const DensifierOptions options = options_over(quality_of(arguments, file), arguments, file);
   options.validate();
   return options;
 }
 
-void config(const Arguments& arguments) { std::cout << to_json(effective_options(arguments)).dump(2) << "\n"; }
+std::string quality_warning(const Arguments& arguments) {
+  if (!arguments.quality || arguments.config.empty()) return "";
+  const nlohmann::json file = config_of(arguments);
+  const auto online = to_json(options_over(Quality::kOnline, arguments, file));
+  for (const Quality other : {Quality::kNormal, Quality::kHigh, Quality::kPaper}) {
+    if (to_json(options_over(other, arguments, file)) != online) return "";
+  }
+  return "--quality " + *arguments.quality + " changes nothing: " + arguments.config.string() +
+         " sets all of its options; leave one of them out";
+}
+
+void config(const Arguments& arguments) {
+  std::cout << to_json(effective_options(arguments)).dump(2) << "\n";
+  const std::string warning = quality_warning(arguments);
+  if (!warning.empty()) std::cerr << "warning: " << warning << "\n";
+}
 
 }  // namespace pmsp::tool

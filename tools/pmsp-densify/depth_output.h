@@ -19,7 +19,7 @@ double png_depth_scale(const SlamMap& map, double range_margin);
 /// keyframe id, and index.json.
 class DepthMapFolder {
  public:
-  /// `kind`: "raw" or "filtered". Throws OutputError when the folder cannot be made.
+  /// `kind`: "raw" or "filtered". Depth maps that an earlier run left in the folder are removed. Throws OutputError.
   DepthMapFolder(const std::filesystem::path& folder, const std::string& kind, const SlamMap& map, double png_scale);
 
   void write(const DepthMap& map);
@@ -34,11 +34,8 @@ class DepthMapFolder {
   nlohmann::ordered_json index_;
 };
 
-/// Makes a folder and its parents. Throws OutputError.
-void make_folder(const std::filesystem::path& folder);
-
-/// Writes a file whole or not at all. Throws OutputError.
-void write_file(const std::filesystem::path& path, const std::string& content);
+/// Whether DepthMapFolder writes files of that name.
+bool is_depth_map_file(const std::string& name);
 
 /// `json`, indented, for people as well.
 std::string json_text(const nlohmann::ordered_json& json);

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <iostream>
 

@@ -4,7 +4,6 @@
 #include <unistd.h>
 #include <atomic>
 #include <csignal>
-#include <cstddef>
 
 #include "exit_code.h"
 

@@ -5,7 +5,6 @@
 #include <charconv>
 #include <limits>
 #include <numeric>
-#include <system_error>
 
 #include "pmsp/error.h"
 
@@ -24,22 +23,16 @@ std::string number_text(double value) {
   return {text, result.ptr};
 }
 
-template <class T>
-T parse_number(const std::string& text, bool& ok) {
-  T value{};
-  const char* first = text.data() + (text.size() > 1 && text[0] == '+' ? 1 : 0);
-  const auto result = std::from_chars(first, text.data() + text.size(), value);
-  ok = result.ec == std::errc() && result.ptr == text.data() + text.size() && !text.empty();
-  return value;
-}
-
 std::string range_text(const OptionEntry& entry) {
   if (entry.is_switch()) return "true or false";
   if (entry.access.index() == 4) return "auto, scalar, avx2 or avx512";
   if (entry.access.index() == 5) return "auto, cpu or cuda";
   if (entry.access.index() == 3) return "a whole number from 0 to 18446744073709551615";
-  return std::string(entry.access.index() == 1 ? "a whole number from " : "") + number_text(entry.min) + " to " +
-         number_text(entry.max);
+  if (entry.access.index() == 1) {
+    return "a whole number from " + std::to_string(static_cast<int>(entry.min)) + " to " +
+           std::to_string(static_cast<int>(entry.max));
+  }
+  return number_text(entry.min) + " to " + number_text(entry.max);
 }
 
 [[noreturn]] void refuse(const OptionEntry& entry, const std::string& where, const std::string& value) {
@@ -113,7 +106,8 @@ const std::vector<OptionEntry>& option_table() {
        +PMSP_AT(int, threads)},
       {"simd", "Size and machine", "", 0, 0, "Instruction set; auto takes the widest that this machine has",
        +PMSP_AT(Simd, simd)},
-      {"view_filter.enabled", "View filter", "", 0, 1, "Leave out keyframes with too little or too much parallax",
+      {"view_filter.enabled", "View filter", "", 0, 1,
+       "Leave out keyframes with too little or too much parallax, and those that are clearly blurred",
        +PMSP_AT(bool, view_filter.enabled)},
       {"view_filter.min_parallax_deg", "View filter", "deg", 0, 180, "Smallest useful parallax of a landmark",
        +PMSP_AT(double, view_filter.min_parallax_deg)},
@@ -135,7 +129,8 @@ const std::vector<OptionEntry>& option_table() {
        +PMSP_AT(double, init.range_margin)},
       {"patchmatch.iterations", "PatchMatch", "", 1, 100, "Visits of every pixel",
        +PMSP_AT(int, patchmatch.iterations)},
-      {"patchmatch.neighbours", "PatchMatch", "", 1, 8, "Keyframes to match with; time grows in proportion",
+      {"patchmatch.neighbours", "PatchMatch", "", 1, 8,
+       "Keyframes to match with; time grows in proportion; with revisits at most 8",
        +PMSP_AT(int, patchmatch.neighbours)},
       {"patchmatch.revisits", "PatchMatch", "", 0, 4,
        "Source keyframes from earlier in the mission in addition, where the same place is passed again",
@@ -273,24 +268,23 @@ std::string OptionEntry::description() const {
 
 void set_from_text(DensifierOptions& options, const OptionEntry& entry, const std::string& text,
                    const std::string& where) {
-  bool ok = true;
+  const auto number = [&](auto parsed) {
+    if (!parsed) refuse(entry, where, "\"" + text + "\"");
+    return *parsed;
+  };
   if (const auto* as_switch = std::get_if<0>(&entry.access)) {
     if (text != "true" && text != "false") refuse(entry, where, "\"" + text + "\"");
     (*as_switch)(options) = text == "true";
   } else if (const auto* as_int = std::get_if<1>(&entry.access)) {
-    const int value = parse_number<int>(text, ok);
-    if (!ok) refuse(entry, where, "\"" + text + "\"");
+    const int value = number(number_from<int>(text));
     check_range(entry, value, where, text);
     (*as_int)(options) = value;
   } else if (const auto* as_double = std::get_if<2>(&entry.access)) {
-    const double value = parse_number<double>(text, ok);
-    if (!ok) refuse(entry, where, "\"" + text + "\"");
+    const double value = number(number_from<double>(text));
     check_range(entry, value, where, text);
     (*as_double)(options) = value;
   } else if (const auto* as_seed = std::get_if<3>(&entry.access)) {
-    const std::uint64_t value = parse_number<std::uint64_t>(text, ok);
-    if (!ok) refuse(entry, where, "\"" + text + "\"");
-    (*as_seed)(options) = value;
+    (*as_seed)(options) = number(number_from<std::uint64_t>(text));
   } else {
     try {
       if (const auto* as_simd = std::get_if<4>(&entry.access)) (*as_simd)(options) = simd_from_name(text);

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <charconv>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <system_error>
 #include <variant>
 #include <vector>
 
@@ -49,6 +52,16 @@ nlohmann::ordered_json to_json(const DensifierOptions& options);
 /// Sets what `json` holds. Throws InvalidOption naming `source` (the file) and the key; for an unknown one, the
 /// nearest.
 void apply_json(DensifierOptions& options, const nlohmann::json& json, const std::string& source);
+
+/// The number that the whole of `text` is, nullopt otherwise. A leading + is fine.
+template <class T>
+std::optional<T> number_from(const std::string& text) {
+  T value{};
+  const char* first = text.data() + (text.size() > 1 && text[0] == '+' ? 1 : 0);
+  const auto result = std::from_chars(first, text.data() + text.size(), value);
+  const bool whole = result.ec == std::errc() && result.ptr == text.data() + text.size() && !text.empty();
+  return whole ? std::optional<T>(value) : std::nullopt;
+}
 
 /// The candidate that differs from `word` in the fewest letters; "" when there is none.
 std::string nearest(const std::string& word, const std::vector<std::string>& candidates);

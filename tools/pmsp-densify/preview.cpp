@@ -3,15 +3,16 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdio>
 #include <utility>
+#include <vector>
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "depth_output.h"
+#include "export/atomic_file.h"
 #include "map_figures.h"
+#include "output_folder.h"
 #include "pmsp/error.h"
 #include "progress.h"
 
@@ -22,11 +23,13 @@ constexpr std::size_t kStrips = 4;
 constexpr std::size_t kMaxPoints = 2400000;  // thinned to half of them when reached
 constexpr int kMaxPanelWidth = 960;
 constexpr int kLabelRows = 30;
+constexpr const char* kAbove = "cloud_above.png";
+constexpr const char* kCorner = "cloud_corner.png";
 
 void write_png(const std::filesystem::path& path, const cv::Mat& image) {
   std::vector<unsigned char> encoded;
   if (!cv::imencode(".png", image, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
-  write_file(path, std::string(encoded.begin(), encoded.end()));
+  write_file(path, encoded);
 }
 
 cv::Mat view_of(const Image<float>& image) {
@@ -95,7 +98,7 @@ cv::Mat strip_of(const cv::Mat& color, const DepthMap& map) {
 }  // namespace
 
 Preview::Preview(const std::filesystem::path& folder, std::size_t keyframes) : folder_(folder), keyframes_(keyframes) {
-  make_folder(folder_);
+  prepare_folder(folder_, is_preview_file);
 }
 
 void Preview::add_keyframe(std::size_t index, std::int64_t id, const RigidTransform& cam_from_world,
@@ -125,9 +128,7 @@ void Preview::add_depth(const DepthMap& map) {
   const Pending pending = pending_.front();
   pending_.pop_front();
   if (strips_ >= kStrips || pending.index < keyframes_ * (2 * strips_ + 1) / (2 * kStrips)) return;
-  char name[64];
-  std::snprintf(name, sizeof(name), "keyframe_%06lld.png", static_cast<long long>(pending.id));
-  write_png(folder_ / name, strip_of(pending.color, map));
+  write_png(folder_ / numbered_name("keyframe_", pending.id, ".png"), strip_of(pending.color, map));
   ++strips_;
   if (strips_ == kStrips) pending_.clear();
 }
@@ -184,8 +185,12 @@ void Preview::finish(std::int64_t points) {
   if (scene_.points.size() < static_cast<std::size_t>(points)) {
     scene_.caption += ", " + count_text(static_cast<std::int64_t>(scene_.points.size())) + " of them drawn";
   }
-  write_png(folder_ / "cloud_above.png", draw_from_above(scene_));
-  write_png(folder_ / "cloud_corner.png", draw_from_corner(scene_));
+  write_png(folder_ / kAbove, draw_from_above(scene_));
+  write_png(folder_ / kCorner, draw_from_corner(scene_));
+}
+
+bool is_preview_file(const std::string& name) {
+  return name == kAbove || name == kCorner || is_numbered_name(name, "keyframe_", ".png");
 }
 
 }  // namespace pmsp::tool

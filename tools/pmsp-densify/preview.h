@@ -5,7 +5,6 @@
 #include <deque>
 #include <filesystem>
 #include <string>
-#include <vector>
 
 #include <opencv2/core.hpp>
 
@@ -20,7 +19,7 @@ namespace pmsp::tool {
 /// are dense.
 class Preview {
  public:
-  /// `keyframes`: how many will come. Throws OutputError when the folder cannot be made.
+  /// `keyframes`: how many will come. Pictures that an earlier run left in the folder are removed. Throws OutputError.
   Preview(const std::filesystem::path& folder, std::size_t keyframes);
 
   /// Each keyframe, before the densifier gets it; `index` counts from 0. Sizes are those of the depth map.
@@ -50,5 +49,8 @@ class Preview {
   ViewScene scene_;
   Eigen::Vector3d down_ = Eigen::Vector3d::Zero();
 };
+
+/// Whether Preview writes files of that name.
+bool is_preview_file(const std::string& name);
 
 }  // namespace pmsp::tool

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <chrono>
-#include <cstdlib>
+#include <exception>
 #include <future>
 #include <memory>
 #include <optional>
@@ -9,87 +9,73 @@
 
 #include "depth_output.h"
 #include "exit_code.h"
+#include "export/atomic_file.h"
 #include "interrupt.h"
+#include "io/map_keyframe.h"
 #include "pmsp/densifier.h"
 #include "pmsp/io/ply.h"
 #include "preview.h"
 #include "progress.h"
 #include "stats.h"
+#include "targets.h"
 #include "verbs.h"
 
 namespace pmsp::tool {
 namespace {
 
-namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-void check_file_target(const Arguments& arguments, const fs::path& target, const char* option) {
-  if (target.empty()) return;
-  std::error_code ignored;
-  for (const fs::path& input : {arguments.map, arguments.video, arguments.mask, arguments.config}) {
-    if (!input.empty() && fs::equivalent(target, input, ignored)) {
-      throw UsageError(std::string(option) + " " + target.string() + " would overwrite an input");
-    }
-  }
-  if (!fs::exists(target, ignored)) return;
-  if (!fs::is_regular_file(target, ignored)) {
-    throw OutputError(target.string() + ": cannot be written, it exists and is no ordinary file");
-  }
-  if (!arguments.force) {
-    throw OutputError(target.string() + ": exists already; --force overwrites it, or give another " + option);
-  }
-}
-
-void check_folder_target(const Arguments& arguments, const fs::path& target, const char* option) {
-  std::error_code ignored;
-  if (target.empty() || !fs::exists(target, ignored)) return;
-  if (!fs::is_directory(target, ignored)) throw OutputError(target.string() + ": exists and is no folder");
-  std::error_code error;
-  if (!fs::is_empty(target, error) && !arguments.force) {
-    throw OutputError(target.string() + ": is not empty; --force writes into it, or give another " + option);
-  }
-}
-
-// Before any work: a run of hours must not end in front of a file that it may not replace.
-void check_targets(const Arguments& a) {
-  check_file_target(a, a.output, "--output");
-  check_file_target(a, a.stats, "--stats");
-  check_folder_target(a, a.depth_maps, "--depth-maps");
-  check_folder_target(a, a.raw_depth_maps, "--raw-depth-maps");
-  check_folder_target(a, a.preview, "--preview");
-  const auto place = [](const fs::path& path) {
-    std::error_code ignored;
-    return fs::weakly_canonical(fs::absolute(path), ignored);
-  };
-  if (!a.raw_depth_maps.empty() && !a.depth_maps.empty() && place(a.raw_depth_maps) == place(a.depth_maps)) {
-    throw UsageError("--depth-maps and --raw-depth-maps name one folder; their files have the same names");
-  }
-}
-
 struct Decoded {
-  std::optional<ImageSource::Item> item;
+  std::optional<ImageSource::Item> item;  ///< nullopt after the last image
+  std::vector<SkippedKeyframe> skipped;   ///< keyframes before it that turned out to have no image
   double seconds = 0.0;
 };
 
-Decoded decode_next(ImageSource& source) {
-  const Clock::time_point start = Clock::now();
-  Decoded decoded;
-  decoded.item = source.next();
-  decoded.seconds = seconds_since(start);
-  return decoded;
-}
+/// Decodes one image after the other. One that cannot be decoded costs its keyframe, not the run.
+class Decoder {
+ public:
+  explicit Decoder(ImageSource& source) : source_(source), listed_(source.skipped().size()) {}
 
-std::vector<Landmark> landmarks_of(const SlamMap& map, const MapKeyframe& keyframe) {
-  std::vector<Landmark> landmarks;
-  landmarks.reserve(keyframe.observations.size());
-  for (const MapObservation& observation : keyframe.observations) {
-    const MapLandmark* landmark = map.find_landmark(observation.landmark_id);
-    if (landmark != nullptr) landmarks.push_back({landmark->id, landmark->position_world});
+  Decoded next() {
+    const Clock::time_point start = Clock::now();
+    Decoded decoded;
+    while (!take_image(decoded)) continue;
+    decoded.seconds = seconds_since(start);
+    return decoded;
   }
-  return landmarks;
-}
+
+  /// Why the first of the images that could not be decoded could not; "" when all could.
+  const std::string& first_error() const { return first_error_; }
+
+ private:
+  bool take_image(Decoded& decoded) {
+    try {
+      decoded.item = source_.next();
+      take_skipped(decoded);
+      ++asked_;
+      return true;
+    } catch (const IoError& error) {
+      take_skipped(decoded);
+      decoded.skipped.push_back({source_.keyframe_ids().at(asked_++), error.what()});
+      if (first_error_.empty()) first_error_ = error.what();
+      return false;
+    }
+  }
+
+  /// What the source itself has passed over since the last call.
+  void take_skipped(Decoded& decoded) {
+    for (; listed_ < source_.skipped().size(); ++listed_, ++asked_) {
+      decoded.skipped.push_back(source_.skipped()[listed_]);
+    }
+  }
+
+  ImageSource& source_;
+  std::size_t listed_;     ///< of the source's skipped keyframes
+  std::size_t asked_ = 0;  ///< of the source's keyframe_ids
+  std::string first_error_;
+};
 
 std::vector<std::string> ply_comments(const DensifierOptions& options) {
   // No threads, no paths, no times: the same input gives the same bytes.
@@ -104,6 +90,8 @@ class Run {
  public:
   Run(const Arguments& arguments, const DensifierOptions& options)
       : arguments_(arguments), progress_(arguments.progress, arguments.quiet, arguments.verbose) {
+    const std::string warning = quality_warning(arguments);
+    if (!warning.empty()) progress_.warning(warning);
     progress_.stage("reading " + arguments.map.string());
     map_ = read_map(arguments.map);
     source_ = open_images(arguments, map_);
@@ -112,7 +100,6 @@ class Run {
     report_.output = arguments.output.string();
     report_.keyframes = map_.keyframes.size();
     report_.with_image = source_->keyframe_ids().size();
-    report_.skipped = source_->skipped();
     announce();
     open_outputs(options);
     densifier_ = std::make_unique<Densifier>(options, callbacks());
@@ -131,15 +118,15 @@ class Run {
       const InterruptGuard guard(*densifier_);
       try {
         densify(guard);
-      } catch (const Interrupted&) {
-        finish_depth_maps();  // the depth maps that are there are whole and stay usable
+      } catch (...) {
+        keep_depth_maps();
         throw;
       }
     }
     report_.stats = densifier_->stats();
     report_.seconds_total = seconds_since(start_);
     finish_depth_maps();
-    if (writer_->points() == 0) report_.empty_reason = explain_empty(report_.stats, report_.with_image);
+    if (writer_->points() == 0) report_.empty_reason = explain_empty(report_.stats);
     if (report_.empty_reason.empty()) write_results();
     if (!arguments_.stats.empty()) write_file(arguments_.stats, json_text(to_json(report_)));
     progress_.message(summary(report_));
@@ -157,9 +144,12 @@ class Run {
     progress_.message(report_.map + ": " + std::to_string(report_.keyframes) + " keyframes, " +
                       std::to_string(map_.landmarks.size()) + " landmarks");
     progress_.message("images: " + report_.images);
-    for (const SkippedKeyframe& skipped : report_.skipped) {
-      progress_.warning("keyframe " + std::to_string(skipped.keyframe_id) + " skipped: " + skipped.reason);
-    }
+    for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);
+  }
+
+  void skip(const SkippedKeyframe& skipped) {
+    report_.skipped.push_back(skipped);
+    progress_.warning("keyframe " + std::to_string(skipped.keyframe_id) + " skipped: " + skipped.reason);
   }
 
   void open_outputs(const DensifierOptions& options) {
@@ -192,18 +182,26 @@ class Run {
 
   // While one keyframe is densified, the next image is decoded; no more than these two are in memory.
   void densify(const InterruptGuard& guard) {
-    std::future<Decoded> next = std::async(std::launch::async, decode_next, std::ref(*source_));
-    for (std::size_t index = 0;; ++index) {
+    Decoder decoder(*source_);
+    const auto decode = [&decoder] { return decoder.next(); };
+    std::future<Decoded> next = std::async(std::launch::async, decode);
+    std::size_t index = 0;
+    for (;; ++index) {
       const Clock::time_point start = Clock::now();
       const Decoded decoded = next.get();
       report_.seconds_wait += seconds_since(start);
       report_.seconds_decode += decoded.seconds;
       guard.check();
+      for (const SkippedKeyframe& skipped : decoded.skipped) skip(skipped);
+      report_.with_image -= decoded.skipped.size();
       if (!decoded.item) break;
-      next = std::async(std::launch::async, decode_next, std::ref(*source_));
+      next = std::async(std::launch::async, decode);
       verify(*decoded.item);
       add(index, *decoded.item);
       guard.check();
+    }
+    if (index == 0 && !decoder.first_error().empty()) {
+      throw IoError("no image can be read; the first one: " + decoder.first_error());
     }
     progress_.stage("finishing the last keyframes");
     densifier_->flush();
@@ -217,8 +215,7 @@ class Run {
     report_.pairing = verifier_->verdict();
     report_.seconds_verify += seconds_since(start);
     if (report_.pairing->conclusive && !report_.pairing->belongs) {
-      throw InvalidInput(report_.pairing->message +
-                         "; look at --frame-offset and --fps, or give --no-verify to densify nevertheless");
+      throw InvalidInput(report_.pairing->message);
     }
   }
 
@@ -226,11 +223,7 @@ class Run {
     const MapKeyframe* found = map_.find_keyframe(item.keyframe_id);
     if (found == nullptr)
       throw InvalidInput("an image names keyframe " + std::to_string(item.keyframe_id) + ", which the map lacks");
-    Keyframe keyframe;
-    keyframe.id = found->id;
-    keyframe.timestamp = found->timestamp;
-    keyframe.cam_from_world = found->cam_from_world;
-    keyframe.landmarks = landmarks_of(map_, *found);
+    Keyframe keyframe = io::keyframe_of(map_, *found);
     keyframe.image = item.image.view();
     keyframe.mask = mask_for(item.image);
     if (preview_) {
@@ -255,6 +248,14 @@ class Run {
   void finish_depth_maps() {
     if (raw_) raw_->finish();
     if (filtered_) filtered_->finish();
+  }
+
+  /// After an error. The depth maps that are there are whole and stay usable; what went wrong first is what is told.
+  void keep_depth_maps() noexcept {
+    try {
+      finish_depth_maps();
+    } catch (const std::exception&) {
+    }
   }
 
   void write_results() {

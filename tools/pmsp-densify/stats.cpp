@@ -127,15 +127,14 @@ std::string summary(const RunReport& report) {
          std::to_string(static_cast<long>(peak_memory_mib())) + " MiB";
 }
 
-std::string explain_empty(const DensifierStats& s, std::size_t with_image) {
-  if (with_image == 0) return "no keyframe has an image; look at what `pmsp-densify info` says about them";
-  if (s.keyframes_accepted == 0) {
-    return "the view filter accepted none of " + std::to_string(s.keyframes_added) +
-           " keyframes; try --view-filter-min-parallax-deg 1 or --no-view-filter-enabled";
+std::string explain_empty(const DensifierStats& s) {
+  if (s.keyframes_added == 0) {
+    return "no keyframe has an image, as the warnings say; look at --images or --video, --frame-offset and --fps";
   }
   if (s.depth_maps == 0 && s.keyframes_without_range > 0) {
-    return "the landmarks of " + std::to_string(s.keyframes_without_range) +
-           " keyframe(s) are too few for a depth range; try --init-range-margin 3, or a map with more landmarks";
+    return "the map has no landmarks that " + std::to_string(s.keyframes_without_range) +
+           " keyframe(s) see, so that there is no depth range; save the map with its landmarks (`pmsp-densify info` "
+           "counts them)";
   }
   if (s.depth_maps == 0) {
     return "the view filter left " + std::to_string(s.keyframes_accepted) +
@@ -154,7 +153,12 @@ std::string explain_empty(const DensifierStats& s, std::size_t with_image) {
     return "the consistency filter dropped all " + std::to_string(s.pixels_after_median) +
            " pixels; try --consistency-min-views 2 or --consistency-max-relative-depth 0.05";
   }
-  return "fusion kept none of " + std::to_string(s.pixels_after_consistency) + " pixels; try --fusion-min-confidence 0";
+  if (s.points_fused == 0) {
+    return "fusion kept none of " + std::to_string(s.pixels_after_consistency) +
+           " pixels; try --fusion-min-confidence 0";
+  }
+  return "the free-space filter removed all " + std::to_string(s.points_fused) +
+         " points; try --free-space-max-contradiction 10 or --no-free-space-enabled";
 }
 
 }  // namespace pmsp::tool

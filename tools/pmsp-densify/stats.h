@@ -36,7 +36,7 @@ nlohmann::ordered_json to_json(const RunReport& report);
 std::string summary(const RunReport& report);
 
 /// Which stage lost the points, and the option to try.
-std::string explain_empty(const DensifierStats& stats, std::size_t with_image);
+std::string explain_empty(const DensifierStats& stats);
 
 /// Largest resident memory of this process so far [MiB].
 double peak_memory_mib();

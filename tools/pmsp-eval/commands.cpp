@@ -5,8 +5,8 @@
 #include <cstdio>
 #include <iostream>
 #include <set>
-#include <system_error>
 
+#include "export/atomic_file.h"
 #include "pmsp-eval/calibration_plot.h"
 #include "pmsp-eval/depth_files.h"
 #include "pmsp-eval/error_images.h"
@@ -42,13 +42,6 @@ void deliver(const CommonArguments& common, const Json& json, const std::string&
   if (!std::cout) throw OutputError("standard output cannot be written");
 }
 
-void make_folder(const fs::path& folder) {
-  if (folder.empty()) return;
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw OutputError(folder.string() + ": cannot make the folder: " + error.message());
-}
-
 fs::path picture_path(const fs::path& folder, const char* prefix, std::int64_t id) {
   char name[64];
   std::snprintf(name, sizeof(name), "%s_%06lld.png", prefix, static_cast<long long>(id));
@@ -68,7 +61,7 @@ std::set<std::int64_t> pictured(const RenderArguments& render, const Items& item
 
 ViewMeasures views_with_pictures(const AlignedCloud& cloud, const Alignment& alignment, const GroundTruth& truth,
                                  const CloudArguments& arguments) {
-  make_folder(arguments.render.folder);
+  if (!arguments.render.folder.empty()) make_folder(arguments.render.folder);
   const auto shown = spread_indices(cloud.keyframes.size(), static_cast<std::size_t>(arguments.views.max_keyframes));
   const auto wanted =
       pictured(arguments.render, shown, [&](std::size_t keyframe) { return cloud.keyframes[keyframe].id; });
@@ -160,7 +153,7 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
   const Alignment alignment = align(keyframes, truth.trajectory(), common.alignment);
   arguments.measures.scale = alignment.truth_from_map.scale;
   const auto pairs = pair_with_truth(files, keyframes, alignment, truth);
-  make_folder(arguments.render.folder);
+  if (!arguments.render.folder.empty()) make_folder(arguments.render.folder);
   const auto wanted = pictured(arguments.render, pairs, [](const Pair& pair) { return pair.file.keyframe_id; });
 
   std::vector<KeyframeDepth> maps(pairs.size());

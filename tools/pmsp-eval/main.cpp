@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
 #include <exception>
 #include <iostream>
-#include <memory>
 #include <new>
 
 #include <CLI/CLI.hpp>

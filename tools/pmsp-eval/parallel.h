@@ -9,15 +9,15 @@
 #include <thread>
 #include <vector>
 
+#include "util/thread_pool.h"
+
 namespace pmsp::eval {
 
-/// `threads` itself, or for 0 one for each CPU.
-inline int resolve_threads(int threads) {
-  return threads > 0 ? threads : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-}
+/// `threads` itself, or for 0 one for each CPU that the process may use.
+inline int resolve_threads(int threads) { return threads > 0 ? threads : usable_cpus(); }
 
-/// Calls `work(begin, end)` for pieces of [0, count) of at most `chunk`, spread over threads (0 = one for each CPU).
-/// The first exception ends the work and is thrown again.
+/// Calls `work(begin, end)` for pieces of [0, count) of at most `chunk`, spread over threads (0 = one for each CPU
+/// that the process may use). The first exception ends the work and is thrown again.
 template <class Work>
 void parallel_chunks(std::size_t count, std::size_t chunk, int threads, const Work& work) {
   std::atomic<std::size_t> next{0};

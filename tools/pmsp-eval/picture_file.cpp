@@ -6,7 +6,7 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "pmsp-eval/report.h"
+#include "export/atomic_file.h"
 #include "pmsp/error.h"
 
 namespace pmsp::eval {
@@ -14,7 +14,7 @@ namespace pmsp::eval {
 void write_png(const std::filesystem::path& path, const cv::Mat& image) {
   std::vector<uchar> bytes;
   if (!cv::imencode(".png", image, bytes)) throw OutputError(path.string() + ": the picture cannot be encoded as PNG");
-  write_file(path, std::string(bytes.begin(), bytes.end()));
+  write_file(path, bytes);
 }
 
 std::string percent(double share) {

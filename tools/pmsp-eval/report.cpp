@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp-eval/report.h"
 
-#include <algorithm>
-#include <cmath>
 #include <cstdarg>
 #include <cstdio>
-
-#include "export/atomic_file.h"
 
 namespace pmsp::eval {
 namespace {
@@ -237,12 +233,6 @@ std::string to_table(const Calibration& c) {
   }
   text += "  confident half     " + bin_figures(c.plain.confident_half) + bin_figures(c.solid_angle.confident_half);
   return text + "\n" + verdict("plain", c.plain.monotone) + verdict("by solid angle", c.solid_angle.monotone);
-}
-
-void write_file(const std::filesystem::path& path, const std::string& bytes) {
-  AtomicFile file(path);
-  file.write(bytes);
-  file.commit();
 }
 
 }  // namespace pmsp::eval

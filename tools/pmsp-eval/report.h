@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -40,8 +39,5 @@ std::string to_table(const CloudMeasures& measures);
 std::string to_table(const ViewMeasures& measures, const ViewOptions& options);
 std::string to_table(const std::vector<KeyframeDepth>& maps);
 std::string to_table(const Calibration& calibration);
-
-/// Writes a whole file, beside the target first. Throws OutputError.
-void write_file(const std::filesystem::path& path, const std::string& bytes);
 
 }  // namespace pmsp::eval

@@ -10,7 +10,7 @@
 
 #include <Eigen/Geometry>
 
-#include "pmsp-eval/report.h"
+#include "export/atomic_file.h"
 #include "pmsp/error.h"
 
 namespace pmsp::eval {

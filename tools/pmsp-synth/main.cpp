@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <CLI/CLI.hpp>
-#include <cstdint>
 #include <functional>
 #include <iostream>
 #include <map>

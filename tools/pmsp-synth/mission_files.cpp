@@ -24,13 +24,6 @@ namespace fs = std::filesystem;
 constexpr double kMillimetres = 1000.0;
 constexpr Rgb kRigColor{24, 24, 26};
 
-template <class Bytes>
-void write_file(const fs::path& path, const Bytes& bytes) {
-  AtomicFile file(path);
-  file.write(bytes.data(), bytes.size());
-  file.commit();
-}
-
 std::string frame_name(std::int64_t frame) {
   char name[32];
   std::snprintf(name, sizeof(name), "%06lld", static_cast<long long>(frame));
@@ -69,14 +62,6 @@ std::string trajectory(const synth::Mission& mission) {
   return text;
 }
 
-void create_folder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    throw OutputError(folder.string() + ": cannot create the folder: " + error.message());
-  }
-}
-
 /// Six digits or more and the ending of an image.
 bool is_frame(const fs::path& path) {
   const std::string stem = path.stem().string();
@@ -103,7 +88,7 @@ void remove_frames(const fs::path& folder) {
 
 void prepare_folder(const fs::path& folder) {
   for (const char* name : {"images", "gt/range_mm"}) {
-    create_folder(folder / name);
+    make_folder(folder / name);
     remove_frames(folder / name);
   }
   std::error_code error;

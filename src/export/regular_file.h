@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <system_error>
+
+#include "pmsp/error.h"
+
+namespace pmsp {
+
+/// Throws IoError unless `path` is an ordinary file. To be asked before it is opened: opening a pipe may wait for ever.
+inline void require_regular_file(const std::filesystem::path& path) {
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
+  if (std::filesystem::is_regular_file(status)) return;
+  std::string what = "it is no ordinary file; expected one";
+  if (status.type() == std::filesystem::file_type::not_found) {
+    what = "there is no such file";
+  } else if (error) {
+    what = error.message();
+  } else if (std::filesystem::is_directory(status)) {
+    what = "it is a folder; give a file in it";
+  }
+  throw IoError(path.string() + ": cannot be read: " + what);
+}
+
+}  // namespace pmsp
