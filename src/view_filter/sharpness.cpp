@@ -18,7 +18,7 @@ constexpr int kSide = 9;              ///< of a patch [px of the depth map]
 constexpr double kMinCosLat = 0.5;    ///< up to 60 degrees of latitude
 constexpr float kMinVariance = 4.0F;  ///< [gray levels squared]; noise below
 constexpr std::size_t kMinCommon = 20;
-constexpr std::size_t kMostLandmarks = 400;  ///< a keyframe
+constexpr std::size_t kMostLandmarks = 256;  ///< a keyframe
 
 using Patch = std::array<float, kSide * kSide>;
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/view_filter.h"
 
+#include <algorithm>
 #include <deque>
-#include <unordered_map>
 #include <utility>
 
 #include "util/eigen_kernels.h"
@@ -21,13 +21,18 @@ constexpr double kParallaxToSkip = 0.25;  ///< of the largest parallax: until th
 CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vector3d& center_a,
                                const std::vector<Landmark>& b, const Eigen::Vector3d& center_b, double min_deg,
                                double max_deg) {
-  std::unordered_map<std::int64_t, const Landmark*> in_a;
+  std::vector<std::int64_t> in_a;
   in_a.reserve(a.size());
-  for (const Landmark& landmark : a) in_a.emplace(landmark.id, &landmark);
+  for (const Landmark& landmark : a) in_a.push_back(landmark.id);
+  if (!std::is_sorted(in_a.begin(), in_a.end())) std::sort(in_a.begin(), in_a.end());
   CommonParallax result;
   std::vector<double> angles;
+  angles.reserve(b.size());
+  auto next = in_a.begin();  // ids mostly come in order: then it only moves on
   for (const Landmark& landmark : b) {
-    if (in_a.count(landmark.id) == 0) continue;
+    if (next == in_a.end() || *next > landmark.id) next = in_a.begin();
+    if (next != in_a.end() && *next < landmark.id) next = std::lower_bound(next, in_a.end(), landmark.id);
+    if (next == in_a.end() || *next != landmark.id) continue;
     const double angle = angle_deg(landmark.position_world - center_a, landmark.position_world - center_b);
     angles.push_back(angle);
     if (angle >= min_deg && angle <= max_deg) ++result.in_range;

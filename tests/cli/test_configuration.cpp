@@ -26,7 +26,8 @@ std::string other_value(const tool::OptionEntry& entry) {
   if (std::string(entry.key) == "height") return "256";
   if (std::string(entry.key) == "seed") return "18446744073709551615";
   const double now = std::stod(entry.text_of(DensifierOptions()));
-  const double other = now + 1.0 <= entry.max ? now + 1.0 : 0.5 * (now + entry.min);
+  const double step = std::string(entry.key).find("window") != std::string::npos ? 2.0 : 1.0;  // windows are odd
+  const double other = now + step <= entry.max ? now + step : 0.5 * (now + entry.min);
   std::string text = std::to_string(other);
   if (text.find(".000000") != std::string::npos) text.resize(text.find('.'));
   return text;

@@ -144,6 +144,9 @@ class Run {
     progress_.message(report_.map + ": " + std::to_string(report_.keyframes) + " keyframes, " +
                       std::to_string(map_.landmarks.size()) + " landmarks");
     progress_.message("images: " + report_.images);
+    if (map_.landmarks.empty()) {
+      progress_.warning("the map has no landmarks; without them no keyframe gets a depth range, nor a depth map");
+    }
     for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);
   }
 
