@@ -79,7 +79,9 @@ struct PatchMatchOptions {
 struct MedianFilterOptions {
   bool enabled = true;
   double max_relative_deviation = 0.05;  ///< from the median of the 3 x 3 neighbourhood, 0 to 1; more is dropped
-  double min_score = 0.1;                ///< photometric score (NCC, -1 to 1) below which a pixel is dropped
+  /// Photometric score (NCC, what is negative taken for 0) below which a pixel is dropped, -1 to 1. 0 drops none: on
+  /// bare walls it is low however right the plane is, and what is wrong the consistency filter finds.
+  double min_score = 0.0;
 
   void validate() const;
 };

@@ -88,11 +88,16 @@ TEST_CASE("the median filter looks over the seam and over the poles", "[median]"
   CHECK(map.depth(11, 0) == 0.0F);
 }
 
-TEST_CASE("the median filter drops low scores", "[median]") {
+TEST_CASE("the median filter drops low scores, if it is to", "[median]") {
   DepthMap map = truth_map(room().frames[0], 0.5F);
   map.confidence(30, 30) = 0.09F;
   map.confidence(31, 30) = 0.11F;
-  run(map);
+  DepthMap all = map;
+  run(all);
+  CHECK(all.depth(30, 30) > 0.0F);
+  MedianFilterOptions options;
+  options.min_score = 0.1;
+  run(map, options);
   CHECK(map.depth(30, 30) == 0.0F);
   CHECK(map.depth(31, 30) > 0.0F);
   CHECK(map.confidence(31, 30) == 0.11F);

@@ -181,7 +181,7 @@ const std::vector<OptionEntry>& option_table() {
       {"median.max_relative_deviation", "Median filter", "share of the depth", 0, 1,
        "Deviation from the neighbourhood's median beyond which a pixel is dropped",
        +PMSP_AT(double, median.max_relative_deviation)},
-      {"median.min_score", "Median filter", "NCC", -1, 1, "Photometric score below which a pixel is dropped",
+      {"median.min_score", "Median filter", "NCC", -1, 1, "Photometric score below which a pixel is dropped; 0: none",
        +PMSP_AT(double, median.min_score)},
       {"consistency.enabled", "Consistency filter", "", 0, 1, "Keep only what several depth maps agree on",
        +PMSP_AT(bool, consistency.enabled)},
