@@ -90,11 +90,11 @@ const std::vector<OptionEntry>& option_table() {
 #define PMSP_AT(type, field) [](Options& o) -> type& { return o.field; }
   static const std::vector<OptionEntry> table{
       {"width", "Size and machine", "px", 0, 16384,
-       "Width of the depth maps, even, at least 32; 0 = that of the images", +PMSP_AT(int, width)},
-      {"height", "Size and machine", "px", 0, 8192, "Height of the depth maps, even, at least 16; 0 = half the width",
-       +PMSP_AT(int, height)},
-      {"seed", "Size and machine", "", 0, kMaxSeed, "Start of the random numbers; same input and seed, same bytes",
-       +PMSP_AT(std::uint64_t, seed)},
+       "Width of the depth maps, even, at least 32; 0 = that of the images, up to 5760", +PMSP_AT(int, width)},
+      {"height", "Size and machine", "px", 0, 8192,
+       "Height of the depth maps, even, at least 16; 0 = as the images' shape asks", +PMSP_AT(int, height)},
+      {"seed", "Size and machine", "", 0, kMaxSeed,
+       "Start of the random numbers; same input, seed, backend and simd, same bytes", +PMSP_AT(std::uint64_t, seed)},
       {"backend", "Size and machine", "", 0, 0,
        "Where the stages run; auto takes CUDA where it is built in, a device answers and its memory suffices",
        +PMSP_AT(Backend, backend)},
