@@ -71,6 +71,12 @@ TEST_CASE("every option is in the help, in the configuration, and taken from fla
   }
 }
 
+TEST_CASE("the least confidence has a short name") {
+  const auto json = nlohmann::json::parse(densify({"config", "--min-confidence", "0.5"}).out);
+  CHECK(json["fusion"]["min_confidence"] == 0.5);
+  CHECK(densify({"config", "--min-confidence", "2"}).code == 2);
+}
+
 TEST_CASE("flags come before the file, the file before the preset") {
   const TempDir dir;
   const std::string file = (dir / "c.json").string();
