@@ -18,7 +18,7 @@ constexpr int kLargestWidth = 5760;
 std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
 /// Finite, and small enough that products of coordinates stay inside the range of single precision.
-bool is_reasonable(const Eigen::Vector3d& position) { return position.allFinite() && position.norm() <= 1e12; }
+bool is_reasonable(const Eigen::Vector3d& position) { return position.norm() <= kMaxPosition; }
 
 int even(int value) { return std::max(2, value / 2 * 2); }
 

@@ -22,6 +22,7 @@ using PlaneImage = Image<Eigen::Vector3f>;
 /// [scene units].
 constexpr double kMinDepth = 1e-6;
 constexpr double kMaxDepth = 1e6;
+inline bool is_usable_depth(double depth) { return depth >= kMinDepth && depth <= kMaxDepth; }
 
 /// Smallest and largest range that a keyframe's pixels are looked for in [scene units].
 struct DepthRange {

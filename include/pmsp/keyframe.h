@@ -11,10 +11,13 @@
 
 namespace pmsp {
 
+/// How far from the origin cameras and landmarks may lie [scene units].
+constexpr double kMaxPosition = 1e12;
+
 /// A sparse point of the SLAM map, as one keyframe observes it.
 struct Landmark {
   std::int64_t id = 0;                                       ///< the same in all keyframes that observe it
-  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();  ///< within 1e12 of the origin [scene units]
+  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();  ///< within kMaxPosition [scene units]
 };
 
 /// What a SLAM hands over for one keyframe: a full 360° x 180° equirectangular image, its pose, and the landmarks that
@@ -27,7 +30,7 @@ struct Landmark {
 struct Keyframe {
   std::int64_t id = 0;
   double timestamp = 0.0;         ///< [s]
-  RigidTransform cam_from_world;  ///< a rotation, and a translation within 1e12 [scene units]
+  RigidTransform cam_from_world;  ///< a rotation, and a translation within kMaxPosition [scene units]
   std::vector<Landmark> landmarks;
   ImageView<const Rgb> image;          ///< even width from 16, even height from 8; only read during the call
                                        ///< that it is given to

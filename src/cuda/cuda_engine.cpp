@@ -261,7 +261,7 @@ void CudaEngine::find_sparse(const MatchTask& task, MatchArgs& args) {
   std::size_t count = 0;
   for (const Landmark& landmark : landmarks) {
     const Eigen::Vector3d p = task.keyframe->cam_from_world * landmark.position_world;
-    if (!(p.norm() >= kMinDepth && p.norm() <= kMaxDepth)) continue;
+    if (!is_usable_depth(p.norm())) continue;
     const Eigen::Vector2f at = pixel_from_bearing(p, args.grid.width, args.grid.height).cast<float>();
     const Eigen::Vector3f plane = (p / p.squaredNorm()).cast<float>();
     points_host_[count++] = {at.x(), at.y(), plane.x(), plane.y(), plane.z()};

@@ -10,7 +10,7 @@ DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options) {
   ranges.reserve(keyframe.landmarks.size());
   for (const Landmark& landmark : keyframe.landmarks) {
     const double range = (keyframe.cam_from_world * landmark.position_world).norm();
-    if (range >= kMinDepth && range <= kMaxDepth) ranges.push_back(range);
+    if (is_usable_depth(range)) ranges.push_back(range);
   }
   if (ranges.empty()) return {};
   std::sort(ranges.begin(), ranges.end());

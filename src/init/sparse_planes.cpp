@@ -15,7 +15,7 @@ PlaneImage planes_from_landmarks(const Keyframe& keyframe, int width, int height
   const double radius = options.sparse_radius_px;
   for (const Landmark& landmark : keyframe.landmarks) {
     const Eigen::Vector3d p = keyframe.cam_from_world * landmark.position_world;
-    if (!(p.norm() >= kMinDepth && p.norm() <= kMaxDepth)) continue;
+    if (!is_usable_depth(p.norm())) continue;
     const Eigen::Vector2d at = pixel_from_bearing(p, width, height);
     const Eigen::Vector3f plane = (p / p.squaredNorm()).cast<float>();
     const int y0 = std::max(0, static_cast<int>(std::floor(at.y() - radius)));

@@ -8,12 +8,12 @@
 
 #include "map_raw.h"
 #include "pmsp/camera.h"
+#include "pmsp/keyframe.h"
 
 namespace pmsp::map_detail {
 namespace {
 
 constexpr std::int64_t kMaxImageWidth = 1 << 16;
-constexpr double kMaxDistance = 1e12;  ///< from the origin [scene units]; the Densifier takes no more
 constexpr const char* kExpectedPosition = "expected finite numbers, at most 1e12 from the origin";
 
 template <class... Parts>
@@ -48,7 +48,7 @@ MapCamera checked_camera(const RawMap& raw, const RawCamera& camera) {
   return {camera.name, static_cast<int>(camera.cols), static_cast<int>(camera.rows), camera.fps};
 }
 
-bool is_position(const Eigen::Vector3d& p) { return p.allFinite() && p.norm() <= kMaxDistance; }
+bool is_position(const Eigen::Vector3d& p) { return p.norm() <= kMaxPosition; }  // false for NaN
 
 std::vector<MapCamera> checked_cameras(const RawMap& raw) {
   std::vector<MapCamera> cameras;

@@ -7,7 +7,7 @@
 
 #include <sys/types.h>
 
-#include "export/temp_dir.h"
+#include "support/temp_dir.h"
 
 namespace pmsp_test {
 

@@ -45,6 +45,16 @@ class Hog {
 
 constexpr std::size_t kMiB = std::size_t{1} << 20U;
 
+constexpr int kWide = 1280;  ///< depth maps large enough that their memory shows
+
+DensifierOptions wide_options() {
+  DensifierOptions options = preset(Quality::kOnline);
+  options.width = kWide;
+  options.height = kWide / 2;
+  options.backend = Backend::kCuda;
+  return options;
+}
+
 }  // namespace
 
 TEST_CASE("the estimate of the memory covers what a flight takes", "[cuda][memory]") {
@@ -78,11 +88,8 @@ TEST_CASE("without enough memory auto takes the CPU, and cuda says how much it t
 }
 
 TEST_CASE("what the memory held before does not matter", "[cuda][memory]") {
-  const synth::Mission mission = synth::empty_room(small_recipe(1280, 4));
-  DensifierOptions options = preset(Quality::kOnline);
-  options.width = 1280;
-  options.height = 640;
-  options.backend = Backend::kCuda;
+  const synth::Mission mission = synth::empty_room(small_recipe(kWide, 4));
+  const DensifierOptions options = wide_options();
   const Recording expected = densify(mission, options);
   for (const int byte : {0x47, 0xff, 0x47}) {
     {
@@ -95,11 +102,8 @@ TEST_CASE("what the memory held before does not matter", "[cuda][memory]") {
 }
 
 TEST_CASE("memory that runs out in flight is a DeviceError, and the next Densifier works", "[cuda][memory]") {
-  const synth::Mission mission = synth::empty_room(small_recipe(1280, 4));
-  DensifierOptions options = preset(Quality::kOnline);
-  options.width = 1280;
-  options.height = 640;
-  options.backend = Backend::kCuda;
+  const synth::Mission mission = synth::empty_room(small_recipe(kWide, 4));
+  const DensifierOptions options = wide_options();
   const Recording expected = densify(mission, options);
   {
     Recording recording;

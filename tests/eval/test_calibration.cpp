@@ -7,12 +7,12 @@
 #include <random>
 
 #include "eval/flight.h"
-#include "export/temp_dir.h"
 #include "pmsp-eval/calibration.h"
 #include "pmsp-eval/calibration_plot.h"
 #include "pmsp-eval/depth_files.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
+#include "support/temp_dir.h"
 
 using namespace pmsp::eval;
 using pmsp::Image;

@@ -4,12 +4,12 @@
 #include <cmath>
 
 #include "eval/flight.h"
-#include "export/temp_dir.h"
 #include "pmsp-eval/cloud_measures.h"
 #include "pmsp-eval/ground_truth.h"
 #include "pmsp-eval/surface.h"
 #include "pmsp-eval/view_measures.h"
 #include "pmsp/error.h"
+#include "support/temp_dir.h"
 
 using namespace pmsp::eval;
 using pmsp_test::Flight;

@@ -11,10 +11,10 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "eval/flight.h"
-#include "export/temp_dir.h"
 #include "pmsp-eval/trajectory.h"
 #include "pmsp/camera.h"
 #include "pmsp/io/depth_io.h"
+#include "support/temp_dir.h"
 
 using namespace pmsp::eval;
 using nlohmann::json;

@@ -2,12 +2,12 @@
 #include <catch2/catch.hpp>
 
 #include "eval/flight.h"
-#include "export/temp_dir.h"
 #include "pmsp-eval/depth_files.h"
 #include "pmsp-eval/ground_truth.h"
 #include "pmsp-eval/trajectory.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
+#include "support/temp_dir.h"
 
 using namespace pmsp::eval;
 using pmsp_test::Flight;

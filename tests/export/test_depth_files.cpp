@@ -6,9 +6,9 @@
 
 #include <catch2/catch.hpp>
 
-#include "export/temp_dir.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
+#include "support/temp_dir.h"
 
 using namespace pmsp;
 using pmsp_test::read_text;

@@ -77,18 +77,6 @@ SlamMap map_with_camera(int width, const std::vector<Shot>& shots) {
 
 }  // namespace
 
-TempFolder::TempFolder() {
-  std::random_device random;
-  path_ = std::filesystem::temp_directory_path() /
-          ("pmsp-test-images-" + std::to_string(random()) + std::to_string(random()));
-  std::filesystem::create_directories(path_);
-}
-
-TempFolder::~TempFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
-}
-
 SlamMap bare_map(const std::vector<Shot>& shots) { return map_with_camera(64, shots); }
 
 void write_gray_frame(const std::filesystem::path& path, int frame) {

@@ -9,22 +9,11 @@
 #include "pmsp/image.h"
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
+#include "support/temp_dir.h"
 
 namespace pmsp::test {
 
-/// A fresh folder that goes away with its owner.
-class TempFolder {
- public:
-  TempFolder();
-  ~TempFolder();
-  TempFolder(const TempFolder&) = delete;
-  TempFolder& operator=(const TempFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
+using pmsp_test::TempDir;
 
 /// A keyframe of a hand-made map: its id, its timestamp and the frame of the flight that the camera saw there.
 struct Shot {

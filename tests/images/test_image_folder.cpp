@@ -32,7 +32,7 @@ std::vector<Shot> shots_from(double t0) {
   return shots;
 }
 
-void write_frames(const TempFolder& folder, const char* format, const std::vector<Shot>& shots, int offset = 0) {
+void write_frames(const TempDir& folder, const char* format, const std::vector<Shot>& shots, int offset = 0) {
   for (const Shot& shot : shots) write_gray_frame(folder / numbered(format, shot.frame + offset), shot.frame);
 }
 
@@ -42,7 +42,7 @@ const Frames kAllFrames = {0, 1, 5, 13, 19, 31};
 }  // namespace
 
 TEST_CASE("File names are read as frame indices") {
-  TempFolder folder;
+  TempDir folder;
   const double t0 = GENERATE(0.0, kUnix);
   const auto shots = shots_from(t0);
   write_frames(folder, GENERATE("%06lld.png", "frame_%lld.jpg", "%lldrgb.PNG"), shots);
@@ -56,7 +56,7 @@ TEST_CASE("File names are read as frame indices") {
 }
 
 TEST_CASE("File names are read as keyframe ids") {
-  TempFolder folder;
+  TempDir folder;
   const auto shots = shots_from(0.0);
   for (const Shot& shot : shots) write_gray_frame(folder / numbered("image%lld.png", shot.id), shot.frame);
   // What stella_vslam_dense writes beside them must not be taken for images.
@@ -68,7 +68,7 @@ TEST_CASE("File names are read as keyframe ids") {
 }
 
 TEST_CASE("File names are read as timestamps in any unit") {
-  TempFolder folder;
+  TempDir folder;
   const auto shots = shots_from(kUnix);
   const std::string unit = GENERATE("seconds", "milliseconds", "microseconds", "nanoseconds");
   for (const Shot& shot : shots) {
@@ -85,7 +85,7 @@ TEST_CASE("File names are read as timestamps in any unit") {
 }
 
 TEST_CASE("File names are read as the SLAM's count of frames") {
-  TempFolder folder;
+  TempDir folder;
   SlamMap map = bare_map({{0, 0.0}, {1, 0.0}, {2, 0.0}});
   const std::vector<int> frames = {4, 11, 19};
   for (std::size_t i = 0; i < 3; ++i) {
@@ -99,7 +99,7 @@ TEST_CASE("File names are read as the SLAM's count of frames") {
 }
 
 TEST_CASE("A constant offset between index and name is found, or given") {
-  TempFolder folder;
+  TempDir folder;
   const auto shots = shots_from(kUnix);
   write_frames(folder, "%06lld.png", shots, 240);
   const auto source = open_image_folder(bare_map(shots), folder.path());
@@ -114,7 +114,7 @@ TEST_CASE("A constant offset between index and name is found, or given") {
 }
 
 TEST_CASE("A rate of the user's own turns timestamps into indices") {
-  TempFolder folder;
+  TempDir folder;
   for (const int frame : {0, 3, 6, 15}) write_gray_frame(folder / numbered("%04lld.png", frame), frame);
   ImageFolderOptions options;
   options.fps = 30.0;
@@ -124,7 +124,7 @@ TEST_CASE("A rate of the user's own turns timestamps into indices") {
 }
 
 TEST_CASE("Missing images and repeated timestamps are listed and skipped") {
-  TempFolder folder;
+  TempDir folder;
   auto shots = shots_from(0.0);
   write_frames(folder, "%06lld.png", shots);
   std::filesystem::remove(folder / "000013.png");
@@ -140,7 +140,7 @@ TEST_CASE("Missing images and repeated timestamps are listed and skipped") {
 }
 
 TEST_CASE("Named by keyframe id, a repeated timestamp does no harm") {
-  TempFolder folder;
+  TempDir folder;
   std::vector<Shot> shots = shots_from(0.0);
   shots.push_back({11, 3.1, 40});
   for (const Shot& shot : shots) write_gray_frame(folder / numbered("%lld.png", shot.id), shot.frame);
@@ -154,7 +154,7 @@ TEST_CASE("Where names allow several readings, the images decide") {
   std::vector<Shot> by_index, by_id;
   for (int i = 0; i < 7; ++i) by_index.push_back({i, 0.3 * i, 3 * i});
   for (int i = 0; i < 7; ++i) by_id.push_back({i, 0.3 * i, i});
-  TempFolder folder;
+  TempDir folder;
   for (int frame = 0; frame <= 20; ++frame) write_image(folder / numbered("%06lld.png", frame), render_room(frame));
 
   const auto indices = open_image_folder(room_map(by_index), folder.path());
@@ -170,7 +170,7 @@ TEST_CASE("Where names allow several readings, the images decide") {
 }
 
 TEST_CASE("Images come in the camera's colours and at any scale of its size") {
-  TempFolder folder;
+  TempDir folder;
   const auto shots = shots_from(0.0);
   for (const Shot& shot : shots)
     cv::imwrite((folder / numbered("%lld.png", shot.frame)).string(), cv::Mat(16, 32, CV_8UC3, cv::Scalar(30, 20, 10)));
@@ -181,7 +181,7 @@ TEST_CASE("Images come in the camera's colours and at any scale of its size") {
 }
 
 TEST_CASE("A wrong size, a cut and a broken file are named, and the rest can be read") {
-  TempFolder folder;
+  TempDir folder;
   const auto shots = shots_from(0.0);
   write_frames(folder, "%06lld.jpg", shots);
   cv::imwrite((folder / "000000.jpg").string(), cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(9)));
@@ -197,7 +197,7 @@ TEST_CASE("A wrong size, a cut and a broken file are named, and the rest can be 
 }
 
 TEST_CASE("A small file that promises gigabytes of pixels is refused before they are allocated") {
-  TempFolder folder;
+  TempDir folder;
   const auto shots = shots_from(0.0);
   write_frames(folder, "%06lld.jpg", shots);
   const auto overwrite = [&](const char* name, std::streamoff at, const std::string& bytes) {
@@ -218,7 +218,7 @@ TEST_CASE("A small file that promises gigabytes of pixels is refused before they
 }
 
 TEST_CASE("A cut PNG is an error, not a gray image") {
-  TempFolder folder;
+  TempDir folder;
   const auto shots = shots_from(0.0);
   for (const Shot& shot : shots) write_image(folder / numbered("%lld.png", shot.frame), render_room(shot.frame, 64));
   std::filesystem::resize_file(folder / "0.png", std::filesystem::file_size(folder / "0.png") / 2);
@@ -227,7 +227,7 @@ TEST_CASE("A cut PNG is an error, not a gray image") {
 }
 
 TEST_CASE("Folders that cannot be used are refused") {
-  TempFolder folder;
+  TempDir folder;
   const SlamMap map = bare_map(shots_from(0.0));
   CHECK_THROWS_WITH(open_image_folder(map, folder / "missing"), Contains("missing"));
   std::ofstream(folder / "notes 12.txt") << "no image";

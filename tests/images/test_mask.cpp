@@ -27,7 +27,7 @@ int count_ignored(const Image<std::uint8_t>& mask) {
 }  // namespace
 
 TEST_CASE("A mask of the images' size is taken as it is") {
-  TempFolder folder;
+  TempDir folder;
   cv::imwrite((folder / "mask.png").string(), mask_with_hole(64, 32, 63, 0));
   const auto mask = read_mask(folder / "mask.png", 64, 32);
   REQUIRE(mask.width() == 64);
@@ -37,7 +37,7 @@ TEST_CASE("A mask of the images' size is taken as it is") {
 }
 
 TEST_CASE("Shrinking a mask never makes an ignored pixel usable") {
-  TempFolder folder;
+  TempDir folder;
   cv::imwrite((folder / "mask.png").string(), mask_with_hole(64, 32, 17, 9));
   const auto half = read_mask(folder / "mask.png", 32, 16);
   CHECK(half(8, 4) == 0);
@@ -50,7 +50,7 @@ TEST_CASE("Shrinking a mask never makes an ignored pixel usable") {
 }
 
 TEST_CASE("Enlarging a mask ignores all that an ignored pixel touches") {
-  TempFolder folder;
+  TempDir folder;
   cv::imwrite((folder / "mask.png").string(), mask_with_hole(8, 4, 2, 1));
   const auto larger = read_mask(folder / "mask.png", 20, 10);  // pixel 2 spans [5, 7.5), row 1 [2.5, 5)
   CHECK(count_ignored(larger) == 3 * 3);
@@ -61,7 +61,7 @@ TEST_CASE("Enlarging a mask ignores all that an ignored pixel touches") {
 }
 
 TEST_CASE("Any value but 0 means use, in colour and 16 bits too") {
-  TempFolder folder;
+  TempDir folder;
   cv::Mat deep(4, 8, CV_16UC1, cv::Scalar(1));
   deep.at<std::uint16_t>(0, 0) = 0;
   cv::imwrite((folder / "deep.png").string(), deep);
@@ -73,7 +73,7 @@ TEST_CASE("Any value but 0 means use, in colour and 16 bits too") {
 }
 
 TEST_CASE("Masks that cannot be meant are refused") {
-  TempFolder folder;
+  TempDir folder;
   CHECK_THROWS_AS(read_mask(folder / "missing.png", 64, 32), IoError);
   std::ofstream(folder / "text.png") << "no image";
   CHECK_THROWS_AS(read_mask(folder / "text.png", 64, 32), IoError);

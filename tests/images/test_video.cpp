@@ -24,7 +24,7 @@ bool write_video(const std::filesystem::path& path, const char* codec, double fp
 }
 
 struct Clip {
-  TempFolder folder;
+  TempDir folder;
   std::filesystem::path path = folder / "flight 1.avi";
   explicit Clip(double fps = 10.0) { REQUIRE(write_video(path, "MJPG", fps)); }
 };
@@ -128,7 +128,7 @@ TEST_CASE("Keyframes behind the end of the video are skipped and listed") {
 }
 
 TEST_CASE("The last frames of a stream with B-frames are found though they come without a time") {
-  TempFolder folder;
+  TempDir folder;
   if (!write_video(folder / "b.mp4", "avc1", 10.0)) {
     WARN("this OpenCV cannot write H.264: not tested");
     return;
@@ -138,7 +138,7 @@ TEST_CASE("The last frames of a stream with B-frames are found though they come 
 }
 
 TEST_CASE("Videos that cannot be used are refused") {
-  TempFolder folder;
+  TempDir folder;
   const SlamMap map = bare_map({{0, 0.0}, {1, 0.1}});
   CHECK_THROWS_WITH(open_video(map, folder / "missing.mp4"), Contains("missing.mp4"));
   CHECK_THROWS_AS(open_video(map, folder.path()), IoError);

@@ -3,11 +3,9 @@
 
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <random>
-#include <stdexcept>
 
 #include <sqlite3.h>
 #include <unistd.h>
@@ -108,17 +106,6 @@ json landmark_tree(const SampleLandmark& landmark, MsgpackVersion version, std::
 }
 
 }  // namespace
-
-TemporaryFolder::TemporaryFolder() {
-  std::string name = (std::filesystem::temp_directory_path() / "pmsp-map-XXXXXX").string();
-  if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make a temporary folder");
-  path_ = name;
-}
-
-TemporaryFolder::~TemporaryFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
-}
 
 SampleMap sample_map() {
   SampleMap map;

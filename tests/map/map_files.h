@@ -10,22 +10,11 @@
 #include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
+#include "support/temp_dir.h"
+
 namespace pmsp::test {
 
-/// A fresh folder that goes with the object.
-class TemporaryFolder {
- public:
-  TemporaryFolder();
-  ~TemporaryFolder();
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
+using pmsp_test::TempDir;
 
 struct SampleCamera {
   std::string name;

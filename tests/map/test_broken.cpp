@@ -18,13 +18,13 @@ using nlohmann::json;
 json good_tree() { return msgpack_tree(sample_map(), MsgpackVersion::stella_0_3_6); }
 
 std::string error_of_tree(const json& tree) {
-  const TemporaryFolder folder;
+  const TempDir folder;
   write_file(folder / "map.msg", msgpack_bytes(tree));
   return error_of(folder / "map.msg");
 }
 
 std::string error_of_bytes(const std::string& bytes) {
-  const TemporaryFolder folder;
+  const TempDir folder;
   write_file(folder / "map.msg", bytes);
   return error_of(folder / "map.msg");
 }
@@ -58,7 +58,7 @@ const double kInfinity = std::numeric_limits<double>::infinity();
 }  // namespace
 
 TEST_CASE("a file that is no map is told by what it looks like") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const auto path = folder / "file";
   const auto error = [&](const std::string& bytes) {
     write_file(path, bytes);
@@ -227,7 +227,7 @@ TEST_CASE("ids that are no ids, or that come twice, are refused") {
 }
 
 TEST_CASE("a file that ends too early is refused, wherever it ends") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const auto path = folder / "map.msg";
   const auto version = GENERATE(MsgpackVersion::stella_0_3_6, MsgpackVersion::openvslam);
   const std::string bytes = msgpack_bytes(msgpack_tree(sample_map(), version));
@@ -291,7 +291,7 @@ TEST_CASE("hostile files neither crash nor fill the memory") {
 }
 
 TEST_CASE("random damage gives an error or a sound map") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const auto path = folder / "map";
   const bool sqlite = GENERATE(false, true);
   if (sqlite) {

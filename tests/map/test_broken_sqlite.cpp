@@ -17,7 +17,7 @@ using Catch::StartsWith;
 /// The error that a sound map gives after `sql` was run on it.
 std::string error_after(const std::string& sql, const SampleMap& map = sample_map(),
                         SqliteVersion version = SqliteVersion::stella_0_6_0) {
-  const TemporaryFolder folder;
+  const TempDir folder;
   write_sqlite(folder / "map.db", map, version, sql);
   return error_of(folder / "map.db");
 }
@@ -89,7 +89,7 @@ TEST_CASE("a matrix that is no rotation is refused, row-major ones included") {
 }
 
 TEST_CASE("a database that ends too early is refused, wherever it ends") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const auto path = folder / "map.db";
   write_sqlite(path, sample_map(), SqliteVersion::stella_0_6_0);
   const std::string bytes = read_file(path);
@@ -102,7 +102,7 @@ TEST_CASE("a database that ends too early is refused, wherever it ends") {
 }
 
 TEST_CASE("a database that somebody is writing is refused") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const auto path = folder / "map.db";
   write_sqlite(path, sample_map(), SqliteVersion::stella_0_6_0, "PRAGMA journal_mode = WAL");
   CHECK(error_of(path).empty());

@@ -157,7 +157,7 @@ double peak_memory() {
 }  // namespace
 
 TEST_CASE("a map of 2000 keyframes is read in bounded memory") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const auto path = folder / "map.msg";
   write_large_map(path);
   const SlamMap map = read_map(path);

@@ -103,7 +103,7 @@ TEST_CASE("every version of MessagePack map reads the same") {
                Case{MsgpackVersion::patchmatch, "PatchMatch-Stereo-Panorama, MessagePack", true},
                Case{MsgpackVersion::patchmatch_dense, "PatchMatch-Stereo-Panorama, dense points, MessagePack", true},
                Case{MsgpackVersion::stella_dense, "stella_vslam_dense, MessagePack", false});
-  const TemporaryFolder folder;
+  const TempDir folder;
   // The name says nothing: the content decides.
   const auto path = folder / "map.db";
   write_file(path, msgpack_bytes(msgpack_tree(sample_map(), version)));
@@ -127,7 +127,7 @@ TEST_CASE("every version of SQLite map reads the same") {
                Case{SqliteVersion::stella_0_3_6, "stella_vslam >= 0.3.6, SQLite", false},
                Case{SqliteVersion::stella_0_6_0, "stella_vslam >= 0.3.6, SQLite", false},
                Case{SqliteVersion::stella_dense, "stella_vslam_dense, SQLite", false});
-  const TemporaryFolder folder;
+  const TempDir folder;
   const auto path = folder / "map 100%?x=1#\xC3\xA4.msg";
   write_sqlite(path, sample_map(), version);
   const SlamMap map = read_map(path);
@@ -142,7 +142,7 @@ TEST_CASE("every version of SQLite map reads the same") {
 }
 
 TEST_CASE("MessagePack and SQLite of one map give the same bits") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   SampleMap map = random_map(1500, 400, 7);
   for (int axis = 0; axis < 3; ++axis) {  // half turns, where a quaternion's sign is anybody's guess
     map.keyframes[static_cast<std::size_t>(axis)].rotation_cw = -Eigen::Matrix3d::Identity();
@@ -169,7 +169,7 @@ TEST_CASE("a pose is turned by half a pixel, so that landmarks land on their key
   map.cameras = {{"theta", 1920, 960, 10.0}};
   map.landmarks = {{0, {2.0, 0.0, 0.0}}};
   map.keyframes = {{0, 0.0, 0, "theta", Eigen::Matrix3d::Identity(), {0.0, 0.0, 0.0}, {{1440.0F, 480.0F}}, {0}}};
-  const TemporaryFolder folder;
+  const TempDir folder;
   write_file(folder / "map.msg", msgpack_bytes(msgpack_tree(map, MsgpackVersion::stella_0_3_6)));
   const SlamMap result = read_map(folder / "map.msg");
   const MapKeyframe& keyframe = result.keyframes.at(0);
@@ -185,7 +185,7 @@ TEST_CASE("the dense file's keypoints count pixels of its depth maps, so its lan
   map.cameras = {{"theta", 1920, 960, 10.0}};
   map.landmarks = {{0, {2.0, 0.0, 0.0}}};
   map.keyframes = {{0, 0.0, 0, "theta", Eigen::Matrix3d::Identity(), {0.0, 0.0, 0.0}, {{3.0F, 4.0F}}, {0}}};
-  const TemporaryFolder folder;
+  const TempDir folder;
   write_file(folder / "map", msgpack_bytes(msgpack_tree(map, MsgpackVersion::patchmatch_dense)));
   const Eigen::Vector2f pixel = read_map(folder / "map").keyframes.at(0).observations.at(0).pixel;
   CHECK(pixel.x() == Approx(1440.5F).margin(1e-3));
@@ -193,7 +193,7 @@ TEST_CASE("the dense file's keypoints count pixels of its depth maps, so its lan
 }
 
 TEST_CASE("landmarks and keyframes are found by id") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   write_file(folder / "map.msg", msgpack_bytes(msgpack_tree(sample_map(), MsgpackVersion::openvslam)));
   const SlamMap map = read_map(folder / "map.msg");
   REQUIRE(map.find_landmark(30) != nullptr);
@@ -205,7 +205,7 @@ TEST_CASE("landmarks and keyframes are found by id") {
 }
 
 TEST_CASE("odd but harmless maps are read") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const auto path = folder / "map.msg";
   nlohmann::json tree = msgpack_tree(sample_map(), MsgpackVersion::stella_0_3_6);
   nlohmann::json& keyframe = tree["keyframes"]["9"];

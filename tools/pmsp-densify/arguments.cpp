@@ -72,8 +72,7 @@ void add_table(CLI::App& app, Arguments& a) {
       ->group("Configuration");
   for (const OptionEntry& entry : option_table()) {
     const auto take = [&a, &entry](const std::string& text) { a.overrides.emplace_back(&entry, text); };
-    const bool is_common = std::string(entry.key) == "fusion.min_confidence";  // deserves a short name, too
-    const std::string names = is_common ? "--min-confidence," + entry.flag() : entry.flag();
+    const std::string names = (entry.short_flag != nullptr ? std::string(entry.short_flag) + "," : "") + entry.flag();
     app.add_option_function<std::string>(names, take, entry.description())
         ->type_name(entry.is_switch() ? " " : "V")
         ->group(entry.group);

@@ -201,7 +201,7 @@ const std::vector<OptionEntry>& option_table() {
       {"fusion.max_normal_deg", "Fusion", "deg", 0, 180, "Angle of normals up to which they are one surface",
        +PMSP_AT(double, fusion.max_normal_deg)},
       {"fusion.min_confidence", "Fusion", "", 0, 1, "Points with less confidence are not written",
-       +PMSP_AT(double, fusion.min_confidence)},
+       +PMSP_AT(double, fusion.min_confidence), "--min-confidence"},
       {"fusion.revisit_memory_mib", "Fusion", "MiB", 0, 1000000,
        "Memory for surfaces seen, so that places passed again give their points once; 0 = they give them again",
        +PMSP_AT(int, fusion.revisit_memory_mib)},

@@ -28,6 +28,7 @@ struct OptionEntry {
   double max;
   const char* help;
   Access access;
+  const char* short_flag = nullptr;  ///< "--min-confidence", of what most users touch
 
   bool is_switch() const { return access.index() == 0; }
   /// "--patchmatch-iterations"

@@ -21,30 +21,13 @@
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
 #include "support/mission.h"
+#include "support/temp_dir.h"
 
 namespace fs = std::filesystem;
 using namespace pmsp;
+using pmsp_test::TempDir;
 
 namespace {
-
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (fs::temp_directory_path() / "pmsp-synth-test-XXXXXX").string();
-    REQUIRE(mkdtemp(name.data()) != nullptr);
-    path_ = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  fs::path operator/(const std::string& name) const { return path_ / name; }
-
- private:
-  fs::path path_;
-};
 
 std::string content(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
@@ -56,7 +39,7 @@ struct Outcome {
   std::string text;
 };
 
-Outcome synth_tool(const TemporaryFolder& folder, const std::string& arguments) {
+Outcome synth_tool(const TempDir& folder, const std::string& arguments) {
   const fs::path log = folder / "log.txt";
   const std::string command = std::string("'") + PMSP_SYNTH + "' " + arguments + " >'" + log.string() + "' 2>&1";
   const int status = std::system(command.c_str());
@@ -72,7 +55,7 @@ std::size_t files_in(const fs::path& folder) {
 }  // namespace
 
 TEST_CASE("a written mission is read back with the true poses, landmarks, images and ranges") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const fs::path out = folder / "mission";
   const Outcome run = synth_tool(folder,
                                  "--scene room --keyframes 3 -w 256 --frame-step 4 --landmarks 200 "
@@ -124,7 +107,7 @@ TEST_CASE("a written mission is read back with the true poses, landmarks, images
 }
 
 TEST_CASE("the true trajectory is camera to world in metres, whatever the map's scale") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const fs::path out = folder / "mission";
   REQUIRE(synth_tool(folder, "--scene sphere --keyframes 2 -w 64 --map-scale 7 -o " + quoted(out)).code == 0);
   const SlamMap map = read_map(out / "map.msg");
@@ -152,7 +135,7 @@ TEST_CASE("the true trajectory is camera to world in metres, whatever the map's 
 }
 
 TEST_CASE("--mask-nadir hides a rig in the mask, shows it in the images and leaves its range unknown") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const fs::path out = folder / "mission";
   REQUIRE(synth_tool(folder, "--scene floor --keyframes 1 -w 128 --mask-nadir 45 --jpeg 95 -o " + quoted(out)).code ==
           0);
@@ -166,7 +149,7 @@ TEST_CASE("--mask-nadir hides a rig in the mask, shows it in the images and leav
 }
 
 TEST_CASE("the same seed gives the same bytes, another one does not") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const auto make = [&](const std::string& name, const std::string& seed) {
     REQUIRE(synth_tool(folder, "--scene plane --keyframes 2 -w 64 --noise 2 --landmarks 50 --seed " + seed + " -o " +
                                    quoted(folder / name))
@@ -179,7 +162,7 @@ TEST_CASE("the same seed gives the same bytes, another one does not") {
 }
 
 TEST_CASE("a folder with files in it is left alone unless --force is given, which leaves nothing of the old mission") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   const fs::path out = folder / "mission";
   REQUIRE(synth_tool(folder, "--scene corridor --keyframes 3 -w 64 --mask-nadir 20 -o " + quoted(out)).code == 0);
   const std::string map = content(out / "map.msg");
@@ -198,7 +181,7 @@ TEST_CASE("a folder with files in it is left alone unless --force is given, whic
 }
 
 TEST_CASE("wrong usage exits with 2, an impossible output with 6, both saying why") {
-  const TemporaryFolder folder;
+  const TempDir folder;
   CHECK(synth_tool(folder, "").code == 2);
   CHECK(synth_tool(folder, "--scene moon -o " + quoted(folder / "m")).code == 2);
   CHECK(synth_tool(folder, "--keyframes 0 -o " + quoted(folder / "m")).code == 2);
