@@ -167,7 +167,7 @@ const std::vector<OptionEntry>& option_table() {
        +PMSP_AT(double, patchmatch.prior_weight)},
       {"patchmatch.max_slant_deg", "PatchMatch", "deg", 10, 89, "Largest angle between a plane's normal and the ray",
        +PMSP_AT(double, patchmatch.max_slant_deg)},
-      {"patchmatch.geometric_passes", "PatchMatch", "", 0, 4,
+      {"patchmatch.geometric_passes", "PatchMatch", "", 0, 8,
        "Further passes that prefer what neighbouring depth maps agree with",
        +PMSP_AT(int, patchmatch.geometric_passes)},
       {"patchmatch.geometric_iterations", "PatchMatch", "", 1, 100, "Iterations of each of these passes",
