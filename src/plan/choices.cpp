@@ -11,11 +11,11 @@
 namespace pmsp {
 namespace {
 
-constexpr double kReach = 2.0;        ///< times the 90th percentile of the ranges of a keyframe's landmarks
-constexpr double kReachMargin = 1.1;  ///< by which what was chosen before may lie farther away
-constexpr double kRangeMargin = 1.1;  ///< factor by which both ends of a depth range may differ
-constexpr double kGainMargin = 0.02;  ///< of usefulness, by which far neighbours may be worse than new ones
-constexpr double kGainToStay = 0.01;  ///< least gain in usefulness for which a far neighbour stays
+constexpr double kReach = 2.0;         ///< times the 90th percentile of the ranges of a keyframe's landmarks
+constexpr double kReachMargin = 1.1;   ///< by which what was chosen before may lie farther away
+constexpr double kRangeMargin = 1.1;   ///< factor by which both ends of a depth range may differ
+constexpr double kGainMargin = 0.05;   ///< of usefulness, by which far neighbours may be worse than new ones
+constexpr double kGainToStay = 0.005;  ///< least gain in usefulness for which a far neighbour stays
 constexpr double kSpreadToStay = 0.75;
 
 double reach_of(const Keyframe& keyframe) {
@@ -30,17 +30,22 @@ double reach_of(const Keyframe& keyframe) {
 }
 
 /// Whether the viewers of before are still spread over all of the list: of as many stretches of it as viewers are
-/// wanted, most hold one.
-bool still_spread(const std::vector<std::int64_t>& viewers, const std::vector<std::int64_t>& list, std::size_t wanted) {
+/// wanted, most hold one. A stretch that lies at the border of the reach as a whole does not count.
+bool still_spread(const std::vector<std::int64_t>& viewers, const std::vector<ViewerCandidate>& list,
+                  std::size_t wanted, double surely_within) {
   const std::unordered_set<std::int64_t> known(viewers.begin(), viewers.end());
   const std::size_t stretches = std::min(wanted, list.size());
-  std::size_t held = 0;
+  double held = 0.0;
+  double counted = 0.0;
   for (std::size_t i = 0; i < stretches; ++i) {
     const auto from = list.begin() + static_cast<std::ptrdiff_t>(i * list.size() / stretches);
     const auto to = list.begin() + static_cast<std::ptrdiff_t>((i + 1) * list.size() / stretches);
-    if (std::any_of(from, to, [&](std::int64_t id) { return known.count(id) != 0; })) ++held;
+    const bool holds = std::any_of(from, to, [&](const ViewerCandidate& c) { return known.count(c.id) != 0; });
+    const bool within = std::any_of(from, to, [&](const ViewerCandidate& c) { return c.distance <= surely_within; });
+    held += holds ? 1.0 : 0.0;
+    counted += holds || within ? 1.0 : 0.0;
   }
-  return static_cast<double>(held) >= kSpreadToStay * static_cast<double>(stretches);
+  return held >= kSpreadToStay * counted;
 }
 
 }  // namespace
@@ -75,15 +80,12 @@ std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector
                                          const PlanEntry* previous) {
   const std::unordered_set<std::int64_t> in_window(window.begin(), window.end());
   const std::size_t wanted = static_cast<std::size_t>(std::max(0, count - static_cast<int>(window.size())));
-  std::vector<std::int64_t> list;  // within reach, without the window
+  std::vector<ViewerCandidate> list;  // within reach, without the window
   std::unordered_set<std::int64_t> allowed;
   for (const ViewerCandidate& candidate : candidates) {
-    if (in_window.count(candidate.id) != 0) {
-      allowed.insert(candidate.id);
-    } else {
-      if (candidate.distance <= node.reach) list.push_back(candidate.id);
-      if (candidate.distance <= kReachMargin * node.reach) allowed.insert(candidate.id);
-    }
+    const bool known = in_window.count(candidate.id) != 0;
+    if (known || candidate.distance <= kReachMargin * node.reach) allowed.insert(candidate.id);
+    if (!known && candidate.distance <= node.reach) list.push_back(candidate);
   }
   if (previous != nullptr) {
     const std::vector<std::int64_t>& before = previous->viewers;
@@ -94,13 +96,13 @@ std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector
       of_window += in_window.count(id);
     }
     if (all_allowed && of_window == window.size() && before.size() <= window.size() + wanted &&
-        still_spread(before, list, wanted)) {
+        still_spread(before, list, wanted, node.reach / kReachMargin)) {
       return before;
     }
   }
   std::unordered_set<std::int64_t> chosen(in_window);
   const std::size_t taken = std::min(wanted, list.size());
-  for (std::size_t i = 0; i < taken; ++i) chosen.insert(list[(2 * i + 1) * list.size() / (2 * taken)]);
+  for (std::size_t i = 0; i < taken; ++i) chosen.insert(list[(2 * i + 1) * list.size() / (2 * taken)].id);
   std::vector<std::int64_t> result;
   for (const ViewerCandidate& candidate : candidates) {
     if (chosen.count(candidate.id) != 0) result.push_back(candidate.id);
