@@ -11,12 +11,11 @@
 namespace pmsp {
 namespace {
 
-constexpr double kReach = 2.0;         ///< times the 90th percentile of the ranges of a keyframe's landmarks
-constexpr double kReachMargin = 1.1;   ///< by which what was chosen before may lie farther away
-constexpr double kRangeMargin = 1.1;   ///< factor by which both ends of a depth range may differ
-constexpr double kGainMargin = 0.05;   ///< of usefulness, by which far neighbours may be worse than new ones
-constexpr double kGainToStay = 0.005;  ///< least gain in usefulness for which a far neighbour stays
-constexpr double kSpreadToStay = 0.75;
+constexpr double kReach = 2.0;          ///< times the 90th percentile of the ranges of a keyframe's landmarks
+constexpr double kRangeMargin = 1.1;    ///< factor by which both ends of a depth range may differ
+constexpr double kGainMargin = 0.05;    ///< of usefulness, by which far neighbours may be worse than new ones
+constexpr double kGainToStay = 0.005;   ///< least gain in usefulness for which a far neighbour stays
+constexpr double kSpreadToStay = 0.75;  ///< share of the stretches, and of the viewers that there could be
 
 double reach_of(const Keyframe& keyframe) {
   std::vector<double> ranges;
@@ -29,23 +28,31 @@ double reach_of(const Keyframe& keyframe) {
   return kReach * *at;
 }
 
-/// Whether the viewers of before are still spread over all of the list: of as many stretches of it as viewers are
-/// wanted, most hold one. A stretch that lies at the border of the reach as a whole does not count.
+/// Whether the viewers of before are still nearly as many as there could be, and spread over all of the list: most of
+/// its stretches hold one, of half as many stretches as viewers are wanted. What lies at the border of the reach does
+/// not count.
 bool still_spread(const std::vector<std::int64_t>& viewers, const std::vector<ViewerCandidate>& list,
                   std::size_t wanted, double surely_within) {
   const std::unordered_set<std::int64_t> known(viewers.begin(), viewers.end());
-  const std::size_t stretches = std::min(wanted, list.size());
+  const std::size_t stretches = (std::min(wanted, list.size()) + 1) / 2;
+  std::size_t viewers_known = 0;
+  std::size_t candidates = 0;
   double held = 0.0;
   double counted = 0.0;
   for (std::size_t i = 0; i < stretches; ++i) {
-    const auto from = list.begin() + static_cast<std::ptrdiff_t>(i * list.size() / stretches);
-    const auto to = list.begin() + static_cast<std::ptrdiff_t>((i + 1) * list.size() / stretches);
-    const bool holds = std::any_of(from, to, [&](const ViewerCandidate& c) { return known.count(c.id) != 0; });
-    const bool within = std::any_of(from, to, [&](const ViewerCandidate& c) { return c.distance <= surely_within; });
-    held += holds ? 1.0 : 0.0;
-    counted += holds || within ? 1.0 : 0.0;
+    std::size_t viewers_here = 0;
+    std::size_t candidates_here = 0;
+    for (std::size_t k = i * list.size() / stretches; k < (i + 1) * list.size() / stretches; ++k) {
+      viewers_here += known.count(list[k].id);
+      candidates_here += known.count(list[k].id) != 0 || list[k].distance <= surely_within ? 1 : 0;
+    }
+    held += viewers_here > 0 ? 1.0 : 0.0;
+    counted += candidates_here > 0 ? 1.0 : 0.0;
+    viewers_known += viewers_here;
+    candidates += candidates_here;
   }
-  return held >= kSpreadToStay * counted;
+  const double possible = static_cast<double>(std::min(wanted, candidates));
+  return held >= kSpreadToStay * counted && static_cast<double>(viewers_known) >= kSpreadToStay * possible;
 }
 
 }  // namespace

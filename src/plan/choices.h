@@ -38,6 +38,9 @@ class PreviousPlan {
   std::unordered_map<std::int64_t, PlanEntry> entries_;
 };
 
+/// By how much farther away than within reach a keyframe may lie that was asked before.
+constexpr double kReachMargin = 1.1;
+
 /// One of the keyframes that may be asked about a keyframe's points.
 struct ViewerCandidate {
   std::int64_t id;

@@ -249,9 +249,14 @@ void UnorderedPlan::choose_windows_of(std::size_t i) {
   decided.fusion = window_of(i, options_.fusion.window, before != nullptr ? &before->fusion : nullptr);
   decided.viewers = decided.fusion;
   if (!options_.free_space.enabled) return;
+  const auto in_window = [&](std::int64_t id) {
+    return std::find(decided.fusion.begin(), decided.fusion.end(), id) != decided.fusion.end();
+  };
   std::vector<std::pair<double, std::size_t>> others;  // by distance, so that near and far ones are asked
   for (std::size_t k = 0; k < nodes_.size(); ++k) {
-    if (k != i && nodes_[k].has_depth_map) others.emplace_back(distance(i, k), k);
+    if (k == i || !nodes_[k].has_depth_map) continue;
+    const double away = distance(i, k);
+    if (away <= kReachMargin * nodes_[i].reach || in_window(nodes_[k].keyframe.id)) others.emplace_back(away, k);
   }
   std::sort(others.begin(), others.end());
   std::vector<ViewerCandidate> candidates;
