@@ -40,8 +40,7 @@ class HaloFinder {
       if (set[i]) visit(plan_.entries[i]);
     }
   }
-  /// What the entries of `from` name in one of their lists joins `to`; the two may be one set only where lists are
-  /// not followed further.
+  /// What the entries of `from` name in one of their lists joins `to`, another set.
   void follow(const Set& from, std::vector<std::int64_t> PlanEntry::*list, Set& to) const {
     each(from, [&](const PlanEntry& entry) { add(to, entry.*list); });
   }
