@@ -44,6 +44,7 @@ DensifierOptions paper() {
   options.init.sparse_points = true;
   options.init.sparse_radius_px = kOnePixel;
   options.init.warp_previous = true;
+  options.init.chain_keyframes = 0;
   options.patchmatch.iterations = 4;
   options.patchmatch.neighbours = 2;
   options.patchmatch.refinements = 6;
@@ -79,6 +80,7 @@ void ViewFilterOptions::validate() const {
 
 void InitOptions::validate() const {
   check("init.sparse_radius_px", sparse_radius_px, 0.0, 100.0);
+  check("init.chain_keyframes", chain_keyframes, 0, 100000);
   check("init.range_margin", range_margin, 1.0, 1000.0);
 }
 

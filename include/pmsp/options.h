@@ -28,6 +28,9 @@ struct InitOptions {
   bool sparse_points = true;      ///< planes through the keyframe's landmarks, spread over their neighbourhood
   double sparse_radius_px = 6.0;  ///< how far one landmark spreads, in pixels of the depth map, 0 to 100
   bool warp_previous = true;      ///< planes of the previous keyframe's depth map, moved into this keyframe
+  /// That chain begins anew wherever floor(id / chain_keyframes) changes, so that no keyframe depends on all before it,
+  /// 0 to 100000; 0 = never.
+  int chain_keyframes = 16;
   /// The depth range is that of the keyframe's landmarks (2nd to 98th percentile), widened by this factor at both ends,
   /// 1 to 1000. Random planes are drawn log-uniformly inside, none is kept outside.
   double range_margin = 3.0;
@@ -159,6 +162,7 @@ struct DensifierOptions {
                             ///< that copies and kernels of successive keyframes overlap; the CPU ignores it
   int threads = 0;          ///< 1 to 1024; 0 = one for each CPU that the process may use
   Simd simd = Simd::kAuto;  ///< kAuto takes the widest that this machine has
+  bool unordered = false;   ///< keyframes are a set, such as photo captures: their order means nothing (see make_plan)
   ViewFilterOptions view_filter;
   InitOptions init;
   PatchMatchOptions patchmatch;
