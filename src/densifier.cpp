@@ -42,7 +42,7 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
     engine = make_engine({options, results, stats, cancel}, options, backend);
   }
   views.push_back(
-      {keyframe, engine->prepare(keyframe), options.patchmatch.revisits > 0 ? Outlook(keyframe) : Outlook(), {}, {}});
+      {keyframe, engine->prepare(keyframe), options.patchmatch.revisits > 0 ? Outlook(keyframe) : Outlook(), {}, 0, {}});
   views.back().keyframe.image = {};
   views.back().keyframe.mask = {};
 }

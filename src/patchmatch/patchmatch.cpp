@@ -197,7 +197,7 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   const bool started = !planes.empty();
   if (!started) planes = Planes(grid.size());
   const Planes coarse = to_checkerboard(input.coarse, grid, pool);
-  for (const Planes& planes : candidates) candidate_views.push_back(planes.view());
+  for (const Planes& candidate : candidates) candidate_views.push_back(candidate.view());
   const Planes prior = input.prior != nullptr ? to_checkerboard(*input.prior, grid) : Planes(0);
   const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
   std::vector<float> score(grid.size(), -1.0F);
