@@ -110,7 +110,7 @@ PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& fr
   F sum_square(0);
   for (int k = 0; k < kPatchSamples; ++k) {
     const F gray = patch.contrast(k);
-    const F weight = F(layout.space_weight[k]) * exp(max(gray * gray * color_factor, F(kLeastLogWeight)));
+    const F weight = F(layout.space_weight[k]) * kernels::exp(max(gray * gray * color_factor, F(kLeastLogWeight)));
     patch.put(k, weight, gray);
     sum = sum + weight;
     sum_gray = fma(weight, gray, sum_gray);

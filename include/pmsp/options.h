@@ -132,7 +132,8 @@ struct FreeSpaceOptions {
   void validate() const;
 };
 
-/// Instruction set of the CPU backend.
+/// Instruction set of the CPU backend. kAvx2 and kAvx512 give the same bytes; kScalar, plain code, gives others, since
+/// it rounds multiply-adds twice.
 enum class Simd { kAuto, kScalar, kAvx2, kAvx512 };
 
 /// Where the stages run.
@@ -155,7 +156,7 @@ struct DensifierOptions {
   int width = 640;         ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images, at most 5760, or
                            ///< twice the height if one is given
   int height = 320;        ///< of the depth maps [px], even, 16 to 8192; 0 = as the images' shape asks
-  std::uint64_t seed = 1;  ///< of the random planes; same input, seed, backend and instruction set, same bytes
+  std::uint64_t seed = 1;  ///< of the random planes; same input, seed and backend (see Simd, too), same bytes
   Backend backend = Backend::kAuto;
   int device = 0;           ///< CUDA device, as the driver numbers them, 0 to 255
   bool pipelined = false;   ///< CUDA: `add` returns while its work goes on, and results come with the next call, so
