@@ -55,7 +55,7 @@ void Densifier::Impl::flush() {
   place_of.clear();
   dropped += planner.entries().size();
   planner.drop(planner.entries().size());
-  first = first_active = next_filter = next_fuse = 0;
+  first = first_active = first_matching = next_filter = next_fuse = 0;
   std::fill(next_match.begin(), next_match.end(), 0);
   revisits = RevisitFilter(options.fusion);
 }
@@ -206,8 +206,11 @@ void Densifier::Impl::check_and_hand_out(KeyframeCloud cloud, const PlanEntry& e
 /// are too old to be matched with.
 void Densifier::Impl::forget(bool last) {
   if (options.unordered && !last) return;
-  const std::int64_t keep =
-      std::min({next_match.back() - match_ahead(), next_filter - filter_ahead(), next_fuse - fuse_ahead()});
+  const std::int64_t matched = next_match.back() - match_ahead();
+  for (; first_matching < matched && first_matching < end(); ++first_matching) {
+    engine->release_planes(*view(first_matching).frame);
+  }
+  const std::int64_t keep = std::min({matched, next_filter - filter_ahead(), next_fuse - fuse_ahead()});
   for (; first_active < keep && first_active < end(); ++first_active) {
     engine->release_maps(*view(first_active).frame);
     view(first_active).keyframe.landmarks = {};

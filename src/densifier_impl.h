@@ -93,6 +93,7 @@ struct Densifier::Impl {
   std::deque<KeyframeCloud> held;        ///< fused, not yet handed out
   std::size_t dropped = 0;               ///< entries of the plan that are done with
   std::int64_t first = 0;                ///< index of views.front()
+  std::int64_t first_matching = 0;       ///< planes of the passes of keyframes before are gone
   std::int64_t first_active = 0;         ///< keyframes before are only remembered as what others are matched with
   std::vector<std::int64_t> next_match;  ///< for each pass
   std::int64_t next_filter = 0;

@@ -170,9 +170,13 @@ void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
   context_.results.cloud(std::move(cloud));
 }
 
+void CpuEngine::release_planes(Frame& frame) {
+  for (DepthMap& raw : own(frame).raws) raw = {};
+}
+
 void CpuEngine::release_maps(Frame& frame) {
   CpuFrame& done = own(frame);
-  done.raws[0] = done.raws[1] = done.median = done.map = {};
+  done.median = done.map = {};
   done.covered = {};
   for (Panorama& level : done.levels) level.release_color();
 }

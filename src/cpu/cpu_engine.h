@@ -24,6 +24,7 @@ class CpuEngine : public Engine {
   void match(const MatchTask& task) override;
   void filter(Frame& reference, const std::vector<const Frame*>& others) override;
   void fuse(const std::vector<Frame*>& window, std::size_t current) override;
+  void release_planes(Frame& frame) override;
   void release_maps(Frame& frame) override;
   void deliver(bool /*all*/) override {}
 

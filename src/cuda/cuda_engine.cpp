@@ -103,6 +103,7 @@ class CudaEngine : public Engine {
   void match(const MatchTask& task) override;
   void filter(Frame& reference, const std::vector<const Frame*>& others) override;
   void fuse(const std::vector<Frame*>& window, std::size_t current) override;
+  void release_planes(Frame& frame) override;
   void release_maps(Frame& frame) override;
   void deliver(bool all) override;
 
@@ -507,9 +508,12 @@ void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
 }
 
 /// Memory that goes back to the pools may be used again at once: whoever gets it works on the same stream.
+void CudaEngine::release_planes(Frame& frame) {
+  for (auto& raw : own(frame).raws) raw.reset();
+}
+
 void CudaEngine::release_maps(Frame& frame) {
   CudaFrame& done = own(frame);
-  for (auto& raw : done.raws) raw.reset();
   done.planes.reset();
   done.confidence.reset();
   done.covered.reset();
