@@ -21,7 +21,6 @@ struct PatchLayout {
   float spacing;                      ///< distance of samples on the tangent plane (tangent of the angle)
   float fine_spacing;                 ///< the same where the fine patch has texture enough to be told from others
   float fine_variance;                ///< that much: variance [gray levels squared]
-  float coarse_variance;              ///< variance below which the planes of a coarser map are proposed
   float min_sigma_color;              ///< bilateral weights: smallest and largest standard deviation
   float max_sigma_color;              ///< [gray levels]
   float space_weight[kPatchSamples];  ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre

@@ -40,7 +40,7 @@ struct InitOptions {
 
 /// Red-black PatchMatch on the sphere.
 struct PatchMatchOptions {
-  int iterations = 1;  ///< of the first pass at full size, 1 to 100; each visits every pixel once
+  int iterations = 1;  ///< of the first pass, 1 to 100; each visits every pixel once
   int neighbours = 2;  ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   /// Source keyframes from earlier in the mission in addition, where the same place is passed again, 0 to 4; with
   /// `neighbours` 8 at most. Only where they show much under another parallax than the neighbours do.
@@ -56,12 +56,6 @@ struct PatchMatchOptions {
   /// does not decide for the wall behind it, 1 to 1000; sigma_color or more: never.
   double min_sigma_color = 4.0;
   double sigma_space_px = 5.0;  ///< bilateral weight: pixels of the depth map, 0.5 to 100
-  /// How often width and height are halved for a depth map to begin with, 0 to 4. Its planes are proposed to pixels
-  /// with little texture, where the larger patches of a small map tell more; elsewhere they would carry its mistakes
-  /// along.
-  int coarse_levels = 0;
-  int coarse_iterations = 2;     ///< at each of these sizes, 1 to 100
-  double coarse_contrast = 3.0;  ///< standard deviation of a patch up to which that is so [gray levels], 0 to 255
   /// Before each geometric pass, planes through the reliable surface around are proposed to pixels without texture, and
   /// preferred there; see pmsp/plane_priors.h.
   bool plane_priors = true;

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "engine.h"
-#include "patchmatch/match_setup.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/panorama.h"
 #include "pmsp/patchmatch.h"
@@ -30,8 +29,7 @@ class CpuEngine : public Engine {
 
  private:
   const DepthMap* map_to_warp(const MatchTask& task, DepthMap& scratch);
-  DepthMap run_stage(const MatchTask& task, const MatchStage& stage, const DepthMap* to_warp, const DepthMap& coarse,
-                     PatchMatchStats& matched);
+  DepthMap run_pass(const MatchTask& task, const DepthMap* to_warp, PatchMatchStats& matched);
   std::vector<PlaneImage> first_planes(const MatchTask& task, const DepthMap* to_warp, const Panorama& panorama);
   void finish_match(CpuFrame& reference, const DepthMap& raw, const PatchMatchStats& matched);
 };

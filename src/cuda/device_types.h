@@ -77,10 +77,9 @@ struct PriorArgs {
 struct MatchArgs {
   kernels::Matching<TextureCube> matching;
   cpu::GridTables grid;
-  float4* state;         ///< plane and score, checkerboard order (SphereGrid)
-  DevicePlanes coarse;   ///< a smaller map, proposed where there is little texture; or empty
-  const float4* priors;  ///< planes that pixels without texture prefer, row order; nullptr = none
-  const uchar4* color;   ///< of the reference
+  float4* state;                     ///< plane and score, checkerboard order (SphereGrid)
+  const float4* priors;              ///< planes that pixels without texture prefer, row order; nullptr = none
+  const uchar4* color;               ///< of the reference
   const std::uint64_t* sparse_keys;  ///< per pixel: (distance, index of the landmark), ~0 = none; nullptr = not wanted
   const SparsePoint* sparse_points;
   const std::uint64_t* warp_keys;  ///< per pixel: (range, index of the previous map's pixel), ~0 = none; or nullptr
