@@ -88,7 +88,7 @@ inline bool operator!=(const Plan& a, const Plan& b) { return !(a == b); }
 /// - Far neighbours: `patchmatch.revisits` of the `patchmatch.history` used ones before, where a place is passed again.
 /// - First planes: those of the used keyframe before, unless floor(id / init.chain_keyframes) has changed.
 /// - Windows: used keyframes before and after.
-/// - Viewers: the fusion window, and up to `free_space.views` in all, spread evenly over those among
+/// - Viewers: the fusion window, and `free_space.views` besides, spread evenly over those among
 ///   `free_space.history` / 2 used ones on either side that lie within twice the 90th percentile of the ranges of the
 ///   keyframe's landmarks. Without `free_space.whole_mission` none after the fusion window.
 /// In an unordered set all with landmarks are used but blurred ones; near neighbours, windows and viewers are chosen

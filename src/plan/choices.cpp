@@ -86,7 +86,7 @@ std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector
                                          const std::vector<ViewerCandidate>& candidates, int count,
                                          const PlanEntry* previous) {
   const std::unordered_set<std::int64_t> in_window(window.begin(), window.end());
-  const std::size_t wanted = static_cast<std::size_t>(std::max(0, count - static_cast<int>(window.size())));
+  const std::size_t wanted = static_cast<std::size_t>(count);
   std::vector<ViewerCandidate> list;  // within reach, without the window
   std::unordered_set<std::int64_t> allowed;
   for (const ViewerCandidate& candidate : candidates) {
