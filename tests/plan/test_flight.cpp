@@ -64,7 +64,7 @@ void check_valid(const Plan& plan, const DensifierOptions& options) {
     check(entry.far, options.patchmatch.revisits, false);
     check(entry.consistency, options.consistency.window - 1, true);
     check(entry.fusion, options.fusion.window - 1, true);
-    check(entry.viewers, std::max(options.free_space.views, options.fusion.window - 1), true);
+    check(entry.viewers, options.free_space.views + options.fusion.window - 1, true);
     for (const std::int64_t id : entry.fusion) {
       CHECK(std::count(entry.viewers.begin(), entry.viewers.end(), id) == 1);
     }
