@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "pmsp/depth_map.h"
+#include "pmsp/executor.h"
+#include "pmsp/free_space.h"
+#include "pmsp/image.h"
+#include "pmsp/options.h"
+#include "pmsp/point_cloud.h"
+#include "pmsp/transform.h"
+
+/// Points of many keyframes without floaters and without duplicates, in three steps that each look at stated keyframes
+/// only and know no order: each pixel's point is made (`fuse_pixels`), those that others have looked through go
+/// (`judge`), and of those that show the same place one stays (`ownership_round`). Poses and scales are arguments, so
+/// that after a loop closure the last two can be asked again without matching.
+namespace pmsp {
+
+/// Where a keyframe is, and how long its unit of length is in the unit of the world.
+struct KeyframePose {
+  RigidTransform cam_from_world;  ///< translation in the world's unit
+  double scale = 1.0;             ///< > 0
+};
+
+/// A depth map on its way through fusion.
+struct FusionMap {
+  const DepthMap* map = nullptr;      ///< its own pose is not looked at
+  const Image<Rgb>* color = nullptr;  ///< of the map's size
+  KeyframePose pose;
+};
+
+/// The points of a keyframe's pixels. All images have the size of its depth map.
+struct FusedMap {
+  std::int64_t keyframe_id = 0;
+  Image<float> depth;             ///< along the pixel's bearing [the keyframe's unit]; 0 = no point
+  Image<Eigen::Vector3f> normal;  ///< unit, camera frame
+  Image<float> confidence;        ///< 0 to 1
+  Image<Rgb> color;
+  Image<std::uint8_t> views;             ///< maps that agree, its own included
+  Image<std::uint32_t> agree;            ///< bit k: window_ids[k] agrees
+  std::vector<std::int64_t> window_ids;  ///< keyframe ids of the other maps
+};
+
+/// Makes a point of each pixel of `window[current]` whose confidence is at least `options.min_confidence`: depth,
+/// normal and colour are averages over the maps that agree, weighted with the inverse square of their expected errors
+/// (confidence, times the distance). `window`: 33 maps at most, of one size. Throws InvalidOption, and InvalidInput
+/// when sizes differ, something is missing, a scale is not above 0 or `current` is not in the window.
+FusedMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
+                     const Executor& executor);
+
+/// What is kept of a keyframe for others to ask: five bytes a pixel, and four more until its points are decided.
+/// Encoded as kernels/ownership.h says.
+struct SurfelMap {
+  std::int64_t keyframe_id = 0;
+  Image<std::uint32_t> surfels;   ///< depth and normal
+  Image<std::uint8_t> standings;  ///< confidence, and whether the pixel makes a point
+  Image<std::uint32_t> asked;     ///< bit k: viewers[k] may own the pixel's place
+};
+
+/// A keyframe that is asked about another one's points.
+struct SightFrom {
+  const SightMap* sight = nullptr;  ///< its own pose is not looked at
+  KeyframePose pose;
+  bool may_own = true;  ///< it is among those that `ownership_round` asks, too
+};
+
+/// Finds the eligible points: those that the viewers have not looked through, as in `free_space_filter`, only that all
+/// viewers are asked. Others leave `fused`; those that stay have their confidence scaled by the share that speaks for
+/// them. `viewers`: 32 at most. Throws InvalidOption, InvalidInput.
+SurfelMap judge(FusedMap& fused, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
+                const FreeSpaceOptions& options, const Executor& executor);
+
+/// A keyframe that is asked about ownership.
+struct SurfelsFrom {
+  const SurfelMap* map = nullptr;
+  KeyframePose pose;
+};
+
+/// One round that decides which pixels of `map` make a point. A pixel asks for eligible ones of the viewers that show
+/// the same side of the same surface within `options.spacing_px` of its own pixels and come first in the order: finer
+/// sampling (by octaves), higher confidence, smaller keyframe id. Where one of these is known to make a point the pixel
+/// makes none; where there is none left that may, it makes one.
+///
+/// Returns the standings after the round, and clears bits of `map.asked`; `map.standings` is for all keyframes to be
+/// replaced when all of them are through the round. `viewers`: the same keyframes in the same order as `judge` had;
+/// those that must not own may be left empty. Throws InvalidOption, InvalidInput.
+Image<std::uint8_t> ownership_round(SurfelMap& map, const KeyframePose& pose, const std::vector<SurfelsFrom>& viewers,
+                                    const FusionOptions& options, const Executor& executor);
+
+/// Rounds after which, on real flights, one pixel in a hundred is open. Those are kept.
+constexpr int kOwnershipRounds = 4;
+
+/// Points with their keys.
+struct KeyedCloud {
+  KeyframeCloud cloud;
+  std::vector<std::uint32_t> pixels;  ///< of each point: row x width + column; with the keyframe's id a stable key
+  std::vector<std::uint32_t> agree;   ///< of each point: bit k: window_ids[k] agrees
+  std::vector<std::int64_t> window_ids;
+};
+
+/// The points that a keyframe makes, in the order of its pixels, in its camera frame and unit. Throws InvalidInput when
+/// sizes differ.
+KeyedCloud owned_points(const FusedMap& fused, const SurfelMap& map, const KeyframePose& pose);
+
+}  // namespace pmsp
