@@ -165,6 +165,8 @@ PMSP_HD Answer ask(const Claim& claim, const OwnershipView& other, const GridVie
   const Vec3<float> p = transform(other.other_from_first, claim.point);
   const float range = sqrt(dot(p, p));
   const float angle = pixel_angle(other.map);
+  constexpr float kNearer = 0.9F;  // what may own the place is hardly nearer than the point
+  if (rank(kNearer * other.map.scale * range * angle, 0xff) > claim.rank) return {false, false};
   const float spacing = min(other.zoom * claim.reach / (range * angle), kMaxReach);
   const Vec3<float> normal = (1.0F / other.zoom) * rotate(other.other_from_first, claim.normal);
   Answer answer{false, false};
@@ -228,9 +230,46 @@ struct OwnershipRound {
 struct Viewer {
   SightView sight;
   Rigid other_from_first;  ///< as in OwnershipView
-  float square_zoom;       ///< of OwnershipView, squared
+  float zoom;              ///< as there
   bool may_own;            ///< it is asked about ownership, too
 };
+
+constexpr int kSightCell = 2;  ///< pixels of the map along the side of a cell of its SightView
+
+/// What a viewer says of a point.
+template <class F>
+struct Look {
+  Sight<F> sight;  ///< with weights in the first keyframe's unit
+  MaskOf<F> near;  ///< it has the point on its surface and the centre of a pixel within reach
+};
+
+/// `depth` of the point, which is not the place of the other camera; `spacing` as in OwnershipLimits. One projection
+/// serves both questions. The maps of both keyframes have one size.
+template <class F>
+PMSP_HD Look<F> look(const Vec3<F>& point, const F& depth, const Viewer& viewer, const SightLimits& limits,
+                     float spacing) {
+  const Vec3<F> p = transform(viewer.other_from_first, point);
+  const F square = max(dot(p, p), F(1e-30F));
+  const F range = sqrt(square);
+  const SightView& map = viewer.sight;
+  const Pixel<F> at =
+      project(p, F(static_cast<float>(kSightCell * map.width)), F(static_cast<float>(kSightCell * map.height)));
+  constexpr float kCells = 1.0F / static_cast<float>(kSightCell);
+  const IntOf<F> index = row(F(kCells) * at.y, map.height) * IntOf<F>(map.width) + column(F(kCells) * at.x, map.width);
+  const F nearest = gather<F>(map.nearest, index);
+  const F farthest = gather<F>(map.farthest, index);
+  const auto on_surface = (range >= nearest * F(limits.min_near)) & (range <= farthest * F(limits.max_far));
+  const auto through = range < nearest * F(limits.min_through);  // false where nothing is known
+  const F weight = F(viewer.zoom * viewer.zoom) / square;
+  // The pixel that the point falls into has the nearest centre. A little more than the reach: at the poles a row's
+  // columns are counted with the latitude of the row's centre.
+  const F dx = at.x - whole(at.x) - F(0.5F);
+  const F dy = at.y - whole(at.y) - F(0.5F);
+  const F reach = F(1.1F * spacing * viewer.zoom) * depth / range;
+  const F square_cos = fma(p.x, p.x, p.z * p.z) / square;
+  const MaskOf<F> near = on_surface & (fma(dx * dx, square_cos, dy * dy) <= reach * reach);
+  return {{select(on_surface, weight, F(0)), select(through, weight, F(0))}, near};
+}
 
 /// Whether a pixel's point is eligible; a stage. Viewers speak for and against it, each with the inverse square of its
 /// distance, the keyframe itself for it. Where they speak for it, the surfel gets its standing and confidence.
@@ -242,10 +281,11 @@ struct Eligibility {
   const Viewer* viewers;  ///< `count` of them, kMaxViewers at most
   int count;
   SightLimits limits;
+  float spacing;  ///< as in OwnershipLimits
   float max_contradiction;
   std::uint8_t* standings;  ///< kOpen or kNone
   float* scaled;            ///< confidences times the share that speaks for the point; 0 = not eligible
-  std::uint32_t* asked;     ///< bits of the viewers that have the point on their surface and may own its place
+  std::uint32_t* asked;     ///< bits of the viewers that may own the point's place
 
   PMSP_HD void operator()(int column, int row) const {
     const int pixel = row * width + column;
@@ -260,10 +300,10 @@ struct Eligibility {
     std::uint32_t owners = 0;
     for (int k = 0; k < count; ++k) {
       const Viewer& viewer = viewers[k];
-      const Sight<float> seen = sight(point, viewer.sight, viewer.other_from_first, limits);
-      on_surface += viewer.square_zoom * seen.on_surface;
-      through += viewer.square_zoom * seen.through;
-      if (viewer.may_own && seen.on_surface > 0.0F) owners |= 1U << static_cast<unsigned>(k);
+      const Look<float> seen = look(point, depth, viewer, limits, spacing);
+      on_surface += seen.sight.on_surface;
+      through += seen.sight.through;
+      if (viewer.may_own && seen.near) owners |= 1U << static_cast<unsigned>(k);
     }
     if (through > max_contradiction * on_surface) return;
     const float confidence = confidences[pixel] * on_surface / (on_surface + through);

@@ -71,9 +71,10 @@ struct SightFrom {
 
 /// Finds the eligible points: those that the viewers have not looked through, as in `free_space_filter`, only that all
 /// viewers are asked. Others leave `fused`; those that stay have their confidence scaled by the share that speaks for
-/// them. `viewers`: 32 at most. Throws InvalidOption, InvalidInput.
+/// them. Notes besides which viewers have a pixel within `fusion.spacing_px`. `viewers`: 32 at most, of the same size.
+/// Throws InvalidOption, InvalidInput.
 SurfelMap judge(FusedMap& fused, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
-                const FreeSpaceOptions& options, const Executor& executor);
+                const FreeSpaceOptions& options, const FusionOptions& fusion, const Executor& executor);
 
 /// A keyframe that is asked about ownership.
 struct SurfelsFrom {

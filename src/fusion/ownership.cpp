@@ -127,8 +127,9 @@ FusedMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, 
 }
 
 SurfelMap judge(FusedMap& fused, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
-                const FreeSpaceOptions& options, const Executor& executor) {
+                const FreeSpaceOptions& options, const FusionOptions& fusion, const Executor& executor) {
   options.validate();
+  fusion.validate();
   check_scale("judge", pose);
   check_count("judge", viewers.size());
   const int width = fused.depth.width();
@@ -137,12 +138,16 @@ SurfelMap judge(FusedMap& fused, const KeyframePose& pose, const std::vector<Sig
   std::vector<kernels::Viewer> asked;
   for (const SightFrom& viewer : viewers) {
     if (viewer.sight == nullptr) throw InvalidInput("judge: a viewer lacks its sight map");
+    if (kernels::kSightCell * viewer.sight->nearest.width() != width ||
+        kernels::kSightCell * viewer.sight->nearest.height() != height) {
+      throw InvalidInput("judge: maps differ in size");
+    }
     check_scale("judge", viewer.pose);
     const Relation to = relation(viewer.pose, pose);
     asked.push_back({{viewer.sight->nearest.pixels().data(), viewer.sight->farthest.pixels().data(),
                       viewer.sight->nearest.width(), viewer.sight->nearest.height()},
                      to.other_from_first,
-                     to.zoom * to.zoom,
+                     to.zoom,
                      viewer.may_own});
   }
   const float tolerance = static_cast<float>(options.max_relative_depth);
@@ -159,6 +164,7 @@ SurfelMap judge(FusedMap& fused, const KeyframePose& pose, const std::vector<Sig
                                    asked.data(),
                                    static_cast<int>(asked.size()),
                                    limits,
+                                   static_cast<float>(fusion.spacing_px),
                                    most,
                                    map.standings.pixels().data(),
                                    scaled.pixels().data(),

@@ -83,7 +83,7 @@ class Owners {
     for (std::size_t i = 0; i < size(); ++i) {
       std::vector<SightFrom> asked;
       for (const std::size_t k : viewers(i)) asked.push_back({&sights[k], poses[k]});
-      surfels.push_back(judge(fused[i], poses[i], asked, free_space, executor));
+      surfels.push_back(judge(fused[i], poses[i], asked, free_space, fusion, executor));
     }
     eligible = 0.0;
     for (const SurfelMap& map : surfels) {
@@ -368,7 +368,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
     for (const std::size_t k : order) {
       if (k != i) asked.push_back({&sights[k], one.poses[k]});
     }
-    surfels[i] = judge(fused[i], one.poses[i], asked, one.free_space, executor);
+    surfels[i] = judge(fused[i], one.poses[i], asked, one.free_space, one.fusion, executor);
   }
   for (int round = 0; round < one.rounds; ++round) {
     std::map<std::size_t, Image<std::uint8_t>> next;
@@ -534,7 +534,7 @@ TEST_CASE("ownership refuses what does not fit", "[ownership]") {
   FusionOptions options;
   options.spacing_px = -1.0;
   CHECK_THROWS_AS(fuse_pixels({map}, 0, options, executor), InvalidOption);
-  CHECK_THROWS_AS(judge(room.fused[0], room.poses[0], {{nullptr, {}}}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(judge(room.fused[0], room.poses[0], {{nullptr, {}}}, {}, {}, executor), InvalidInput);
   const SurfelMap small{1, Image<std::uint32_t>(8, 4), Image<std::uint8_t>(8, 4), Image<std::uint32_t>(8, 4)};
   CHECK_THROWS_AS(ownership_round(room.surfels[0], room.poses[0], {{&small, {}}}, {}, executor), InvalidInput);
   CHECK_THROWS_AS(owned_points(room.fused[0], small, {}), InvalidInput);
