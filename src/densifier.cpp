@@ -15,6 +15,12 @@
 #include "util/stopwatch.h"
 
 namespace pmsp {
+namespace {
+
+/// Number of the block of `size` ids that an id lies in: the quotient, rounded down.
+std::int64_t block_of(std::int64_t id, std::int64_t size) { return id >= 0 ? id / size : -1 - (-1 - id) / size; }
+
+}  // namespace
 
 Densifier::Impl::Impl(const DensifierOptions& given, DensifierCallbacks to)
     : options(given),
@@ -36,7 +42,7 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
     engine = make_engine({options, results, stats, cancel}, options, backend);
   }
   views.push_back(
-      {keyframe, engine->prepare(keyframe), options.patchmatch.revisits > 0 ? Outlook(keyframe) : Outlook(), {}, {}});
+      {keyframe, engine->prepare(keyframe), options.patchmatch.revisits > 0 ? Outlook(keyframe) : Outlook(), {}, 0, {}});
   views.back().keyframe.image = {};
   views.back().keyframe.mask = {};
 }
@@ -64,6 +70,7 @@ void Densifier::Impl::choose(std::int64_t i) {
        choose_neighbours(sequence, static_cast<std::size_t>(i - from), options.patchmatch.neighbours)) {
     reference.neighbours.push_back(from + static_cast<std::int64_t>(k));
   }
+  reference.near = reference.neighbours.size();
   add_revisits(i);
   reference.range = depth_range(reference.keyframe, options.init);
   if (reference.neighbours.empty()) {
@@ -89,8 +96,15 @@ void Densifier::Impl::add_revisits(std::int64_t i) {
   }
 }
 
-/// One pass of PatchMatch. Passes after the first one start from the map of the pass before and look at the newest maps
-/// of the neighbours: this pass's of earlier keyframes, the one before's of later ones.
+/// Whether the planes of the keyframe before are moved into this one.
+bool Densifier::Impl::starts_from_previous(std::int64_t i) {
+  if (!options.init.warp_previous || i == first || !view(i - 1).frame->matched) return false;
+  const int chain = options.init.chain_keyframes;
+  return chain == 0 || block_of(view(i).keyframe.id, chain) == block_of(view(i - 1).keyframe.id, chain);
+}
+
+/// One pass of PatchMatch. Passes after the first one start from the map of the pass before and look at the near
+/// neighbours' maps of the pass before, never at newer ones: what comes out does not depend on the order of work.
 void Densifier::Impl::match(std::int64_t i, int pass) {
   if (pass == 0) choose(i);
   View& reference = view(i);
@@ -100,9 +114,8 @@ void Densifier::Impl::match(std::int64_t i, int pass) {
   task.keyframe = &reference.keyframe;
   for (const std::int64_t k : reference.neighbours) task.neighbours.push_back(view(k).frame.get());
   task.range = reference.range;
-  if (pass == 0 && options.init.warp_previous && i > first && view(i - 1).frame->matched) {
-    task.previous = view(i - 1).frame.get();
-  }
+  task.near = reference.near;
+  if (pass == 0 && starts_from_previous(i)) task.previous = view(i - 1).frame.get();
   task.pass = pass;
   task.last = pass == options.patchmatch.geometric_passes;
   engine->match(task);

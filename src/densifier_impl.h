@@ -25,6 +25,7 @@ struct View {
   std::unique_ptr<Engine::Frame> frame;
   Outlook outlook;
   std::vector<std::int64_t> neighbours;  ///< what all passes of matching look at, and between which depths
+  std::size_t near = 0;                  ///< the first so many of them are near in the sequence
   DepthRange range;
 };
 
@@ -60,6 +61,7 @@ struct Densifier::Impl {
   void advance(bool last);
   void choose(std::int64_t i);
   void add_revisits(std::int64_t i);
+  bool starts_from_previous(std::int64_t i);
   void match(std::int64_t i, int pass);
   void filter(std::int64_t i);
   void fuse(std::int64_t i);

@@ -50,9 +50,10 @@ class Engine {
     Frame* reference = nullptr;
     const Keyframe* keyframe = nullptr;  ///< the reference's, without image and mask
     std::vector<const Frame*> neighbours;
+    std::size_t near = 0;  ///< the first so many of them lend their planes, too; the others their images only
     DepthRange range;
     const Frame* previous = nullptr;  ///< whose planes are warped into the reference; nullptr = none
-    int pass = 0;                     ///< 0 = photometric; others look at the neighbours' maps of the passes before
+    int pass = 0;                     ///< 0 = photometric; others look at the near neighbours' maps of the pass before
     bool last = true;                 ///< the map is complete: hand it out, median filter it
   };
 

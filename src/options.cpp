@@ -44,6 +44,7 @@ DensifierOptions paper() {
   options.init.sparse_points = true;
   options.init.sparse_radius_px = kOnePixel;
   options.init.warp_previous = true;
+  options.init.chain_keyframes = 0;
   options.patchmatch.iterations = 4;
   options.patchmatch.neighbours = 2;
   options.patchmatch.refinements = 6;
@@ -79,6 +80,7 @@ void ViewFilterOptions::validate() const {
 
 void InitOptions::validate() const {
   check("init.sparse_radius_px", sparse_radius_px, 0.0, 100.0);
+  check("init.chain_keyframes", chain_keyframes, 0, 100000);
   check("init.range_margin", range_margin, 1.0, 1000.0);
 }
 
@@ -103,7 +105,7 @@ void PatchMatchOptions::validate() const {
   check("patchmatch.coarse_contrast", coarse_contrast, 0.0, 255.0);
   check("patchmatch.prior_weight", prior_weight, 0.0, 4.0);
   check("patchmatch.max_slant_deg", max_slant_deg, 10.0, 89.0);
-  check("patchmatch.geometric_passes", geometric_passes, 0, 4);
+  check("patchmatch.geometric_passes", geometric_passes, 0, 8);
   check("patchmatch.geometric_iterations", geometric_iterations, 1, 100);
   check("patchmatch.geometric_weight", geometric_weight, 0.0, 4.0);
   check("patchmatch.geometric_tolerance", geometric_tolerance, 0.001, 1.0);
@@ -158,7 +160,7 @@ DensifierOptions preset(Quality quality) {
   options.width = quality == Quality::kNormal ? 1440 : 0;
   options.height = quality == Quality::kNormal ? 720 : 0;
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
-  options.patchmatch.iterations = 1;  // with four and more neighbours the geometric passes do the rest
+  options.patchmatch.geometric_passes = 3;  // more neighbours carry planes further in one of them
   options.patchmatch.revisits = 1;
   options.patchmatch.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 an image takes 0.2 GiB
   options.consistency.window = 7;

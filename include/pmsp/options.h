@@ -28,6 +28,9 @@ struct InitOptions {
   bool sparse_points = true;      ///< planes through the keyframe's landmarks, spread over their neighbourhood
   double sparse_radius_px = 6.0;  ///< how far one landmark spreads, in pixels of the depth map, 0 to 100
   bool warp_previous = true;      ///< planes of the previous keyframe's depth map, moved into this keyframe
+  /// That chain begins anew wherever floor(id / chain_keyframes) changes, so that no keyframe depends on all before it,
+  /// 0 to 100000; 0 = never.
+  int chain_keyframes = 16;
   /// The depth range is that of the keyframe's landmarks (2nd to 98th percentile), widened by this factor at both ends,
   /// 1 to 1000. Random planes are drawn log-uniformly inside, none is kept outside.
   double range_margin = 3.0;
@@ -37,7 +40,7 @@ struct InitOptions {
 
 /// Red-black PatchMatch on the sphere.
 struct PatchMatchOptions {
-  int iterations = 2;  ///< of the first pass at full size, 1 to 100; each visits every pixel once
+  int iterations = 1;  ///< of the first pass at full size, 1 to 100; each visits every pixel once
   int neighbours = 2;  ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   /// Source keyframes from earlier in the mission in addition, where the same place is passed again, 0 to 4; with
   /// `neighbours` 8 at most. Only where they show much under another parallax than the neighbours do.
@@ -56,7 +59,7 @@ struct PatchMatchOptions {
   /// How often width and height are halved for a depth map to begin with, 0 to 4. Its planes are proposed to pixels
   /// with little texture, where the larger patches of a small map tell more; elsewhere they would carry its mistakes
   /// along.
-  int coarse_levels = 1;
+  int coarse_levels = 0;
   int coarse_iterations = 2;     ///< at each of these sizes, 1 to 100
   double coarse_contrast = 3.0;  ///< standard deviation of a patch up to which that is so [gray levels], 0 to 255
   /// Before each geometric pass, planes through the reliable surface around are proposed to pixels without texture, and
@@ -65,9 +68,9 @@ struct PatchMatchOptions {
   double prior_weight = 0.3;    ///< score that agreement with such a plane is worth, 0 to 4
   double max_slant_deg = 80.0;  ///< largest angle between a plane's normal and the ray [deg], 10 to 89
   /// Further passes over the depth maps, in which planes score higher that agree with the depth maps of the neighbours,
-  /// 0 to 4. Each needs those first, so that results come later by as many keyframes as neighbours are looked for
-  /// ahead.
-  int geometric_passes = 2;
+  /// 0 to 8. Each needs those of the pass before first, so that results come later by as many keyframes as neighbours
+  /// are looked for ahead. With few neighbours more of them are worth their time.
+  int geometric_passes = 4;
   int geometric_iterations = 1;       ///< of each of these passes, 1 to 100
   double geometric_weight = 0.5;      ///< score that full disagreement with one neighbour costs, 0 to 4
   double geometric_tolerance = 0.03;  ///< relative difference of depths from which on it is full, 0.001 to 1
@@ -159,6 +162,7 @@ struct DensifierOptions {
                             ///< that copies and kernels of successive keyframes overlap; the CPU ignores it
   int threads = 0;          ///< 1 to 1024; 0 = one for each CPU that the process may use
   Simd simd = Simd::kAuto;  ///< kAuto takes the widest that this machine has
+  bool unordered = false;   ///< keyframes are a set, such as photo captures: their order means nothing (see make_plan)
   ViewFilterOptions view_filter;
   InitOptions init;
   PatchMatchOptions patchmatch;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -22,6 +23,14 @@ struct CommonParallax {
 CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vector3d& center_a,
                                const std::vector<Landmark>& b, const Eigen::Vector3d& center_b, double min_deg,
                                double max_deg);
+
+/// How sharply an image shows the surroundings of a landmark: squared differences of neighbouring pixels over the
+/// variance of the patch, so that brightness and contrast do not matter. Blur lowers it.
+struct LandmarkSharpness {
+  std::int64_t id = 0;
+  float horizontal = 0.0F;
+  float vertical = 0.0F;
+};
 
 /// Accepts keyframes that see enough of what the newest accepted one saw from a usefully different place (Surmann et
 /// al. 2022, section III-A). The first one is always accepted, and so is one that has landmarks but none in common, as

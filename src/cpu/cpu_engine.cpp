@@ -19,7 +19,7 @@ struct CpuFrame : Engine::Frame {
   using Frame::Frame;
 
   std::vector<Panorama> levels;  ///< that of the depth maps' size first, then those of coarser ones
-  DepthMap raw;                  ///< after the passes of PatchMatch so far
+  DepthMap raws[2];              ///< after the last even and the last odd pass of PatchMatch
   DepthMap median;               ///< after the last pass and the median filter
   DepthMap map;                  ///< after the consistency filter
   std::vector<std::uint8_t> covered;
@@ -54,18 +54,18 @@ void CpuEngine::match(const MatchTask& task) {
   for (const MatchStage& stage : match_stages(context_.options.patchmatch, coarsest, task.pass)) {
     map = run_stage(task, stage, to_warp, map, matched);
   }
-  reference.raw = std::move(map);
+  reference.raws[task.pass % 2] = std::move(map);
   reference.matched = !context_.cancel.load(std::memory_order_relaxed);
-  if (reference.matched && task.last) finish_match(reference, matched);
+  if (reference.matched && task.last) finish_match(reference, reference.raws[task.pass % 2], matched);
 }
 
-/// The previous keyframe's map, median filtered; into `scratch` while its later passes are still to come.
+/// The previous keyframe's map of the first pass, median filtered; into `scratch` while later passes are to come.
 const DepthMap* CpuEngine::map_to_warp(const MatchTask& task, DepthMap& scratch) {
   if (task.previous == nullptr) return nullptr;
   const CpuFrame& previous = own(*task.previous);
   if (!previous.median.depth.empty()) return &previous.median;
   const Stopwatch watch(context_.stats.seconds_init);
-  scratch = previous.raw;
+  scratch = previous.raws[0];
   median_filter(scratch, context_.options.median, executor_);
   return &scratch;
 }
@@ -82,7 +82,9 @@ DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, co
   input.first_iteration = stage.first_iteration;
   for (const Frame* neighbour : task.neighbours) {
     input.neighbours.push_back({&own(*neighbour).levels[level], neighbour->cam_from_world});
-    if (task.pass > 0) input.neighbour_maps.push_back(&own(*neighbour).raw);
+    if (task.pass == 0) continue;
+    const bool near = input.neighbour_maps.size() < task.near;
+    input.neighbour_maps.push_back(near ? &own(*neighbour).raws[(task.pass - 1) % 2] : nullptr);
   }
   std::vector<PlaneImage> candidates;
   PlaneImage prior;
@@ -91,10 +93,11 @@ DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, co
     for (const PlaneImage& planes : candidates) input.candidates.push_back(&planes);
     input.coarse = &coarse;
   } else {
-    input.start = &reference.raw;
+    const DepthMap& before = reference.raws[(task.pass - 1) % 2];
+    input.start = &before;
     if (options.patchmatch.plane_priors) {
       const Stopwatch watch(context_.stats.seconds_init);
-      prior = plane_priors(reference.raw, *input.reference.panorama, task.range, options.patchmatch, executor_);
+      prior = plane_priors(before, *input.reference.panorama, task.range, options.patchmatch, executor_);
       input.prior = &prior;
     }
   }
@@ -121,13 +124,13 @@ std::vector<PlaneImage> CpuEngine::first_planes(const MatchTask& task, const Dep
   return planes;
 }
 
-void CpuEngine::finish_match(CpuFrame& reference, const PatchMatchStats& matched) {
+void CpuEngine::finish_match(CpuFrame& reference, const DepthMap& raw, const PatchMatchStats& matched) {
   DensifierStats& stats = context_.stats;
-  if (context_.results.raw_depth) context_.results.raw_depth(reference.raw);
+  if (context_.results.raw_depth) context_.results.raw_depth(raw);
   FilterStats filtered;
   {
     const Stopwatch watch(stats.seconds_median);
-    reference.median = reference.raw;
+    reference.median = raw;
     median_filter(reference.median, context_.options.median, executor_, &filtered);
   }
   ++stats.depth_maps;
@@ -169,7 +172,7 @@ void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
 
 void CpuEngine::release_maps(Frame& frame) {
   CpuFrame& done = own(frame);
-  done.raw = done.median = done.map = {};
+  done.raws[0] = done.raws[1] = done.median = done.map = {};
   done.covered = {};
   for (Panorama& level : done.levels) level.release_color();
 }

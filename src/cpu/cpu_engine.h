@@ -32,7 +32,7 @@ class CpuEngine : public Engine {
   DepthMap run_stage(const MatchTask& task, const MatchStage& stage, const DepthMap* to_warp, const DepthMap& coarse,
                      PatchMatchStats& matched);
   std::vector<PlaneImage> first_planes(const MatchTask& task, const DepthMap* to_warp, const Panorama& panorama);
-  void finish_match(CpuFrame& reference, const PatchMatchStats& matched);
+  void finish_match(CpuFrame& reference, const DepthMap& raw, const PatchMatchStats& matched);
 };
 
 }  // namespace pmsp

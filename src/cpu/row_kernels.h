@@ -44,7 +44,6 @@ struct MatchJob {
   int num_candidates;
   ConstPlaneArrays coarse;  ///< proposals for pixels with little texture; nullptr = none
   ConstPlaneArrays prior;   ///< planes that pixels without texture prefer; nullptr = none
-  bool random_start;        ///< whether a random plane is proposed, too
   const float* usable;      ///< checkerboard order, 0 = masked; nullptr = all
 };
 
@@ -110,10 +109,11 @@ struct VarianceJob {
 
 /// One instruction set's functions.
 struct RowKernels {
-  /// Random planes and the initialiser's candidates for row y.
+  /// The first planes of row y: a random one and the initialiser's candidates.
   void (*start_row)(const MatchJob& job, int y);
-  /// Propagation and refinement of the pixels of one colour in row y.
-  void (*iterate_row)(const MatchJob& job, int y, int colour, int iteration);
+  /// Propagation and refinement of the pixels of one colour in row y. `rescore`: planes are there, but not their
+  /// scores.
+  void (*iterate_row)(const MatchJob& job, int y, int colour, int iteration, bool rescore);
   void (*median_row)(const MedianJob& job, int y);
   void (*compare_row)(const CompareJob& job, int y, const CompareRow& out);
   void (*roughness_row)(const RoughnessJob& job, int y);

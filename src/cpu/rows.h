@@ -79,17 +79,11 @@ void start_row(const MatchJob& job, int y) {
       kernels::Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
       if (any_usable(job, at, count < lanes<F>() ? count : lanes<F>())) {
         begin(visit, job, y, parity, k, ring);
-        if (job.random_start) {
-          const auto pixel = pixel_numbers<F>(job, y, parity, k);
-          kernels::propose(best, kernels::random_start<F>(pixel, visit.frame.bearing, job.matching), visit,
-                           job.matching);
-        }
+        const auto pixel = pixel_numbers<F>(job, y, parity, k);
+        kernels::propose(best, kernels::random_start<F>(pixel, visit.frame.bearing, job.matching), visit, job.matching);
         if (job.coarse.x != nullptr) {
           const kernels::Vec3<F> plane = plane_at<F>(job.coarse, ring, k, half);
           kernels::propose(best, kernels::coarse_start(plane, visit, job.matching), visit, job.matching);
-        }
-        if (job.prior.x != nullptr) {
-          kernels::propose(best, plane_at<F>(job.prior, ring, k, half), visit, job.matching);
         }
         for (int i = 0; i < job.num_candidates; ++i) {
           kernels::propose(best, plane_at<F>(job.candidates[i], ring, k, half), visit, job.matching);
@@ -101,7 +95,7 @@ void start_row(const MatchJob& job, int y) {
 }
 
 template <class F>
-void iterate_row(const MatchJob& job, int y, int colour, int iteration) {
+void iterate_row(const MatchJob& job, int y, int colour, int iteration, bool rescore) {
   const int half = job.grid.width / 2;
   const int parity = (y + colour) & 1;
   const std::size_t ring = ring_start(job, y, colour);
@@ -112,6 +106,14 @@ void iterate_row(const MatchJob& job, int y, int colour, int iteration) {
     if (!any_usable(job, at, count < lanes<F>() ? count : lanes<F>())) continue;
     begin(visit, job, y, parity, k, ring);
     kernels::Hypothesis<F> best{plane_at<F>(job.planes, ring, k, half), load_ring<F>(job.planes.score + ring, k, half)};
+    if (rescore) {
+      const kernels::Vec3<F> before = best.plane;
+      best = {{F(0), F(0), F(0)}, F(-1)};
+      kernels::propose(best, before, visit, job.matching);
+      if (job.prior.x != nullptr) {
+        kernels::propose(best, plane_at<F>(job.prior, ring, k, half), visit, job.matching);
+      }
+    }
     for (int i = 0; i < kernels::kNeighbours; ++i) {
       const kernels::NeighbourOffset offset = kernels::neighbour_offset(i);
       const kernels::NeighbourRing from =

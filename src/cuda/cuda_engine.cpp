@@ -53,7 +53,7 @@ struct CudaFrame : Engine::Frame {
   using Frame::Frame;
 
   std::vector<CudaImage> levels;       ///< that of the depth maps' size first, then those of coarser ones
-  std::shared_ptr<Planes> raw;         ///< after the passes of PatchMatch so far
+  std::shared_ptr<Planes> raws[2];     ///< after the last even and the last odd pass of PatchMatch
   std::shared_ptr<Planes> planes;      ///< after the last pass and the median filter
   std::shared_ptr<Floats> confidence;  ///< after the consistency filter; 0 = no depth
   std::shared_ptr<Bytes> covered;      ///< nonzero where a point of an earlier frame stands for the pixel
@@ -115,16 +115,17 @@ class CudaEngine : public Engine {
   void warp_previous(const MatchTask& task, const float4* planes, MatchArgs& args);
   void run_stage(const MatchTask& task, const MatchStage& stage, const float4* to_warp, const DevicePlanes& coarse,
                  float4* result);
-  const float4* plane_priors(const CudaFrame& reference, const MatchArgs& args);
-  void filter_median(const CudaFrame& frame, float4* planes, Counts* counts);
+  const float4* plane_priors(const float4* planes, const MatchArgs& args);
+  void filter_median(const CudaFrame& frame, const float4* raw, float4* planes, Counts* counts);
   MapDownload& free_download();
   void send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to);
   void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
   void hand_out_first();
   bool may_go_on();
-  void finish_match(CudaFrame& reference);
-  DevicePlanes surface_of(const CudaFrame& frame) const {
-    return {frame.raw ? frame.raw->get() : nullptr, context_.options.width, context_.options.height};
+  void finish_match(CudaFrame& reference, int pass);
+  DevicePlanes surface_of(const CudaFrame& frame, int pass) const {
+    const std::shared_ptr<Planes>& raw = frame.raws[pass % 2];
+    return {raw ? raw->get() : nullptr, context_.options.width, context_.options.height};
   }
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
   std::size_t pixels() const {
@@ -281,7 +282,7 @@ void CudaEngine::find_sparse(const MatchTask& task, MatchArgs& args) {
 const float4* CudaEngine::planes_to_warp(const CudaFrame& previous) {
   if (previous.planes) return previous.planes->get();
   if (warp_source_.empty()) warp_source_ = Planes(pixels());  // its later passes are still to come
-  filter_median(previous, warp_source_.get(), nullptr);
+  filter_median(previous, previous.raws[0]->get(), warp_source_.get(), nullptr);
   return warp_source_.get();
 }
 
@@ -296,12 +297,12 @@ void CudaEngine::warp_previous(const MatchTask& task, const float4* planes, Matc
   args.previous_from_reference = to_rigid(moved.inverse());
 }
 
-/// Those of the pass that starts from the reference's map.
-const float4* CudaEngine::plane_priors(const CudaFrame& reference, const MatchArgs& args) {
+/// Those of the pass that starts from the reference's map with these planes.
+const float4* CudaEngine::plane_priors(const float4* planes, const MatchArgs& args) {
   PriorArgs work = priors_->view();
   work.image = args.matching.reference;
   work.grid = args.grid;
-  work.cells.map = surface_of(reference);
+  work.cells.map = {planes, args.grid.width, args.grid.height};
   work.cells.sin_lon = args.grid.sin_lon[2];
   work.cells.cos_lon = args.grid.cos_lon[2];
   work.cells.sin_lat = args.grid.sin_lat;
@@ -312,10 +313,10 @@ const float4* CudaEngine::plane_priors(const CudaFrame& reference, const MatchAr
   return work.priors;
 }
 
-void CudaEngine::filter_median(const CudaFrame& frame, float4* planes, Counts* counts) {
+void CudaEngine::filter_median(const CudaFrame& frame, const float4* raw, float4* planes, Counts* counts) {
   const MedianFilterOptions& options = context_.options.median;
   median_pixels(
-      {levels_.front()->grid.view(), frame.raw->get(), frame.levels.front().color->get(), options.enabled,
+      {levels_.front()->grid.view(), raw, frame.levels.front().color->get(), options.enabled,
        static_cast<float>(options.max_relative_deviation), static_cast<float>(options.min_score), planes, counts},
       compute_.get());
 }
@@ -325,17 +326,18 @@ void CudaEngine::match(const MatchTask& task) {
   if (!may_go_on()) return;
   CudaFrame& reference = own(*task.reference);
   const float4* const to_warp = task.previous == nullptr ? nullptr : planes_to_warp(own(*task.previous));
-  if (!reference.raw) reference.raw = raws_.get(pixels());
+  std::shared_ptr<Planes>& raw = reference.raws[task.pass % 2];
+  if (!raw) raw = raws_.get(pixels());
   DevicePlanes coarse{};
   const int coarsest = static_cast<int>(levels_.size()) - 1;
   for (const MatchStage& stage : match_stages(context_.options.patchmatch, coarsest, task.pass)) {
-    const Planes& result = stage.level > 0 ? coarse_ : *reference.raw;
+    const Planes& result = stage.level > 0 ? coarse_ : *raw;
     run_stage(task, stage, to_warp, coarse, result.get());
     const Level& level = *levels_[static_cast<std::size_t>(stage.level)];
     coarse = {result.get(), level.width, level.height};
   }
   reference.matched = true;
-  if (task.last) finish_match(reference);
+  if (task.last) finish_match(reference, task.pass);
 }
 
 void CudaEngine::run_stage(const MatchTask& task, const MatchStage& stage, const float4* to_warp,
@@ -352,25 +354,34 @@ void CudaEngine::run_stage(const MatchTask& task, const MatchStage& stage, const
   for (const Frame* frame : task.neighbours) {
     const CudaFrame& neighbour = own(*frame);
     const CudaImage& other = neighbour.levels[at];
-    args.matching.views[args.matching.num_views++] = {{other.gray->texture()},
-                                                      {other.usable ? other.usable->texture() : 0},
-                                                      to_rigid(neighbour.cam_from_world * world_from_ref),
-                                                      task.pass > 0 ? surface_of(neighbour) : DevicePlanes{}};
+    const bool lends_planes = task.pass > 0 && static_cast<std::size_t>(args.matching.num_views) < task.near;
+    args.matching.views[args.matching.num_views++] = {
+        {other.gray->texture()},
+        {other.usable ? other.usable->texture() : 0},
+        to_rigid(neighbour.cam_from_world * world_from_ref),
+        lends_planes ? surface_of(neighbour, task.pass - 1) : DevicePlanes{}};
   }
   args.grid = level.grid.view();
   args.state = state_.get();
   args.color = image.color->get();
   args.coarse = coarse;
-  if (task.pass > 0) args.start = reference.raw->get();
+  const float4* const before = task.pass > 0 ? reference.raws[(task.pass - 1) % 2]->get() : nullptr;
   const std::shared_ptr<Record> record = records_.get();
   record->marks[0].record(compute_);
   if (task.pass == 0 && options.init.sparse_points) find_sparse(task, args);
   if (to_warp != nullptr) warp_previous(task, to_warp, args);
-  if (task.pass > 0 && options.patchmatch.plane_priors) args.priors = plane_priors(reference, args);
+  if (task.pass > 0 && options.patchmatch.plane_priors) args.priors = plane_priors(before, args);
   record->marks[1].record(compute_);
-  start_pixels(args, compute_.get());
+  if (before == nullptr) {
+    start_pixels(args, compute_.get());
+  } else {
+    from_rows(args.grid, before, state_.get(), compute_.get());
+  }
   for (int i = 0; i < stage.iterations; ++i) {
-    for (int colour = 0; colour < 2; ++colour) iterate_pixels(args, colour, stage.first_iteration + i, compute_.get());
+    const bool rescore = before != nullptr && i == 0;
+    for (int colour = 0; colour < 2; ++colour) {
+      iterate_pixels(args, colour, stage.first_iteration + i, rescore, compute_.get());
+    }
   }
   to_rows(args.grid, state_.get(), result, compute_.get());
   record->marks[2].record(compute_);
@@ -381,19 +392,20 @@ void CudaEngine::run_stage(const MatchTask& task, const MatchStage& stage, const
   });
 }
 
-void CudaEngine::finish_match(CudaFrame& reference) {
+void CudaEngine::finish_match(CudaFrame& reference, int pass) {
+  std::shared_ptr<Planes>& raw = reference.raws[pass % 2];
   if (context_.results.raw_depth) {
     MapDownload& download = free_download();
-    export_planes(levels_.front()->grid.view(), reference.raw->get(), download.view(), compute_.get());
+    export_planes(levels_.front()->grid.view(), raw->get(), download.view(), compute_.get());
     send(download, reference, context_.results.raw_depth);
   }
   reference.planes = planes_.get(pixels());
   const std::shared_ptr<Record> record = records_.get();
   record->start(compute_);
-  filter_median(reference, reference.planes->get(), record->device.get());
+  filter_median(reference, raw->get(), reference.planes->get(), record->device.get());
   record->stop(compute_, 1);
   // Nobody else will ask for it, and whoever gets the memory next works on the same stream.
-  if (context_.options.patchmatch.geometric_passes == 0) reference.raw.reset();
+  if (context_.options.patchmatch.geometric_passes == 0) raw.reset();
   expect([this, record] {
     record->marks[1].wait();
     DensifierStats& stats = context_.stats;
@@ -497,7 +509,7 @@ void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
 /// Memory that goes back to the pools may be used again at once: whoever gets it works on the same stream.
 void CudaEngine::release_maps(Frame& frame) {
   CudaFrame& done = own(frame);
-  done.raw.reset();
+  for (auto& raw : done.raws) raw.reset();
   done.planes.reset();
   done.confidence.reset();
   done.covered.reset();

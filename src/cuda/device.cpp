@@ -58,7 +58,7 @@ std::size_t memory_needed(const DensifierOptions& options) {
   const std::size_t pixels = static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);
   const std::size_t side = static_cast<std::size_t>(cube_size_for(options.width));
   // See CudaFrame and CudaEngine: planes 16, colour 4, confidence 4 bytes a pixel; a cube map of 2 + 1 bytes a texel.
-  const std::size_t raw = options.patchmatch.geometric_passes > 0 ? 16 : 4;
+  const std::size_t raw = options.patchmatch.geometric_passes > 0 ? 32 : 4;
   const std::size_t coarse = options.patchmatch.coarse_levels > 0 ? 7 : 0;  // coarser images: less than a third
   const std::size_t frame = (25 + raw) * pixels + 18 * side * side + coarse * pixels;
   const std::size_t frames = static_cast<std::size_t>((2 + options.patchmatch.geometric_passes) *

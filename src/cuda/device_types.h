@@ -78,7 +78,6 @@ struct MatchArgs {
   kernels::Matching<TextureCube> matching;
   cpu::GridTables grid;
   float4* state;         ///< plane and score, checkerboard order (SphereGrid)
-  const float4* start;   ///< planes to start from, row order; nullptr = random ones and the candidates below
   DevicePlanes coarse;   ///< a smaller map, proposed where there is little texture; or empty
   const float4* priors;  ///< planes that pixels without texture prefer, row order; nullptr = none
   const uchar4* color;   ///< of the reference

@@ -33,10 +33,14 @@ void warp_planes(const WarpArgs& args, cudaStream_t stream);
 void find_priors(const PriorArgs& args, cudaStream_t stream);
 
 void start_pixels(const MatchArgs& args, cudaStream_t stream);
-void iterate_pixels(const MatchArgs& args, int colour, int iteration, cudaStream_t stream);
+/// `rescore`: planes are there, but not their scores.
+void iterate_pixels(const MatchArgs& args, int colour, int iteration, bool rescore, cudaStream_t stream);
 
 /// PatchMatch's result, from checkerboard to row order.
 void to_rows(const cpu::GridTables& grid, const float4* state, float4* raw, cudaStream_t stream);
+
+/// The other way round, for a pass that goes on.
+void from_rows(const cpu::GridTables& grid, const float4* raw, float4* state, cudaStream_t stream);
 
 /// Planes and scores as a depth map.
 void export_planes(const cpu::GridTables& grid, const float4* planes, const MapArrays& out, cudaStream_t stream);

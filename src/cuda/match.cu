@@ -89,14 +89,11 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks) start_kernel(const 
     Visit visit{{}, SharedPatch(samples)};
     begin(visit, args, place);
     const Vec3<float> first =
-        args.start != nullptr
-            ? plane_of(args.start[place.in_rows])
-            : kernels::random_start<float>(static_cast<std::uint32_t>(place.in_rows), visit.frame.bearing, matching);
+        kernels::random_start<float>(static_cast<std::uint32_t>(place.in_rows), visit.frame.bearing, matching);
 #pragma unroll 1
-    for (int kind = -3; kind < 2; ++kind) {
-      const Vec3<float> plane = kind == -3   ? first
-                                : kind == -2 ? kernels::coarse_start(coarse_plane(args, place), visit, matching)
-                                : kind == -1 ? prior_plane(args, place)
+    for (int kind = -2; kind < 2; ++kind) {
+      const Vec3<float> plane = kind == -2   ? first
+                                : kind == -1 ? kernels::coarse_start(coarse_plane(args, place), visit, matching)
                                              : candidate(args, place.in_rows, kind);
       kernels::propose(best, plane, visit, matching);
     }
@@ -105,7 +102,7 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks) start_kernel(const 
 }
 
 __global__ void __launch_bounds__(kPatchThreads, kMinBlocks)
-    iterate_kernel(const __grid_constant__ MatchArgs args, int colour, int iteration) {
+    iterate_kernel(const __grid_constant__ MatchArgs args, int colour, int iteration, bool rescore) {
   __shared__ __half2 samples[kernels::kPatchSamples * kPatchThreads];
   const Place place = place_of(args.grid, colour);
   if (!place.inside || args.color[place.in_rows].w == 0) return;
@@ -115,10 +112,13 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks)
   begin(visit, args, place);
   const float4 before = args.state[place.at];
   kernels::Hypothesis<float> best{plane_of(before), before.w};
+  if (rescore) best = {{0.0F, 0.0F, 0.0F}, -1.0F};
 #pragma unroll 1
-  for (int i = 0; i < kernels::kNeighbours + matching.refinements; ++i) {
+  for (int i = rescore ? -2 : 0; i < kernels::kNeighbours + matching.refinements; ++i) {
     Vec3<float> plane;
-    if (i < kernels::kNeighbours) {
+    if (i < 0) {
+      plane = i == -2 ? plane_of(before) : prior_plane(args, place);
+    } else if (i < kernels::kNeighbours) {
       const kernels::NeighbourOffset offset = kernels::neighbour_offset(i);
       const kernels::NeighbourRing from =
           kernels::neighbour_ring(args.grid.width, args.grid.height, place.y, colour, offset.dx, offset.dy);
@@ -145,6 +145,13 @@ __global__ void to_rows_kernel(cpu::GridTables grid, const float4* state, float4
   const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
   if (x >= grid.width || y >= grid.height) return;
   raw[row_index(grid, x, y)] = state[checkerboard_index(grid, x, y)];
+}
+
+__global__ void from_rows_kernel(cpu::GridTables grid, const float4* raw, float4* state) {
+  const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
+  if (x >= grid.width || y >= grid.height) return;
+  state[checkerboard_index(grid, x, y)] = raw[row_index(grid, x, y)];
 }
 
 __global__ void export_kernel(cpu::GridTables grid, const float4* planes, MapArrays out) {
@@ -211,13 +218,19 @@ void start_pixels(const MatchArgs& args, cudaStream_t stream) {
   PMSP_CUDA_LAUNCHED();
 }
 
-void iterate_pixels(const MatchArgs& args, int colour, int iteration, cudaStream_t stream) {
-  iterate_kernel<<<colour_grid(args.grid, 1), dim3(kBlockWidth, kBlockHeight), 0, stream>>>(args, colour, iteration);
+void iterate_pixels(const MatchArgs& args, int colour, int iteration, bool rescore, cudaStream_t stream) {
+  iterate_kernel<<<colour_grid(args.grid, 1), dim3(kBlockWidth, kBlockHeight), 0, stream>>>(args, colour, iteration,
+                                                                                            rescore);
   PMSP_CUDA_LAUNCHED();
 }
 
 void to_rows(const cpu::GridTables& grid, const float4* state, float4* raw, cudaStream_t stream) {
   to_rows_kernel<<<image_grid(grid.width, grid.height), kImageBlock, 0, stream>>>(grid, state, raw);
+  PMSP_CUDA_LAUNCHED();
+}
+
+void from_rows(const cpu::GridTables& grid, const float4* raw, float4* state, cudaStream_t stream) {
+  from_rows_kernel<<<image_grid(grid.width, grid.height), kImageBlock, 0, stream>>>(grid, raw, state);
   PMSP_CUDA_LAUNCHED();
 }
 

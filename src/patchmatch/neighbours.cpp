@@ -18,14 +18,14 @@ struct Candidate {
   double usefulness;
 };
 
-double usefulness(const Keyframe& reference, const Keyframe& other) {
+}  // namespace
+
+double neighbour_usefulness(const Keyframe& reference, const Keyframe& other) {
   const CommonParallax common = common_parallax(reference.landmarks, reference.cam_from_world.center(), other.landmarks,
                                                 other.cam_from_world.center(), 0.0, 180.0);
   if (common.landmarks == 0) return 0.0;
   return parallax_usefulness(common.median_deg) * std::min(1.0, common.landmarks / 30.0);
 }
-
-}  // namespace
 
 double parallax_usefulness(double parallax_deg) {
   if (!(parallax_deg > 0.0)) return 0.0;
@@ -41,7 +41,7 @@ std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& s
     const double baseline =
         (sequence[i]->cam_from_world.center() - sequence[reference]->cam_from_world.center()).norm();
     if (!(baseline > 0.0)) continue;
-    candidates.push_back({i, i > reference, usefulness(*sequence[reference], *sequence[i])});
+    candidates.push_back({i, i > reference, neighbour_usefulness(*sequence[reference], *sequence[i])});
   }
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return a.usefulness > b.usefulness; });

@@ -14,6 +14,9 @@ namespace pmsp {
 std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference,
                                            int count);
 
+/// How useful one keyframe is for matching with the other, 0 to 1: by the parallax of the landmarks in common.
+double neighbour_usefulness(const Keyframe& reference, const Keyframe& other);
+
 /// How much a parallax [deg] helps matching, 0 to 1: too little tells nothing, with too much patches look different.
 double parallax_usefulness(double parallax_deg);
 

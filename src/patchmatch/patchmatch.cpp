@@ -65,6 +65,13 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
   if (input.prior != nullptr && (input.prior->width() != width || input.prior->height() != height)) {
     throw InvalidInput("patchmatch: prior planes are not of the reference's size");
   }
+  const bool starts_anew = input.start == nullptr || input.start->depth.empty();
+  if (!starts_anew && (!input.candidates.empty() || (input.coarse != nullptr && !input.coarse->depth.empty()))) {
+    throw InvalidInput("patchmatch: candidates and a coarse map belong to a first pass, which has no map to start from");
+  }
+  if (starts_anew && input.prior != nullptr) {
+    throw InvalidInput("patchmatch: prior planes belong to a further pass, which has a map to start from");
+  }
   for (const DepthMap* map : input.neighbour_maps) check_size(map, width, height);
   check_size(input.start, width, height);
   if (!(input.range.min >= kMinDepth) || !(input.range.max > input.range.min) || !(input.range.max <= kMaxDepth)) {
@@ -186,14 +193,13 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   std::vector<Planes> candidates;
   std::vector<cpu::ConstPlaneArrays> candidate_views;
   for (const PlaneImage* image : input.candidates) candidates.push_back(to_checkerboard(*image, grid));
-  Planes start = to_checkerboard(input.start, grid, pool);
-  const bool started = !start.empty();
-  if (started) candidates.push_back(std::move(start));
+  Planes planes = to_checkerboard(input.start, grid, pool);
+  const bool started = !planes.empty();
+  if (!started) planes = Planes(grid.size());
   const Planes coarse = to_checkerboard(input.coarse, grid, pool);
-  for (const Planes& planes : candidates) candidate_views.push_back(planes.view());
+  for (const Planes& candidate : candidates) candidate_views.push_back(candidate.view());
   const Planes prior = input.prior != nullptr ? to_checkerboard(*input.prior, grid) : Planes(0);
   const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
-  Planes planes(grid.size());
   std::vector<float> score(grid.size(), -1.0F);
 
   const cpu::MatchJob job{matching,
@@ -203,15 +209,16 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
                           static_cast<int>(candidate_views.size()),
                           coarse.view(),
                           prior.view(),
-                          !started,
                           usable.empty() ? nullptr : usable.data()};
 
   const auto cancelled = [&] { return cancel != nullptr && cancel->load(std::memory_order_relaxed); };
-  pool.for_each(grid.height(), [&](int y) { rows.start_row(job, y); });
+  if (!started) pool.for_each(grid.height(), [&](int y) { rows.start_row(job, y); });
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
     for (int colour = 0; colour < 2; ++colour) {
       if (cancelled()) return {};
-      pool.for_each(grid.height(), [&](int y) { rows.iterate_row(job, y, colour, input.first_iteration + iteration); });
+      const bool rescore = started && iteration == 0;
+      pool.for_each(grid.height(),
+                    [&](int y) { rows.iterate_row(job, y, colour, input.first_iteration + iteration, rescore); });
     }
   }
 

@@ -67,14 +67,37 @@ Outlook::Outlook(const Keyframe& keyframe)
   for (Sample& sample : samples) sample.solid_angle /= total;
 }
 
+double outlook_usefulness(const Outlook& reference, const std::vector<Eigen::Vector3d>& chosen,
+                          const std::vector<const Outlook*>& others) {
+  const Eigen::Vector3d center = reference.cam_from_world.center();
+  double result = 0.0;
+  for (const Outlook::Sample& sample : reference.samples) {
+    double best = 0.0;
+    for (const Eigen::Vector3d& other : chosen) {
+      best = std::max(best, parallax_usefulness(parallax_deg(sample.position_world, center, other)));
+    }
+    for (const Outlook* other : others) best = std::max(best, usefulness(*other, sample.position_world, center));
+    result += sample.solid_angle * best;
+  }
+  return result;
+}
+
 std::vector<std::size_t> choose_revisits(const Outlook& reference, const std::vector<Eigen::Vector3d>& chosen,
                                          const std::vector<const Outlook*>& candidates, int count) {
   const Eigen::Vector3d center = reference.cam_from_world.center();
-  std::vector<double> best(reference.samples.size(), 0.0);  // usefulness for each sample so far
-  for (std::size_t i = 0; i < best.size(); ++i) {
+  const std::size_t samples = reference.samples.size();
+  std::vector<double> best(samples, 0.0);  // usefulness for each sample so far
+  for (std::size_t i = 0; i < samples; ++i) {
     for (const Eigen::Vector3d& other : chosen) {
       const double parallax = parallax_deg(reference.samples[i].position_world, center, other);
       best[i] = std::max(best[i], parallax_usefulness(parallax));
+    }
+  }
+  std::vector<double> useful(candidates.size() * samples);  // a row for each candidate
+  double* value = useful.data();
+  for (const Outlook* candidate : candidates) {
+    for (const Outlook::Sample& sample : reference.samples) {
+      *value++ = usefulness(*candidate, sample.position_world, center);
     }
   }
   std::vector<std::size_t> result;
@@ -82,10 +105,10 @@ std::vector<std::size_t> choose_revisits(const Outlook& reference, const std::ve
     double most = kMinGain;
     std::size_t taken = candidates.size();
     for (std::size_t k = 0; k < candidates.size(); ++k) {
+      const double* row = &useful[k * samples];
       double gain = 0.0;
-      for (std::size_t i = 0; i < best.size(); ++i) {
-        const Outlook::Sample& sample = reference.samples[i];
-        gain += sample.solid_angle * std::max(0.0, usefulness(*candidates[k], sample.position_world, center) - best[i]);
+      for (std::size_t i = 0; i < samples; ++i) {
+        gain += reference.samples[i].solid_angle * std::max(0.0, row[i] - best[i]);
       }
       if (gain <= most) continue;
       most = gain;
@@ -93,9 +116,7 @@ std::vector<std::size_t> choose_revisits(const Outlook& reference, const std::ve
     }
     if (taken == candidates.size()) break;
     result.push_back(taken);
-    for (std::size_t i = 0; i < best.size(); ++i) {
-      best[i] = std::max(best[i], usefulness(*candidates[taken], reference.samples[i].position_world, center));
-    }
+    for (std::size_t i = 0; i < samples; ++i) best[i] = std::max(best[i], useful[taken * samples + i]);
   }
   return result;
 }

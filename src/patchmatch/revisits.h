@@ -27,6 +27,11 @@ struct Outlook {
   std::vector<Sample> samples;
 };
 
+/// How useful source keyframes are for matching what the reference sees, 0 to 1: the best of those at `chosen` (centres
+/// in the world, taken to see everything) and of `others`, averaged over the solid angle with landmarks.
+double outlook_usefulness(const Outlook& reference, const std::vector<Eigen::Vector3d>& chosen,
+                          const std::vector<const Outlook*>& others);
+
 /// Chooses further source keyframes among `candidates`, from anywhere in the mission: those that see most of what the
 /// reference sees under a parallax that is more useful than what the source keyframes at `chosen` (their centres in the
 /// world) offer. `count` at most; fewer where there is little to gain. Returns indices into `candidates`.

@@ -1,19 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "pmsp/keyframe.h"
+#include "pmsp/view_filter.h"
 
 namespace pmsp {
-
-/// How sharply an image shows the surroundings of a landmark: squared differences of neighbouring pixels over the
-/// variance of the patch, so that brightness and contrast do not matter. Blur lowers it.
-struct LandmarkSharpness {
-  std::int64_t id;
-  float horizontal, vertical;
-};
 
 /// Of some hundred of the keyframe's landmarks in pixels of a depth map of that width, ascending id; without those near
 /// the poles and on patches without contrast.

@@ -2,22 +2,14 @@
 #include "pmsp/view_filter.h"
 
 #include <algorithm>
-#include <deque>
 #include <utility>
 
 #include "util/eigen_kernels.h"
 #include "util/median.h"
 #include "view_filter/sharpness.h"
+#include "view_filter/view_chain.h"
 
 namespace pmsp {
-namespace {
-
-constexpr std::size_t kRecent = 3;        ///< accepted keyframes that sharpness is compared with
-constexpr double kSharedToSkip = 0.5;     ///< of the newest keyframe's landmarks, and
-constexpr double kParallaxToSkip = 0.25;  ///< of the largest parallax: until then a keyframe can be done without
-
-}  // namespace
-
 CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vector3d& center_a,
                                const std::vector<Landmark>& b, const Eigen::Vector3d& center_b, double min_deg,
                                double max_deg) {
@@ -44,54 +36,33 @@ CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vect
 }
 
 struct ViewFilter::Impl {
+  explicit Impl(const ViewFilterOptions& given) : options(given), chain(given) {}
   bool accept(const Keyframe& keyframe);
-  bool is_blurred(const std::vector<LandmarkSharpness>& sharpness) const;
 
   ViewFilterOptions options;
+  ViewChain chain;
   int width = 0;
   bool blurred = false;
-  bool has_newest = false;
-  std::vector<Landmark> newest_landmarks;
-  Eigen::Vector3d newest_center = Eigen::Vector3d::Zero();
-  std::deque<std::vector<LandmarkSharpness>> recent;  ///< of the last accepted keyframes
 };
-
-/// Less sharp than the last keyframes have it in the median: one that is blurred itself does not hide the next.
-bool ViewFilter::Impl::is_blurred(const std::vector<LandmarkSharpness>& sharpness) const {
-  if (recent.empty()) return false;
-  std::vector<double> relative;
-  for (const auto& other : recent) relative.push_back(relative_sharpness(sharpness, other));
-  return median(relative) < options.min_sharpness;
-}
 
 bool ViewFilter::Impl::accept(const Keyframe& keyframe) {
   blurred = false;
   const Eigen::Vector3d center = keyframe.cam_from_world.center();
-  bool dispensable = false;  // a blurred keyframe is better than a hole
-  if (has_newest && options.enabled) {
-    const CommonParallax common = common_parallax(newest_landmarks, newest_center, keyframe.landmarks, center,
-                                                  options.min_parallax_deg, options.max_parallax_deg);
-    // With nothing in common a SLAM has lost its way and found another: from there on it is a new flight.
-    if (keyframe.landmarks.empty() || common.in_range < options.min_share * common.landmarks) return false;
-    dispensable = common.landmarks >= kSharedToSkip * static_cast<double>(newest_landmarks.size()) &&
-                  common.median_deg <= kParallaxToSkip * options.max_parallax_deg;
-  }
+  ViewChain::Verdict verdict;
+  if (options.enabled) verdict = chain.compare(keyframe.landmarks, center);
+  if (verdict.use != KeyframeUse::kDepthMap) return false;
   if (options.enabled && options.min_sharpness > 0.0 && !keyframe.image.empty()) {
     std::vector<LandmarkSharpness> sharpness = landmark_sharpness(keyframe, width > 0 ? width : keyframe.image.width);
-    blurred = dispensable && is_blurred(sharpness);
+    blurred = verdict.dispensable && chain.is_blurred(sharpness);  // a blurred keyframe is better than a hole
     if (blurred) return false;
-    recent.push_back(std::move(sharpness));
-    if (recent.size() > kRecent) recent.pop_front();
+    chain.add_sharpness(std::move(sharpness));
   }
-  has_newest = true;
-  newest_landmarks = keyframe.landmarks;
-  newest_center = center;
+  chain.add(keyframe.landmarks, center);
   return true;
 }
 
-ViewFilter::ViewFilter(const ViewFilterOptions& options, int width) : impl_(std::make_unique<Impl>()) {
+ViewFilter::ViewFilter(const ViewFilterOptions& options, int width) : impl_(std::make_unique<Impl>(options)) {
   options.validate();
-  impl_->options = options;
   impl_->width = width;
 }
 ViewFilter::~ViewFilter() = default;
@@ -102,9 +73,8 @@ bool ViewFilter::accept(const Keyframe& keyframe) { return impl_->accept(keyfram
 bool ViewFilter::blurred() const { return impl_->blurred; }
 
 void ViewFilter::reset() {
-  impl_->blurred = impl_->has_newest = false;
-  impl_->newest_landmarks.clear();
-  impl_->recent.clear();
+  impl_->blurred = false;
+  impl_->chain.clear();
 }
 
 }  // namespace pmsp

@@ -4,7 +4,9 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
+#include "pmsp/io/plan_io.h"
 
+using namespace pmsp;
 using namespace pmsp_test;
 using Catch::Contains;
 
@@ -175,4 +177,31 @@ TEST_CASE("info tells what is in a map and which images belong to it") {
   REQUIRE(json["images"]["missing"].size() == 1);
   CHECK(json["images"]["missing"][0]["keyframe_id"] == 3);
   CHECK_FALSE(nlohmann::json::parse(densify({"info", map, "--json"}).out).contains("images"));
+}
+
+TEST_CASE("info writes the plan of a run with the same options") {
+  const TempDir dir;
+  std::filesystem::copy(mission() / "images", dir / "images");
+  write_text(dir / "images/000003.png", "no image");
+  const std::string map = (mission() / "map.msg").string();
+  const std::string file = (dir / "plan.json").string();
+  const Result all = densify({"info", map, "--plan", file, "--view-filter-min-parallax-deg", "0.1"});
+  INFO(all.err);
+  REQUIRE(all.code == 0);
+  CHECK_THAT(all.out, Contains("plan.json, 5 keyframes") && Contains("depth map: 5"));
+  const Plan plan = read_plan(file);
+  REQUIRE(plan.entries.size() == 5);
+  for (const PlanEntry& entry : plan.entries) CHECK(entry.near.size() == 2);
+
+  CHECK(densify({"info", map, "--plan", file}).code == 6);  // exists
+  const Result seen = densify({"info", map, "--images", (dir / "images").string(), "--plan", file, "--force", "--json",
+                               "--view-filter-min-parallax-deg", "0.1"});
+  INFO(seen.err);
+  REQUIRE(seen.code == 0);
+  const auto json = nlohmann::json::parse(seen.out);
+  CHECK(json["plan"]["keyframes"] == 4);
+  REQUIRE(json["images"]["missing"].size() == 1);
+  CHECK(json["images"]["missing"][0]["keyframe_id"] == 3);
+  CHECK(read_plan(file).entries.size() == 4);
+  CHECK(densify({"info", map, "--plan", map, "--force"}).code == 2);  // would overwrite the map
 }

@@ -37,12 +37,13 @@ const std::vector<Field>& fields() {
       {"view_filter.min_share", [](O& o, double v) { o.view_filter.min_share = v; }, -0.01, 0, 1, 1.01},
       {"view_filter.min_sharpness", [](O& o, double v) { o.view_filter.min_sharpness = v; }, -0.01, 0, 1, 1.01},
       {"init.sparse_radius_px", [](O& o, double v) { o.init.sparse_radius_px = v; }, -0.01, 0, 100, 100.1},
+      {"init.chain_keyframes", [](O& o, double v) { o.init.chain_keyframes = whole(v); }, -1, 0, 100000, 100001, true},
       {"init.range_margin", [](O& o, double v) { o.init.range_margin = v; }, 0.99, 1, 1000, 1000.1},
       {"patchmatch.iterations", [](O& o, double v) { o.patchmatch.iterations = whole(v); }, 0, 1, 100, 101, true},
       {"patchmatch.neighbours", [](O& o, double v) { o.patchmatch.neighbours = whole(v); }, 0, 1, 8, 9, true},
-      {"patchmatch.revisits", [](O& o, double v) { o.patchmatch.revisits = whole(v); }, -1, 0, 4, 5, true},
+      {"patchmatch.revisits", [](O& o, double v) { o.patchmatch.revisits = whole(v); }, -1, 0, 8, 9, true},
       {"patchmatch.history", [](O& o, double v) { o.patchmatch.history = whole(v); }, 0, 1, 100000, 100001, true},
-      {"patchmatch.coarse_levels", [](O& o, double v) { o.patchmatch.coarse_levels = whole(v); }, -1, 0, 4, 5, true},
+      {"patchmatch.coarse_levels", [](O& o, double v) { o.patchmatch.coarse_levels = whole(v); }, -1, 0, 8, 9, true},
       {"patchmatch.coarse_iterations", [](O& o, double v) { o.patchmatch.coarse_iterations = whole(v); }, 0, 1, 100,
        101, true},
       {"patchmatch.coarse_contrast", [](O& o, double v) { o.patchmatch.coarse_contrast = v; }, -0.01, 0, 255, 255.1},
@@ -56,7 +57,7 @@ const std::vector<Field>& fields() {
       {"patchmatch.min_sigma_color", [](O& o, double v) { o.patchmatch.min_sigma_color = v; }, 0.99, 1, 1000, 1000.1},
       {"patchmatch.sigma_space_px", [](O& o, double v) { o.patchmatch.sigma_space_px = v; }, 0.49, 0.5, 100, 100.1},
       {"patchmatch.max_slant_deg", [](O& o, double v) { o.patchmatch.max_slant_deg = v; }, 9.9, 10, 89, 89.1},
-      {"patchmatch.geometric_passes", [](O& o, double v) { o.patchmatch.geometric_passes = whole(v); }, -1, 0, 4, 5,
+      {"patchmatch.geometric_passes", [](O& o, double v) { o.patchmatch.geometric_passes = whole(v); }, -1, 0, 8, 9,
        true},
       {"patchmatch.geometric_iterations", [](O& o, double v) { o.patchmatch.geometric_iterations = whole(v); }, 0, 1,
        100, 101, true},
@@ -160,6 +161,7 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   CHECK(paper.height == 320);
   CHECK(paper.patchmatch.iterations == 4);
   CHECK(paper.patchmatch.neighbours == 2);
+  CHECK(paper.init.chain_keyframes == 0);
   CHECK(paper.patchmatch.revisits == 0);
   CHECK(paper.patchmatch.coarse_levels == 0);
   CHECK(paper.patchmatch.fine_patch == 1.0);

@@ -18,6 +18,7 @@ constexpr const char* kExamples =
     "  pmsp-densify run map.db --video flight.mp4 --mask drone.png --quality normal --force -o cloud.ply\n"
     "  pmsp-densify run map.msg --images keyframes/ --preview look/ --stats stats.json --consistency-min-views 2\n"
     "  pmsp-densify info map.msg --images keyframes/\n"
+    "  pmsp-densify info map.msg --images keyframes/ --quality normal --plan plan.json\n"
     "  pmsp-densify config --quality high > high.json\n"
     "\n"
     "Exit codes: 0 ok, 1 unexpected error, 2 usage, 3 input, 4 backend unavailable, 5 empty result, 6 output, "
@@ -95,6 +96,16 @@ void add_outputs(CLI::App& app, Arguments& a) {
       ->type_name("FILE")
       ->group(group);
   app.add_option("--preview", a.preview, "Pictures to judge the result by (PNG)")->type_name("DIR")->group(group);
+}
+
+void add_plan(CLI::App& app, Arguments& a) {
+  const char* group = "Output";
+  app.add_option("--plan", a.plan,
+                 "What each keyframe is used for and which others its points depend on (JSON), with the options in "
+                 "force; images, where given, tell which are blurred")
+      ->type_name("FILE")
+      ->group(group);
+  app.add_flag("--force", a.force, "Overwrite a plan that exists")->group(group);
 }
 
 ProgressMode progress_mode(const std::string& name) {
@@ -200,6 +211,8 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   add_table(run, a);
   add_inputs(info, a);
   info.add_flag("--json", a.json, "As JSON");
+  add_plan(info, a);
+  add_table(info, a);
   add_table(config, a);
 
   if (words[0] == "--version") {

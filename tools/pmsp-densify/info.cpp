@@ -2,9 +2,14 @@
 #include <cstdio>
 #include <iostream>
 
+#include "decoder.h"
 #include "depth_output.h"
+#include "io/map_keyframe.h"
 #include "map_figures.h"
+#include "pmsp/error.h"
+#include "pmsp/io/plan_io.h"
 #include "progress.h"
+#include "targets.h"
 #include "verbs.h"
 
 namespace pmsp::tool {
@@ -55,21 +60,74 @@ Json landmarks_json(const SlamMap& map) {
            {{"p2", percentile(depths, 2.0)}, {"median", percentile(depths, 50.0)}, {"p98", percentile(depths, 98.0)}}}};
 }
 
-Json images_json(const ImageSource& source) {
+Json images_json(const ImageSource& source, const std::vector<SkippedKeyframe>& skipped_keyframes) {
   Json images{{"description", source.description()},
               {"found", source.keyframe_ids().size()},
               {"keyframe_ids", source.keyframe_ids()},
               {"missing", Json::array()}};
-  for (const SkippedKeyframe& skipped : source.skipped()) {
+  for (const SkippedKeyframe& skipped : skipped_keyframes) {
     images["missing"].push_back({{"keyframe_id", skipped.keyframe_id}, {"reason", skipped.reason}});
   }
   return images;
+}
+
+/// The keyframes that have images, as a plan sees them; `skipped` takes those whose images turn out unusable.
+std::vector<PlanKeyframe> keyframes_with_image(const SlamMap& map, ImageSource& source, const DensifierOptions& options,
+                                               std::vector<SkippedKeyframe>& skipped) {
+  std::vector<PlanKeyframe> keyframes;
+  Decoder decoder(source);
+  for (;;) {
+    const Decoded decoded = decoder.next();
+    skipped.insert(skipped.end(), decoded.skipped.begin(), decoded.skipped.end());
+    if (!decoded.item) break;
+    const MapKeyframe* found = map.find_keyframe(decoded.item->keyframe_id);
+    if (found == nullptr) continue;
+    Keyframe keyframe = io::keyframe_of(map, *found);
+    keyframe.image = decoded.item->image.view();
+    keyframes.push_back(plan_keyframe(keyframe, options));
+  }
+  if (keyframes.empty() && !decoder.first_error().empty()) {
+    throw IoError("no image can be read; the first one: " + decoder.first_error());
+  }
+  return keyframes;
+}
+
+/// All keyframes of the map; their images count as sharp.
+std::vector<PlanKeyframe> keyframes_without_image(const SlamMap& map, const DensifierOptions& options) {
+  std::vector<PlanKeyframe> keyframes;
+  for (const MapKeyframe* keyframe : in_order_of_flight(map)) {
+    keyframes.push_back(plan_keyframe(io::keyframe_of(map, *keyframe), options));
+  }
+  return keyframes;
+}
+
+Json plan_figures(const Plan& plan, const std::filesystem::path& path) {
+  Json uses = Json::object();
+  for (const PlanEntry& entry : plan.entries) {
+    const std::string use = name_of(entry.use);
+    uses[use] = uses.value(use, 0) + 1;
+  }
+  return {{"file", path.string()}, {"keyframes", plan.entries.size()}, {"uses", uses}};
 }
 
 std::string number(const Json& value) {
   char text[32];
   std::snprintf(text, sizeof(text), "%.4g", value.get<double>());
   return text;
+}
+
+void print_images(const Json& j) {
+  const Json& images = j["images"];
+  std::cout << "images:     " << images["description"].get<std::string>() << "\n            " << images["found"]
+            << " of " << j["keyframes"] << " keyframes have one\n";
+  for (const Json& missing : images["missing"]) {
+    std::cout << "  keyframe " << missing["keyframe_id"] << ": " << missing["reason"].get<std::string>() << "\n";
+  }
+}
+
+void print_plan(const Json& plan) {
+  std::cout << "plan:       " << plan["file"].get<std::string>() << ", " << plan["keyframes"] << " keyframes\n";
+  for (const auto& [use, count] : plan["uses"].items()) std::cout << "  " << use << ": " << count << "\n";
 }
 
 void print(const Json& j) {
@@ -95,23 +153,29 @@ void print(const Json& j) {
             << landmarks["observations_repeated"] << " repeated ones\n"
             << "depth:      " << number(landmarks["depth"]["p2"]) << " to " << number(landmarks["depth"]["p98"])
             << " scene units (2nd to 98th percentile), median " << number(landmarks["depth"]["median"]) << "\n";
-  if (!j.contains("images")) return;
-  const Json& images = j["images"];
-  std::cout << "images:     " << images["description"].get<std::string>() << "\n            " << images["found"]
-            << " of " << j["keyframes"] << " keyframes have one\n";
-  for (const Json& missing : images["missing"]) {
-    std::cout << "  keyframe " << missing["keyframe_id"] << ": " << missing["reason"].get<std::string>() << "\n";
-  }
+  if (j.contains("images")) print_images(j);
+  if (j.contains("plan")) print_plan(j["plan"]);
 }
 
 }  // namespace
 
 void info(const Arguments& arguments) {
+  const DensifierOptions options = effective_options(arguments);
+  if (!arguments.plan.empty()) check_targets(arguments);
   const SlamMap map = read_map(arguments.map);
   Json json{{"map", map.path.string()},           {"format", map.format},
             {"cameras", cameras_json(map)},       {"keyframes", map.keyframes.size()},
             {"trajectory", trajectory_json(map)}, {"landmarks", landmarks_json(map)}};
-  if (const std::unique_ptr<ImageSource> source = open_images(arguments, map)) json["images"] = images_json(*source);
+  const std::unique_ptr<ImageSource> source = open_images(arguments, map);
+  std::vector<SkippedKeyframe> skipped;
+  if (source) skipped = source->skipped();
+  if (!arguments.plan.empty()) {
+    const Plan plan = make_plan(
+        source ? keyframes_with_image(map, *source, options, skipped) : keyframes_without_image(map, options), options);
+    write_plan(arguments.plan, plan);
+    json["plan"] = plan_figures(plan, arguments.plan);
+  }
+  if (source) json["images"] = images_json(*source, skipped);
   if (arguments.json) {
     std::cout << json_text(json);
   } else {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "decoder.h"
 #include "depth_output.h"
 #include "exit_code.h"
 #include "export/atomic_file.h"
@@ -26,56 +27,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-struct Decoded {
-  std::optional<ImageSource::Item> item;  ///< nullopt after the last image
-  std::vector<SkippedKeyframe> skipped;   ///< keyframes before it that turned out to have no image
-  double seconds = 0.0;
-};
-
-/// Decodes one image after the other. One that cannot be decoded costs its keyframe, not the run.
-class Decoder {
- public:
-  explicit Decoder(ImageSource& source) : source_(source), listed_(source.skipped().size()) {}
-
-  Decoded next() {
-    const Clock::time_point start = Clock::now();
-    Decoded decoded;
-    while (!take_image(decoded)) continue;
-    decoded.seconds = seconds_since(start);
-    return decoded;
-  }
-
-  /// Why the first of the images that could not be decoded could not; "" when all could.
-  const std::string& first_error() const { return first_error_; }
-
- private:
-  bool take_image(Decoded& decoded) {
-    try {
-      decoded.item = source_.next();
-      take_skipped(decoded);
-      ++asked_;
-      return true;
-    } catch (const IoError& error) {
-      take_skipped(decoded);
-      decoded.skipped.push_back({source_.keyframe_ids().at(asked_++), error.what()});
-      if (first_error_.empty()) first_error_ = error.what();
-      return false;
-    }
-  }
-
-  /// What the source itself has passed over since the last call.
-  void take_skipped(Decoded& decoded) {
-    for (; listed_ < source_.skipped().size(); ++listed_, ++asked_) {
-      decoded.skipped.push_back(source_.skipped()[listed_]);
-    }
-  }
-
-  ImageSource& source_;
-  std::size_t listed_;     ///< of the source's skipped keyframes
-  std::size_t asked_ = 0;  ///< of the source's keyframe_ids
-  std::string first_error_;
-};
 
 std::vector<std::string> ply_comments(const DensifierOptions& options) {
   // No threads, no paths, no times: the same input gives the same bytes.

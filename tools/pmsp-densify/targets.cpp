@@ -82,6 +82,11 @@ void check_pair(const Target& a, const Target& b) {
   }
 }
 
+/// The cloud has a name by default, which means nothing where none is written.
+bool is_of_other_verb(const Arguments& arguments, const Target& target) {
+  return arguments.verb == Verb::kInfo && std::string(target.option) != "--plan";
+}
+
 }  // namespace
 
 void check_targets(const Arguments& arguments) {
@@ -90,8 +95,9 @@ void check_targets(const Arguments& arguments) {
                                {"--stats", arguments.stats, nullptr},
                                {"--depth-maps", arguments.depth_maps, is_depth_map_file},
                                {"--raw-depth-maps", arguments.raw_depth_maps, is_depth_map_file},
-                               {"--preview", arguments.preview, is_preview_file}}) {
-    if (target.path.empty()) continue;
+                               {"--preview", arguments.preview, is_preview_file},
+                               {"--plan", arguments.plan, nullptr}}) {
+    if (target.path.empty() || is_of_other_verb(arguments, target)) continue;
     for (const Target& other : targets) check_pair(other, target);
     targets.push_back(target);
   }

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "plan/choices.h"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_set>
+#include <utility>
+
+#include "patchmatch/neighbours.h"
+
+namespace pmsp {
+namespace {
+
+constexpr double kReach = 2.0;          ///< times the 90th percentile of the ranges of a keyframe's landmarks
+constexpr double kRangeMargin = 1.1;    ///< factor by which both ends of a depth range may differ
+constexpr double kGainMargin = 0.05;    ///< of usefulness, by which far neighbours may be worse than new ones
+constexpr double kGainToStay = 0.005;   ///< least gain in usefulness for which a far neighbour stays
+constexpr double kSpreadToStay = 0.75;  ///< share of the stretches, and of the viewers that there could be
+
+double reach_of(const Keyframe& keyframe) {
+  std::vector<double> ranges;
+  ranges.reserve(keyframe.landmarks.size());
+  const Eigen::Vector3d center = keyframe.cam_from_world.center();
+  for (const Landmark& landmark : keyframe.landmarks) ranges.push_back((landmark.position_world - center).norm());
+  if (ranges.empty()) return 0.0;
+  const auto at = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() * 9 / 10);
+  std::nth_element(ranges.begin(), at, ranges.end());
+  return kReach * *at;
+}
+
+/// Whether the viewers of before are still nearly as many as there could be, and spread over all of the list: most of
+/// its stretches hold one, of half as many stretches as viewers are wanted. What lies at the border of the reach does
+/// not count.
+bool still_spread(const std::vector<std::int64_t>& viewers, const std::vector<ViewerCandidate>& list,
+                  std::size_t wanted, double surely_within) {
+  const std::unordered_set<std::int64_t> known(viewers.begin(), viewers.end());
+  const std::size_t stretches = (std::min(wanted, list.size()) + 1) / 2;
+  std::size_t viewers_known = 0;
+  std::size_t candidates = 0;
+  double held = 0.0;
+  double counted = 0.0;
+  for (std::size_t i = 0; i < stretches; ++i) {
+    std::size_t viewers_here = 0;
+    std::size_t candidates_here = 0;
+    for (std::size_t k = i * list.size() / stretches; k < (i + 1) * list.size() / stretches; ++k) {
+      viewers_here += known.count(list[k].id);
+      candidates_here += known.count(list[k].id) != 0 || list[k].distance <= surely_within ? 1 : 0;
+    }
+    held += viewers_here > 0 ? 1.0 : 0.0;
+    counted += candidates_here > 0 ? 1.0 : 0.0;
+    viewers_known += viewers_here;
+    candidates += candidates_here;
+  }
+  const double possible = static_cast<double>(std::min(wanted, candidates));
+  return held >= kSpreadToStay * counted && static_cast<double>(viewers_known) >= kSpreadToStay * possible;
+}
+
+}  // namespace
+
+PlanNode::PlanNode(PlanKeyframe&& given, std::size_t index, bool looks_around) : entry(index) {
+  keyframe.id = given.id;
+  keyframe.cam_from_world = given.cam_from_world;
+  keyframe.landmarks = std::move(given.landmarks);
+  center = keyframe.cam_from_world.center();
+  reach = reach_of(keyframe);
+  if (looks_around) outlook = Outlook(keyframe);
+}
+
+PreviousPlan::PreviousPlan(const Plan* plan) {
+  if (plan == nullptr) return;
+  for (const PlanEntry& entry : plan->entries) entries_.emplace(entry.id, entry);
+}
+
+const PlanEntry* PreviousPlan::find(std::int64_t id) const {
+  const auto found = entries_.find(id);
+  return found == entries_.end() ? nullptr : &found->second;
+}
+
+ViewChain::Lean PreviousPlan::lean(std::int64_t id) const {
+  const PlanEntry* entry = find(id);
+  if (entry == nullptr) return ViewChain::Lean::kNone;
+  return entry->used() ? ViewChain::Lean::kUse : ViewChain::Lean::kLeave;
+}
+
+std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector<std::int64_t>& window,
+                                         const std::vector<ViewerCandidate>& candidates, int count,
+                                         const PlanEntry* previous) {
+  const std::unordered_set<std::int64_t> in_window(window.begin(), window.end());
+  const std::size_t wanted = static_cast<std::size_t>(std::max(0, count - static_cast<int>(window.size())));
+  std::vector<ViewerCandidate> list;  // within reach, without the window
+  std::unordered_set<std::int64_t> allowed;
+  for (const ViewerCandidate& candidate : candidates) {
+    const bool known = in_window.count(candidate.id) != 0;
+    if (known || candidate.distance <= kReachMargin * node.reach) allowed.insert(candidate.id);
+    if (!known && candidate.distance <= node.reach) list.push_back(candidate);
+  }
+  if (previous != nullptr) {
+    const std::vector<std::int64_t>& before = previous->viewers;
+    std::size_t of_window = 0;
+    bool all_allowed = true;
+    for (const std::int64_t id : before) {
+      all_allowed = all_allowed && allowed.count(id) != 0;
+      of_window += in_window.count(id);
+    }
+    if (all_allowed && of_window == window.size() && before.size() <= window.size() + wanted &&
+        still_spread(before, list, wanted, node.reach / kReachMargin)) {
+      return before;
+    }
+  }
+  std::unordered_set<std::int64_t> chosen(in_window);
+  const std::size_t taken = std::min(wanted, list.size());
+  for (std::size_t i = 0; i < taken; ++i) chosen.insert(list[(2 * i + 1) * list.size() / (2 * taken)].id);
+  std::vector<std::int64_t> result;
+  for (const ViewerCandidate& candidate : candidates) {
+    if (chosen.count(candidate.id) != 0) result.push_back(candidate.id);
+  }
+  return result;
+}
+
+DepthRange choose_range(const Keyframe& keyframe, const InitOptions& options, const PlanEntry* previous) {
+  const DepthRange range = depth_range(keyframe, options);
+  if (previous == nullptr) return range;
+  const auto hardly_differs = [](double a, double b) {
+    return a > 0.0 && b > 0.0 && std::max(a / b, b / a) <= kRangeMargin;
+  };
+  const DepthRange& before = previous->range;
+  return hardly_differs(range.min, before.min) && hardly_differs(range.max, before.max) ? before : range;
+}
+
+std::vector<std::size_t> places_of(const std::vector<std::int64_t>& ids, const Places& candidates) {
+  std::vector<std::size_t> result;
+  for (const std::int64_t id : ids) {
+    const auto found = candidates.find(id);
+    if (found == candidates.end()) return {};
+    result.push_back(found->second);
+  }
+  return result;
+}
+
+std::vector<std::size_t> choose_near(const std::vector<const Keyframe*>& sequence, std::size_t reference, int count,
+                                     const PlanEntry* previous) {
+  const std::vector<std::size_t> chosen = choose_neighbours(sequence, reference, count);
+  if (previous == nullptr) return chosen;
+  Places places;
+  for (std::size_t i = 0; i < sequence.size(); ++i) places.emplace(sequence[i]->id, i);
+  const std::vector<std::size_t> before = places_of(previous->near, places);
+  if (before.size() != chosen.size()) return chosen;
+  std::ptrdiff_t later = 0;  // as many on either side
+  for (const std::size_t i : before) later += i > reference ? 1 : 0;
+  for (const std::size_t i : chosen) later -= i > reference ? 1 : 0;
+  if (later != 0) return chosen;
+  const auto value = [&](const std::vector<std::size_t>& list) {
+    double sum = 0.0;
+    for (const std::size_t i : list) sum += neighbour_usefulness(*sequence[reference], *sequence[i]);
+    return sum;
+  };
+  return value(before) >= kNearlyAsGood * value(chosen) ? before : chosen;
+}
+
+std::vector<std::size_t> choose_far(const PlanNode& node, const std::vector<Eigen::Vector3d>& centers,
+                                    const std::vector<const PlanNode*>& candidates, int count,
+                                    const PlanEntry* previous) {
+  if (count == 0 || candidates.empty()) return {};
+  std::vector<const Outlook*> outlooks;
+  for (const PlanNode* candidate : candidates) outlooks.push_back(&candidate->outlook);
+  const std::vector<std::size_t> chosen = choose_revisits(node.outlook, centers, outlooks, count);
+  if (previous == nullptr || previous->far.size() > static_cast<std::size_t>(count)) return chosen;
+  Places places;
+  for (std::size_t i = 0; i < candidates.size(); ++i) places.emplace(candidates[i]->keyframe.id, i);
+  const std::vector<std::size_t> before = places_of(previous->far, places);
+  if (before.size() != previous->far.size()) return chosen;
+  const auto value = [&](const std::vector<std::size_t>& list) {
+    std::vector<const Outlook*> others;
+    for (const std::size_t i : list) others.push_back(outlooks[i]);
+    return outlook_usefulness(node.outlook, centers, others);
+  };
+  const double kept = value(before);
+  const bool worth = kept >= value({}) + kGainToStay * static_cast<double>(before.size());
+  return worth && kept + kGainMargin >= value(chosen) ? before : chosen;
+}
+
+void settle(PlanEntry& entry, const DepthRange& range) {
+  entry.range = range;
+  if (entry.near.empty()) {
+    entry.use = KeyframeUse::kNoNeighbour;
+  } else if (!(range.max > range.min)) {
+    entry.use = KeyframeUse::kNoRange;
+  } else {
+    entry.use = KeyframeUse::kDepthMap;
+  }
+}
+
+}  // namespace pmsp

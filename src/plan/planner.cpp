@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "plan/planner.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "patchmatch/neighbours.h"
+#include "plan/unordered.h"
+
+namespace pmsp {
+
+std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }
+
+Planner::Planner(const DensifierOptions& options, const Plan* previous)
+    : options_(options), previous_(previous), chain_(options.view_filter) {
+  options.validate();
+}
+
+std::int64_t Planner::match_delay() const { return neighbour_reach(options_.patchmatch.neighbours); }
+
+std::int64_t Planner::viewers_after() const {
+  const std::int64_t window = options_.fusion.window / 2;
+  if (!options_.free_space.enabled || !options_.free_space.whole_mission) return window;
+  return std::max<std::int64_t>(window, options_.free_space.history / 2);
+}
+
+std::int64_t Planner::complete_delay() const {
+  const std::int64_t consistency = options_.consistency.enabled ? options_.consistency.window / 2 : 0;
+  return match_delay() + std::max(consistency, viewers_after());
+}
+
+std::size_t Planner::entry_after(std::int64_t next) const {
+  if (options_.unordered) return set_.empty() ? entries_.size() : 0;
+  return next < end() ? node(next).entry - dropped_ : entries_.size();
+}
+
+void Planner::drop(std::size_t count) {
+  entries_.erase(entries_.begin(), entries_.begin() + static_cast<std::ptrdiff_t>(count));
+  dropped_ += count;
+}
+
+bool Planner::add(PlanKeyframe keyframe) {
+  if (options_.unordered) {
+    set_.push_back(std::move(keyframe));
+    return !set_.back().landmarks.empty();
+  }
+  PlanEntry entry;
+  entry.id = keyframe.id;
+  entry.use = judge(keyframe);
+  const std::size_t index = dropped_ + entries_.size();
+  const bool used = entry.used();
+  entries_.push_back(std::move(entry));
+  if (!used) return false;
+  nodes_.emplace_back(std::move(keyframe), index, options_.patchmatch.revisits > 0);
+  advance(false);
+  return true;
+}
+
+void Planner::finish() {
+  if (options_.unordered) {
+    for (PlanEntry& entry : plan_unordered(std::move(set_), options_, previous_)) entries_.push_back(std::move(entry));
+    set_.clear();
+    return;
+  }
+  advance(true);
+  nodes_.clear();
+  first_ = next_match_ = next_window_ = next_clear_ = 0;
+  chain_.clear();
+  in_sequence_ = block_begun_ = used_in_block_ = false;
+}
+
+/// Whether the keyframe is used, and if not, why not.
+KeyframeUse Planner::judge(const PlanKeyframe& keyframe) {
+  if (!options_.view_filter.enabled) return KeyframeUse::kDepthMap;
+  const bool first = !in_sequence_;
+  const std::int64_t block = floor_div(keyframe.id, kViewBlock);
+  if (first || block != block_) block_begun_ = false;
+  in_sequence_ = true;
+  block_ = block;
+  if (!block_begun_) {
+    if (keyframe.landmarks.empty()) return first ? KeyframeUse::kDepthMap : KeyframeUse::kNoLandmarks;
+    return begin_block(keyframe);
+  }
+  const ViewChain::Lean lean = previous_.lean(keyframe.id);
+  const ViewChain::Verdict verdict = chain_.compare(keyframe.landmarks, keyframe.cam_from_world.center(), lean);
+  if (verdict.use != KeyframeUse::kDepthMap) return verdict.use;
+  if (verdict.dispensable && is_blurred(keyframe)) return KeyframeUse::kBlurred;
+  take_into_chain(keyframe);
+  used_in_block_ = true;
+  return KeyframeUse::kDepthMap;
+}
+
+/// The chain begins anew at this keyframe, used or not.
+KeyframeUse Planner::begin_block(const PlanKeyframe& keyframe) {
+  KeyframeUse use = KeyframeUse::kDepthMap;
+  if (used_in_block_) {  // in the block before
+    const ViewChain::Lean lean = previous_.lean(keyframe.id);
+    const ViewChain::Verdict verdict = chain_.compare(keyframe.landmarks, keyframe.cam_from_world.center(), lean);
+    if (verdict.use == KeyframeUse::kTooLittleParallax) use = verdict.use;
+    if (verdict.dispensable && is_blurred(keyframe)) use = KeyframeUse::kBlurred;
+  }
+  chain_.clear();
+  take_into_chain(keyframe);
+  block_begun_ = true;
+  used_in_block_ = false;
+  return use;
+}
+
+bool Planner::is_blurred(const PlanKeyframe& keyframe) const {
+  return options_.view_filter.min_sharpness > 0.0 &&
+         chain_.is_blurred(keyframe.sharpness.landmarks, previous_.lean(keyframe.id));
+}
+
+void Planner::take_into_chain(const PlanKeyframe& keyframe) {
+  chain_.add(keyframe.landmarks, keyframe.cam_from_world.center());
+  if (!keyframe.sharpness.landmarks.empty()) chain_.add_sharpness(keyframe.sharpness.landmarks);
+}
+
+void Planner::advance(bool last) {
+  while (last ? next_match_ < end() : next_match_ + match_delay() < end()) choose_neighbours_of(next_match_++);
+  const std::int64_t windows = complete_delay() - match_delay();
+  while (last ? next_window_ < end() : next_window_ + windows < next_match_) choose_windows_of(next_window_++);
+  forget();
+}
+
+void Planner::choose_neighbours_of(std::int64_t i) {
+  PlanNode& reference = node(i);
+  PlanEntry& entry = entry_of(reference);
+  const PlanEntry* before = previous_.find(entry.id);
+  const std::int64_t from = std::max(first_, i - match_delay());
+  const std::int64_t to = std::min(end(), i + match_delay() + 1);
+  std::vector<const Keyframe*> sequence;
+  for (std::int64_t k = from; k < to; ++k) sequence.push_back(&node(k).keyframe);
+  const std::vector<std::size_t> near =
+      choose_near(sequence, static_cast<std::size_t>(i - from), options_.patchmatch.neighbours, before);
+  std::vector<Eigen::Vector3d> centers;
+  for (const std::size_t k : near) {
+    entry.near.push_back(sequence[k]->id);
+    centers.push_back(node(from + static_cast<std::int64_t>(k)).center);
+  }
+  std::vector<const PlanNode*> past;
+  for (std::int64_t k = std::max(first_, i - options_.patchmatch.history); k < i - match_delay(); ++k) {
+    past.push_back(&node(k));
+  }
+  for (const std::size_t k : choose_far(reference, centers, past, options_.patchmatch.revisits, before)) {
+    entry.far.push_back(past[k]->keyframe.id);
+  }
+  settle(entry, choose_range(reference.keyframe, options_.init, before));
+  reference.has_depth_map = entry.has_depth_map();
+  const std::int64_t chain = options_.init.chain_keyframes;
+  if (options_.init.warp_previous && entry.has_depth_map() && i > first_ && node(i - 1).has_depth_map) {
+    const std::int64_t id = node(i - 1).keyframe.id;
+    if (chain == 0 || floor_div(id, chain) == floor_div(entry.id, chain)) entry.first_planes = id;
+  }
+}
+
+std::vector<std::int64_t> Planner::window_around(std::int64_t i, std::int64_t half) const {
+  std::vector<std::int64_t> result;
+  for (std::int64_t k = std::max(first_, i - half); k <= std::min(end() - 1, i + half); ++k) {
+    if (k != i && node(k).has_depth_map) result.push_back(node(k).keyframe.id);
+  }
+  return result;
+}
+
+void Planner::choose_windows_of(std::int64_t i) {
+  const PlanNode& reference = node(i);
+  PlanEntry& entry = entry_of(reference);
+  if (!entry.has_depth_map()) return;
+  if (options_.consistency.enabled) entry.consistency = window_around(i, options_.consistency.window / 2);
+  entry.fusion = window_around(i, options_.fusion.window / 2);
+  entry.viewers = entry.fusion;
+  if (!options_.free_space.enabled) return;
+  std::vector<ViewerCandidate> candidates;
+  const std::int64_t before = std::max<std::int64_t>(viewers_before(), options_.fusion.window / 2);
+  for (std::int64_t k = std::max(first_, i - before); k <= std::min(end() - 1, i + viewers_after()); ++k) {
+    if (k != i && node(k).has_depth_map) {
+      candidates.push_back({node(k).keyframe.id, (node(k).center - reference.center).norm()});
+    }
+  }
+  entry.viewers =
+      choose_viewers(reference, entry.fusion, candidates, options_.free_space.views, previous_.find(entry.id));
+}
+
+/// Lets go of what no later keyframe looks at.
+void Planner::forget() {
+  for (; next_clear_ < next_match_ - match_delay(); ++next_clear_) node(next_clear_).keyframe.landmarks = {};
+  const std::int64_t windows =
+      std::max<std::int64_t>({viewers_before(), options_.fusion.window / 2, options_.consistency.window / 2});
+  const std::int64_t matching =
+      std::max<std::int64_t>(match_delay(), options_.patchmatch.revisits > 0 ? options_.patchmatch.history : 0);
+  const std::int64_t keep = std::min({next_clear_, next_window_ - windows, next_match_ - matching});
+  for (; first_ < keep; ++first_) nodes_.pop_front();
+}
+
+}  // namespace pmsp

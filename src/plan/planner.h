@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <vector>
+
+#include "plan/choices.h"
+#include "pmsp/plan.h"
+#include "view_filter/view_chain.h"
+
+namespace pmsp {
+
+/// Makes a plan while keyframes come in: the entries that make_plan gives for all of them, each as soon as the
+/// keyframes that it looks at are there. What is remembered of a flight is bounded. (An unordered set is decided by
+/// `finish`.)
+class Planner {
+ public:
+  /// Throws InvalidOption.
+  explicit Planner(const DensifierOptions& options, const Plan* previous = nullptr);
+
+  /// Whether the keyframe is used; in an unordered set, whether it can be.
+  bool add(PlanKeyframe keyframe);
+
+  /// No more keyframes come: all entries are complete. Keyframes that follow are a new sequence.
+  void finish();
+
+  /// Entries in the order of `add`, without those that were dropped.
+  const std::deque<PlanEntry>& entries() const { return entries_; }
+  /// How many of them know `use`, `near`, `far`, `first_planes` and `range`.
+  std::size_t matchable() const { return entry_after(next_match_); }
+  /// How many of them are complete.
+  std::size_t complete() const { return entry_after(next_window_); }
+  /// Forgets the first `count` entries, which are complete.
+  void drop(std::size_t count);
+
+  /// Used keyframes after its own by which an entry is matchable, and by which it is complete.
+  std::int64_t match_delay() const;
+  std::int64_t complete_delay() const;
+
+ private:
+  KeyframeUse judge(const PlanKeyframe& keyframe);
+  KeyframeUse begin_block(const PlanKeyframe& keyframe);
+  bool is_blurred(const PlanKeyframe& keyframe) const;
+  void take_into_chain(const PlanKeyframe& keyframe);
+
+  void advance(bool last);
+  void choose_neighbours_of(std::int64_t i);
+  void choose_windows_of(std::int64_t i);
+  std::vector<std::int64_t> window_around(std::int64_t i, std::int64_t half) const;
+  void forget();
+
+  PlanNode& node(std::int64_t i) { return nodes_[static_cast<std::size_t>(i - first_)]; }
+  const PlanNode& node(std::int64_t i) const { return nodes_[static_cast<std::size_t>(i - first_)]; }
+  PlanEntry& entry_of(const PlanNode& node) { return entries_[node.entry - dropped_]; }
+  std::int64_t end() const { return first_ + static_cast<std::int64_t>(nodes_.size()); }
+  std::size_t entry_after(std::int64_t next) const;
+  std::int64_t viewers_before() const { return options_.free_space.history / 2; }
+  std::int64_t viewers_after() const;
+
+  DensifierOptions options_;
+  PreviousPlan previous_;
+  std::deque<PlanEntry> entries_;
+  std::size_t dropped_ = 0;  ///< entries
+
+  ViewChain chain_;             ///< since its block began
+  bool in_sequence_ = false;    ///< a keyframe has come
+  bool block_begun_ = false;    ///< by a keyframe with landmarks
+  bool used_in_block_ = false;  ///< others than that one
+  std::int64_t block_ = 0;
+
+  std::deque<PlanNode> nodes_;     ///< used keyframes; indices count from the start of the sequence
+  std::int64_t first_ = 0;         ///< index of nodes_.front()
+  std::int64_t next_match_ = 0;    ///< neighbours of those before are decided
+  std::int64_t next_window_ = 0;   ///< windows and viewers of those before are decided
+  std::int64_t next_clear_ = 0;    ///< landmarks of those before are gone
+  std::vector<PlanKeyframe> set_;  ///< unordered
+};
+
+/// floor(a / b) for any sign of a; b > 0.
+std::int64_t floor_div(std::int64_t a, std::int64_t b);
+
+}  // namespace pmsp

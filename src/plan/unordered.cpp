@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "plan/unordered.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "patchmatch/neighbours.h"
+#include "util/median.h"
+#include "view_filter/sharpness.h"
+
+namespace pmsp {
+namespace {
+
+constexpr std::size_t kMostSharers = 32;   ///< keyframes that near neighbours and windows are chosen from
+constexpr std::size_t kMostNearest = 16;   ///< keyframes that far neighbours are chosen from besides
+constexpr std::size_t kSharpnessOf = 3;    ///< keyframes that sharpness is compared with
+constexpr double kSharedToSkip = 0.5;      ///< of a blurred keyframe's landmarks, and
+constexpr double kParallaxToSkipDeg = 15;  ///< with less parallax: then it can be done without
+
+/// Another keyframe, and how many landmarks it has in common.
+struct Sharer {
+  std::size_t node;
+  int landmarks;
+};
+
+class UnorderedPlan {
+ public:
+  UnorderedPlan(std::vector<PlanKeyframe> keyframes, const DensifierOptions& options, const PreviousPlan& previous);
+
+  std::vector<PlanEntry> entries() {
+    find_sharers();
+    leave_out();
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      if (entry(i).used()) choose_neighbours_of(i);
+    }
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      if (entry(i).has_depth_map()) choose_windows_of(i);
+    }
+    return std::move(entries_);
+  }
+
+ private:
+  PlanEntry& entry(std::size_t i) { return entries_[nodes_[i].entry]; }
+  double distance(std::size_t i, std::size_t k) const { return (nodes_[i].center - nodes_[k].center).norm(); }
+
+  void find_sharers();
+  bool is_blurred(std::size_t i) const;
+  void leave_out();
+  void choose_neighbours_of(std::size_t i);
+  std::vector<std::size_t> choose_near_of(std::size_t i) const;
+  std::vector<std::size_t> far_candidates(std::size_t i, const std::vector<std::size_t>& near);
+  std::vector<std::int64_t> window_of(std::size_t i, int size, const std::vector<std::int64_t>* before);
+  void choose_windows_of(std::size_t i);
+
+  const DensifierOptions& options_;
+  const PreviousPlan& previous_;
+  std::vector<PlanNode> nodes_;               ///< ascending id, so that the order given means nothing
+  std::vector<SharpnessRecord> sharpness_;    ///< of each node
+  std::vector<std::vector<Sharer>> sharers_;  ///< of each node, most landmarks first
+  std::vector<PlanEntry> entries_;            ///< in the order given
+};
+
+UnorderedPlan::UnorderedPlan(std::vector<PlanKeyframe> keyframes, const DensifierOptions& options,
+                             const PreviousPlan& previous)
+    : options_(options), previous_(previous), entries_(keyframes.size()) {
+  std::vector<std::size_t> order(keyframes.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t a, std::size_t b) { return keyframes[a].id < keyframes[b].id; });
+  nodes_.reserve(order.size());
+  for (const std::size_t i : order) {
+    entries_[i].id = keyframes[i].id;
+    sharpness_.push_back(std::move(keyframes[i].sharpness));
+    nodes_.emplace_back(std::move(keyframes[i]), i, true);
+  }
+}
+
+/// By an index of the landmarks: never every keyframe with every other.
+void UnorderedPlan::find_sharers() {
+  std::vector<std::pair<std::int64_t, std::size_t>> seen;  // landmark, node
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    for (const Landmark& landmark : nodes_[i].keyframe.landmarks) seen.emplace_back(landmark.id, i);
+  }
+  std::sort(seen.begin(), seen.end());
+  seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
+  std::unordered_map<std::int64_t, std::size_t> begin_of;
+  for (std::size_t k = seen.size(); k > 0; --k) begin_of[seen[k - 1].first] = k - 1;
+  sharers_.resize(nodes_.size());
+  std::vector<int> counts(nodes_.size(), 0);
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    std::vector<Sharer>& sharers = sharers_[i];
+    for (const Landmark& landmark : nodes_[i].keyframe.landmarks) {
+      for (std::size_t k = begin_of[landmark.id]; k < seen.size() && seen[k].first == landmark.id; ++k) {
+        const std::size_t other = seen[k].second;
+        if (other != i && counts[other]++ == 0) sharers.push_back({other, 0});
+      }
+    }
+    for (Sharer& sharer : sharers) sharer.landmarks = std::exchange(counts[sharer.node], 0);
+    const auto last = sharers.begin() + static_cast<std::ptrdiff_t>(std::min(kMostSharers, sharers.size()));
+    std::partial_sort(sharers.begin(), last, sharers.end(), [&](const Sharer& a, const Sharer& b) {
+      return a.landmarks != b.landmarks ? a.landmarks > b.landmarks : a.node < b.node;
+    });
+    sharers.erase(last, sharers.end());
+  }
+}
+
+/// Less sharp than those that share most with it have it in the median, and one of them shows nearly the same.
+bool UnorderedPlan::is_blurred(std::size_t i) const {
+  const std::vector<Sharer>& sharers = sharers_[i];
+  const Keyframe& keyframe = nodes_[i].keyframe;
+  if (sharers.empty() || sharpness_[i].landmarks.empty()) return false;
+  const ViewChain::Lean lean = previous_.lean(keyframe.id);
+  const double landmarks = static_cast<double>(keyframe.landmarks.size());
+  if (sharers.front().landmarks < leaning(kSharedToSkip, lean, false) * landmarks) return false;
+  const PlanNode& best = nodes_[sharers.front().node];
+  const CommonParallax common =
+      common_parallax(keyframe.landmarks, nodes_[i].center, best.keyframe.landmarks, best.center, 0.0, 180.0);
+  if (common.median_deg > leaning(kParallaxToSkipDeg, lean, true)) return false;
+  std::vector<double> relative;
+  for (std::size_t k = 0; k < std::min(kSharpnessOf, sharers.size()); ++k) {
+    relative.push_back(relative_sharpness(sharpness_[i].landmarks, sharpness_[sharers[k].node].landmarks));
+  }
+  return median(relative) < leaning(options_.view_filter.min_sharpness, lean, true);
+}
+
+void UnorderedPlan::leave_out() {
+  const bool enabled = options_.view_filter.enabled;
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    KeyframeUse use = KeyframeUse::kDepthMap;
+    if (enabled && is_blurred(i)) use = KeyframeUse::kBlurred;
+    if (nodes_[i].keyframe.landmarks.empty()) use = KeyframeUse::kNoLandmarks;
+    entry(i).use = use;
+  }
+  for (std::vector<Sharer>& sharers : sharers_) {
+    sharers.erase(
+        std::remove_if(sharers.begin(), sharers.end(), [&](const Sharer& s) { return !entry(s.node).used(); }),
+        sharers.end());
+  }
+}
+
+/// Those that see most of what the keyframe sees under useful parallax; if these are too few, the most useful others.
+std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
+  const PlanNode& reference = nodes_[i];
+  const int count = options_.patchmatch.neighbours;
+  std::vector<std::size_t> candidates;
+  std::vector<const Outlook*> outlooks;
+  Places places;
+  for (const Sharer& sharer : sharers_[i]) {
+    if (!(distance(i, sharer.node) > 0.0)) continue;
+    places.emplace(nodes_[sharer.node].keyframe.id, candidates.size());
+    candidates.push_back(sharer.node);
+    outlooks.push_back(&nodes_[sharer.node].outlook);
+  }
+  std::vector<std::size_t> chosen = choose_revisits(reference.outlook, {}, outlooks, count);
+  std::vector<std::pair<double, std::size_t>> others;  // minus usefulness, place
+  for (std::size_t k = 0; k < candidates.size(); ++k) {
+    if (std::find(chosen.begin(), chosen.end(), k) != chosen.end()) continue;
+    const double useful = neighbour_usefulness(reference.keyframe, nodes_[candidates[k]].keyframe);
+    if (useful > 0.0) others.emplace_back(-useful, k);
+  }
+  std::sort(others.begin(), others.end());
+  for (std::size_t k = 0; k < others.size() && chosen.size() < static_cast<std::size_t>(count); ++k) {
+    chosen.push_back(others[k].second);
+  }
+  if (const PlanEntry* before = previous_.find(reference.keyframe.id)) {
+    const std::vector<std::size_t> kept = places_of(before->near, places);
+    const auto value = [&](const std::vector<std::size_t>& list) {
+      std::vector<const Outlook*> views;
+      for (const std::size_t k : list) views.push_back(outlooks[k]);
+      return outlook_usefulness(reference.outlook, {}, views);
+    };
+    if (kept.size() == chosen.size() && value(kept) >= kNearlyAsGood * value(chosen)) chosen = kept;
+  }
+  for (std::size_t& k : chosen) k = candidates[k];
+  return chosen;
+}
+
+/// Keyframes that share landmarks, and the nearest ones within reach, which may see the same without.
+std::vector<std::size_t> UnorderedPlan::far_candidates(std::size_t i, const std::vector<std::size_t>& near) {
+  std::vector<std::size_t> result;
+  for (const Sharer& sharer : sharers_[i]) result.push_back(sharer.node);
+  std::vector<std::pair<double, std::size_t>> around;
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    if (k == i || !entry(k).used()) continue;
+    const double away = distance(i, k);
+    if (away <= nodes_[i].reach) around.emplace_back(away, k);
+  }
+  const auto last = around.begin() + static_cast<std::ptrdiff_t>(std::min(kMostNearest, around.size()));
+  std::partial_sort(around.begin(), last, around.end());
+  for (auto it = around.begin(); it != last; ++it) result.push_back(it->second);
+  std::sort(result.begin(), result.end());
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  const auto is_near = [&](std::size_t k) { return std::find(near.begin(), near.end(), k) != near.end(); };
+  result.erase(std::remove_if(result.begin(), result.end(), is_near), result.end());
+  return result;
+}
+
+void UnorderedPlan::choose_neighbours_of(std::size_t i) {
+  PlanNode& reference = nodes_[i];
+  PlanEntry& decided = entry(i);
+  const PlanEntry* before = previous_.find(decided.id);
+  const std::vector<std::size_t> near = choose_near_of(i);
+  std::vector<Eigen::Vector3d> centers;
+  for (const std::size_t k : near) {
+    decided.near.push_back(nodes_[k].keyframe.id);
+    centers.push_back(nodes_[k].center);
+  }
+  if (options_.patchmatch.revisits > 0) {
+    std::vector<const PlanNode*> candidates;
+    for (const std::size_t k : far_candidates(i, near)) candidates.push_back(&nodes_[k]);
+    for (const std::size_t k : choose_far(reference, centers, candidates, options_.patchmatch.revisits, before)) {
+      decided.far.push_back(candidates[k]->keyframe.id);
+    }
+  }
+  settle(decided, choose_range(reference.keyframe, options_.init, before));
+  reference.has_depth_map = decided.has_depth_map();
+}
+
+/// The keyframes that share most, or those that did where they still share nearly as much.
+std::vector<std::int64_t> UnorderedPlan::window_of(std::size_t i, int size, const std::vector<std::int64_t>* before) {
+  std::vector<std::int64_t> result;
+  std::unordered_map<std::int64_t, int> shared;
+  int most = 0;
+  for (const Sharer& sharer : sharers_[i]) {
+    const PlanNode& other = nodes_[sharer.node];
+    if (!other.has_depth_map) continue;
+    shared.emplace(other.keyframe.id, sharer.landmarks);
+    if (result.size() + 1 >= static_cast<std::size_t>(size)) continue;
+    result.push_back(other.keyframe.id);
+    most += sharer.landmarks;
+  }
+  if (before == nullptr || before->size() != result.size()) return result;
+  int kept = 0;
+  for (const std::int64_t id : *before) {
+    const auto found = shared.find(id);
+    if (found == shared.end()) return result;
+    kept += found->second;
+  }
+  return kept >= kNearlyAsGood * most ? *before : result;
+}
+
+void UnorderedPlan::choose_windows_of(std::size_t i) {
+  PlanEntry& decided = entry(i);
+  const PlanEntry* before = previous_.find(decided.id);
+  if (options_.consistency.enabled) {
+    decided.consistency = window_of(i, options_.consistency.window, before != nullptr ? &before->consistency : nullptr);
+  }
+  decided.fusion = window_of(i, options_.fusion.window, before != nullptr ? &before->fusion : nullptr);
+  decided.viewers = decided.fusion;
+  if (!options_.free_space.enabled) return;
+  const auto in_window = [&](std::int64_t id) {
+    return std::find(decided.fusion.begin(), decided.fusion.end(), id) != decided.fusion.end();
+  };
+  std::vector<std::pair<double, std::size_t>> others;  // by distance, so that near and far ones are asked
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    if (k == i || !nodes_[k].has_depth_map) continue;
+    const double away = distance(i, k);
+    if (away <= kReachMargin * nodes_[i].reach || in_window(nodes_[k].keyframe.id)) others.emplace_back(away, k);
+  }
+  std::sort(others.begin(), others.end());
+  std::vector<ViewerCandidate> candidates;
+  for (const auto& [away, k] : others) candidates.push_back({nodes_[k].keyframe.id, away});
+  decided.viewers = choose_viewers(nodes_[i], decided.fusion, candidates, options_.free_space.views, before);
+}
+
+}  // namespace
+
+std::vector<PlanEntry> plan_unordered(std::vector<PlanKeyframe> keyframes, const DensifierOptions& options,
+                                      const PreviousPlan& previous) {
+  return UnorderedPlan(std::move(keyframes), options, previous).entries();
+}
+
+}  // namespace pmsp

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <vector>
+
+#include "plan/choices.h"
+#include "pmsp/plan.h"
+
+namespace pmsp {
+
+/// Entries of a set of keyframes whose order means nothing, in the order given; see make_plan.
+std::vector<PlanEntry> plan_unordered(std::vector<PlanKeyframe> keyframes, const DensifierOptions& options,
+                                      const PreviousPlan& previous);
+
+}  // namespace pmsp

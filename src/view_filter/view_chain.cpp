@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "view_filter/view_chain.h"
+
+#include <utility>
+
+#include "util/median.h"
+#include "view_filter/sharpness.h"
+
+namespace pmsp {
+namespace {
+
+constexpr std::size_t kRecent = 3;        ///< keyframes that sharpness is compared with
+constexpr double kSharedToSkip = 0.5;     ///< of the newest keyframe's landmarks, and
+constexpr double kParallaxToSkip = 0.25;  ///< of the largest parallax: until then a keyframe can be done without
+constexpr double kLean = 0.25;            ///< share of a threshold by which it moves for what was decided before
+
+}  // namespace
+
+double leaning(double threshold, ViewChain::Lean lean, bool lower) {
+  if (lean == ViewChain::Lean::kNone) return threshold;
+  return threshold * (((lean == ViewChain::Lean::kUse) == lower) ? 1.0 - kLean : 1.0 + kLean);
+}
+
+void ViewChain::clear() {
+  empty_ = true;
+  newest_landmarks_.clear();
+  recent_.clear();
+}
+
+ViewChain::Verdict ViewChain::compare(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center,
+                                      Lean lean) const {
+  if (empty_) return {};
+  if (landmarks.empty()) return {KeyframeUse::kNoLandmarks, false};
+  const CommonParallax common = common_parallax(newest_landmarks_, newest_center_, landmarks, center,
+                                                options_.min_parallax_deg, options_.max_parallax_deg);
+  // With nothing in common a SLAM has lost its way and found another: from there on it is a new flight.
+  if (common.in_range < leaning(options_.min_share, lean, true) * common.landmarks) {
+    const bool near = common.median_deg < 0.5 * (options_.min_parallax_deg + options_.max_parallax_deg);
+    return {near ? KeyframeUse::kTooLittleParallax : KeyframeUse::kTooMuchParallax, false};
+  }
+  const double shared = leaning(kSharedToSkip, lean, false) * static_cast<double>(newest_landmarks_.size());
+  const double parallax = leaning(kParallaxToSkip, lean, true) * options_.max_parallax_deg;
+  return {KeyframeUse::kDepthMap, common.landmarks >= shared && common.median_deg <= parallax};
+}
+
+bool ViewChain::is_blurred(const std::vector<LandmarkSharpness>& sharpness, Lean lean) const {
+  if (recent_.empty()) return false;
+  std::vector<double> relative;
+  for (const auto& other : recent_) relative.push_back(relative_sharpness(sharpness, other));
+  return median(relative) < leaning(options_.min_sharpness, lean, true);
+}
+
+void ViewChain::add(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center) {
+  empty_ = false;
+  newest_landmarks_ = landmarks;
+  newest_center_ = center;
+}
+
+void ViewChain::add_sharpness(std::vector<LandmarkSharpness> sharpness) {
+  recent_.push_back(std::move(sharpness));
+  if (recent_.size() > kRecent) recent_.pop_front();
+}
+
+}  // namespace pmsp

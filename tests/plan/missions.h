@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "pmsp/plan.h"
+
+namespace pmsp::test {
+
+/// A hall or corridor of which keyframes see landmarks on all sides, by poses alone.
+struct MissionRecipe {
+  std::uint32_t seed = 1;
+  int keyframes = 200;
+  int landmarks_seen = 60;   ///< by a keyframe, at most
+  double step = 0.35;        ///< from keyframe to keyframe [scene units]
+  double density = 12.0;     ///< landmarks for each unit of length of a corridor
+  double sight = 8.0;        ///< how far landmarks are seen [scene units]
+  double skipped_ids = 0.1;  ///< share of ids that are missing, as after culling
+  std::int64_t first_id = 0;
+};
+
+/// Along x through a corridor 3 wide and 2.5 high; `passes` times out and back, on lines beside each other.
+std::vector<PlanKeyframe> corridor(const MissionRecipe& recipe, int passes = 1);
+/// Around a block, back to where it began.
+std::vector<PlanKeyframe> loop(const MissionRecipe& recipe);
+/// A walk that turns, waits and hurries at random in a hall.
+std::vector<PlanKeyframe> walk(const MissionRecipe& recipe);
+/// Captures at random places of a wide floor, in random order.
+std::vector<PlanKeyframe> photos(const MissionRecipe& recipe);
+
+/// A sharpness record of all landmarks in which `factor` tells how blurred the image is (1 = sharp).
+SharpnessRecord sharpness(const PlanKeyframe& keyframe, float factor);
+
+/// Every pose moved and turned by up to so much.
+std::vector<PlanKeyframe> jittered(std::vector<PlanKeyframe> keyframes, double by, std::uint32_t seed);
+
+/// Names what differs, for a failing test.
+std::string difference(const Plan& a, const Plan& b);
+
+}  // namespace pmsp::test

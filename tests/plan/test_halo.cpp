@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <map>
+#include <set>
+#include <string>
+
+#include "plan/missions.h"
+#include "pmsp/error.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+/// What the points of keyframes need, followed one artefact at a time.
+class Naive {
+ public:
+  Naive(const Plan& plan, const DensifierOptions& options) : passes_(options.patchmatch.geometric_passes) {
+    for (const PlanEntry& entry : plan.entries) entries_[entry.id] = &entry;
+  }
+
+  void points(std::int64_t i) {
+    if (!at(i).has_depth_map()) return;
+    cloud(i);
+    eligible(i);
+    for (const std::int64_t v : at(i).viewers) eligible(v);
+  }
+
+  std::map<std::string, std::set<std::int64_t>> needed;
+
+ private:
+  const PlanEntry& at(std::int64_t i) const { return *entries_.at(i); }
+  bool seen(const std::string& artefact, std::int64_t i) { return !needed[artefact].insert(i).second; }
+
+  void image(std::int64_t i) { seen("image", i); }
+  void cloud(std::int64_t i) {
+    if (seen("cloud", i)) return;
+    filtered(i);
+    image(i);
+    for (const std::int64_t k : at(i).fusion) {
+      filtered(k);
+      image(k);
+    }
+  }
+  void eligible(std::int64_t i) {
+    if (seen("eligible", i)) return;
+    filtered(i);
+    for (const std::int64_t v : at(i).viewers) sight(v);
+  }
+  void sight(std::int64_t i) {
+    if (!seen("sight", i)) filtered(i);
+  }
+  void filtered(std::int64_t i) {
+    if (seen("filtered", i)) return;
+    planes(i, passes_);
+    for (const std::int64_t k : at(i).consistency) planes(k, passes_);
+  }
+  void planes(std::int64_t i, int pass) {
+    if (!at(i).has_depth_map() || seen("planes" + std::to_string(pass), i)) return;
+    image(i);
+    for (const std::int64_t k : at(i).near) image(k);
+    for (const std::int64_t k : at(i).far) image(k);
+    if (pass == 0) {
+      if (at(i).first_planes) planes(*at(i).first_planes, 0);
+      return;
+    }
+    planes(i, pass - 1);
+    for (const std::int64_t k : at(i).near) planes(k, pass - 1);
+  }
+
+  int passes_;
+  std::map<std::int64_t, const PlanEntry*> entries_;
+};
+
+std::set<std::int64_t> set_of(const std::vector<std::int64_t>& ids) { return {ids.begin(), ids.end()}; }
+
+}  // namespace
+
+TEST_CASE("a halo is what the points need, nothing less and nothing more", "[plan][halo]") {
+  MissionRecipe recipe;
+  recipe.keyframes = 160;
+  for (recipe.seed = 0; recipe.seed < 6; ++recipe.seed) {
+    for (const Quality quality : {Quality::kOnline, Quality::kNormal}) {
+      DensifierOptions options = preset(quality);
+      options.free_space.history = 40;
+      options.free_space.views = 6;
+      options.consistency.enabled = recipe.seed % 3 != 0;
+      options.patchmatch.geometric_passes = static_cast<int>(recipe.seed % 4);
+      options.unordered = recipe.seed % 2 == 1;
+      const auto keyframes = options.unordered ? photos(recipe) : walk(recipe);
+      const Plan plan = make_plan(keyframes, options);
+      for (const std::size_t from : {0, 70, 159}) {
+        for (const std::size_t count : {1, 16}) {
+          std::vector<std::int64_t> ids;
+          for (std::size_t i = from; i < std::min(plan.entries.size(), from + count); ++i) {
+            ids.push_back(plan.entries[i].id);
+          }
+          Naive naive(plan, options);
+          for (const std::int64_t id : ids) naive.points(id);
+          const Halo found = halo(plan, ids, options);
+          CHECK(set_of(found.clouds) == naive.needed["cloud"]);
+          CHECK(set_of(found.eligible) == naive.needed["eligible"]);
+          CHECK(set_of(found.sights) == naive.needed["sight"]);
+          CHECK(set_of(found.filtered) == naive.needed["filtered"]);
+          CHECK(set_of(found.images) == naive.needed["image"]);
+          REQUIRE(found.planes.size() == static_cast<std::size_t>(options.patchmatch.geometric_passes) + 1);
+          for (std::size_t pass = 0; pass < found.planes.size(); ++pass) {
+            CHECK(set_of(found.planes[pass]) == naive.needed["planes" + std::to_string(pass)]);
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("the halo of a keyframe in a long flight is bounded", "[plan][halo]") {
+  MissionRecipe recipe;
+  recipe.keyframes = 600;
+  const DensifierOptions options = preset(Quality::kOnline);
+  const Plan shorter = make_plan(corridor(recipe), options);
+  const std::int64_t middle = shorter.entries[300].id;
+  REQUIRE(shorter.entries[300].has_depth_map());
+  CHECK(halo(shorter, {middle}, options).images.size() < 150);
+  CHECK(halo(shorter, {}, options).images.empty());
+}
+
+TEST_CASE("points of a keyframe without a depth map need nothing", "[plan][halo]") {
+  MissionRecipe recipe;
+  recipe.keyframes = 20;
+  auto keyframes = corridor(recipe);
+  keyframes[7].landmarks.clear();
+  const DensifierOptions options = preset(Quality::kOnline);
+  const Plan plan = make_plan(keyframes, options);
+  const Halo none = halo(plan, {keyframes[7].id}, options);
+  CHECK((none.clouds.empty() && none.images.empty() && none.planes[0].empty()));
+  CHECK_THROWS_AS(halo(plan, {-1000}, options), InvalidInput);
+}
+
+TEST_CASE("a chain through the whole flight has no halo", "[plan][halo]") {
+  MissionRecipe recipe;
+  recipe.keyframes = 20;
+  DensifierOptions options = preset(Quality::kPaper);
+  const Plan plan = make_plan(corridor(recipe), options);
+  CHECK_THROWS_AS(halo(plan, {}, options), InvalidOption);
+  options.init.warp_previous = false;
+  CHECK_NOTHROW(halo(plan, {}, options));
+}

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "decoder.h"
+
+#include <chrono>
+
+#include "pmsp/error.h"
+
+namespace pmsp::tool {
+
+Decoded Decoder::next() {
+  const auto start = std::chrono::steady_clock::now();
+  Decoded decoded;
+  while (!take_image(decoded)) continue;
+  decoded.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return decoded;
+}
+
+bool Decoder::take_image(Decoded& decoded) {
+  try {
+    decoded.item = source_.next();
+    take_skipped(decoded);
+    ++asked_;
+    return true;
+  } catch (const IoError& error) {
+    take_skipped(decoded);
+    decoded.skipped.push_back({source_.keyframe_ids().at(asked_++), error.what()});
+    if (first_error_.empty()) first_error_ = error.what();
+    return false;
+  }
+}
+
+/// What the source itself has passed over since the last call.
+void Decoder::take_skipped(Decoded& decoded) {
+  for (; listed_ < source_.skipped().size(); ++listed_, ++asked_) {
+    decoded.skipped.push_back(source_.skipped()[listed_]);
+  }
+}
+
+}  // namespace pmsp::tool

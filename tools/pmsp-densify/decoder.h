@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pmsp/io/image_source.h"
+
+namespace pmsp::tool {
+
+struct Decoded {
+  std::optional<ImageSource::Item> item;  ///< nullopt after the last image
+  std::vector<SkippedKeyframe> skipped;   ///< keyframes before it that turned out to have no image
+  double seconds = 0.0;
+};
+
+/// Decodes one image after the other. One that cannot be decoded costs its keyframe, not the run.
+class Decoder {
+ public:
+  explicit Decoder(ImageSource& source) : source_(source), listed_(source.skipped().size()) {}
+
+  Decoded next();
+
+  /// Why the first of the images that could not be decoded could not; "" when all could.
+  const std::string& first_error() const { return first_error_; }
+
+ private:
+  bool take_image(Decoded& decoded);
+  void take_skipped(Decoded& decoded);
+
+  ImageSource& source_;
+  std::size_t listed_;     ///< of the source's skipped keyframes
+  std::size_t asked_ = 0;  ///< of the source's keyframe_ids
+  std::string first_error_;
+};
+
+}  // namespace pmsp::tool
