@@ -6,98 +6,94 @@
 #include "agreement.h"
 #include "fusion.h"
 #include "grid_view.h"
+#include "surfel.h"
 
 // The point of one pixel: the average over the maps of its window that agree, the same whichever keyframe's turn it is.
 namespace pmsp::kernels {
 
-/// A map of the window: its surfaces after the consistency filter.
+/// A map of the window: its surfaces after the consistency filter. `Map`: as agreement() takes it.
+template <class Map>
 struct FusionView {
-  PlaneMapView planes;
+  Map planes;
   const float* confidence;
-  const std::uint8_t* color;  ///< red, green, blue of each pixel
-  Rigid other_from_first;     ///< from the first keyframe's unit of length into the other's: the rotation times `zoom`
-  float zoom;                 ///< the first keyframe's scale over the other's
+  const std::uint32_t* color;  ///< of each pixel red, green, blue, from the lowest byte on
+  Rigid other_from_first;      ///< from the first keyframe's unit of length into the other's: the rotation times `zoom`
+  float zoom;                  ///< the first keyframe's scale over the other's
 };
 
 struct FusionLimits {
   float max_relative_depth;
   float min_cos_normals;
-};
-
-struct FusedPoint {
-  float depth;         ///< along the pixel's bearing
-  Vec3<float> normal;  ///< unit, camera frame
-  Vec3<float> color;
-  int views;            ///< maps that agree, the pixel's own included
-  std::uint32_t agree;  ///< bit k: others[k] does
-};
-
-PMSP_HD Vec3<float> color_at(const std::uint8_t* color, std::int32_t index) {
-  const std::uint8_t* const rgb = color + 3 * static_cast<std::int64_t>(index);
-  return {static_cast<float>(rgb[0]), static_cast<float>(rgb[1]), static_cast<float>(rgb[2])};
-}
-
-/// `index`: of a pixel that has a plane; `bearing`: its own. `others`: `count` of them, 32 at most.
-PMSP_HD FusedPoint fused_point(const FusionView& first, std::int32_t index, const Vec3<float>& bearing,
-                               const FusionView* others, int count, const FusionLimits& limits) {
-  const Vec3<float> plane = plane_at<float>(first.planes, index);
-  const float depth = 1.0F / dot(plane, bearing);
-  const Vec3<float> normal = -1.0F * normalized(plane);
-  FusionSums sums;
-  sums.add(fusion_weight(first.confidence[index], depth), depth, normal, color_at(first.color, index));
-  std::uint32_t agree = 0;
-  for (int k = 0; k < count; ++k) {
-    const FusionView& other = others[k];
-    const Agreement<float> seen = agreement(bearing, depth, other.planes, other.other_from_first);
-    if (abs(seen.closeness - 1.0F) > limits.max_relative_depth) continue;
-    const Vec3<float> there = -1.0F * normalized(plane_at<float>(other.planes, seen.index));
-    const Vec3<float> turned = (1.0F / other.zoom) * rotate_back(other.other_from_first, there);
-    if (dot(turned, normal) < limits.min_cos_normals) continue;
-    const Vec3<float> p = transform(other.other_from_first, depth * bearing);
-    const float other_depth = sqrt(dot(p, p)) / (other.zoom * seen.closeness);  // in the first one's unit
-    sums.add(fusion_weight(other.confidence[seen.index], other_depth), seen.implied_depth, turned,
-             color_at(other.color, seen.index));
-    agree |= 1U << static_cast<unsigned>(k);
-  }
-  return {sums.depth / sums.weight, normalized(sums.normal), (1.0F / sums.weight) * sums.color, sums.views, agree};
-}
-
-/// Where the points of a keyframe go, one array each, in row order.
-struct FusedArrays {
-  float* depth;         ///< 0 = no point
-  float* normal;        ///< x, y, z of each pixel
-  float* confidence;    ///< of the pixel's own map
-  std::uint8_t* color;  ///< red, green, blue of each pixel
-  std::uint8_t* views;  ///< at most 255
-  std::uint32_t* agree;
-};
-
-/// Makes the point of a pixel; a stage.
-struct FusePixel {
-  FusionView first;
-  GridView grid;
-  const FusionView* others;
-  int count;
-  FusionLimits limits;
   float min_confidence;
-  FusedArrays to;  ///< all 0 before
+};
 
-  PMSP_HD void operator()(int column, int row) const {
-    const int index = row * first.planes.width + column;
-    const Vec3<float> bearing = bearing_at(grid, column, row);
-    const float confidence = first.confidence[index];
-    if (!(dot(plane_at<float>(first.planes, index), bearing) > 0.0F) || confidence < min_confidence) return;
-    const FusedPoint point = fused_point(first, index, bearing, others, count, limits);
-    to.depth[index] = point.depth;
-    to.normal[3 * index] = point.normal.x;
-    to.normal[3 * index + 1] = point.normal.y;
-    to.normal[3 * index + 2] = point.normal.z;
-    to.confidence[index] = confidence;
-    to.color[3 * index] = static_cast<std::uint8_t>(point.color.x + 0.5F);
-    to.color[3 * index + 1] = static_cast<std::uint8_t>(point.color.y + 0.5F);
-    to.color[3 * index + 2] = static_cast<std::uint8_t>(point.color.z + 0.5F);
-    to.views[index] = static_cast<std::uint8_t>(point.views);
-    to.agree[index] = point.agree;
+constexpr int kMaxAgree = 32;  ///< other maps that can be asked: one bit each
+
+template <class F>
+PMSP_HD Vec3<F> color_of(const UIntOf<F>& color) {
+  using U = UIntOf<F>;
+  return {from_uint<F>(U(color & U(255U))), from_uint<F>(U((color >> 8) & U(255U))),
+          from_uint<F>(U((color >> 16) & U(255U)))};
+}
+
+template <class F>
+struct FusedPixel {
+  PackedPoint<UIntOf<F>> point;
+  UIntOf<F> standing;  ///< kOpen with the confidence of the pixel's own map
+  UIntOf<F> agree;     ///< bit k: others[k] does
+};
+
+/// Makes the points of a keyframe's pixels; a stage.
+template <class Map>
+struct FusePixels {
+  FusionView<Map> first;
+  GridView grid;
+  const FusionView<Map>* others;
+  int count;  ///< of `others`, kMaxAgree at most
+  FusionLimits limits;
+
+  template <class F>
+  PMSP_HD FusedPixel<F> at(const IntOf<F>& column, const IntOf<F>& row) const {
+    using U = UIntOf<F>;
+    const IntOf<F> index = row * IntOf<F>(first.planes.width) + column;
+    const Vec3<F> bearing = bearing_at<F>(grid, column, row);
+    const Vec3<F> found = plane_at<F>(first.planes, index);
+    const F confidence = gather<F>(first.confidence, index);
+    const MaskOf<F> known = (dot(found, bearing) > F(0)) & (confidence >= F(limits.min_confidence));
+    if (!any(known)) return {{U(0U), U(0U)}, U(0U), U(0U)};
+    const Vec3<F> plane = select(known, found, bearing);
+    const F depth = F(1) / dot(plane, bearing);
+    const Vec3<F> normal = F(-1) * normalized(plane);
+    F weights = fusion_weight(confidence, depth);
+    F depths = weights * depth;
+    Vec3<F> normals = weights * normal;
+    Vec3<F> colors = weights * color_of<F>(gather_words<F>(first.color, index));
+    U agree(0U);
+    for (int k = 0; k < count; ++k) {
+      const FusionView<Map>& other = others[k];
+      const Agreement<F> seen = agreement(bearing, depth, other.planes, other.other_from_first);
+      const MaskOf<F> near = known & (abs(seen.closeness - F(1)) <= F(limits.max_relative_depth));
+      if (!any(near)) continue;
+      const Vec3<F> there = select(near, plane_at<F>(other.planes, seen.index), plane);
+      const Vec3<F> turned =
+          F(1.0F / other.zoom) * rotate_back(other.other_from_first, Vec3<F>(F(-1) * normalized(there)));
+      const MaskOf<F> same = near & (dot(turned, normal) >= F(limits.min_cos_normals));
+      const Vec3<F> p = transform(other.other_from_first, Vec3<F>(depth * bearing));
+      const F closeness = select(same, seen.closeness, F(1));
+      const F other_depth = sqrt(dot(p, p)) / (F(other.zoom) * closeness);  // in the first one's unit
+      const F weight = select(same, fusion_weight(gather<F>(other.confidence, seen.index), other_depth), F(0));
+      weights = weights + weight;
+      depths = fma(weight, seen.implied_depth, depths);
+      normals = fma(weight, turned, normals);
+      colors = fma(weight, color_of<F>(gather_words<F>(other.color, seen.index)), colors);
+      agree = agree | select_bits<F>(same, U(1U << static_cast<unsigned>(k)));
+    }
+    const F share = F(1) / weights;
+    const PackedPoint<U> point =
+        pack_point(F(depths * share), normalized(normals), Vec3<F>(share * colors), confidence);
+    return {{select_bits<F>(known, point.surfel), select_bits<F>(known, point.detail)},
+            select_bits<F>(known, pack_standing(confidence, Standing::kOpen)),
+            agree};
   }
 };
 

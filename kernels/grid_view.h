@@ -12,8 +12,10 @@ struct GridView {
   const float* sin_lat;
   const float* cos_lat;
 };
-PMSP_HD Vec3<float> bearing_at(const GridView& grid, int column, int row) {
-  return bearing(grid.sin_lon[column], grid.cos_lon[column], grid.sin_lat[row], grid.cos_lat[row]);
+template <class F>
+PMSP_HD Vec3<F> bearing_at(const GridView& grid, const IntOf<F>& column, const IntOf<F>& row) {
+  return bearing(gather<F>(grid.sin_lon, column), gather<F>(grid.cos_lon, column), gather<F>(grid.sin_lat, row),
+                 gather<F>(grid.cos_lat, row));
 }
 
 }  // namespace pmsp::kernels

@@ -7,10 +7,10 @@
 #include "fusion.h"
 #include "grid_view.h"
 #include "sight.h"
+#include "surfel.h"
 
-// Which keyframe's pixel makes the point of a place that several keyframes see. What is kept of a keyframe for that are
-// its surfels: 32 bits a pixel for depth and normal, and 8 bits for confidence and standing. Each function here is pure
-// in them: results depend on who is asked, and on no order.
+// Which keyframe's pixel makes the point of a place that several keyframes see. Each function here is pure in what is
+// kept of the keyframes (surfel.h): results depend on who is asked, and on no order.
 //
 // Pixels have a strict total order: finer sampling first, then higher confidence, then the keyframe. A pixel asks only
 // for pixels that rank higher, so that no two wait for each other. In each round a pixel reads what the round before
@@ -18,78 +18,13 @@
 // it stays open. After the last round what is open is kept, so that every dropped pixel has an owner beside it.
 namespace pmsp::kernels {
 
-/// Of a pixel's point.
-enum class Standing : std::uint8_t {
-  kNone = 0,     ///< no depth, too little confidence, or looked through: makes no point, stands for none
-  kOpen = 1,     ///< eligible, not yet decided
-  kOwner = 2,    ///< makes the point of its place
-  kDropped = 3,  ///< an owner stands for it
-};
-
-PMSP_HD std::uint32_t bits_of(float value) {
-  std::uint32_t bits = 0;
-  ::memcpy(&bits, &value, sizeof(bits));
-  return bits;
-}
-PMSP_HD float float_of(std::uint32_t bits) {
-  float value = 0.0F;
-  ::memcpy(&value, &bits, sizeof(value));
-  return value;
-}
-
-constexpr std::uint32_t kNormalBits = 0xfffU;  ///< of a surfel; the others hold the depth
-
-/// Upper 20 bits: the depth as a float, rounded to 12 bits of mantissa (0.013 %), without its sign. Lower 12 bits: the
-/// normal on an octahedron, 6 bits an axis (3 degrees). `depth` > 0. 0 stands for no depth.
-PMSP_HD std::uint32_t pack_surfel(float depth, const Vec3<float>& normal) {
-  const float sum = max(abs(normal.x) + abs(normal.y) + abs(normal.z), 1e-30F);
-  float u = normal.x / sum;
-  float v = normal.y / sum;
-  if (normal.z < 0.0F) {
-    const float folded = (1.0F - abs(v)) * (u < 0.0F ? -1.0F : 1.0F);
-    v = (1.0F - abs(u)) * (v < 0.0F ? -1.0F : 1.0F);
-    u = folded;
-  }
-  const std::uint32_t column = static_cast<std::uint32_t>(31.5F * (u + 1.0F) + 0.5F);
-  const std::uint32_t row = static_cast<std::uint32_t>(31.5F * (v + 1.0F) + 0.5F);
-  const std::uint32_t rounded = bits_of(depth) + (1U << 10U);
-  return ((rounded << 1U) & ~kNormalBits) | (column << 6U) | row;
-}
-
-PMSP_HD float depth_of_surfel(std::uint32_t surfel) { return float_of((surfel & ~kNormalBits) >> 1U); }
-
-/// Unit.
-PMSP_HD Vec3<float> normal_of_surfel(std::uint32_t surfel) {
-  float u = static_cast<float>((surfel >> 6U) & 63U) / 31.5F - 1.0F;
-  float v = static_cast<float>(surfel & 63U) / 31.5F - 1.0F;
-  const float z = 1.0F - abs(u) - abs(v);
-  const float fold = max(0.0F - z, 0.0F);
-  u += u < 0.0F ? fold : 0.0F - fold;
-  v += v < 0.0F ? fold : 0.0F - fold;
-  return normalized(Vec3<float>{u, v, z});
-}
-
-/// Upper 6 bits: the confidence. Lower 2 bits: the standing.
-PMSP_HD std::uint8_t pack_standing(float confidence, Standing standing) {
-  const int level = static_cast<int>(63.0F * min(max(confidence, 0.0F), 1.0F) + 0.5F);
-  return static_cast<std::uint8_t>((level << 2) | static_cast<int>(standing));
-}
-PMSP_HD Standing standing_of(std::uint8_t packed) { return static_cast<Standing>(packed & 3U); }
-PMSP_HD std::uint8_t with_standing(std::uint8_t packed, Standing standing) {
-  return static_cast<std::uint8_t>((packed & 0xfcU) | static_cast<unsigned>(standing));
-}
-PMSP_HD float confidence_of_standing(std::uint8_t packed) { return static_cast<float>(packed >> 2U) / 63.0F; }
-
-/// Whether a pixel makes a point after the last round.
-PMSP_HD bool makes_point(std::uint8_t packed) {
-  return standing_of(packed) == Standing::kOwner || standing_of(packed) == Standing::kOpen;
-}
-
-/// Place in the order of pixels; smaller is better, equal ones are for the keyframes to settle. Octaves of the
-/// footprint first: what is seen from much closer is sampled more finely. Inside an octave the better estimate wins.
-/// `footprint`: size of the pixel on a surface across the ray, in the unit that all keyframes share; > 0.
-PMSP_HD int rank(float footprint, std::uint8_t standing) {
-  return static_cast<int>(((bits_of(footprint) >> 23U) << 6U) + (63U - (static_cast<unsigned>(standing) >> 2U)));
+/// Place in the order of pixels, a whole number; smaller is better, equal ones are for the keyframes to settle. Octaves
+/// of the footprint first: what is seen from much closer is sampled more finely. Inside an octave the better estimate
+/// wins. `footprint`: size of the pixel on a surface across the ray, in the unit that all keyframes share; > 0.
+template <class F>
+PMSP_HD F rank(const F& footprint, const F& confidence_level) {
+  const F octave = from_uint<F>(UIntOf<F>(bits_of(footprint) >> 23));
+  return fma(F(64), octave, F(63) - confidence_level);
 }
 
 /// A keyframe's surfels, in row order.
@@ -120,109 +55,149 @@ struct OwnershipView {
 constexpr float kSameSurfaceErrors = 4.0F;
 
 /// How far along the normal a point may lie off its surface, and how far off it may lie at most to count as on it.
+template <class F>
 struct OffSurface {
-  float error, most;
+  F error, most;
 };
-PMSP_HD OffSurface off_surface(float depth, const Vec3<float>& normal, const Vec3<float>& bearing, float confidence,
-                               float max_relative_depth) {
-  const float across = depth * abs(dot(normal, bearing));
-  const float error = error_of_confidence(confidence);
-  return {across * sqrt(error * error + kCommonError * kCommonError), across * max_relative_depth};
+template <class F>
+PMSP_HD OffSurface<F> off_surface(const F& depth, const Vec3<F>& normal, const Vec3<F>& bearing, const F& confidence,
+                                  float max_relative_depth) {
+  const F across = depth * abs(dot(normal, bearing));
+  const F error = error_of_confidence(confidence);
+  return {across * sqrt(fma(error, error, F(kCommonError * kCommonError))), across * F(max_relative_depth)};
 }
 
 /// A pixel that asks, in its keyframe's frame and unit.
+template <class F>
 struct Claim {
-  Vec3<float> point, normal;
-  float reach;  ///< how near an owner stands for it
-  OffSurface off;
-  int rank;
+  Vec3<F> point, normal;
+  OffSurface<F> off;
+  F reach;  ///< how near an owner stands for it
+  F rank;
 };
 
-/// `bearing` of the pixel, which is eligible.
-PMSP_HD Claim claim_of(const SurfelView& map, int pixel, const Vec3<float>& bearing, const OwnershipLimits& limits) {
-  const std::uint32_t surfel = map.surfels[pixel];
-  const std::uint8_t standing = map.standings[pixel];
-  const float depth = depth_of_surfel(surfel);
-  const Vec3<float> normal = normal_of_surfel(surfel);
-  const float footprint = depth * pixel_angle(map);
-  return {depth * bearing, normal, limits.spacing * footprint,
-          off_surface(depth, normal, bearing, confidence_of_standing(standing), limits.max_relative_depth),
-          rank(map.scale * footprint, standing)};
+/// `bearing` of a pixel that has a surfel.
+template <class F>
+PMSP_HD Claim<F> claim_of(const UIntOf<F>& surfel, const UIntOf<F>& standing, const Vec3<F>& bearing,
+                          const SurfelView& map, const OwnershipLimits& limits) {
+  const F depth = depth_of_surfel<F>(surfel);
+  const Vec3<F> normal = normal_of_surfel<F>(surfel);
+  const UIntOf<F> level = standing >> 2;
+  const F footprint = depth * F(pixel_angle(map));
+  return {depth * bearing, normal,
+          off_surface(depth, normal, bearing, confidence_of_level<F>(level), limits.max_relative_depth),
+          F(limits.spacing) * footprint, rank(F(map.scale) * footprint, from_uint<F>(level))};
 }
 
-/// What another keyframe says of a claim.
-struct Answer {
-  bool owned;  ///< one of its owners stands for the pixel
-  bool open;   ///< one of its pixels would that may still become one
+/// Where another keyframe sees a claim's point.
+template <class F>
+struct Approach {
+  Vec3<F> p;           ///< in the other keyframe's frame and unit
+  Pixel<F> at;         ///< in its map
+  F spacing;           ///< what may own the place lies within so many pixels
+  MaskOf<F> possible;  ///< such pixels may rank higher
 };
 
 /// However finely another keyframe sees the place, no more of its pixels are looked at than within this many.
 constexpr float kMaxReach = 4.0F;
 
-/// `grid`: of the other's map.
-PMSP_HD Answer ask(const Claim& claim, const OwnershipView& other, const GridView& grid,
-                   const OwnershipLimits& limits) {
-  const Vec3<float> p = transform(other.other_from_first, claim.point);
-  const float range = sqrt(dot(p, p));
+template <class F>
+PMSP_HD Approach<F> approach(const Vec3<F>& point, const F& reach, const F& own_rank, const OwnershipView& other) {
+  const Vec3<F> p = transform(other.other_from_first, point);
+  const F range = sqrt(max(dot(p, p), F(1e-30F)));
   const float angle = pixel_angle(other.map);
   constexpr float kNearer = 0.9F;  // what may own the place is hardly nearer than the point
-  if (rank(kNearer * other.map.scale * range * angle, 0xff) > claim.rank) return {false, false};
-  const float spacing = min(other.zoom * claim.reach / (range * angle), kMaxReach);
-  const Vec3<float> normal = (1.0F / other.zoom) * rotate(other.other_from_first, claim.normal);
-  Answer answer{false, false};
-  for_each_covered(p, spacing, grid.cos_lat, other.map.width, other.map.height, [&](int pixel) {
-    const std::uint8_t packed = other.map.standings[pixel];
-    if (answer.owned || !makes_point(packed)) return;
-    const std::uint32_t surfel = other.map.surfels[pixel];
-    const float depth = depth_of_surfel(surfel);
-    const int other_rank = rank(other.map.scale * depth * angle, packed);
-    if (other_rank > claim.rank || (other_rank == claim.rank && !other.before)) return;
-    const Vec3<float> there = normal_of_surfel(surfel);
-    if (dot(there, normal) < limits.min_cos_normals) return;
-    const Vec3<float> bearing = bearing_at(grid, pixel % other.map.width, pixel / other.map.width);
-    const Vec3<float> apart = fma(depth, bearing, -1.0F * p);
-    const OffSurface off =
-        off_surface(depth, there, bearing, confidence_of_standing(packed), limits.max_relative_depth);
-    const float tolerance = min(kSameSurfaceErrors * (other.zoom * claim.off.error + off.error),
-                                max(other.zoom * claim.off.most, off.most));
-    if (min(abs(dot(apart, there)), abs(dot(apart, normal))) > tolerance) return;
-    (standing_of(packed) == Standing::kOwner ? answer.owned : answer.open) = true;
-  });
-  return answer;
+  const MaskOf<F> possible = rank(F(kNearer * other.map.scale * angle) * range, F(63)) <= own_rank;
+  const F spacing = min(F(other.zoom / angle) * reach / range, F(kMaxReach));
+  return {p, project(p, F(static_cast<float>(other.map.width)), F(static_cast<float>(other.map.height))), spacing,
+          possible};
+}
+
+/// Which pixels of another map lie within reach of a claim's point: for most points one at most, the one that they fall
+/// into.
+template <class F>
+struct Within {
+  IntOf<F> column, row;  ///< of the pixel that the point falls into
+  MaskOf<F> this_one;    ///< it is the only one
+  MaskOf<F> several;     ///< others may be: for_each_within finds them
+};
+template <class F>
+PMSP_HD Within<F> within(const Approach<F>& there, const GridView& grid, int width, int height) {
+  const IntOf<F> x = column(there.at.x, width);
+  const IntOf<F> y = row(there.at.y, height);
+  const F dx = from_int<F>(x) + F(0.5F) - there.at.x;
+  const F dy = from_int<F>(y) + F(0.5F) - there.at.y;
+  const F square = fma(there.spacing, there.spacing, F(0) - dy * dy);
+  const F reach = sqrt(max(square, F(0))) / gather<F>(grid.cos_lat, y);
+  const MaskOf<F> one = (there.spacing < F(0.5F)) & (reach < F(0.5F));
+  const MaskOf<F> more = (there.spacing >= F(0.5F)) | (reach >= F(0.5F));
+  const MaskOf<F> this_one = there.possible & one & (square >= F(0)) & (abs(dx) <= reach);
+  const MaskOf<F> several = there.possible & more;
+  return {x, y, this_one, several};
+}
+
+/// Whether a pixel of another map, which makes a point or may make one, stands for a claim. `p`: the claim's point in
+/// the other frame.
+template <class F>
+PMSP_HD MaskOf<F> stands_for(const UIntOf<F>& surfel, const UIntOf<F>& standing, const Vec3<F>& bearing,
+                             const Vec3<F>& p, const Vec3<F>& claim_normal, const OffSurface<F>& claim_off,
+                             const F& claim_rank, const OwnershipView& other, const OwnershipLimits& limits) {
+  const F depth = depth_of_surfel<F>(surfel);
+  const UIntOf<F> level = standing >> 2;
+  const F own_rank = rank(F(other.map.scale * pixel_angle(other.map)) * depth, from_uint<F>(level));
+  const Vec3<F> there = normal_of_surfel<F>(surfel);
+  const Vec3<F> normal = F(1.0F / other.zoom) * rotate(other.other_from_first, claim_normal);
+  const Vec3<F> apart = depth * bearing - p;
+  const OffSurface<F> off =
+      off_surface(depth, there, bearing, confidence_of_level<F>(level), limits.max_relative_depth);
+  const F tolerance = min(F(kSameSurfaceErrors) * fma(F(other.zoom), claim_off.error, off.error),
+                          max(F(other.zoom) * claim_off.most, off.most));
+  // Ranks are whole numbers.
+  return (own_rank < claim_rank + F(other.before ? 0.5F : -0.5F)) & (dot(there, normal) >= F(limits.min_cos_normals)) &
+         (min(abs(dot(apart, there)), abs(dot(apart, normal))) <= tolerance);
 }
 
 /// Keyframes that can be asked: one bit each.
 constexpr int kMaxViewers = 32;
 
-/// A round for one pixel of a keyframe; a stage. Pixels that are not open keep their standing.
+/// A round for the open pixels of a keyframe; a stage.
 struct OwnershipRound {
   SurfelView map;               ///< what the round before left, as `others` are
   GridView grid;                ///< of all maps
   const OwnershipView* others;  ///< `count` of them, kMaxViewers at most
   int count;
   OwnershipLimits limits;
-  std::uint32_t* asked;     ///< bits of those whose say still matters; each round clears some
-  std::uint8_t* standings;  ///< after this round
 
-  PMSP_HD void operator()(int column, int row) const {
+  /// Of one pixel; `ask`: bits of those whose say still matters. Returns the standing after this round; clears bits of
+  /// those that have no more pixels that might stand for this one. The CPU's rows take the same steps for many pixels
+  /// at a time.
+  PMSP_HD Standing operator()(int column, int row, std::uint32_t& ask) const {
     const int pixel = row * map.width + column;
-    const std::uint8_t before = map.standings[pixel];
-    standings[pixel] = before;
-    if (standing_of(before) != Standing::kOpen) return;
-    const Claim claim = claim_of(map, pixel, bearing_at(grid, column, row), limits);
-    const std::uint32_t to_ask = asked[pixel];
+    const Claim<float> claim =
+        claim_of<float>(map.surfels[pixel], map.standings[pixel], bearing_at<float>(grid, column, row), map, limits);
     std::uint32_t open = 0;
     for (int k = 0; k < count; ++k) {
-      if (((to_ask >> static_cast<unsigned>(k)) & 1U) == 0U) continue;
-      const Answer answer = ask(claim, others[k], grid, limits);
-      if (answer.owned) {
-        standings[pixel] = with_standing(before, Standing::kDropped);
-        return;
-      }
-      if (answer.open) open |= 1U << static_cast<unsigned>(k);
+      const std::uint32_t bit = 1U << static_cast<unsigned>(k);
+      if ((ask & bit) == 0U) continue;
+      const OwnershipView& other = others[k];
+      const Approach<float> there = approach(claim.point, claim.reach, claim.rank, other);
+      if (!there.possible) continue;
+      bool owned = false;
+      for_each_within(there.at, there.spacing, grid.cos_lat, other.map.width, other.map.height, [&](int at) {
+        const std::uint8_t standing = other.map.standings[at];
+        if (owned || !makes_point(standing)) return;
+        const Vec3<float> bearing = bearing_at<float>(grid, at % other.map.width, at / other.map.width);
+        if (!stands_for<float>(other.map.surfels[at], standing, bearing, there.p, claim.normal, claim.off, claim.rank,
+                               other, limits)) {
+          return;
+        }
+        owned = standing_of(standing) == Standing::kOwner;
+        open |= bit;
+      });
+      if (owned) return Standing::kDropped;
     }
-    asked[pixel] = open;
-    if (open == 0U) standings[pixel] = with_standing(before, Standing::kOwner);
+    ask = open;
+    return open == 0U ? Standing::kOwner : Standing::kOpen;
   }
 };
 
@@ -231,85 +206,39 @@ struct Viewer {
   SightView sight;
   Rigid other_from_first;  ///< as in OwnershipView
   float zoom;              ///< as there
-  bool may_own;            ///< it is asked about ownership, too
 };
-
-constexpr int kSightCell = 2;  ///< pixels of the map along the side of a cell of its SightView
-
-/// What a viewer says of a point.
-template <class F>
-struct Look {
-  Sight<F> sight;  ///< with weights in the first keyframe's unit
-  MaskOf<F> near;  ///< it has the point on its surface and the centre of a pixel within reach
-};
-
-/// `depth` of the point, which is not the place of the other camera; `spacing` as in OwnershipLimits. One projection
-/// serves both questions. The maps of both keyframes have one size.
-template <class F>
-PMSP_HD Look<F> look(const Vec3<F>& point, const F& depth, const Viewer& viewer, const SightLimits& limits,
-                     float spacing) {
-  const Vec3<F> p = transform(viewer.other_from_first, point);
-  const F square = max(dot(p, p), F(1e-30F));
-  const F range = sqrt(square);
-  const SightView& map = viewer.sight;
-  const Pixel<F> at =
-      project(p, F(static_cast<float>(kSightCell * map.width)), F(static_cast<float>(kSightCell * map.height)));
-  constexpr float kCells = 1.0F / static_cast<float>(kSightCell);
-  const IntOf<F> index = row(F(kCells) * at.y, map.height) * IntOf<F>(map.width) + column(F(kCells) * at.x, map.width);
-  const F nearest = gather<F>(map.nearest, index);
-  const F farthest = gather<F>(map.farthest, index);
-  const auto on_surface = (range >= nearest * F(limits.min_near)) & (range <= farthest * F(limits.max_far));
-  const auto through = range < nearest * F(limits.min_through);  // false where nothing is known
-  const F weight = F(viewer.zoom * viewer.zoom) / square;
-  // The pixel that the point falls into has the nearest centre. A little more than the reach: at the poles a row's
-  // columns are counted with the latitude of the row's centre.
-  const F dx = at.x - whole(at.x) - F(0.5F);
-  const F dy = at.y - whole(at.y) - F(0.5F);
-  const F reach = F(1.1F * spacing * viewer.zoom) * depth / range;
-  const F square_cos = fma(p.x, p.x, p.z * p.z) / square;
-  const MaskOf<F> near = on_surface & (fma(dx * dx, square_cos, dy * dy) <= reach * reach);
-  return {{select(on_surface, weight, F(0)), select(through, weight, F(0))}, near};
-}
 
 /// Whether a pixel's point is eligible; a stage. Viewers speak for and against it, each with the inverse square of its
-/// distance, the keyframe itself for it. Where they speak for it, the surfel gets its standing and confidence.
+/// distance, the keyframe itself for it. The confidence becomes that of the map times the share that speaks for it.
 struct Eligibility {
-  const float* depths;       ///< of the fused points; 0 = none
-  const float* confidences;  ///< of the maps
+  const std::uint32_t* surfels;
+  const std::uint32_t* details;
   GridView grid;
   int width;
-  const Viewer* viewers;  ///< `count` of them, kMaxViewers at most
+  const Viewer* viewers;  ///< `count` of them
   int count;
   SightLimits limits;
-  float spacing;  ///< as in OwnershipLimits
   float max_contradiction;
-  std::uint8_t* standings;  ///< kOpen or kNone
-  float* scaled;            ///< confidences times the share that speaks for the point; 0 = not eligible
-  std::uint32_t* asked;     ///< bits of the viewers that may own the point's place
 
-  PMSP_HD void operator()(int column, int row) const {
-    const int pixel = row * width + column;
-    const float depth = depths[pixel];
-    standings[pixel] = 0;
-    scaled[pixel] = 0.0F;
-    asked[pixel] = 0;
-    if (!(depth > 0.0F)) return;
-    const Vec3<float> point = depth * bearing_at(grid, column, row);
-    float on_surface = 1.0F / (depth * depth);
-    float through = 0.0F;
-    std::uint32_t owners = 0;
+  /// The standing: kOpen or 0.
+  template <class F>
+  PMSP_HD UIntOf<F> at(const IntOf<F>& column, const IntOf<F>& row) const {
+    const IntOf<F> pixel = row * IntOf<F>(width) + column;
+    const F depth = depth_of_surfel<F>(gather_words<F>(surfels, pixel));
+    const MaskOf<F> known = depth > F(0);
+    if (!any(known)) return UIntOf<F>(0U);
+    const Vec3<F> point = select(known, depth, F(1)) * bearing_at<F>(grid, column, row);
+    F on_surface = F(1) / dot(point, point);
+    F through(0);
     for (int k = 0; k < count; ++k) {
       const Viewer& viewer = viewers[k];
-      const Look<float> seen = look(point, depth, viewer, limits, spacing);
-      on_surface += seen.sight.on_surface;
-      through += seen.sight.through;
-      if (viewer.may_own && seen.near) owners |= 1U << static_cast<unsigned>(k);
+      const Sight<F> seen = sight(point, viewer.sight, viewer.other_from_first, limits);
+      on_surface = fma(F(viewer.zoom * viewer.zoom), seen.on_surface, on_surface);
+      through = fma(F(viewer.zoom * viewer.zoom), seen.through, through);
     }
-    if (through > max_contradiction * on_surface) return;
-    const float confidence = confidences[pixel] * on_surface / (on_surface + through);
-    standings[pixel] = pack_standing(confidence, Standing::kOpen);
-    scaled[pixel] = confidence;
-    asked[pixel] = owners;
+    const MaskOf<F> stays = known & (through <= F(max_contradiction) * on_surface);
+    const F confidence = own_confidence<F>(gather_words<F>(details, pixel)) * on_surface / (on_surface + through);
+    return select_bits<F>(stays, pack_standing(confidence, Standing::kOpen));
   }
 };
 

@@ -34,47 +34,43 @@ struct FusionMap {
   KeyframePose pose;
 };
 
-/// The points of a keyframe's pixels. All images have the size of its depth map.
-struct FusedMap {
+/// The points of a keyframe's pixels, and all that is kept of the keyframe until it is known which of them stay: with
+/// windows of up to 9 maps 10 bytes a pixel (up to 17: 11), of which others read the first five; once rounds have
+/// begun 4 more for each pixel that is still open (on real flights two thirds of the pixels after the first round, a
+/// sixth after the second). Besides, the keyframe's SightMap of 2 bytes a pixel until all that ask it are judged.
+/// Encoded as kernels/surfel.h says.
+struct SurfelMap {
   std::int64_t keyframe_id = 0;
-  Image<float> depth;             ///< along the pixel's bearing [the keyframe's unit]; 0 = no point
-  Image<Eigen::Vector3f> normal;  ///< unit, camera frame
-  Image<float> confidence;        ///< 0 to 1
-  Image<Rgb> color;
-  Image<std::uint8_t> views;             ///< maps that agree, its own included
-  Image<std::uint32_t> agree;            ///< bit k: window_ids[k] agrees
+  Image<std::uint32_t> surfels;          ///< depth (to 0.013 %) and normal (2 degrees); 0 = no point
+  Image<std::uint8_t> standings;         ///< confidence, and whether the pixel makes a point
+  Image<std::uint32_t> details;          ///< colour, confidence in the keyframe's own map, the rest of the normal
+  std::vector<std::uint8_t> agree;       ///< `agree_bytes()` for each pixel, the lowest first; bit k: window_ids[k]
   std::vector<std::int64_t> window_ids;  ///< keyframe ids of the other maps
+  std::vector<std::uint32_t> asked;  ///< of each open pixel, in row order: bit k: viewers[k] may own its place; empty
+                                     ///< before the first round
+  int agree_bytes() const { return static_cast<int>((window_ids.size() + 7) / 8); }
 };
 
 /// Makes a point of each pixel of `window[current]` whose confidence is at least `options.min_confidence`: depth,
 /// normal and colour are averages over the maps that agree, weighted with the inverse square of their expected errors
-/// (confidence, times the distance). `window`: 33 maps at most, of one size. Throws InvalidOption, and InvalidInput
-/// when sizes differ, something is missing, a scale is not above 0 or `current` is not in the window.
-FusedMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
-                     const Executor& executor);
-
-/// What is kept of a keyframe for others to ask: five bytes a pixel, and four more until its points are decided.
-/// Encoded as kernels/ownership.h says.
-struct SurfelMap {
-  std::int64_t keyframe_id = 0;
-  Image<std::uint32_t> surfels;   ///< depth and normal
-  Image<std::uint8_t> standings;  ///< confidence, and whether the pixel makes a point
-  Image<std::uint32_t> asked;     ///< bit k: viewers[k] may own the pixel's place
-};
+/// (confidence, times the distance). All of them are open. `window`: 33 maps at most, of one size. Throws
+/// InvalidOption, and InvalidInput when sizes differ, something is missing, a scale is not above 0 or `current` is not
+/// in the window.
+SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
+                      const Executor& executor);
 
 /// A keyframe that is asked about another one's points.
 struct SightFrom {
   const SightMap* sight = nullptr;  ///< its own pose is not looked at
   KeyframePose pose;
-  bool may_own = true;  ///< it is among those that `ownership_round` asks, too
 };
 
 /// Finds the eligible points: those that the viewers have not looked through, as in `free_space_filter`, only that all
-/// viewers are asked. Others leave `fused`; those that stay have their confidence scaled by the share that speaks for
-/// them. Notes besides which viewers have a pixel within `fusion.spacing_px`. `viewers`: 32 at most, of the same size.
-/// Throws InvalidOption, InvalidInput.
-SurfelMap judge(FusedMap& fused, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
-                const FreeSpaceOptions& options, const FusionOptions& fusion, const Executor& executor);
+/// viewers are asked. They are open, the others make no point. Confidences become those in the keyframe's own map times
+/// the share that speaks for the point. May be asked again at any time; rounds begin anew then. `viewers`: of the same
+/// size. Throws InvalidOption, InvalidInput.
+void judge(SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
+           const FreeSpaceOptions& options, const Executor& executor);
 
 /// A keyframe that is asked about ownership.
 struct SurfelsFrom {
@@ -87,9 +83,10 @@ struct SurfelsFrom {
 /// sampling (by octaves), higher confidence, smaller keyframe id. Where one of these is known to make a point the pixel
 /// makes none; where there is none left that may, it makes one.
 ///
-/// Returns the standings after the round, and clears bits of `map.asked`; `map.standings` is for all keyframes to be
-/// replaced when all of them are through the round. `viewers`: the same keyframes in the same order as `judge` had;
-/// those that must not own may be left empty. Throws InvalidOption, InvalidInput.
+/// Returns the standings after the round, which `map.asked` goes with from then on; `map.standings` is for all
+/// keyframes to be replaced when all of them are through the round. `viewers`: 32 at most, in each round the same ones
+/// in the same order; some may be left empty. Throws InvalidOption, and InvalidInput also where `map.standings` are not
+/// those that the round before returned.
 Image<std::uint8_t> ownership_round(SurfelMap& map, const KeyframePose& pose, const std::vector<SurfelsFrom>& viewers,
                                     const FusionOptions& options, const Executor& executor);
 
@@ -104,8 +101,7 @@ struct KeyedCloud {
   std::vector<std::int64_t> window_ids;
 };
 
-/// The points that a keyframe makes, in the order of its pixels, in its camera frame and unit. Throws InvalidInput when
-/// sizes differ.
-KeyedCloud owned_points(const FusedMap& fused, const SurfelMap& map, const KeyframePose& pose);
+/// The points that a keyframe makes, in the order of its pixels, in its camera frame and unit.
+KeyedCloud owned_points(const SurfelMap& map, const KeyframePose& pose);
 
 }  // namespace pmsp

@@ -28,13 +28,16 @@ constexpr int lanes() {
 }
 
 PMSP_HD void load(float& value, const float* from) { value = *from; }
+PMSP_HD void load(std::int32_t& value, const std::int32_t* from) { value = *from; }
+PMSP_HD void load(std::uint32_t& value, const std::uint32_t* from) { value = *from; }
 PMSP_HD void store(float value, float* to) { *to = value; }
 PMSP_HD void store(std::int32_t value, std::int32_t* to) { *to = value; }
+PMSP_HD void store(std::uint32_t value, std::uint32_t* to) { *to = value; }
 PMSP_HD void iota(std::uint32_t& value, std::uint32_t first, std::uint32_t /*step*/) { value = first; }
 
-template <class A>
-PMSP_HD void load(xsimd::batch<float, A>& value, const float* from) {
-  value = xsimd::batch<float, A>::load_unaligned(from);
+template <class T, class A>
+PMSP_HD void load(xsimd::batch<T, A>& value, const T* from) {
+  value = xsimd::batch<T, A>::load_unaligned(from);
 }
 template <class T, class A>
 PMSP_HD void store(const xsimd::batch<T, A>& value, T* to) {
@@ -64,6 +67,16 @@ PMSP_HD F load_ring(const float* ring, int k, int count) {
     k = k + 1 == count ? 0 : k + 1;
   }
   load(value, wrapped);
+  return value;
+}
+
+/// Numbers of a row's columns from `first` on; the last one again for lanes beyond it.
+template <class F>
+PMSP_HD IntOf<F> columns_from(int first, int width) {
+  std::int32_t numbers[lanes<F>()];
+  for (int i = 0; i < lanes<F>(); ++i) numbers[i] = first + i < width ? first + i : width - 1;
+  IntOf<F> value;
+  load(value, numbers);
   return value;
 }
 

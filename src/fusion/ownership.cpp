@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/ownership.h"
 
+#include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "cpu/executor_impl.h"
 #include "filters/depth_map_tools.h"
-#include "fused_point.h"
 #include "ownership.h"
 #include "pmsp/error.h"
 
@@ -49,12 +51,18 @@ bool same_image_size(const Image<A>& a, const Image<B>& b) {
   return a.width() == b.width() && a.height() == b.height();
 }
 
-/// Runs a stage over all pixels.
-template <class Stage>
-void for_each_pixel(const Stage& stage, int width, int height, ThreadPool& pool) {
-  pool.for_each(height, [&](int row) {
-    for (int column = 0; column < width; ++column) stage(column, row);
+/// Colours as the kernels gather them.
+std::vector<std::uint32_t> words(const Image<Rgb>& color, ThreadPool& pool) {
+  std::vector<std::uint32_t> packed(color.size());
+  const std::size_t width = static_cast<std::size_t>(color.width());
+  pool.for_each(color.height(), [&](int y) {
+    const Rgb* const from = color.row(y);
+    std::uint32_t* const to = packed.data() + static_cast<std::size_t>(y) * width;
+    for (std::size_t x = 0; x < width; ++x) {
+      to[x] = from[x].r | static_cast<std::uint32_t>(from[x].g) << 8U | static_cast<std::uint32_t>(from[x].b) << 16U;
+    }
   });
+  return packed;
 }
 
 float min_cos_normals(const FusionOptions& options) {
@@ -80,28 +88,38 @@ kernels::SurfelView view_of(const SurfelMap& map, const KeyframePose& pose) {
           static_cast<float>(pose.scale)};
 }
 
+std::size_t open_pixels(const std::uint8_t* standings, std::size_t count) {
+  return static_cast<std::size_t>(std::count_if(standings, standings + count, [](std::uint8_t packed) {
+    return kernels::standing_of(packed) == kernels::Standing::kOpen;
+  }));
+}
+
 }  // namespace
 
-FusedMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
-                     const Executor& executor) {
+SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
+                      const Executor& executor) {
   options.validate();
   check(window, current);
   const DepthMap& map = *window[current].map;
   const int width = map.depth.width();
   const int height = map.depth.height();
   const SphereGrid grid(width, height);
-  ThreadPool& pool = executor.impl().pool;
+  Executor::Impl& machine = executor.impl();
   std::vector<PlaneRows> planes;
-  planes.reserve(window.size());  // views point into it
-  FusedMap fused;
-  std::vector<kernels::FusionView> others;
-  kernels::FusionView first{};
+  std::vector<std::vector<std::uint32_t>> colors;
+  planes.reserve(window.size());  // views point into them
+  colors.reserve(window.size());
+  SurfelMap fused;
+  using View = kernels::FusionView<kernels::PlaneMapView>;
+  std::vector<View> others;
+  View first{};
   for (std::size_t k = 0; k < window.size(); ++k) {
     const FusionMap& input = window[k];
     const Relation to = relation(input.pose, window[current].pose);
-    planes.emplace_back(*input.map, grid, pool);
-    const kernels::FusionView view{planes.back().view(), input.map->confidence.pixels().data(),
-                                   &input.color->pixels().data()->r, to.other_from_first, to.zoom};
+    planes.emplace_back(*input.map, grid, machine.pool);
+    colors.push_back(words(*input.color, machine.pool));
+    const View view{planes.back().view(), input.map->confidence.pixels().data(), colors.back().data(),
+                    to.other_from_first, to.zoom};
     if (k == current) {
       first = view;
     } else {
@@ -110,77 +128,56 @@ FusedMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, 
     }
   }
   fused.keyframe_id = map.keyframe_id;
-  fused.depth = Image<float>(width, height);
-  fused.normal = Image<Eigen::Vector3f>(width, height, Eigen::Vector3f::Zero());
-  fused.confidence = Image<float>(width, height);
-  fused.color = Image<Rgb>(width, height);
-  fused.views = Image<std::uint8_t>(width, height);
-  fused.agree = Image<std::uint32_t>(width, height);
-  const kernels::FusedArrays to{fused.depth.pixels().data(),      fused.normal.pixels().data()->data(),
-                                fused.confidence.pixels().data(), &fused.color.pixels().data()->r,
-                                fused.views.pixels().data(),      fused.agree.pixels().data()};
-  const kernels::FusionLimits limits{static_cast<float>(options.max_relative_depth), min_cos_normals(options)};
-  for_each_pixel(kernels::FusePixel{first, view_of(grid), others.data(), static_cast<int>(others.size()), limits,
-                                    static_cast<float>(options.min_confidence), to},
-                 width, height, pool);
+  fused.surfels = Image<std::uint32_t>(width, height);
+  fused.details = Image<std::uint32_t>(width, height);
+  fused.standings = Image<std::uint8_t>(width, height);
+  fused.agree.resize(fused.surfels.size() * static_cast<std::size_t>(fused.agree_bytes()));
+  const cpu::FusedArrays to{fused.surfels.pixels().data(), fused.details.pixels().data(),
+                            fused.standings.pixels().data(), fused.agree.data(), fused.agree_bytes()};
+  const kernels::FusePixels<kernels::PlaneMapView> stage{
+      first,
+      view_of(grid),
+      others.data(),
+      static_cast<int>(others.size()),
+      {static_cast<float>(options.max_relative_depth), min_cos_normals(options),
+       static_cast<float>(options.min_confidence)}};
+  machine.pool.for_each(height, [&](int y) { machine.rows.fuse_row(stage, y, to); });
   return fused;
 }
 
-SurfelMap judge(FusedMap& fused, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
-                const FreeSpaceOptions& options, const FusionOptions& fusion, const Executor& executor) {
+void judge(SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
+           const FreeSpaceOptions& options, const Executor& executor) {
   options.validate();
-  fusion.validate();
   check_scale("judge", pose);
-  check_count("judge", viewers.size());
-  const int width = fused.depth.width();
-  const int height = fused.depth.height();
+  const int width = map.surfels.width();
+  const int height = map.surfels.height();
   const SphereGrid grid(width, height);
   std::vector<kernels::Viewer> asked;
   for (const SightFrom& viewer : viewers) {
     if (viewer.sight == nullptr) throw InvalidInput("judge: a viewer lacks its sight map");
-    if (kernels::kSightCell * viewer.sight->nearest.width() != width ||
-        kernels::kSightCell * viewer.sight->nearest.height() != height) {
+    const Image<float>& nearest = viewer.sight->nearest;
+    if (2 * nearest.width() != width || 2 * nearest.height() != height) {
       throw InvalidInput("judge: maps differ in size");
     }
     check_scale("judge", viewer.pose);
     const Relation to = relation(viewer.pose, pose);
-    asked.push_back({{viewer.sight->nearest.pixels().data(), viewer.sight->farthest.pixels().data(),
-                      viewer.sight->nearest.width(), viewer.sight->nearest.height()},
-                     to.other_from_first,
-                     to.zoom,
-                     viewer.may_own});
+    asked.push_back(
+        {{nearest.pixels().data(), viewer.sight->farthest.pixels().data(), nearest.width(), nearest.height()},
+         to.other_from_first,
+         to.zoom});
   }
   const float tolerance = static_cast<float>(options.max_relative_depth);
-  const kernels::SightLimits limits{1.0F - static_cast<float>(options.min_relative_gap), 1.0F - tolerance,
-                                    1.0F + tolerance};
-  const float most = options.enabled ? static_cast<float>(options.max_contradiction) : HUGE_VALF;
-  SurfelMap map{fused.keyframe_id, Image<std::uint32_t>(width, height), Image<std::uint8_t>(width, height),
-                Image<std::uint32_t>(width, height)};
-  Image<float> scaled(width, height);
-  const kernels::Eligibility stage{fused.depth.pixels().data(),
-                                   fused.confidence.pixels().data(),
-                                   view_of(grid),
-                                   width,
-                                   asked.data(),
-                                   static_cast<int>(asked.size()),
-                                   limits,
-                                   static_cast<float>(fusion.spacing_px),
-                                   most,
-                                   map.standings.pixels().data(),
-                                   scaled.pixels().data(),
-                                   map.asked.pixels().data()};
-  for_each_pixel(
-      [&](int x, int y) {
-        stage(x, y);
-        if (kernels::standing_of(map.standings(x, y)) == kernels::Standing::kNone) {
-          fused.depth(x, y) = fused.confidence(x, y) = 0.0F;
-          return;
-        }
-        if (options.enabled) fused.confidence(x, y) = scaled(x, y);
-        map.surfels(x, y) = kernels::pack_surfel(fused.depth(x, y), to_vec3(fused.normal(x, y)));
-      },
-      width, height, executor.impl().pool);
-  return map;
+  const kernels::Eligibility stage{
+      map.surfels.pixels().data(),
+      map.details.pixels().data(),
+      view_of(grid),
+      width,
+      asked.data(),
+      options.enabled ? static_cast<int>(asked.size()) : 0,
+      {1.0F - static_cast<float>(options.min_relative_gap), 1.0F - tolerance, 1.0F + tolerance},
+      static_cast<float>(options.max_contradiction)};
+  executor.impl().pool.for_each(height, [&](int y) { executor.impl().rows.judge_row(stage, y, map.standings.row(y)); });
+  map.asked.clear();
 }
 
 Image<std::uint8_t> ownership_round(SurfelMap& map, const KeyframePose& pose, const std::vector<SurfelsFrom>& viewers,
@@ -204,34 +201,70 @@ Image<std::uint8_t> ownership_round(SurfelMap& map, const KeyframePose& pose, co
                      viewer.map->keyframe_id < map.keyframe_id};
     there |= 1U << k;
   }
-  for (std::uint32_t& bits : map.asked.pixels()) bits &= there;
+  const std::size_t rows = static_cast<std::size_t>(height);
+  std::vector<std::size_t> first(rows + 1);  // open pixels before each row
+  for (int y = 0; y < height; ++y) {
+    const std::size_t row = static_cast<std::size_t>(y);
+    first[row + 1] = first[row] + open_pixels(map.standings.row(y), static_cast<std::size_t>(width));
+  }
+  if (!map.asked.empty() && map.asked.size() != first[rows]) {
+    throw InvalidInput("ownership_round: standings are not those of the round before");
+  }
+  const kernels::OwnershipRound stage{view_of(map, pose),
+                                      view_of(grid),
+                                      others.data(),
+                                      static_cast<int>(others.size()),
+                                      {static_cast<float>(options.spacing_px),
+                                       static_cast<float>(options.max_relative_depth), min_cos_normals(options)}};
   Image<std::uint8_t> standings(width, height);
-  const kernels::OwnershipLimits limits{static_cast<float>(options.spacing_px),
-                                        static_cast<float>(options.max_relative_depth), min_cos_normals(options)};
-  for_each_pixel(
-      kernels::OwnershipRound{view_of(map, pose), view_of(grid), others.data(), static_cast<int>(others.size()), limits,
-                              map.asked.pixels().data(), standings.pixels().data()},
-      width, height, executor.impl().pool);
+  std::vector<std::vector<std::uint32_t>> still(rows);
+  executor.impl().pool.for_each(height, [&](int y) {
+    const std::size_t row = static_cast<std::size_t>(y);
+    const std::uint32_t* const ask = map.asked.empty() ? nullptr : map.asked.data() + first[row];
+    std::vector<std::uint32_t> left(first[row + 1] - first[row]);
+    const int count = executor.impl().rows.own_row(stage, y, ask, there, standings.row(y), left.data());
+    still[row].assign(left.begin(), left.begin() + count);
+  });
+  std::size_t count = 0;
+  for (const std::vector<std::uint32_t>& row : still) count += row.size();
+  std::vector<std::uint32_t> asked;
+  asked.reserve(count);
+  for (const std::vector<std::uint32_t>& row : still) asked.insert(asked.end(), row.begin(), row.end());
+  map.asked = std::move(asked);
   return standings;
 }
 
-KeyedCloud owned_points(const FusedMap& fused, const SurfelMap& map, const KeyframePose& pose) {
-  if (!same_image_size(fused.depth, map.standings)) throw InvalidInput("owned_points: maps differ in size");
-  const SphereGrid grid(fused.depth.width(), fused.depth.height());
-  KeyedCloud keyed{{fused.keyframe_id, pose.cam_from_world, {}}, {}, {}, fused.window_ids};
-  for (int y = 0; y < fused.depth.height(); ++y) {
-    for (int x = 0; x < fused.depth.width(); ++x) {
-      if (!kernels::makes_point(map.standings(x, y))) continue;
-      CloudPoint point;
-      point.position = fused.depth(x, y) * to_eigen(kernels::bearing_at(view_of(grid), x, y));
-      point.normal = fused.normal(x, y);
-      point.color = fused.color(x, y);
-      point.views = fused.views(x, y);
-      point.confidence = fused.confidence(x, y);
-      keyed.cloud.points.push_back(point);
-      keyed.pixels.push_back(static_cast<std::uint32_t>(y * fused.depth.width() + x));
-      keyed.agree.push_back(fused.agree(x, y));
+KeyedCloud owned_points(const SurfelMap& map, const KeyframePose& pose) {
+  const int width = map.surfels.width();
+  const SphereGrid grid(width, map.surfels.height());
+  const kernels::GridView view = view_of(grid);
+  KeyedCloud keyed{{map.keyframe_id, pose.cam_from_world, {}}, {}, {}, map.window_ids};
+  const std::vector<std::uint8_t>& standings = map.standings.pixels();
+  const std::size_t count =
+      static_cast<std::size_t>(std::count_if(standings.begin(), standings.end(), kernels::makes_point));
+  keyed.cloud.points.reserve(count);
+  keyed.pixels.reserve(count);
+  keyed.agree.reserve(count);
+  const std::size_t bytes = static_cast<std::size_t>(map.agree_bytes());
+  for (std::size_t pixel = 0; pixel < standings.size(); ++pixel) {
+    if (!kernels::makes_point(standings[pixel])) continue;
+    const kernels::PackedPoint<std::uint32_t> packed{map.surfels.pixels()[pixel], map.details.pixels()[pixel]};
+    const int x = static_cast<int>(pixel) % width;
+    const int y = static_cast<int>(pixel) / width;
+    std::uint32_t agree = 0;
+    for (std::size_t i = 0; i < bytes; ++i) {
+      agree |= static_cast<std::uint32_t>(map.agree[bytes * pixel + i]) << (8 * i);
     }
+    CloudPoint point;
+    point.position = kernels::depth_of_surfel<float>(packed.surfel) * to_eigen(kernels::bearing_at<float>(view, x, y));
+    point.normal = to_eigen(kernels::normal_of(packed));
+    point.color = {static_cast<std::uint8_t>(packed.detail), static_cast<std::uint8_t>(packed.detail >> 8U),
+                   static_cast<std::uint8_t>(packed.detail >> 16U)};
+    point.views = static_cast<std::uint8_t>(1 + std::bitset<32>(agree).count());
+    point.confidence = kernels::confidence_of_level<float>(static_cast<std::uint32_t>(standings[pixel]) >> 2U);
+    keyed.cloud.points.push_back(point);
+    keyed.pixels.push_back(static_cast<std::uint32_t>(pixel));
+    keyed.agree.push_back(agree);
   }
   return keyed;
 }

@@ -68,7 +68,6 @@ class Owners {
   void make(int threads = 2) {
     const Executor executor(threads);
     std::vector<SightMap> sights;
-    fused.clear();
     surfels.clear();
     for (std::size_t i = 0; i < size(); ++i) {
       std::vector<FusionMap> window;
@@ -77,13 +76,13 @@ class Owners {
         if (k == i) current = window.size();
         window.push_back({&maps[k], &colors[k], poses[k]});
       }
-      fused.push_back(fuse_pixels(window, current, fusion, executor));
+      surfels.push_back(fuse_pixels(window, current, fusion, executor));
       sights.push_back(sight_map(maps[i], executor));
     }
     for (std::size_t i = 0; i < size(); ++i) {
       std::vector<SightFrom> asked;
       for (const std::size_t k : viewers(i)) asked.push_back({&sights[k], poses[k]});
-      surfels.push_back(judge(fused[i], poses[i], asked, free_space, fusion, executor));
+      judge(surfels[i], poses[i], asked, free_space, executor);
     }
     eligible = 0.0;
     for (const SurfelMap& map : surfels) {
@@ -99,7 +98,7 @@ class Owners {
       for (std::size_t i = 0; i < size(); ++i) surfels[i].standings = next[i];
     }
     clouds.clear();
-    for (std::size_t i = 0; i < size(); ++i) clouds.push_back(owned_points(fused[i], surfels[i], poses[i]));
+    for (std::size_t i = 0; i < size(); ++i) clouds.push_back(owned_points(surfels[i], poses[i]));
   }
 
   template <class Counts>
@@ -148,7 +147,6 @@ class Owners {
   std::vector<DepthMap> maps;
   std::vector<Image<Rgb>> colors;
   std::vector<KeyframePose> poses;
-  std::vector<FusedMap> fused;
   std::vector<SurfelMap> surfels;
   std::vector<KeyedCloud> clouds;
   double eligible = 0.0;
@@ -194,7 +192,7 @@ double Owners::uncovered() const {
       for (int x = (y + static_cast<int>(k)) % 3; x < kWidth; x += 3) {
         if ((surfels[k].standings(x, y) & 3) != 3) continue;
         const Eigen::Vector3f bearing = bearing_of(maps[k].depth, x, y).cast<float>();
-        const Placed pixel = placed(k, fused[k].depth(x, y) * bearing, fused[k].normal(x, y));
+        const Placed pixel = placed(k, maps[k].depth(x, y) * bearing, maps[k].normal(x, y));
         const Vector3d ray = (pixel.position - poses[k].cam_from_world.center()).normalized();
         ++dropped;
         alone += near.any(pixel.position,
@@ -355,7 +353,6 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
   fresh.rounds = 0;
   fresh.make();
   std::map<std::size_t, SurfelMap> surfels;
-  std::map<std::size_t, FusedMap> fused;
   for (const std::size_t i : order) {
     std::vector<FusionMap> window;
     std::size_t current = 0;
@@ -363,12 +360,12 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
       if (k == i) current = window.size();
       window.push_back({&one.maps[k], &one.colors[k], one.poses[k]});
     }
-    fused[i] = fuse_pixels(window, current, one.fusion, executor);
+    surfels[i] = fuse_pixels(window, current, one.fusion, executor);
     std::vector<SightFrom> asked;
     for (const std::size_t k : order) {
       if (k != i) asked.push_back({&sights[k], one.poses[k]});
     }
-    surfels[i] = judge(fused[i], one.poses[i], asked, one.free_space, one.fusion, executor);
+    judge(surfels[i], one.poses[i], asked, one.free_space, executor);
   }
   for (int round = 0; round < one.rounds; ++round) {
     std::map<std::size_t, Image<std::uint8_t>> next;
@@ -382,7 +379,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
     for (const std::size_t i : order) surfels[i].standings = next[i];
   }
   other.clouds.clear();
-  for (const std::size_t i : order) other.clouds.push_back(owned_points(fused[i], surfels[i], one.poses[i]));
+  for (const std::size_t i : order) other.clouds.push_back(owned_points(surfels[i], one.poses[i]));
   // Sums over viewers are rounded in another order, which may tip what lies on the limit.
   const auto mine = keys(one);
   const auto theirs = keys(other);
@@ -534,8 +531,14 @@ TEST_CASE("ownership refuses what does not fit", "[ownership]") {
   FusionOptions options;
   options.spacing_px = -1.0;
   CHECK_THROWS_AS(fuse_pixels({map}, 0, options, executor), InvalidOption);
-  CHECK_THROWS_AS(judge(room.fused[0], room.poses[0], {{nullptr, {}}}, {}, {}, executor), InvalidInput);
-  const SurfelMap small{1, Image<std::uint32_t>(8, 4), Image<std::uint8_t>(8, 4), Image<std::uint32_t>(8, 4)};
+  CHECK_THROWS_AS(judge(room.surfels[0], room.poses[0], {{nullptr, {}}}, {}, executor), InvalidInput);
+  const SurfelMap small{1, Image<std::uint32_t>(8, 4), Image<std::uint8_t>(8, 4), Image<std::uint32_t>(8, 4), {}, {},
+                        {}};
   CHECK_THROWS_AS(ownership_round(room.surfels[0], room.poses[0], {{&small, {}}}, {}, executor), InvalidInput);
-  CHECK_THROWS_AS(owned_points(room.fused[0], small, {}), InvalidInput);
+  SurfelMap stale = room.surfels[1];  // its standings are left as they were before the round
+  judge(stale, room.poses[1], {}, {}, executor);
+  judge(room.surfels[0], room.poses[0], {}, {}, executor);
+  ownership_round(stale, room.poses[1], {{&room.surfels[0], room.poses[0]}}, {}, executor);
+  REQUIRE(!stale.asked.empty());
+  CHECK_THROWS_AS(ownership_round(stale, room.poses[1], {}, {}, executor), InvalidInput);
 }
