@@ -33,8 +33,8 @@ struct Pixel {
 /// Projects a direction of any length > 0 to x in [0, width], y in [0, height].
 template <class F>
 PMSP_HD Pixel<F> project(const Vec3<F>& p, const F& width, const F& height) {
-  const F longitude = atan2(p.x, p.z);
-  const F minus_latitude = atan2(p.y, sqrt(fma(p.x, p.x, p.z * p.z)));
+  const F longitude = kernels::atan2(p.x, p.z);
+  const F minus_latitude = kernels::atan2(p.y, sqrt(fma(p.x, p.x, p.z * p.z)));
   return {width * fma(longitude, F(static_cast<float>(0.5 / kPi)), F(0.5F)),
           height * fma(minus_latitude, F(static_cast<float>(1.0 / kPi)), F(0.5F))};
 }

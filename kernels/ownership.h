@@ -89,28 +89,28 @@ PMSP_HD Claim<F> claim_of(const UIntOf<F>& surfel, const UIntOf<F>& standing, co
           F(limits.spacing) * footprint, rank(F(map.scale) * footprint, from_uint<F>(level))};
 }
 
+/// Whether pixels of another map at a claim's point `p`, in the other's frame, may rank higher.
+template <class F>
+PMSP_HD MaskOf<F> may_rank_higher(const Vec3<F>& p, const F& own_rank, const OwnershipView& other) {
+  constexpr float kNearer = 0.9F;  // what may own the place is hardly nearer than the point
+  return rank(F(kNearer * other.map.scale * pixel_angle(other.map)) * sqrt(dot(p, p)), F(63)) <= own_rank;
+}
+
 /// Where another keyframe sees a claim's point.
 template <class F>
 struct Approach {
-  Vec3<F> p;           ///< in the other keyframe's frame and unit
-  Pixel<F> at;         ///< in its map
-  F spacing;           ///< what may own the place lies within so many pixels
-  MaskOf<F> possible;  ///< such pixels may rank higher
+  Pixel<F> at;
+  F spacing;  ///< what may own the place lies within so many pixels
 };
 
 /// However finely another keyframe sees the place, no more of its pixels are looked at than within this many.
 constexpr float kMaxReach = 4.0F;
 
 template <class F>
-PMSP_HD Approach<F> approach(const Vec3<F>& point, const F& reach, const F& own_rank, const OwnershipView& other) {
-  const Vec3<F> p = transform(other.other_from_first, point);
+PMSP_HD Approach<F> approach(const Vec3<F>& p, const F& reach, const OwnershipView& other) {
   const F range = sqrt(max(dot(p, p), F(1e-30F)));
-  const float angle = pixel_angle(other.map);
-  constexpr float kNearer = 0.9F;  // what may own the place is hardly nearer than the point
-  const MaskOf<F> possible = rank(F(kNearer * other.map.scale * angle) * range, F(63)) <= own_rank;
-  const F spacing = min(F(other.zoom / angle) * reach / range, F(kMaxReach));
-  return {p, project(p, F(static_cast<float>(other.map.width)), F(static_cast<float>(other.map.height))), spacing,
-          possible};
+  return {project(p, F(static_cast<float>(other.map.width)), F(static_cast<float>(other.map.height))),
+          min(F(other.zoom / pixel_angle(other.map)) * reach / range, F(kMaxReach))};
 }
 
 /// Which pixels of another map lie within reach of a claim's point: for most points one at most, the one that they fall
@@ -131,9 +131,8 @@ PMSP_HD Within<F> within(const Approach<F>& there, const GridView& grid, int wid
   const F reach = sqrt(max(square, F(0))) / gather<F>(grid.cos_lat, y);
   const MaskOf<F> one = (there.spacing < F(0.5F)) & (reach < F(0.5F));
   const MaskOf<F> more = (there.spacing >= F(0.5F)) | (reach >= F(0.5F));
-  const MaskOf<F> this_one = there.possible & one & (square >= F(0)) & (abs(dx) <= reach);
-  const MaskOf<F> several = there.possible & more;
-  return {x, y, this_one, several};
+  const MaskOf<F> this_one = one & (square >= F(0)) & (abs(dx) <= reach);
+  return {x, y, this_one, more};
 }
 
 /// Whether a pixel of another map, which makes a point or may make one, stands for a claim. `p`: the claim's point in
@@ -180,15 +179,16 @@ struct OwnershipRound {
       const std::uint32_t bit = 1U << static_cast<unsigned>(k);
       if ((ask & bit) == 0U) continue;
       const OwnershipView& other = others[k];
-      const Approach<float> there = approach(claim.point, claim.reach, claim.rank, other);
-      if (!there.possible) continue;
+      const Vec3<float> p = transform(other.other_from_first, claim.point);
+      if (!may_rank_higher(p, claim.rank, other)) continue;
+      const Approach<float> there = approach(p, claim.reach, other);
       bool owned = false;
       for_each_within(there.at, there.spacing, grid.cos_lat, other.map.width, other.map.height, [&](int at) {
         const std::uint8_t standing = other.map.standings[at];
         if (owned || !makes_point(standing)) return;
         const Vec3<float> bearing = bearing_at<float>(grid, at % other.map.width, at / other.map.width);
-        if (!stands_for<float>(other.map.surfels[at], standing, bearing, there.p, claim.normal, claim.off, claim.rank,
-                               other, limits)) {
+        if (!stands_for<float>(other.map.surfels[at], standing, bearing, p, claim.normal, claim.off, claim.rank, other,
+                               limits)) {
           return;
         }
         owned = standing_of(standing) == Standing::kOwner;

@@ -50,6 +50,43 @@ PMSP_HD void iota(xsimd::batch<std::uint32_t, A>& value, std::uint32_t first, st
   value = xsimd::batch<std::uint32_t, A>::load_aligned(numbers);
 }
 
+/// Writes the lanes that the mask holds for one after the other, and returns their number. Writes as many elements more
+/// as there are lanes.
+PMSP_HD int append(bool mask, float value, float* to) {
+  *to = value;
+  return mask ? 1 : 0;
+}
+PMSP_HD int append(bool mask, std::int32_t value, std::int32_t* to) {
+  *to = value;
+  return mask ? 1 : 0;
+}
+#if defined(__AVX512F__)
+template <class A>
+PMSP_HD int append(const xsimd::batch_bool<float, A>& mask, const xsimd::batch<float, A>& value, float* to) {
+  const __mmask16 bits = mask;
+  _mm512_storeu_ps(to, _mm512_maskz_compress_ps(bits, value));
+  return __builtin_popcount(bits);
+}
+template <class A>
+PMSP_HD int append(const xsimd::batch_bool<float, A>& mask, const xsimd::batch<std::int32_t, A>& value,
+                   std::int32_t* to) {
+  const __mmask16 bits = mask;
+  _mm512_storeu_si512(to, _mm512_maskz_compress_epi32(bits, value));
+  return __builtin_popcount(bits);
+}
+#elif defined(__AVX2__)
+template <class T, class A>
+PMSP_HD int append(const xsimd::batch_bool<float, A>& mask, const xsimd::batch<T, A>& value, T* to) {
+  T all[xsimd::batch<T, A>::size];
+  value.store_unaligned(all);
+  int count = 0;
+  for (unsigned bits = static_cast<unsigned>(_mm256_movemask_ps(mask)); bits != 0; bits &= bits - 1) {
+    to[count++] = all[__builtin_ctz(bits)];
+  }
+  return count;
+}
+#endif
+
 /// Lanes from a ring of `count` elements, starting at element k (any number > -count).
 template <class F>
 PMSP_HD F load_ring(const float* ring, int k, int count) {

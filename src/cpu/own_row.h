@@ -48,79 +48,80 @@ class OwnershipChunk {
       open[i] = 0;
       owned[i] = 0;
     }
+    any_owned = false;
   }
 
   /// Asks keyframe k for the `count` pixels of the list.
   void ask(int k, const std::int32_t* list, int count) {
     const kernels::OwnershipView& other = stage_.others[k];
+    int near = 0;
+    for (int i = 0; i < count; i += kLanes) {
+      IntOf<F> claim;
+      load(claim, list + i);
+      const auto p = kernels::transform(other.other_from_first, gathered(point_, claim));
+      near += append(filled(i, count) & kernels::may_rank_higher(p, kernels::gather<F>(rank_, claim), other), claim,
+                     near_ + near);
+    }
     int found = 0;
-    for (int i = 0; i < count; i += lanes<F>()) {
-      const IntOf<F> claim = lanes_of(list, i, count);
-      const kernels::Approach<F> there = kernels::approach<F>(
-          gathered(point_, claim), kernels::gather<F>(reach_, claim), kernels::gather<F>(rank_, claim), other);
-      if (!any(there.possible)) continue;
+    int several = 0;
+    for (int i = 0; i < near; i += kLanes) {
+      IntOf<F> claim;
+      load(claim, near_ + i);
+      const auto p = kernels::transform(other.other_from_first, gathered(point_, claim));
+      const kernels::Approach<F> there = kernels::approach(p, kernels::gather<F>(reach_, claim), other);
       const kernels::Within<F> within = kernels::within(there, stage_.grid, other.map.width, other.map.height);
-      std::uint32_t one[kLanes];
-      std::uint32_t several[kLanes];
-      std::int32_t pixels[kLanes];
-      store(kernels::select_bits<F>(within.this_one, UIntOf<F>(1U)), one);
-      store(kernels::select_bits<F>(within.several, UIntOf<F>(1U)), several);
-      store(IntOf<F>(within.row * IntOf<F>(other.map.width) + within.column), pixels);
-      float x[kLanes];
-      float y[kLanes];
-      float spacing[kLanes];
-      const bool any_several = any(within.several);
-      if (any_several) {
-        store(there.at.x, x);
-        store(there.at.y, y);
-        store(there.spacing, spacing);
-      }
-      for (int j = 0; j < kLanes && i + j < count; ++j) {
-        const std::int32_t asks = list[i + j];
-        if (one[j] != 0U) {
-          const std::uint8_t standing = other.map.standings[pixels[j]];
-          claim_[found] = asks;
-          pixel_[found] = pixels[j];
-          standing_[found] = standing;
-          found += kernels::makes_point(standing) ? 1 : 0;
-        }
-        if (any_several && several[j] != 0U) {
-          kernels::for_each_within({x[j], y[j]}, spacing[j], stage_.grid.cos_lat, other.map.width, other.map.height,
-                                   [&](int pixel) {
-                                     const std::uint8_t standing = other.map.standings[pixel];
-                                     if (owned[asks] != 0 || !kernels::makes_point(standing)) return;
-                                     claim_[found] = asks;
-                                     pixel_[found] = pixel;
-                                     standing_[found] = standing;
-                                     if (++found == kSize) found = compare(k, found);
-                                   });
-        }
-        if (found == kSize) found = compare(k, found);
+      const auto valid = filled(i, near);
+      const auto this_one = valid & within.this_one;
+      append(this_one, claim, claim_ + found);
+      append(this_one, within.column, column_ + found);
+      found += append(this_one, within.row, row_ + found);
+      if (any(within.several)) {
+        const auto more = valid & within.several;
+        append(more, there.at.x, x_ + several);
+        append(more, there.at.y, y_ + several);
+        append(more, there.spacing, spacing_ + several);
+        several += append(more, claim, several_ + several);
       }
     }
-    compare(k, found);
+    int kept = 0;
+    for (int i = 0; i < found; ++i) {
+      const std::uint8_t standing = other.map.standings[row_[i] * other.map.width + column_[i]];
+      claim_[kept] = claim_[i];
+      column_[kept] = column_[i];
+      row_[kept] = row_[i];
+      standing_[kept] = standing;
+      kept += kernels::makes_point(standing) ? 1 : 0;
+    }
+    for (int i = 0; i < several; ++i) {
+      const std::int32_t claim = several_[i];
+      kernels::for_each_within({x_[i], y_[i]}, spacing_[i], stage_.grid.cos_lat, other.map.width, other.map.height,
+                               [&](int pixel) {
+                                 const std::uint8_t standing = other.map.standings[pixel];
+                                 if (owned[claim] != 0 || !kernels::makes_point(standing)) return;
+                                 if (kept == kSize) kept = compare(k, kept);
+                                 claim_[kept] = claim;
+                                 row_[kept] = pixel / other.map.width;
+                                 column_[kept] = pixel % other.map.width;
+                                 standing_[kept++] = standing;
+                               });
+    }
+    compare(k, kept);
   }
 
-  static constexpr int kSize = 128;
-  std::uint32_t open[kSize];  ///< bits of the keyframes with pixels that would stand for this one if they were owners
-  std::uint8_t owned[kSize];  ///< not 0: an owner stands for it
+  static constexpr int kSize = 256;
+  static constexpr int kRoom = kSize + 16;  ///< whole batches are read and written
+  std::uint32_t open[kRoom];  ///< bits of the keyframes with pixels that would stand for this one if they were owners
+  std::uint8_t owned[kRoom];  ///< not 0: an owner stands for it
+  bool any_owned = false;
 
  private:
   static constexpr int kLanes = lanes<F>();
 
-  /// Lanes from i on; the last element again for those beyond it.
-  static IntOf<F> lanes_of(const std::int32_t* list, int i, int count) {
-    IntOf<F> value;
-    if (i + kLanes <= count) {
-      load(value, list + i);
-      return value;
-    }
-    std::int32_t some[kLanes];
-    for (int j = 0; j < kLanes; ++j) some[j] = list[i + j < count ? i + j : count - 1];
-    load(value, some);
-    return value;
+  /// Lanes from i on that lie below `count`.
+  static kernels::MaskOf<F> filled(int i, int count) {
+    return kernels::from_int<F>(columns_from<F>(0, kLanes)) < F(static_cast<float>(count - i));
   }
-  static kernels::Vec3<F> gathered(const float (*arrays)[kSize], const IntOf<F>& index) {
+  static kernels::Vec3<F> gathered(const float (*arrays)[kRoom], const IntOf<F>& index) {
     return {kernels::gather<F>(arrays[0], index), kernels::gather<F>(arrays[1], index),
             kernels::gather<F>(arrays[2], index)};
   }
@@ -130,28 +131,20 @@ class OwnershipChunk {
     const kernels::OwnershipView& other = stage_.others[k];
     const std::uint32_t bit = 1U << static_cast<unsigned>(k);
     for (int i = 0; i < count; i += kLanes) {
-      const IntOf<F> claim = lanes_of(claim_, i, count);
-      const IntOf<F> pixel = lanes_of(pixel_, i, count);
-      std::int32_t xs[kLanes];
-      std::int32_t ys[kLanes];
-      std::uint32_t packed[kLanes];
-      for (int j = 0; j < kLanes; ++j) {
-        const int from = i + j < count ? i + j : count - 1;
-        ys[j] = pixel_[from] / other.map.width;
-        xs[j] = pixel_[from] - ys[j] * other.map.width;
-        packed[j] = standing_[from];
-      }
+      IntOf<F> claim;
       IntOf<F> x;
       IntOf<F> y;
       UIntOf<F> standing;
-      load(x, xs);
-      load(y, ys);
-      load(standing, packed);
+      load(claim, claim_ + i);
+      load(x, column_ + i);
+      load(y, row_ + i);
+      load(standing, standing_ + i);
       const kernels::Vec3<F> p = kernels::transform(other.other_from_first, gathered(point_, claim));
       const kernels::OffSurface<F> off{kernels::gather<F>(error_, claim), kernels::gather<F>(most_, claim)};
-      const auto stands = kernels::stands_for<F>(kernels::gather_words<F>(other.map.surfels, pixel), standing,
-                                                 kernels::bearing_at<F>(stage_.grid, x, y), p, gathered(normal_, claim),
-                                                 off, kernels::gather<F>(rank_, claim), other, stage_.limits);
+      const UIntOf<F> surfel = kernels::gather_words<F>(other.map.surfels, IntOf<F>(y * IntOf<F>(other.map.width) + x));
+      const auto stands =
+          kernels::stands_for<F>(surfel, standing, kernels::bearing_at<F>(stage_.grid, x, y), p,
+                                 gathered(normal_, claim), off, kernels::gather<F>(rank_, claim), other, stage_.limits);
       if (!any(stands)) continue;
       std::uint32_t stand[kLanes];
       store(kernels::select_bits<F>(stands, UIntOf<F>(1U)), stand);
@@ -159,18 +152,24 @@ class OwnershipChunk {
         if (stand[j] == 0U) continue;
         const std::int32_t asks = claim_[i + j];
         open[asks] |= bit;
-        if (kernels::standing_of(standing_[i + j]) == kernels::Standing::kOwner) owned[asks] = 1;
+        if ((standing_[i + j] & 3U) == static_cast<std::uint32_t>(kernels::Standing::kOwner)) {
+          owned[asks] = 1;
+          any_owned = true;
+        }
       }
     }
     return 0;
   }
 
   const kernels::OwnershipRound& stage_;
-  float point_[3][kSize];
-  float normal_[3][kSize];
-  float error_[kSize], most_[kSize], reach_[kSize], rank_[kSize];
-  std::int32_t claim_[kSize], pixel_[kSize];  ///< pairs that are to be compared
-  std::uint8_t standing_[kSize];
+  float point_[3][kRoom];
+  float normal_[3][kRoom];
+  float error_[kRoom], most_[kRoom], reach_[kRoom], rank_[kRoom];
+  std::int32_t near_[kRoom] = {};  ///< claims with pixels that may rank higher; lanes beyond the last one hold old ones
+  std::int32_t claim_[kRoom] = {}, column_[kRoom] = {}, row_[kRoom] = {};  ///< pairs that are to be compared
+  std::uint32_t standing_[kRoom] = {};
+  std::int32_t several_[kRoom];  ///< claims with several pixels within reach
+  float x_[kRoom], y_[kRoom], spacing_[kRoom];
 };
 
 template <class F>
@@ -182,7 +181,7 @@ int own_row(const kernels::OwnershipRound& stage, int y, const std::uint32_t* as
       stage.map.standings + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
   Chunk chunk(stage);
   std::int32_t columns[Chunk::kSize];
-  std::int32_t list[Chunk::kSize];
+  std::int32_t list[Chunk::kRoom] = {};
   std::uint32_t bits[Chunk::kSize];
   int left = 0;
   for (int x = 0; x < width;) {
@@ -195,11 +194,18 @@ int own_row(const kernels::OwnershipRound& stage, int y, const std::uint32_t* as
     if (count == 0) continue;
     for (int i = 0; i < count; ++i) bits[i] = ask == nullptr ? there : *ask++ & there;
     chunk.start(y, columns, before, count);
+    std::uint32_t all = ~0U;
+    for (int i = 0; i < count; ++i) all &= bits[i];
     for (int k = 0; k < stage.count; ++k) {
       int asking = 0;
-      for (int i = 0; i < count; ++i) {
-        list[asking] = i;
-        asking += chunk.owned[i] == 0 ? static_cast<int>((bits[i] >> static_cast<unsigned>(k)) & 1U) : 0;
+      const unsigned shift = static_cast<unsigned>(k);
+      if (!chunk.any_owned && ((all >> shift) & 1U) != 0U) {
+        for (; asking < count; ++asking) list[asking] = asking;
+      } else {
+        for (int i = 0; i < count; ++i) {
+          list[asking] = i;
+          asking += static_cast<int>((bits[i] >> shift) & 1U & ~static_cast<unsigned>(chunk.owned[i]));
+        }
       }
       if (asking > 0) chunk.ask(k, list, asking);
     }
