@@ -11,6 +11,7 @@ namespace pmsp::cpu {
 
 using kernels::IntOf;
 using kernels::Num;
+using kernels::select;
 using kernels::UIntOf;
 
 /// Elements that a value of a type stands for: 1 for scalars.
@@ -107,14 +108,21 @@ PMSP_HD F load_ring(const float* ring, int k, int count) {
   return value;
 }
 
+/// 0, 1, 2, ...
+template <class F>
+PMSP_HD F lane_numbers() {
+  static constexpr float kNumbers[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+  F value;
+  load(value, kNumbers);
+  return value;
+}
+
 /// Numbers of a row's columns from `first` on; the last one again for lanes beyond it.
 template <class F>
 PMSP_HD IntOf<F> columns_from(int first, int width) {
-  std::int32_t numbers[lanes<F>()];
-  for (int i = 0; i < lanes<F>(); ++i) numbers[i] = first + i < width ? first + i : width - 1;
-  IntOf<F> value;
-  load(value, numbers);
-  return value;
+  const F last(static_cast<float>(width - 1));
+  const F column = lane_numbers<F>() + F(static_cast<float>(first));
+  return kernels::to_int<F>(select(column < last, column, last));
 }
 
 /// The first `count` lanes (or all of them) to memory.

@@ -48,7 +48,6 @@ class OwnershipChunk {
       open[i] = 0;
       owned[i] = 0;
     }
-    any_owned = false;
   }
 
   /// Asks keyframe k for the `count` pixels of the list.
@@ -108,19 +107,17 @@ class OwnershipChunk {
     compare(k, kept);
   }
 
+  /// Lanes from i on that lie below `count`.
+  static kernels::MaskOf<F> filled(int i, int count) { return lane_numbers<F>() < F(static_cast<float>(count - i)); }
+
   static constexpr int kSize = 256;
   static constexpr int kRoom = kSize + 16;  ///< whole batches are read and written
   std::uint32_t open[kRoom];  ///< bits of the keyframes with pixels that would stand for this one if they were owners
-  std::uint8_t owned[kRoom];  ///< not 0: an owner stands for it
-  bool any_owned = false;
+  std::uint32_t owned[kRoom] = {};  ///< 1: an owner stands for it
 
  private:
   static constexpr int kLanes = lanes<F>();
 
-  /// Lanes from i on that lie below `count`.
-  static kernels::MaskOf<F> filled(int i, int count) {
-    return kernels::from_int<F>(columns_from<F>(0, kLanes)) < F(static_cast<float>(count - i));
-  }
   static kernels::Vec3<F> gathered(const float (*arrays)[kRoom], const IntOf<F>& index) {
     return {kernels::gather<F>(arrays[0], index), kernels::gather<F>(arrays[1], index),
             kernels::gather<F>(arrays[2], index)};
@@ -154,7 +151,6 @@ class OwnershipChunk {
         open[asks] |= bit;
         if ((standing_[i + j] & 3U) == static_cast<std::uint32_t>(kernels::Standing::kOwner)) {
           owned[asks] = 1;
-          any_owned = true;
         }
       }
     }
@@ -182,7 +178,7 @@ int own_row(const kernels::OwnershipRound& stage, int y, const std::uint32_t* as
   Chunk chunk(stage);
   std::int32_t columns[Chunk::kSize];
   std::int32_t list[Chunk::kRoom] = {};
-  std::uint32_t bits[Chunk::kSize];
+  std::uint32_t bits[Chunk::kRoom] = {};
   int left = 0;
   for (int x = 0; x < width;) {
     int count = 0;
@@ -194,18 +190,16 @@ int own_row(const kernels::OwnershipRound& stage, int y, const std::uint32_t* as
     if (count == 0) continue;
     for (int i = 0; i < count; ++i) bits[i] = ask == nullptr ? there : *ask++ & there;
     chunk.start(y, columns, before, count);
-    std::uint32_t all = ~0U;
-    for (int i = 0; i < count; ++i) all &= bits[i];
     for (int k = 0; k < stage.count; ++k) {
       int asking = 0;
-      const unsigned shift = static_cast<unsigned>(k);
-      if (!chunk.any_owned && ((all >> shift) & 1U) != 0U) {
-        for (; asking < count; ++asking) list[asking] = asking;
-      } else {
-        for (int i = 0; i < count; ++i) {
-          list[asking] = i;
-          asking += static_cast<int>((bits[i] >> shift) & 1U & ~static_cast<unsigned>(chunk.owned[i]));
-        }
+      for (int i = 0; i < count; i += lanes<F>()) {
+        UIntOf<F> wanted;
+        UIntOf<F> owned;
+        load(wanted, bits + i);
+        load(owned, chunk.owned + i);
+        const UIntOf<F> asks = (wanted >> k) & UIntOf<F>(1U) & ~owned;
+        asking += append(Chunk::filled(i, count) & (kernels::from_uint<F>(asks) > F(0)),
+                         columns_from<F>(i, Chunk::kRoom), list + asking);
       }
       if (asking > 0) chunk.ask(k, list, asking);
     }

@@ -11,8 +11,6 @@
 // The row functions over a number type; each instruction set's file instantiates them with its own batch.
 namespace pmsp::cpu {
 
-using kernels::select;
-
 template <class F, class Arrays>
 PMSP_HD kernels::Vec3<F> plane_at(const Arrays& planes, std::size_t ring, int k, int count) {
   return {load_ring<F>(planes.x + ring, k, count), load_ring<F>(planes.y + ring, k, count),
