@@ -3,8 +3,11 @@
 
 #include "num.h"
 
-// Transcendental functions without branches and library calls, equal on every machine. Their errors are tested against
+// Transcendental functions without branches and library calls. Number types whose fma rounds once give equal bits, and
+// so do those whose fma rounds twice; between the two lie up to two units in the last place. Errors are tested against
 // the standard library's double precision (tests/kernels).
+//
+// Call them qualified (kernels::exp): for batches, argument-dependent look-up of plain names finds the SIMD library's.
 namespace pmsp::kernels {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -49,7 +52,7 @@ PMSP_HD F atan2(const F& y, const F& x) {
   const F ay = abs(y);
   const F longer = max(ax, ay);
   const F ratio = min(ax, ay) / select(longer > F(0), longer, F(1));
-  F angle = atan_unit(ratio);
+  F angle = kernels::atan_unit(ratio);
   angle = select(ay > ax, F(static_cast<float>(kPi / 2)) - angle, angle);
   angle = select(x < F(0), F(static_cast<float>(kPi)) - angle, angle);
   return select(y < F(0), F(0) - angle, angle);

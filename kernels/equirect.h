@@ -74,7 +74,4 @@ PMSP_HD IntOf<F> pixel_index(const Vec3<F>& p, int width, int height) {
   return row(at.y, height) * IntOf<F>(width) + column(at.x, width);
 }
 
-/// Column or row of a map of another size in which the centre of column or row i lies (of `size` of them).
-PMSP_HD int index_at_size(int i, int size, int other_size) { return (2 * i + 1) * other_size / (2 * size); }
-
 }  // namespace pmsp::kernels

@@ -9,7 +9,8 @@
 
 // Kernels are templates over their number type F: float (one pixel; also a CUDA thread), double (the reference of the
 // tests) or a SIMD batch of floats (one pixel a lane; src/cpu/batch.h). What they need of F besides + - * / and
-// comparisons stands here for the scalars; for batches the same names are found by argument-dependent look-up.
+// comparisons stands here for the scalars; for batches the same names are found by argument-dependent look-up. All
+// round correctly, so that a lane gives the scalar's bits wherever both fuse multiply-adds, or neither does.
 namespace pmsp::kernels {
 
 /// What goes with a number type: Int (signed, 32 bits a lane), UInt, Mask (result of a comparison), kLanes, and the
@@ -76,18 +77,25 @@ PMSP_HD double select(bool mask, double a, double b) { return mask ? a : b; }
 
 PMSP_HD bool any(bool mask) { return mask; }
 PMSP_HD bool all(bool mask) { return mask; }
-PMSP_HD float min(float a, float b) { return b < a ? b : a; }
-PMSP_HD double min(double a, double b) { return b < a ? b : a; }
-PMSP_HD float max(float a, float b) { return a < b ? b : a; }
-PMSP_HD double max(double a, double b) { return a < b ? b : a; }
+
+/// As SIMD instructions have them: `b` where neither is the smaller (larger) one, as with NaN.
+PMSP_HD float min(float a, float b) { return a < b ? a : b; }
+PMSP_HD double min(double a, double b) { return a < b ? a : b; }
+PMSP_HD float max(float a, float b) { return a > b ? a : b; }
+PMSP_HD double max(double a, double b) { return a > b ? a : b; }
+
 PMSP_HD float abs(float a) { return ::fabsf(a); }
 PMSP_HD double abs(double a) { return ::fabs(a); }
 PMSP_HD float sqrt(float a) { return ::sqrtf(a); }
 PMSP_HD double sqrt(double a) { return ::sqrt(a); }
 
-/// a * b + c. Fused where the machine has it for F; plain arithmetic for host floats, whose fused form is a library
-/// call.
+/// a * b + c. Fused (rounded once) where the machine that the compiler aims at has that for F; elsewhere it would be a
+/// library call, so that a plain x86-64 build rounds host floats twice. Always plain for doubles, the tests' reference.
+#if defined(__FMA__) || defined(__ARM_FEATURE_FMA)
+PMSP_HD float fma(float a, float b, float c) { return ::fmaf(a, b, c); }
+#else
 PMSP_HD float fma(float a, float b, float c) { return a * b + c; }
+#endif
 PMSP_HD double fma(double a, double b, double c) { return a * b + c; }
 
 /// Whole part of a number >= 0 (or above -1, which gives 0) that fits an Int.

@@ -21,7 +21,6 @@ struct PatchLayout {
   float spacing;                      ///< distance of samples on the tangent plane (tangent of the angle)
   float fine_spacing;                 ///< the same where the fine patch has texture enough to be told from others
   float fine_variance;                ///< that much: variance [gray levels squared]
-  float coarse_variance;              ///< variance below which the planes of a coarser map are proposed
   float min_sigma_color;              ///< bilateral weights: smallest and largest standard deviation
   float max_sigma_color;              ///< [gray levels]
   float space_weight[kPatchSamples];  ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
@@ -110,7 +109,7 @@ PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& fr
   F sum_square(0);
   for (int k = 0; k < kPatchSamples; ++k) {
     const F gray = patch.contrast(k);
-    const F weight = F(layout.space_weight[k]) * exp(max(gray * gray * color_factor, F(kLeastLogWeight)));
+    const F weight = F(layout.space_weight[k]) * kernels::exp(max(gray * gray * color_factor, F(kLeastLogWeight)));
     patch.put(k, weight, gray);
     sum = sum + weight;
     sum_gray = fma(weight, gray, sum_gray);

@@ -83,12 +83,6 @@ PMSP_HD Vec3<F> random_start(const UIntOf<F>& pixel, const Vec3<F>& bearing, con
   return random_plane<F>(m.random, pixel, 0, bearing, m.limits, m.log_depth_span);
 }
 
-/// The plane of a coarser map, where the patch has so little texture that larger ones tell more; else none.
-template <class F, class Patch, class Cube>
-PMSP_HD Vec3<F> coarse_start(const Vec3<F>& plane, const Visit<F, Patch>& visit, const Matching<Cube>& m) {
-  return select(visit.patch.variance < F(m.layout.coarse_variance), plane, Vec3<F>{F(0), F(0), F(0)});
-}
-
 /// Random search around the present plane: proposal number `draw` (0 to m.refinements - 1) of an iteration. The steps
 /// shrink from draw to draw; the first iterations reach further.
 template <class F, class Cube>

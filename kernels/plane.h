@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include "elementary.h"
 #include "random.h"
 #include "vec3.h"
 
@@ -40,7 +41,7 @@ PMSP_HD Vec3<F> random_offset(const RandomKey& key, const UIntOf<F>& pixel, std:
 template <class F>
 PMSP_HD Vec3<F> random_plane(const RandomKey& key, const UIntOf<F>& pixel, std::uint32_t draw, const Vec3<F>& bearing,
                              const PlaneLimits& limits, float log_depth_span) {
-  const F inverse_depth = F(limits.min_inverse_depth) * exp(uniform<F>(key, pixel, draw) * F(log_depth_span));
+  const F inverse_depth = F(limits.min_inverse_depth) * kernels::exp(uniform<F>(key, pixel, draw) * F(log_depth_span));
   const Vec3<F> normal = F(0.85F) * random_offset<F>(key, pixel, draw + 1) - F(1.2F) * bearing;
   const auto facing = dot(normal, bearing) < F(-0.2F);
   return plane_from(inverse_depth, select(facing, normal, F(-1) * bearing), bearing);

@@ -71,6 +71,9 @@ class Engine {
   /// Points of window[current] that no earlier frame's points stand for (all matched and filtered).
   virtual void fuse(const std::vector<Frame*>& window, std::size_t current) = 0;
 
+  /// No pass of PatchMatch will look at the frame's planes any more.
+  virtual void release_planes(Frame& frame) = 0;
+
   /// No stage will look at the frame's maps and colours any more, but others may still be matched with its image.
   virtual void release_maps(Frame& frame) = 0;
 

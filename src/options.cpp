@@ -53,7 +53,6 @@ DensifierOptions paper() {
   options.patchmatch.sigma_color = 50.0;
   options.patchmatch.min_sigma_color = 50.0;
   options.patchmatch.sigma_space_px = 5.0;
-  options.patchmatch.coarse_levels = 0;
   options.patchmatch.plane_priors = false;
   options.patchmatch.geometric_passes = 0;
   options.median = {true, 0.05, 0.1};
@@ -100,9 +99,6 @@ void PatchMatchOptions::validate() const {
   check("patchmatch.sigma_color", sigma_color, 1.0, 1000.0);
   check("patchmatch.min_sigma_color", min_sigma_color, 1.0, 1000.0);
   check("patchmatch.sigma_space_px", sigma_space_px, 0.5, 100.0);
-  check("patchmatch.coarse_levels", coarse_levels, 0, 4);
-  check("patchmatch.coarse_iterations", coarse_iterations, 1, 100);
-  check("patchmatch.coarse_contrast", coarse_contrast, 0.0, 255.0);
   check("patchmatch.prior_weight", prior_weight, 0.0, 4.0);
   check("patchmatch.max_slant_deg", max_slant_deg, 10.0, 89.0);
   check("patchmatch.geometric_passes", geometric_passes, 0, 8);

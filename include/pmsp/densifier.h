@@ -54,7 +54,8 @@ struct DensifierCallbacks {
 /// flight.
 ///
 /// A Densifier has no global state; several may live in one process. One of them must not be used from two threads at
-/// once. Results depend on input, seed, backend and instruction set, not on the number of threads.
+/// once. Results depend on input, seed and backend (plain CPU code, CPU with AVX2 or AVX-512, CUDA), not on the number
+/// of threads.
 ///
 /// What a callback throws comes out of `add` or `flush`. After that, or when these throw anything but the InvalidInput
 /// that `add` names, the Densifier is as after `cancel`.

@@ -7,8 +7,8 @@
 
 namespace pmsp {
 
-/// The threads and the instruction set that stages run on. Results never depend on the number of threads. One executor
-/// serves one stage at a time; several executors do not disturb each other.
+/// The threads and the instruction set that stages run on. Results never depend on the number of threads; AVX2 and
+/// AVX-512 give the same. One executor serves one stage at a time; several executors do not disturb each other.
 class Executor {
  public:
   /// `threads`: 1 to 1024, or 0 for one for each CPU that the process may use. Throws InvalidOption for other numbers,

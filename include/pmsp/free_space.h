@@ -32,8 +32,7 @@ SightMap sight_map(const DepthMap& map, const Executor& executor);
 /// one among those that confirm; a point stays while what speaks against it is at most `max_contradiction` of what
 /// speaks for it. What stays has its confidence scaled by the share that speaks for it.
 ///
-/// Of many `others`, `options.views` are asked: those within reach of the cloud, spread evenly over the list. Throws
-/// InvalidOption.
+/// All `others` are asked: a plan (pmsp/plan.h) says which are worth it. Throws InvalidOption.
 void free_space_filter(KeyframeCloud& cloud, const std::vector<const SightMap*>& others,
                        const FreeSpaceOptions& options, const Executor& executor, FilterStats* stats = nullptr);
 

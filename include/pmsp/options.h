@@ -40,7 +40,7 @@ struct InitOptions {
 
 /// Red-black PatchMatch on the sphere.
 struct PatchMatchOptions {
-  int iterations = 1;  ///< of the first pass at full size, 1 to 100; each visits every pixel once
+  int iterations = 1;  ///< of the first pass, 1 to 100; each visits every pixel once
   int neighbours = 2;  ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   /// Source keyframes from earlier in the mission in addition, where the same place is passed again, 0 to 4; with
   /// `neighbours` 8 at most. Only where they show much under another parallax than the neighbours do.
@@ -56,12 +56,6 @@ struct PatchMatchOptions {
   /// does not decide for the wall behind it, 1 to 1000; sigma_color or more: never.
   double min_sigma_color = 4.0;
   double sigma_space_px = 5.0;  ///< bilateral weight: pixels of the depth map, 0.5 to 100
-  /// How often width and height are halved for a depth map to begin with, 0 to 4. Its planes are proposed to pixels
-  /// with little texture, where the larger patches of a small map tell more; elsewhere they would carry its mistakes
-  /// along.
-  int coarse_levels = 0;
-  int coarse_iterations = 2;     ///< at each of these sizes, 1 to 100
-  double coarse_contrast = 3.0;  ///< standard deviation of a patch up to which that is so [gray levels], 0 to 255
   /// Before each geometric pass, planes through the reliable surface around are proposed to pixels without texture, and
   /// preferred there; see pmsp/plane_priors.h.
   bool plane_priors = true;
@@ -132,7 +126,8 @@ struct FreeSpaceOptions {
   void validate() const;
 };
 
-/// Instruction set of the CPU backend.
+/// Instruction set of the CPU backend. kAvx2 and kAvx512 give the same bytes; kScalar, plain code, gives others, since
+/// it rounds multiply-adds twice.
 enum class Simd { kAuto, kScalar, kAvx2, kAvx512 };
 
 /// Where the stages run.
@@ -155,7 +150,7 @@ struct DensifierOptions {
   int width = 640;         ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images, at most 5760, or
                            ///< twice the height if one is given
   int height = 320;        ///< of the depth maps [px], even, 16 to 8192; 0 = as the images' shape asks
-  std::uint64_t seed = 1;  ///< of the random planes; same input, seed, backend and instruction set, same bytes
+  std::uint64_t seed = 1;  ///< of the random planes; same input, seed and backend (see Simd, too), same bytes
   Backend backend = Backend::kAuto;
   int device = 0;           ///< CUDA device, as the driver numbers them, 0 to 255
   bool pipelined = false;   ///< CUDA: `add` returns while its work goes on, and results come with the next call, so

@@ -30,7 +30,6 @@ struct MatchInput {
   std::vector<const PlaneImage*> candidates;  ///< planes to try besides the random ones, of the reference's size
   int first_iteration = 0;                    ///< iterations of the passes before
   const DepthMap* start = nullptr;            ///< the reference's own map; nullptr = random planes
-  const DepthMap* coarse = nullptr;  ///< a smaller map, proposed where there is little texture (coarse_contrast)
   /// Planes of surfaces without texture (plane_priors), proposed and preferred there; nullptr = none.
   const PlaneImage* prior = nullptr;
   std::vector<const DepthMap*> neighbour_maps = {};  ///< none, or one for each neighbour (nullptr or empty = not known)

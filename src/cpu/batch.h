@@ -9,7 +9,21 @@
 #include <immintrin.h>
 #endif
 
-// xsimd's batches as the number type of the kernels.
+#if defined(__AVX512F__)
+namespace xsimd {
+
+// xsimd (8.1) has no fused multiply-add for AVX-512 and would round twice where AVX2 rounds once. This one is no
+// template and therefore goes before xsimd's.
+PMSP_HD batch<float, avx512bw> fma(const batch<float, avx512bw>& a, const batch<float, avx512bw>& b,
+                                   const batch<float, avx512bw>& c) {
+  return _mm512_fmadd_ps(a, b, c);
+}
+
+}  // namespace xsimd
+#endif
+
+// xsimd's batches as the number type of the kernels. Each lane must give the same bits whatever their width is: take
+// nothing approximate from xsimd (reciprocal, rsqrt) and no elementary functions (kernels/elementary.h).
 namespace pmsp::kernels {
 
 // Gathers use the machine's own instructions: xsimd's (8.1) reads lane by lane on all instruction sets, which makes it

@@ -16,12 +16,12 @@
 namespace pmsp {
 
 struct CpuFrame : Engine::Frame {
-  using Frame::Frame;
+  CpuFrame(const Keyframe& keyframe, Panorama image) : Frame(keyframe), panorama(std::move(image)) {}
 
-  std::vector<Panorama> levels;  ///< that of the depth maps' size first, then those of coarser ones
-  DepthMap raws[2];              ///< after the last even and the last odd pass of PatchMatch
-  DepthMap median;               ///< after the last pass and the median filter
-  DepthMap map;                  ///< after the consistency filter
+  Panorama panorama;  ///< of the depth maps' size
+  DepthMap raws[2];   ///< after the last even and the last odd pass of PatchMatch
+  DepthMap median;    ///< after the last pass and the median filter
+  DepthMap map;       ///< after the consistency filter
   std::vector<std::uint8_t> covered;
 };
 
@@ -35,13 +35,8 @@ const CpuFrame& own(const Engine::Frame& frame) { return static_cast<const CpuFr
 std::unique_ptr<Engine::Frame> CpuEngine::prepare(const Keyframe& keyframe) {
   const Stopwatch watch(context_.stats.seconds_prepare);
   const DensifierOptions& options = context_.options;
-  auto frame = std::make_unique<CpuFrame>(keyframe);
-  const int coarsest = coarse_levels(options.patchmatch, options.width, options.height);
-  for (int level = 0; level <= coarsest; ++level) {
-    frame->levels.emplace_back(keyframe.image, keyframe.mask, size_at_level(options.width, level),
-                               size_at_level(options.height, level), executor_);
-  }
-  return frame;
+  return std::make_unique<CpuFrame>(keyframe,
+                                    Panorama(keyframe.image, keyframe.mask, options.width, options.height, executor_));
 }
 
 void CpuEngine::match(const MatchTask& task) {
@@ -49,14 +44,10 @@ void CpuEngine::match(const MatchTask& task) {
   PatchMatchStats matched;
   DepthMap filtered;
   const DepthMap* const to_warp = map_to_warp(task, filtered);
-  DepthMap map;
-  const int coarsest = static_cast<int>(reference.levels.size()) - 1;
-  for (const MatchStage& stage : match_stages(context_.options.patchmatch, coarsest, task.pass)) {
-    map = run_stage(task, stage, to_warp, map, matched);
-  }
-  reference.raws[task.pass % 2] = std::move(map);
+  DepthMap& raw = reference.raws[task.pass % 2];
+  raw = run_pass(task, to_warp, matched);
   reference.matched = !context_.cancel.load(std::memory_order_relaxed);
-  if (reference.matched && task.last) finish_match(reference, reference.raws[task.pass % 2], matched);
+  if (reference.matched && task.last) finish_match(reference, raw, matched);
 }
 
 /// The previous keyframe's map of the first pass, median filtered; into `scratch` while later passes are to come.
@@ -70,18 +61,17 @@ const DepthMap* CpuEngine::map_to_warp(const MatchTask& task, DepthMap& scratch)
   return &scratch;
 }
 
-DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, const DepthMap* to_warp,
-                              const DepthMap& coarse, PatchMatchStats& matched) {
+DepthMap CpuEngine::run_pass(const MatchTask& task, const DepthMap* to_warp, PatchMatchStats& matched) {
   const DensifierOptions& options = context_.options;
   const CpuFrame& reference = own(*task.reference);
-  const std::size_t level = static_cast<std::size_t>(stage.level);
+  const Iterations iterations = iterations_of(options.patchmatch, task.pass);
   MatchInput input;
   input.keyframe_id = reference.id;
-  input.reference = {&reference.levels[level], reference.cam_from_world};
+  input.reference = {&reference.panorama, reference.cam_from_world};
   input.range = task.range;
-  input.first_iteration = stage.first_iteration;
+  input.first_iteration = iterations.first;
   for (const Frame* neighbour : task.neighbours) {
-    input.neighbours.push_back({&own(*neighbour).levels[level], neighbour->cam_from_world});
+    input.neighbours.push_back({&own(*neighbour).panorama, neighbour->cam_from_world});
     if (task.pass == 0) continue;
     const bool near = input.neighbour_maps.size() < task.near;
     input.neighbour_maps.push_back(near ? &own(*neighbour).raws[(task.pass - 1) % 2] : nullptr);
@@ -91,7 +81,6 @@ DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, co
   if (task.pass == 0) {
     candidates = first_planes(task, to_warp, *input.reference.panorama);
     for (const PlaneImage& planes : candidates) input.candidates.push_back(&planes);
-    input.coarse = &coarse;
   } else {
     const DepthMap& before = reference.raws[(task.pass - 1) % 2];
     input.start = &before;
@@ -102,7 +91,7 @@ DepthMap CpuEngine::run_stage(const MatchTask& task, const MatchStage& stage, co
     }
   }
   PatchMatchOptions how = options.patchmatch;
-  how.iterations = stage.iterations;
+  how.iterations = iterations.count;
   const Stopwatch watch(context_.stats.seconds_patchmatch);
   return patchmatch(input, how, options.seed, executor_, &matched, &context_.cancel);
 }
@@ -160,7 +149,7 @@ void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
   inputs.reserve(window.size());
   for (Frame* frame : window) {
     CpuFrame& member = own(*frame);
-    inputs.push_back({&member.map, &member.levels.front().color(), &member.covered});
+    inputs.push_back({&member.map, &member.panorama.color(), &member.covered});
   }
   KeyframeCloud cloud;
   {
@@ -170,11 +159,15 @@ void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
   context_.results.cloud(std::move(cloud));
 }
 
+void CpuEngine::release_planes(Frame& frame) {
+  for (DepthMap& raw : own(frame).raws) raw = {};
+}
+
 void CpuEngine::release_maps(Frame& frame) {
   CpuFrame& done = own(frame);
-  done.raws[0] = done.raws[1] = done.median = done.map = {};
+  done.median = done.map = {};
   done.covered = {};
-  for (Panorama& level : done.levels) level.release_color();
+  done.panorama.release_color();
 }
 
 }  // namespace pmsp

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "engine.h"
-#include "patchmatch/match_setup.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/panorama.h"
 #include "pmsp/patchmatch.h"
@@ -24,13 +23,13 @@ class CpuEngine : public Engine {
   void match(const MatchTask& task) override;
   void filter(Frame& reference, const std::vector<const Frame*>& others) override;
   void fuse(const std::vector<Frame*>& window, std::size_t current) override;
+  void release_planes(Frame& frame) override;
   void release_maps(Frame& frame) override;
   void deliver(bool /*all*/) override {}
 
  private:
   const DepthMap* map_to_warp(const MatchTask& task, DepthMap& scratch);
-  DepthMap run_stage(const MatchTask& task, const MatchStage& stage, const DepthMap* to_warp, const DepthMap& coarse,
-                     PatchMatchStats& matched);
+  DepthMap run_pass(const MatchTask& task, const DepthMap* to_warp, PatchMatchStats& matched);
   std::vector<PlaneImage> first_planes(const MatchTask& task, const DepthMap* to_warp, const Panorama& panorama);
   void finish_match(CpuFrame& reference, const DepthMap& raw, const PatchMatchStats& matched);
 };

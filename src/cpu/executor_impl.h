@@ -12,7 +12,7 @@ struct Executor::Impl {
 
   ThreadPool pool;
   Simd simd;
-  const cpu::RowKernels& rows;
+  cpu::RowKernels rows;
 };
 
 }  // namespace pmsp

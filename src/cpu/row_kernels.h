@@ -44,9 +44,8 @@ struct MatchJob {
   PlaneArrays planes;
   const ConstPlaneArrays* candidates;  ///< proposals of the initialiser; the zero plane proposes nothing
   int num_candidates;
-  ConstPlaneArrays coarse;  ///< proposals for pixels with little texture; nullptr = none
-  ConstPlaneArrays prior;   ///< planes that pixels without texture prefer; nullptr = none
-  const float* usable;      ///< checkerboard order, 0 = masked; nullptr = all
+  ConstPlaneArrays prior;  ///< planes that pixels without texture prefer; nullptr = none
+  const float* usable;     ///< checkerboard order, 0 = masked; nullptr = all
 };
 
 /// Median filter of a depth map, rows of `width` floats.

@@ -80,10 +80,6 @@ void start_row(const MatchJob& job, int y) {
         begin(visit, job, y, parity, k, ring);
         const auto pixel = pixel_numbers<F>(job, y, parity, k);
         kernels::propose(best, kernels::random_start<F>(pixel, visit.frame.bearing, job.matching), visit, job.matching);
-        if (job.coarse.x != nullptr) {
-          const kernels::Vec3<F> plane = plane_at<F>(job.coarse, ring, k, half);
-          kernels::propose(best, kernels::coarse_start(plane, visit, job.matching), visit, job.matching);
-        }
         for (int i = 0; i < job.num_candidates; ++i) {
           kernels::propose(best, plane_at<F>(job.candidates[i], ring, k, half), visit, job.matching);
         }

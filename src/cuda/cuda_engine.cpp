@@ -41,39 +41,21 @@ static_assert(sizeof(DevicePoint) == sizeof(CloudPoint) &&
                   offsetof(DevicePoint, confidence) == offsetof(CloudPoint, confidence),
               "points are copied as they are");
 
-/// A keyframe's image at one size, lent from the engine's pools.
-struct CudaImage {
-  std::shared_ptr<Colors> color;
-  std::shared_ptr<CubeTexture> gray;
-  std::shared_ptr<CubeTexture> usable;  ///< none without a mask
-};
-
 /// What a frame keeps on the device, lent from the engine's pools.
 struct CudaFrame : Engine::Frame {
   using Frame::Frame;
 
-  std::vector<CudaImage> levels;       ///< that of the depth maps' size first, then those of coarser ones
-  std::shared_ptr<Planes> raws[2];     ///< after the last even and the last odd pass of PatchMatch
-  std::shared_ptr<Planes> planes;      ///< after the last pass and the median filter
-  std::shared_ptr<Floats> confidence;  ///< after the consistency filter; 0 = no depth
-  std::shared_ptr<Bytes> covered;      ///< nonzero where a point of an earlier frame stands for the pixel
+  std::shared_ptr<Colors> color;
+  std::shared_ptr<CubeTexture> gray;
+  std::shared_ptr<CubeTexture> usable;  ///< none without a mask
+  std::shared_ptr<Planes> raws[2];      ///< after the last even and the last odd pass of PatchMatch
+  std::shared_ptr<Planes> planes;       ///< after the last pass and the median filter
+  std::shared_ptr<Floats> confidence;   ///< after the consistency filter; 0 = no depth
+  std::shared_ptr<Bytes> covered;       ///< nonzero where a point of an earlier frame stands for the pixel
 };
 
 CudaFrame& own(Engine::Frame& frame) { return static_cast<CudaFrame&>(frame); }
 const CudaFrame& own(const Engine::Frame& frame) { return static_cast<const CudaFrame&>(frame); }
-
-/// One of the sizes that stages work at.
-struct Level {
-  Level(int wide, int high, const Stream& stream) : width(wide), height(high), grid(wide, high, stream) {}
-
-  std::size_t pixels() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
-
-  int width, height;
-  DeviceGrid grid;
-  std::optional<DeviceSpanTable> columns, rows;  ///< from the images' size
-  Pool<Colors> colors;
-  Pool<CubeTexture> grays, usables;
-};
 
 /// How long stages took and what became of the pixels, on its way to the statistics.
 struct Record {
@@ -103,18 +85,18 @@ class CudaEngine : public Engine {
   void match(const MatchTask& task) override;
   void filter(Frame& reference, const std::vector<const Frame*>& others) override;
   void fuse(const std::vector<Frame*>& window, std::size_t current) override;
+  void release_planes(Frame& frame) override;
   void release_maps(Frame& frame) override;
   void deliver(bool all) override;
 
  private:
   void allocate();
   void set_image_size(int width, int height);
-  CudaImage prepare_level(Level& level, ResizeArgs args);
+  void prepare_image(CudaFrame& frame, ResizeArgs args);
   void find_sparse(const MatchTask& task, MatchArgs& args);
   const float4* planes_to_warp(const CudaFrame& previous);
   void warp_previous(const MatchTask& task, const float4* planes, MatchArgs& args);
-  void run_stage(const MatchTask& task, const MatchStage& stage, const float4* to_warp, const DevicePlanes& coarse,
-                 float4* result);
+  void run_pass(const MatchTask& task, const float4* to_warp, float4* result);
   const float4* plane_priors(const float4* planes, const MatchArgs& args);
   void filter_median(const CudaFrame& frame, const float4* raw, float4* planes, Counts* counts);
   MapDownload& free_download();
@@ -145,13 +127,16 @@ class CudaEngine : public Engine {
   Uploader images_, masks_;
   Floats gray_, equalized_;
   Bytes eroded_;
-  Planes state_, coarse_, warp_source_;
+  Planes state_, warp_source_;
   DeviceArray<std::uint64_t> sparse_keys_, warp_keys_;
   PinnedArray<SparsePoint> points_host_;
   DeviceArray<SparsePoint> points_;
   Event points_arrived_;
   std::optional<DevicePriors> priors_;
-  std::vector<std::unique_ptr<Level>> levels_;  ///< that of the depth maps first
+  std::optional<DeviceGrid> grid_;
+  std::optional<DeviceSpanTable> columns_, rows_;  ///< from the images' size
+  Pool<Colors> colors_;
+  Pool<CubeTexture> grays_, usables_;
   Pool<Planes> raws_, planes_;
   Pool<Floats> confidences_;
   Pool<Bytes> covers_;
@@ -172,16 +157,11 @@ CudaEngine::~CudaEngine() {
 
 void CudaEngine::allocate() {
   const DensifierOptions& options = context_.options;
-  if (!levels_.empty()) return;
-  const int coarsest = coarse_levels(options.patchmatch, options.width, options.height);
-  for (int level = 0; level <= coarsest; ++level) {
-    levels_.push_back(
-        std::make_unique<Level>(size_at_level(options.width, level), size_at_level(options.height, level), compute_));
-  }
+  if (grid_) return;
+  grid_.emplace(options.width, options.height, compute_);
   gray_ = Floats(pixels());
   equalized_ = Floats(pixels());
   state_ = Planes(pixels());
-  if (levels_.size() > 1) coarse_ = Planes(levels_[1]->pixels());
   if (options.init.sparse_points) sparse_keys_ = DeviceArray<std::uint64_t>(pixels());
   if (options.init.warp_previous) warp_keys_ = DeviceArray<std::uint64_t>(pixels());
   if (options.patchmatch.plane_priors && options.patchmatch.geometric_passes > 0) {
@@ -192,10 +172,8 @@ void CudaEngine::allocate() {
 void CudaEngine::set_image_size(int width, int height) {
   if (width == image_width_ && height == image_height_) return;
   PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));  // kernels may still read the old tables
-  for (const auto& level : levels_) {
-    level->columns.emplace(width, level->width, compute_);
-    level->rows.emplace(height, level->height, compute_);
-  }
+  columns_.emplace(width, context_.options.width, compute_);
+  rows_.emplace(height, context_.options.height, compute_);
   image_width_ = width;
   image_height_ = height;
 }
@@ -219,7 +197,7 @@ std::unique_ptr<Engine::Frame> CudaEngine::prepare(const Keyframe& keyframe) {
   const std::shared_ptr<Record> record = records_.get();
   record->marks[0].record(compute_);
   auto frame = std::make_unique<CudaFrame>(keyframe);
-  for (const auto& level : levels_) frame->levels.push_back(prepare_level(*level, args));
+  prepare_image(*frame, args);
   images_.consumed(compute_);
   if (!mask.empty()) masks_.consumed(compute_);
   record->marks[1].record(compute_);
@@ -230,25 +208,24 @@ std::unique_ptr<Engine::Frame> CudaEngine::prepare(const Keyframe& keyframe) {
   return frame;
 }
 
-CudaImage CudaEngine::prepare_level(Level& level, ResizeArgs args) {
-  const int size = cube_size_for(level.width);
-  CudaImage image{level.colors.get(level.pixels()), level.grays.get(size, kGrayBits), nullptr};
-  args.width = level.width;
-  args.height = level.height;
-  args.columns = level.columns->view();
-  args.rows = level.rows->view();
-  args.color = image.color->get();
+void CudaEngine::prepare_image(CudaFrame& frame, ResizeArgs args) {
+  const int size = cube_size_for(context_.options.width);
+  frame.color = colors_.get(pixels());
+  frame.gray = grays_.get(size, kGrayBits);
+  args.width = context_.options.width;
+  args.height = context_.options.height;
+  args.columns = columns_->view();
+  args.rows = rows_->view();
+  args.color = frame.color->get();
   args.gray = gray_.get();
   resize(args, compute_.get());
-  equalize_rows(gray_.get(), equalized_.get(), level.width, level.height, compute_.get());
-  fill_cube(equalized_.get(), level.width, level.height, {size, image.gray->surface()}, compute_.get());
-  if (args.mask != nullptr) {
-    if (eroded_.empty()) eroded_ = Bytes(pixels());
-    image.usable = level.usables.get(size, kUsableBits);
-    fill_usable_cube(args.color, level.width, level.height, kPatchReachPx, eroded_.get(),
-                     {size, image.usable->surface()}, compute_.get());
-  }
-  return image;
+  equalize_rows(gray_.get(), equalized_.get(), args.width, args.height, compute_.get());
+  fill_cube(equalized_.get(), args.width, args.height, {size, frame.gray->surface()}, compute_.get());
+  if (args.mask == nullptr) return;
+  if (eroded_.empty()) eroded_ = Bytes(pixels());
+  frame.usable = usables_.get(size, kUsableBits);
+  fill_usable_cube(args.color, args.width, args.height, kPatchReachPx, eroded_.get(), {size, frame.usable->surface()},
+                   compute_.get());
 }
 
 void CudaEngine::find_sparse(const MatchTask& task, MatchArgs& args) {
@@ -289,9 +266,8 @@ const float4* CudaEngine::planes_to_warp(const CudaFrame& previous) {
 void CudaEngine::warp_previous(const MatchTask& task, const float4* planes, MatchArgs& args) {
   const RigidTransform moved = task.reference->cam_from_world * task.previous->cam_from_world.inverse();
   PMSP_CUDA_CHECK(cudaMemsetAsync(warp_keys_.get(), 0xff, pixels() * sizeof(std::uint64_t), compute_.get()));
-  warp_planes(
-      {levels_.front()->grid.view(), planes, to_rigid(moved), args.grid.width, args.grid.height, warp_keys_.get()},
-      compute_.get());
+  warp_planes({grid_->view(), planes, to_rigid(moved), args.grid.width, args.grid.height, warp_keys_.get()},
+              compute_.get());
   args.warp_keys = warp_keys_.get();
   args.previous = planes;
   args.previous_from_reference = to_rigid(moved.inverse());
@@ -316,8 +292,8 @@ const float4* CudaEngine::plane_priors(const float4* planes, const MatchArgs& ar
 void CudaEngine::filter_median(const CudaFrame& frame, const float4* raw, float4* planes, Counts* counts) {
   const MedianFilterOptions& options = context_.options.median;
   median_pixels(
-      {levels_.front()->grid.view(), raw, frame.levels.front().color->get(), options.enabled,
-       static_cast<float>(options.max_relative_deviation), static_cast<float>(options.min_score), planes, counts},
+      {grid_->view(), raw, frame.color->get(), options.enabled, static_cast<float>(options.max_relative_deviation),
+       static_cast<float>(options.min_score), planes, counts},
       compute_.get());
 }
 
@@ -328,43 +304,31 @@ void CudaEngine::match(const MatchTask& task) {
   const float4* const to_warp = task.previous == nullptr ? nullptr : planes_to_warp(own(*task.previous));
   std::shared_ptr<Planes>& raw = reference.raws[task.pass % 2];
   if (!raw) raw = raws_.get(pixels());
-  DevicePlanes coarse{};
-  const int coarsest = static_cast<int>(levels_.size()) - 1;
-  for (const MatchStage& stage : match_stages(context_.options.patchmatch, coarsest, task.pass)) {
-    const Planes& result = stage.level > 0 ? coarse_ : *raw;
-    run_stage(task, stage, to_warp, coarse, result.get());
-    const Level& level = *levels_[static_cast<std::size_t>(stage.level)];
-    coarse = {result.get(), level.width, level.height};
-  }
+  run_pass(task, to_warp, raw->get());
   reference.matched = true;
   if (task.last) finish_match(reference, task.pass);
 }
 
-void CudaEngine::run_stage(const MatchTask& task, const MatchStage& stage, const float4* to_warp,
-                           const DevicePlanes& coarse, float4* result) {
+void CudaEngine::run_pass(const MatchTask& task, const float4* to_warp, float4* result) {
   const DensifierOptions& options = context_.options;
   const CudaFrame& reference = own(*task.reference);
-  const std::size_t at = static_cast<std::size_t>(stage.level);
-  const Level& level = *levels_[at];
-  const CudaImage& image = reference.levels[at];
+  const Iterations iterations = iterations_of(options.patchmatch, task.pass);
   MatchArgs args{};
-  args.matching = make_matching<TextureCube>({image.gray->texture()}, options.patchmatch, level.width, task.range,
+  args.matching = make_matching<TextureCube>({reference.gray->texture()}, options.patchmatch, options.width, task.range,
                                              options.seed, reference.id);
   const RigidTransform world_from_ref = reference.cam_from_world.inverse();
   for (const Frame* frame : task.neighbours) {
     const CudaFrame& neighbour = own(*frame);
-    const CudaImage& other = neighbour.levels[at];
     const bool lends_planes = task.pass > 0 && static_cast<std::size_t>(args.matching.num_views) < task.near;
     args.matching.views[args.matching.num_views++] = {
-        {other.gray->texture()},
-        {other.usable ? other.usable->texture() : 0},
+        {neighbour.gray->texture()},
+        {neighbour.usable ? neighbour.usable->texture() : 0},
         to_rigid(neighbour.cam_from_world * world_from_ref),
         lends_planes ? surface_of(neighbour, task.pass - 1) : DevicePlanes{}};
   }
-  args.grid = level.grid.view();
+  args.grid = grid_->view();
   args.state = state_.get();
-  args.color = image.color->get();
-  args.coarse = coarse;
+  args.color = reference.color->get();
   const float4* const before = task.pass > 0 ? reference.raws[(task.pass - 1) % 2]->get() : nullptr;
   const std::shared_ptr<Record> record = records_.get();
   record->marks[0].record(compute_);
@@ -377,10 +341,10 @@ void CudaEngine::run_stage(const MatchTask& task, const MatchStage& stage, const
   } else {
     from_rows(args.grid, before, state_.get(), compute_.get());
   }
-  for (int i = 0; i < stage.iterations; ++i) {
+  for (int i = 0; i < iterations.count; ++i) {
     const bool rescore = before != nullptr && i == 0;
     for (int colour = 0; colour < 2; ++colour) {
-      iterate_pixels(args, colour, stage.first_iteration + i, rescore, compute_.get());
+      iterate_pixels(args, colour, iterations.first + i, rescore, compute_.get());
     }
   }
   to_rows(args.grid, state_.get(), result, compute_.get());
@@ -396,7 +360,7 @@ void CudaEngine::finish_match(CudaFrame& reference, int pass) {
   std::shared_ptr<Planes>& raw = reference.raws[pass % 2];
   if (context_.results.raw_depth) {
     MapDownload& download = free_download();
-    export_planes(levels_.front()->grid.view(), raw->get(), download.view(), compute_.get());
+    export_planes(grid_->view(), raw->get(), download.view(), compute_.get());
     send(download, reference, context_.results.raw_depth);
   }
   reference.planes = planes_.get(pixels());
@@ -423,7 +387,7 @@ void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   CudaFrame& reference = own(frame);
   reference.confidence = confidences_.get(pixels());
   ConsistencyArgs args{};
-  args.grid = levels_.front()->grid.view();
+  args.grid = grid_->view();
   args.planes = reference.planes->get();
   for (const Frame* other : others) {
     args.others[args.num_others++] = {own(*other).planes->get(),
@@ -466,17 +430,17 @@ void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
   const auto points = points_pool_.get(pixels());
   const auto record = records_.get();
   FuseArgs args{};
-  args.grid = levels_.front()->grid.view();
+  args.grid = grid_->view();
   args.planes = reference.planes->get();
   args.confidence = reference.confidence->get();
-  args.color = reference.levels.front().color->get();
+  args.color = reference.color->get();
   args.covered = reference.covered->get();
   for (std::size_t i = 0; i < window.size(); ++i) {
     if (i == current) continue;
     const CudaFrame& other = own(*window[i]);
     args.others[args.num_others++] = {other.planes->get(),
                                       other.confidence->get(),
-                                      other.levels.front().color->get(),
+                                      other.color->get(),
                                       other.covered->get(),
                                       to_rigid(other.cam_from_world * reference.cam_from_world.inverse()),
                                       i > current};
@@ -507,13 +471,16 @@ void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
 }
 
 /// Memory that goes back to the pools may be used again at once: whoever gets it works on the same stream.
+void CudaEngine::release_planes(Frame& frame) {
+  for (auto& raw : own(frame).raws) raw.reset();
+}
+
 void CudaEngine::release_maps(Frame& frame) {
   CudaFrame& done = own(frame);
-  for (auto& raw : done.raws) raw.reset();
   done.planes.reset();
   done.confidence.reset();
   done.covered.reset();
-  for (CudaImage& image : done.levels) image.color.reset();
+  done.color.reset();
 }
 
 void CudaEngine::deliver(bool all) {

@@ -59,19 +59,17 @@ std::size_t memory_needed(const DensifierOptions& options) {
   const std::size_t side = static_cast<std::size_t>(cube_size_for(options.width));
   // See CudaFrame and CudaEngine: planes 16, colour 4, confidence 4 bytes a pixel; a cube map of 2 + 1 bytes a texel.
   const std::size_t raw = options.patchmatch.geometric_passes > 0 ? 32 : 4;
-  const std::size_t coarse = options.patchmatch.coarse_levels > 0 ? 7 : 0;  // coarser images: less than a third
-  const std::size_t frame = (25 + raw) * pixels + 18 * side * side + coarse * pixels;
+  const std::size_t frame = (25 + raw) * pixels + 18 * side * side;
   const std::size_t frames = static_cast<std::size_t>((2 + options.patchmatch.geometric_passes) *
                                                           neighbour_reach(options.patchmatch.neighbours) +
                                                       options.consistency.window + options.fusion.window);
-  const std::size_t working =
-      (2 * 16 + 4 + 2 * 8 + 2 * 4 + 1) * pixels;  // state, warped planes, coarse map, keys, gray, eroded mask
+  const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 1) * pixels;  // state, warped planes, keys, gray, eroded mask
   const std::size_t priors =
       options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 20 * pixels : 0;
   const std::size_t copies = (2 * 20 + 2 * 32 + 5) * pixels;  // depth maps and points on their way down
   const std::size_t remembered =
       options.patchmatch.revisits > 0 ? static_cast<std::size_t>(options.patchmatch.history) : 0;
-  const std::size_t images = remembered * (18 + (coarse > 0 ? 6 : 0)) * side * side;
+  const std::size_t images = remembered * 18 * side * side;
   const std::size_t uploads = 2 * (3 + 1) * std::max(pixels, kCameraPixels);
   return frames * frame + working + priors + copies + images + uploads;
 }

@@ -87,7 +87,6 @@ struct MatchArgs {
   kernels::Matching<TextureCube> matching;
   cpu::GridTables grid;
   float4* state;                     ///< plane and score, checkerboard order (SphereGrid)
-  DevicePlanes coarse;               ///< a smaller map, proposed where there is little texture; or empty
   const float4* priors;              ///< planes that pixels without texture prefer, row order; nullptr = none
   const uchar4* color;               ///< of the reference
   const std::uint64_t* sparse_keys;  ///< per pixel: (distance, index of the landmark), ~0 = none; nullptr = not wanted

@@ -58,14 +58,6 @@ __device__ void keep(float4* state, std::size_t at, const kernels::Hypothesis<fl
   state[at] = make_float4(best.plane.x, best.plane.y, best.plane.z, best.score);
 }
 
-__device__ Vec3<float> coarse_plane(const MatchArgs& args, const Place& place) {
-  const DevicePlanes& coarse = args.coarse;
-  if (coarse.planes == nullptr) return {0.0F, 0.0F, 0.0F};
-  const int x = kernels::index_at_size(place.x, args.grid.width, coarse.width);
-  const int y = kernels::index_at_size(place.y, args.grid.height, coarse.height);
-  return plane_of(coarse.planes[y * coarse.width + x]);
-}
-
 /// The plane of the nearest landmark, of the previous map's nearest surface, or none.
 __device__ Vec3<float> candidate(const MatchArgs& args, std::size_t in_rows, int kind) {
   const std::uint64_t* keys = kind == 0 ? args.sparse_keys : args.warp_keys;
@@ -91,11 +83,8 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks) start_kernel(const 
     const Vec3<float> first =
         kernels::random_start<float>(static_cast<std::uint32_t>(place.in_rows), visit.frame.bearing, matching);
 #pragma unroll 1
-    for (int kind = -2; kind < 2; ++kind) {
-      const Vec3<float> plane = kind == -2   ? first
-                                : kind == -1 ? kernels::coarse_start(coarse_plane(args, place), visit, matching)
-                                             : candidate(args, place.in_rows, kind);
-      kernels::propose(best, plane, visit, matching);
+    for (int kind = -1; kind < 2; ++kind) {
+      kernels::propose(best, kind == -1 ? first : candidate(args, place.in_rows, kind), visit, matching);
     }
   }
   keep(args.state, place.at, best);

@@ -10,38 +10,14 @@
 namespace pmsp {
 namespace {
 
-constexpr int kCell = 2;        ///< pixels of the depth map along a cell's side
-constexpr int kChunk = 4096;    ///< points that a thread takes at a time; a multiple of any number of lanes
-constexpr float kReach = 2.0F;  ///< keyframes farther away than this many (90th percentile) ranges are not asked
+constexpr int kCell = 2;      ///< pixels of the depth map along a cell's side
+constexpr int kChunk = 4096;  ///< points that a thread takes at a time; a multiple of any number of lanes
 
 /// Points of a cloud one coordinate an array, as the kernels read them, with what is said for and against them.
 struct Chunk {
   Chunk() : x(kChunk, 1.0F), y(kChunk, 1.0F), z(kChunk, 1.0F), on_surface(kChunk), through(kChunk) {}
   std::vector<float> x, y, z, on_surface, through;
 };
-
-float reach_of(const KeyframeCloud& cloud) {
-  std::vector<float> ranges;
-  for (std::size_t i = 0; i < cloud.points.size(); i += 16) ranges.push_back(cloud.points[i].position.norm());
-  const auto at = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() * 9 / 10);
-  std::nth_element(ranges.begin(), at, ranges.end());
-  return kReach * *at;
-}
-
-std::vector<const SightMap*> choose_views(const KeyframeCloud& cloud, const std::vector<const SightMap*>& others,
-                                          int count) {
-  const double reach = static_cast<double>(reach_of(cloud));
-  const Eigen::Vector3d center = cloud.cam_from_world.center();
-  std::vector<const SightMap*> near;
-  for (const SightMap* other : others) {
-    if ((other->cam_from_world.center() - center).norm() <= reach) near.push_back(other);
-  }
-  const std::size_t wanted = static_cast<std::size_t>(count);
-  if (near.size() <= wanted) return near;
-  std::vector<const SightMap*> chosen;
-  for (std::size_t i = 0; i < wanted; ++i) chosen.push_back(near[(2 * i + 1) * near.size() / (2 * wanted)]);
-  return chosen;
-}
 
 }  // namespace
 
@@ -73,7 +49,7 @@ void free_space_filter(KeyframeCloud& cloud, const std::vector<const SightMap*>&
     const kernels::SightLimits limits{1.0F - static_cast<float>(options.min_relative_gap), 1.0F - tolerance,
                                       1.0F + tolerance};
     std::vector<cpu::SightJob> jobs;
-    for (const SightMap* other : choose_views(cloud, others, options.views)) {
+    for (const SightMap* other : others) {
       jobs.push_back({{other->nearest.pixels().data(), other->farthest.pixels().data(), other->nearest.width(),
                        other->nearest.height()},
                       to_rigid(other->cam_from_world * cloud.cam_from_world.inverse()),

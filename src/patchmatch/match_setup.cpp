@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "elementary.h"
-#include "sphere/panorama_data.h"
 
 namespace pmsp {
 namespace {
@@ -24,7 +23,6 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width) {
   layout.spacing = spacing(options.patch_spacing_px);
   layout.fine_spacing = spacing(options.patch_spacing_px * options.fine_patch);
   layout.fine_variance = static_cast<float>(options.fine_patch_contrast * options.fine_patch_contrast);
-  layout.coarse_variance = static_cast<float>(options.coarse_contrast * options.coarse_contrast);
   layout.min_sigma_color = static_cast<float>(std::min(options.min_sigma_color, options.sigma_color));
   layout.max_sigma_color = static_cast<float>(options.sigma_color);
   layout.min_variance = kNoiseVariance;
@@ -49,31 +47,9 @@ kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id) 
   return kernels::random_key(seed, static_cast<std::uint64_t>(keyframe_id), kPatchMatchStage);
 }
 
-int coarse_levels(const PatchMatchOptions& options, int width, int height) {
-  int levels = 0;
-  while (levels < options.coarse_levels && size_at_level(width, levels + 1) >= kMinPanoramaWidth &&
-         size_at_level(height, levels + 1) >= kMinPanoramaHeight) {
-    ++levels;
-  }
-  return levels;
+Iterations iterations_of(const PatchMatchOptions& options, int pass) {
+  if (pass == 0) return {0, options.iterations};
+  return {options.iterations + (pass - 1) * options.geometric_iterations, options.geometric_iterations};
 }
-
-std::vector<MatchStage> match_stages(const PatchMatchOptions& options, int coarse_levels, int pass) {
-  std::vector<MatchStage> stages;
-  int done = 0;
-  for (int level = coarse_levels; level > 0; --level) {
-    if (pass == 0) stages.push_back({level, done, options.coarse_iterations});
-    done += options.coarse_iterations;
-  }
-  if (pass == 0) {
-    stages.push_back({0, done, options.iterations});
-  } else {
-    done += options.iterations + (pass - 1) * options.geometric_iterations;
-    stages.push_back({0, done, options.geometric_iterations});
-  }
-  return stages;
-}
-
-int size_at_level(int size, int level) { return level == 0 ? size : 2 * (size >> (level + 1)); }
 
 }  // namespace pmsp

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <vector>
 
 #include "patchmatch.h"
 #include "pmsp/initialiser.h"
@@ -16,21 +15,12 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width);
 kernels::PlaneLimits plane_limits(const PatchMatchOptions& options, const DepthRange& range);
 kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id);
 
-/// Iterations at one size.
-struct MatchStage {
-  int level;            ///< how often width and height are halved
-  int first_iteration;  ///< iterations count on from stage to stage
-  int iterations;
+/// Those of one pass; they are counted on from pass to pass.
+struct Iterations {
+  int first;
+  int count;
 };
-
-/// How many coarser sizes there are to begin with: no panorama gets smaller than it may be.
-int coarse_levels(const PatchMatchOptions& options, int width, int height);
-
-/// The stages of one pass: the first pass goes from coarse to fine, the others work at full size.
-std::vector<MatchStage> match_stages(const PatchMatchOptions& options, int coarse_levels, int pass);
-
-/// Width or height at a level; even.
-int size_at_level(int size, int level);
+Iterations iterations_of(const PatchMatchOptions& options, int pass);
 
 /// All but the views.
 template <class Cube>

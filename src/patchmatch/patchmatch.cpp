@@ -66,8 +66,8 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
     throw InvalidInput("patchmatch: prior planes are not of the reference's size");
   }
   const bool starts_anew = input.start == nullptr || input.start->depth.empty();
-  if (!starts_anew && (!input.candidates.empty() || (input.coarse != nullptr && !input.coarse->depth.empty()))) {
-    throw InvalidInput("patchmatch: candidates and a coarse map belong to a first pass, which has no map to start from");
+  if (!starts_anew && !input.candidates.empty()) {
+    throw InvalidInput("patchmatch: candidates belong to a first pass, which has no map to start from");
   }
   if (starts_anew && input.prior != nullptr) {
     throw InvalidInput("patchmatch: prior planes belong to a further pass, which has a map to start from");
@@ -116,18 +116,14 @@ std::vector<PlaneRows> add_surfaces(const MatchInput& input, const SphereGrid& g
   return surfaces;
 }
 
-/// Planes of a map of any size, none if it is missing: each pixel takes that of the map's pixel in which its centre
-/// lies.
+/// Planes of a map; none if it is missing.
 Planes to_checkerboard(const DepthMap* map, const SphereGrid& grid, ThreadPool& pool) {
   if (map == nullptr || map->depth.empty()) return Planes(0);
   Planes planes(grid.size());
-  const SphereGrid map_grid(map->depth.width(), map->depth.height());
   pool.for_each(grid.height(), [&](int y) {
-    const int map_y = kernels::index_at_size(y, grid.height(), map_grid.height());
     for (int x = 0; x < grid.width(); ++x) {
-      const int map_x = kernels::index_at_size(x, grid.width(), map_grid.width());
-      if (!(map->depth(map_x, map_y) > 0.0F)) continue;
-      const kernels::Vec3<float> plane = plane_of_pixel(*map, map_grid, map_x, map_y);
+      if (!(map->depth(x, y) > 0.0F)) continue;
+      const kernels::Vec3<float> plane = plane_of_pixel(*map, grid, x, y);
       const std::size_t at = grid.index(x, y);
       planes.x[at] = plane.x;
       planes.y[at] = plane.y;
@@ -196,7 +192,6 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   Planes planes = to_checkerboard(input.start, grid, pool);
   const bool started = !planes.empty();
   if (!started) planes = Planes(grid.size());
-  const Planes coarse = to_checkerboard(input.coarse, grid, pool);
   for (const Planes& candidate : candidates) candidate_views.push_back(candidate.view());
   const Planes prior = input.prior != nullptr ? to_checkerboard(*input.prior, grid) : Planes(0);
   const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
@@ -207,7 +202,6 @@ DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
                           {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
                           candidate_views.data(),
                           static_cast<int>(candidate_views.size()),
-                          coarse.view(),
                           prior.view(),
                           usable.empty() ? nullptr : usable.data()};
 

@@ -24,10 +24,12 @@ std::int64_t Planner::viewers_after() const {
   return std::max<std::int64_t>(window, options_.free_space.history / 2);
 }
 
-std::int64_t Planner::complete_delay() const {
+std::int64_t Planner::windows_after() const {
   const std::int64_t consistency = options_.consistency.enabled ? options_.consistency.window / 2 : 0;
-  return match_delay() + std::max(consistency, viewers_after());
+  return std::max<std::int64_t>(consistency, options_.fusion.window / 2);
 }
+
+std::int64_t Planner::complete_delay() const { return match_delay() + std::max(windows_after(), viewers_after()); }
 
 std::size_t Planner::entry_after(std::int64_t next) const {
   if (options_.unordered) return set_.empty() ? entries_.size() : 0;
@@ -64,7 +66,7 @@ void Planner::finish() {
   }
   advance(true);
   nodes_.clear();
-  first_ = next_match_ = next_window_ = next_clear_ = 0;
+  first_ = next_match_ = next_window_ = next_viewers_ = next_clear_ = 0;
   chain_.clear();
   in_sequence_ = block_begun_ = used_in_block_ = false;
 }
@@ -118,8 +120,9 @@ void Planner::take_into_chain(const PlanKeyframe& keyframe) {
 
 void Planner::advance(bool last) {
   while (last ? next_match_ < end() : next_match_ + match_delay() < end()) choose_neighbours_of(next_match_++);
-  const std::int64_t windows = complete_delay() - match_delay();
-  while (last ? next_window_ < end() : next_window_ + windows < next_match_) choose_windows_of(next_window_++);
+  while (last ? next_window_ < end() : next_window_ + windows_after() < next_match_) choose_windows_of(next_window_++);
+  const std::int64_t viewers = complete_delay() - match_delay();
+  while (last ? next_viewers_ < end() : next_viewers_ + viewers < next_match_) choose_viewers_of(next_viewers_++);
   forget();
 }
 
@@ -168,6 +171,12 @@ void Planner::choose_windows_of(std::int64_t i) {
   if (!entry.has_depth_map()) return;
   if (options_.consistency.enabled) entry.consistency = window_around(i, options_.consistency.window / 2);
   entry.fusion = window_around(i, options_.fusion.window / 2);
+}
+
+void Planner::choose_viewers_of(std::int64_t i) {
+  const PlanNode& reference = node(i);
+  PlanEntry& entry = entry_of(reference);
+  if (!entry.has_depth_map()) return;
   entry.viewers = entry.fusion;
   if (!options_.free_space.enabled) return;
   std::vector<ViewerCandidate> candidates;
@@ -188,7 +197,7 @@ void Planner::forget() {
       std::max<std::int64_t>({viewers_before(), options_.fusion.window / 2, options_.consistency.window / 2});
   const std::int64_t matching =
       std::max<std::int64_t>(match_delay(), options_.patchmatch.revisits > 0 ? options_.patchmatch.history : 0);
-  const std::int64_t keep = std::min({next_clear_, next_window_ - windows, next_match_ - matching});
+  const std::int64_t keep = std::min({next_clear_, next_viewers_ - windows, next_match_ - matching});
   for (; first_ < keep; ++first_) nodes_.pop_front();
 }
 

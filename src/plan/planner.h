@@ -30,8 +30,10 @@ class Planner {
   const std::deque<PlanEntry>& entries() const { return entries_; }
   /// How many of them know `use`, `near`, `far`, `first_planes` and `range`.
   std::size_t matchable() const { return entry_after(next_match_); }
-  /// How many of them are complete.
-  std::size_t complete() const { return entry_after(next_window_); }
+  /// How many know `consistency` and `fusion` besides.
+  std::size_t windowed() const { return entry_after(next_window_); }
+  /// How many are complete: they know `viewers`, too.
+  std::size_t complete() const { return entry_after(next_viewers_); }
   /// Forgets the first `count` entries, which are complete.
   void drop(std::size_t count);
 
@@ -48,6 +50,7 @@ class Planner {
   void advance(bool last);
   void choose_neighbours_of(std::int64_t i);
   void choose_windows_of(std::int64_t i);
+  void choose_viewers_of(std::int64_t i);
   std::vector<std::int64_t> window_around(std::int64_t i, std::int64_t half) const;
   void forget();
 
@@ -58,6 +61,7 @@ class Planner {
   std::size_t entry_after(std::int64_t next) const;
   std::int64_t viewers_before() const { return options_.free_space.history / 2; }
   std::int64_t viewers_after() const;
+  std::int64_t windows_after() const;
 
   DensifierOptions options_;
   PreviousPlan previous_;
@@ -73,7 +77,8 @@ class Planner {
   std::deque<PlanNode> nodes_;     ///< used keyframes; indices count from the start of the sequence
   std::int64_t first_ = 0;         ///< index of nodes_.front()
   std::int64_t next_match_ = 0;    ///< neighbours of those before are decided
-  std::int64_t next_window_ = 0;   ///< windows and viewers of those before are decided
+  std::int64_t next_window_ = 0;   ///< windows of those before are decided
+  std::int64_t next_viewers_ = 0;  ///< viewers of those before are decided
   std::int64_t next_clear_ = 0;    ///< landmarks of those before are gone
   std::vector<PlanKeyframe> set_;  ///< unordered
 };

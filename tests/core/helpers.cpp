@@ -43,7 +43,7 @@ DepthMap match(const synth::Mission& mission, std::size_t reference, const Match
     input.neighbours.push_back({&panoramas[i + 1], mission.frames.at(neighbours[i]).cam_from_world});
   }
   input.range = depth_range(keyframe, InitOptions{});
-  input.candidates = {&sparse};
+  if (setup.start == nullptr) input.candidates = {&sparse};
   input.first_iteration = setup.first_iteration;
   input.start = setup.start;
   input.neighbour_maps = setup.neighbour_maps;

@@ -33,10 +33,17 @@ constexpr int width_of_any(int usual) { return kSanitized ? 48 : usual; }
 /// Three keyframes of a ready-made mission, small enough for many runs.
 synth::Recipe small_recipe(int width, int keyframes = 3);
 
+/// For tests of one pass alone, which needs two iterations where no geometric pass follows.
+inline PatchMatchOptions single_pass() {
+  PatchMatchOptions options;
+  options.iterations = 2;
+  return options;
+}
+
 /// What a single run of PatchMatch is given besides the mission.
 struct MatchSetup {
   std::vector<std::size_t> neighbours = {};  ///< indices of frames; empty = the one before and the one after
-  PatchMatchOptions options = {};
+  PatchMatchOptions options = single_pass();
   int first_iteration = 0;
   const DepthMap* start = nullptr;
   std::vector<const DepthMap*> neighbour_maps = {};

@@ -41,12 +41,8 @@ const std::vector<Field>& fields() {
       {"init.range_margin", [](O& o, double v) { o.init.range_margin = v; }, 0.99, 1, 1000, 1000.1},
       {"patchmatch.iterations", [](O& o, double v) { o.patchmatch.iterations = whole(v); }, 0, 1, 100, 101, true},
       {"patchmatch.neighbours", [](O& o, double v) { o.patchmatch.neighbours = whole(v); }, 0, 1, 8, 9, true},
-      {"patchmatch.revisits", [](O& o, double v) { o.patchmatch.revisits = whole(v); }, -1, 0, 8, 9, true},
+      {"patchmatch.revisits", [](O& o, double v) { o.patchmatch.revisits = whole(v); }, -1, 0, 4, 5, true},
       {"patchmatch.history", [](O& o, double v) { o.patchmatch.history = whole(v); }, 0, 1, 100000, 100001, true},
-      {"patchmatch.coarse_levels", [](O& o, double v) { o.patchmatch.coarse_levels = whole(v); }, -1, 0, 8, 9, true},
-      {"patchmatch.coarse_iterations", [](O& o, double v) { o.patchmatch.coarse_iterations = whole(v); }, 0, 1, 100,
-       101, true},
-      {"patchmatch.coarse_contrast", [](O& o, double v) { o.patchmatch.coarse_contrast = v; }, -0.01, 0, 255, 255.1},
       {"patchmatch.refinements", [](O& o, double v) { o.patchmatch.refinements = whole(v); }, -1, 0, 32, 33, true},
       {"patchmatch.patch_spacing_px", [](O& o, double v) { o.patchmatch.patch_spacing_px = v; }, 0.49, 0.5, 8, 8.01},
       {"patchmatch.fine_patch", [](O& o, double v) { o.patchmatch.fine_patch = v; }, 0.09, 0.1, 1, 1.01},
@@ -163,7 +159,6 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   CHECK(paper.patchmatch.neighbours == 2);
   CHECK(paper.init.chain_keyframes == 0);
   CHECK(paper.patchmatch.revisits == 0);
-  CHECK(paper.patchmatch.coarse_levels == 0);
   CHECK(paper.patchmatch.fine_patch == 1.0);
   CHECK(paper.consistency.window == 5);
   CHECK(paper.consistency.min_views == 3);

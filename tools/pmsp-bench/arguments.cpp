@@ -28,7 +28,7 @@ constexpr const char* kExamples = R"(
 Examples:
   pmsp-bench                                        online quality, widest instruction set, all threads, GPU if there is one
   pmsp-bench --simd scalar,avx2,avx512 --threads 1 --stages patchmatch --backends cpu      SIMD over scalar, per core
-  pmsp-bench --backends cuda --iterations 4 --refinements 6 --coarse-levels 0 --geometric-passes 0 --json paper.json
+  pmsp-bench --backends cuda --iterations 4 --refinements 6 --geometric-passes 0 --json paper.json
   pmsp-bench --backends cuda --width 5760 --image-width 5760
   pmsp-bench --map map.msg --images keyframes/
   pmsp-bench --list
@@ -152,10 +152,6 @@ std::optional<Arguments> parse_arguments(int argc, char** argv) {
       ->option_text("N");
   app.add_option("--iterations", arguments.iterations, "iterations of PatchMatch instead of the preset's, 1 to 100")
       ->check(CLI::Range(1, 100))
-      ->option_text("N");
-  app.add_option("--coarse-levels", arguments.coarse_levels,
-                 "halved sizes that a depth map begins with instead of the preset's, 0 to 4")
-      ->check(CLI::Range(0, 4))
       ->option_text("N");
   app.add_option("--refinements", arguments.refinements, "random steps a visit instead of the preset's, 0 to 32")
       ->check(CLI::Range(0, 32))

@@ -17,8 +17,7 @@ struct Arguments {
   std::vector<std::string> qualities = {"online"};
   int width = 0;   ///< of the depth maps; 0 = what the quality says
   int height = 0;  ///< of the depth maps; 0 = half the width
-  std::optional<int> neighbours, iterations, coarse_levels, refinements,
-      geometric_passes;               ///< instead of the quality's
+  std::optional<int> neighbours, iterations, refinements, geometric_passes;  ///< instead of the quality's
   int image_width = 0;                ///< of the keyframes' images; 0 = 1920, or the depth maps' if that is more
   std::filesystem::path map, images;  ///< given input; empty = rendered
   std::vector<std::string> stages;

@@ -118,17 +118,13 @@ std::string case_name(const Workload& workload, const char* stage) {
 double nominal_samples(const DensifierOptions& options) {
   const int candidates = (options.init.sparse_points ? 1 : 0) + (options.init.warp_previous ? 1 : 0);
   const PatchMatchOptions& patchmatch = options.patchmatch;
-  const int coarsest = coarse_levels(patchmatch, options.width, options.height);
-  double hypotheses = 0.0;
+  int hypotheses = 0;  // of a pixel
   for (int pass = 0; pass <= patchmatch.geometric_passes; ++pass) {
-    for (const MatchStage& stage : match_stages(patchmatch, coarsest, pass)) {
-      const double pixels =
-          static_cast<double>(size_at_level(options.width, stage.level)) * size_at_level(options.height, stage.level);
-      const int starts = pass == 0 ? 1 + candidates : 1;
-      hypotheses += pixels * (starts + stage.iterations * (kernels::kNeighbours + patchmatch.refinements));
-    }
+    const int starts = pass == 0 ? 1 + candidates : 1;
+    hypotheses += starts + iterations_of(patchmatch, pass).count * (kernels::kNeighbours + patchmatch.refinements);
   }
-  return hypotheses * patchmatch.neighbours * kernels::kPatchSamples;
+  const double pixels = static_cast<double>(options.width) * options.height;
+  return pixels * hypotheses * patchmatch.neighbours * kernels::kPatchSamples;
 }
 
 void run_errand(const Errand& errand, const Workload& workload, const DeviceRequest& request, std::size_t free_before,

@@ -45,7 +45,6 @@ WorkloadRequest request_of(const Arguments& arguments, const std::string& qualit
           arguments.image_width,
           arguments.neighbours,
           arguments.iterations,
-          arguments.coarse_levels,
           arguments.refinements,
           arguments.geometric_passes};
 }

@@ -79,12 +79,10 @@ std::size_t most_repetitions(const std::vector<Case>& cases, const Results& resu
 
 std::string setting(const Workload& workload) {
   const DensifierOptions& options = workload.options;
-  return format(
-      "\n%s: depth maps %d x %d, %d neighbours, %d iterations (%d coarse levels), %d geometric passes; images %d x "
-      "%d\n",
-      workload.quality.c_str(), options.width, options.height, options.patchmatch.neighbours,
-      options.patchmatch.iterations, options.patchmatch.coarse_levels, options.patchmatch.geometric_passes,
-      workload.flight.image_width, workload.flight.image_height);
+  return format("\n%s: depth maps %d x %d, %d neighbours, %d iterations, %d geometric passes; images %d x %d\n",
+                workload.quality.c_str(), options.width, options.height, options.patchmatch.neighbours,
+                options.patchmatch.iterations, options.patchmatch.geometric_passes, workload.flight.image_width,
+                workload.flight.image_height);
 }
 
 std::string heading(const std::vector<Case>& cases, const Results& results) {
@@ -256,7 +254,6 @@ nlohmann::ordered_json to_json(const std::vector<Case>& cases, const Results& re
                                     {"height", options.height},
                                     {"neighbours", options.patchmatch.neighbours},
                                     {"iterations", options.patchmatch.iterations},
-                                    {"coarse_levels", options.patchmatch.coarse_levels},
                                     {"refinements", options.patchmatch.refinements},
                                     {"geometric_passes", options.patchmatch.geometric_passes},
                                     {"image_width", one.workload->flight.image_width},

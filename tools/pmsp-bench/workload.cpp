@@ -89,7 +89,6 @@ std::unique_ptr<Workload> outline(const WorkloadRequest& request) {
   PatchMatchOptions& patchmatch = workload->options.patchmatch;
   patchmatch.neighbours = request.neighbours.value_or(patchmatch.neighbours);
   patchmatch.iterations = request.iterations.value_or(patchmatch.iterations);
-  patchmatch.coarse_levels = request.coarse_levels.value_or(patchmatch.coarse_levels);
   patchmatch.refinements = request.refinements.value_or(patchmatch.refinements);
   patchmatch.geometric_passes = request.geometric_passes.value_or(patchmatch.geometric_passes);
   workload->options.validate();

@@ -45,8 +45,7 @@ struct WorkloadRequest {
   int width = 0;        ///< of the depth maps; 0 = the quality's
   int height = 0;       ///< of the depth maps; 0 = half the width
   int image_width = 0;  ///< 0 = 1920, or the depth maps' if that is more
-  std::optional<int> neighbours, iterations, coarse_levels, refinements,
-      geometric_passes;  ///< instead of the quality's
+  std::optional<int> neighbours, iterations, refinements, geometric_passes;  ///< instead of the quality's
 };
 
 /// The options and sizes only: what is needed to name the benchmarks. Throws InvalidOption.

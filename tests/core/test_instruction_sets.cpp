@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <vector>
+
+#include "core/helpers.h"
+#include "cpu/executor_impl.h"
+#include "cpu/rows.h"
+#include "pmsp/filters.h"
+#include "pmsp/free_space.h"
+#include "pmsp/panorama.h"
+#include "pmsp/plane_priors.h"
+#include "support/fused_float.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+constexpr int kWidth = width_of_any(100);  // rows of 50 pixels of a colour: a multiple of no number of lanes
+
+/// Walls of one colour, so that planes have priors, and furniture; parts of it are masked.
+const synth::Mission& masked_room() {
+  static const synth::Mission kRoom = [] {
+    synth::Mission mission = synth::painted_room(small_recipe(kWidth));
+    mission.mask = Image<std::uint8_t>(kWidth, kWidth / 2, 255);
+    for (int y = kWidth / 5; y < kWidth / 3; ++y) {
+      for (int x = kWidth / 4; x < kWidth / 2; ++x) mission.mask(x, y) = 0;
+    }
+    return mission;
+  }();
+  return kRoom;
+}
+
+/// What every function of RowKernels leaves, as in the Densifier.
+struct Results {
+  std::vector<DepthMap> maps;
+  PlaneImage priors;
+  KeyframeCloud cloud;
+  FilterStats points;
+};
+
+DepthMap second_pass(const std::vector<DepthMap>& first, const std::vector<Panorama>& panoramas,
+                     const PlaneImage& priors, const DepthRange& range, const Executor& executor) {
+  MatchInput input;
+  input.keyframe_id = first[1].keyframe_id;
+  input.reference = {&panoramas[1], first[1].cam_from_world};
+  input.neighbours = {{&panoramas[0], first[0].cam_from_world}, {&panoramas[2], first[2].cam_from_world}};
+  input.neighbour_maps = {&first[0], &first[2]};
+  input.range = range;
+  input.start = &first[1];
+  input.prior = &priors;
+  input.first_iteration = 2;
+  PatchMatchOptions options;
+  options.iterations = 1;
+  return patchmatch(input, options, 1, executor);
+}
+
+KeyframeCloud points_of(const DepthMap& map) {
+  KeyframeCloud cloud{map.keyframe_id, map.cam_from_world, {}};
+  for (int y = 0; y < map.depth.height(); ++y) {
+    for (int x = 0; x < map.depth.width(); ++x) {
+      if (!(map.depth(x, y) > 0.0F)) continue;
+      CloudPoint point;
+      point.position = map.depth(x, y) * bearing_of(map.depth, x, y).cast<float>();
+      point.normal = map.normal(x, y);
+      point.confidence = map.confidence(x, y);
+      point.views = 3;
+      cloud.points.push_back(point);
+    }
+  }
+  return cloud;
+}
+
+Results run_all(const Executor& executor) {
+  const synth::Mission& mission = masked_room();
+  const DepthRange range{0.3, 30.0};
+  Results results;
+  std::vector<Panorama> panoramas;
+  std::vector<MatchInput> inputs(3);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Keyframe keyframe = synth::keyframe_of(mission, i);
+    panoramas.emplace_back(keyframe.image, keyframe.mask, kWidth, kWidth / 2, executor);
+    inputs[i].keyframe_id = keyframe.id;
+    inputs[i].range = range;
+  }
+  PatchMatchOptions options;
+  options.iterations = 2;
+  for (std::size_t i = 0; i < 3; ++i) {
+    inputs[i].reference = {&panoramas[i], mission.frames[i].cam_from_world};
+    for (std::size_t j = 0; j < 3; ++j) {
+      if (j != i) inputs[i].neighbours.push_back({&panoramas[j], mission.frames[j].cam_from_world});
+    }
+    results.maps.push_back(patchmatch(inputs[i], options, 1, executor));
+  }
+  std::vector<DepthMap>& maps = results.maps;
+  results.priors = plane_priors(maps[1], panoramas[1], range, options, executor);
+  maps.push_back(second_pass(maps, panoramas, results.priors, range, executor));
+  maps.push_back(maps[3]);
+  median_filter(maps[4], MedianFilterOptions{}, executor);
+  maps.push_back(maps[4]);
+  consistency_filter(maps[5], {&maps[0], &maps[2]}, ConsistencyFilterOptions{}, executor);
+  const SightMap before = sight_map(maps[0], executor);
+  const SightMap after = sight_map(maps[2], executor);
+  results.cloud = points_of(maps[3]);
+  free_space_filter(results.cloud, {&before, &after}, FreeSpaceOptions{}, executor, &results.points);
+  return results;
+}
+
+bool same(const Results& a, const Results& b) {
+  for (std::size_t i = 0; i < a.maps.size(); ++i) {
+    if (!test::same(a.maps[i], b.maps[i])) return false;
+  }
+  if (a.priors.pixels() != b.priors.pixels() || a.cloud.points.size() != b.cloud.points.size()) return false;
+  for (std::size_t i = 0; i < a.cloud.points.size(); ++i) {
+    const CloudPoint& p = a.cloud.points[i];
+    const CloudPoint& q = b.cloud.points[i];
+    if (p.position != q.position || p.confidence != q.confidence) return false;
+  }
+  return true;
+}
+
+/// Scalar rows with fused multiply-adds, on any machine.
+const Results& fused_scalar() {
+  static const Results kResults = [] {
+    const Executor executor(1, Simd::kScalar);
+    executor.impl().rows = cpu::row_kernels<fused::Float>();
+    return run_all(executor);
+  }();
+  return kResults;
+}
+
+}  // namespace
+
+TEST_CASE("AVX2 and AVX-512 give the bytes of scalar code with fused multiply-adds, in every stage", "[simd]") {
+  for (const Simd simd : {Simd::kAvx2, Simd::kAvx512}) {
+    const std::vector<Simd> sets = available_simd();
+    if (std::find(sets.begin(), sets.end(), simd) == sets.end()) {
+      WARN("not compared, since this machine lacks it: " << name_of(simd));
+      continue;
+    }
+    INFO(name_of(simd));
+    CHECK(same(run_all(Executor(1, simd)), fused_scalar()));
+  }
+}
+
+TEST_CASE("what the instruction sets are compared by is not empty", "[simd]") {
+  const Results& results = fused_scalar();
+  for (const DepthMap& map : results.maps) CHECK(filled(map.depth) > 0.3);
+  CHECK_FALSE(test::same(results.maps[3], results.maps[1]));
+  CHECK_FALSE(test::same(results.maps[4], results.maps[3]));
+  CHECK_FALSE(test::same(results.maps[5], results.maps[4]));
+  int priors = 0;
+  for (const Eigen::Vector3f& plane : results.priors.pixels()) priors += plane.isZero() ? 0 : 1;
+  CHECK(priors > 0);
+  CHECK(results.points.after < results.points.before);
+}
