@@ -70,8 +70,9 @@ PMSP_HD F confidence_of_error(const F& error) {
 }
 
 /// The other way round; confidences below 0.01 count as that.
-PMSP_HD float error_of_confidence(float confidence) {
-  return kHalfConfidenceError * (1.0F / max(confidence, 0.01F) - 1.0F);
+template <class F>
+PMSP_HD F error_of_confidence(const F& confidence) {
+  return F(kHalfConfidenceError) * (F(1) / max(confidence, F(0.01F)) - F(1));
 }
 
 }  // namespace pmsp::kernels

@@ -18,9 +18,10 @@ constexpr float kCommonError = 0.001F;
 
 /// How much a map's depth counts: the inverse variance of the distance. A photometric score in place of a confidence,
 /// from maps that saw no consistency filter, weights in the same order.
-PMSP_HD float fusion_weight(float confidence, float depth) {
-  const float error = error_of_confidence(confidence);
-  return 1.0F / ((error * error + kCommonError * kCommonError) * (depth * depth));
+template <class F>
+PMSP_HD F fusion_weight(const F& confidence, const F& depth) {
+  const F error = error_of_confidence(confidence);
+  return F(1) / ((error * error + F(kCommonError * kCommonError)) * (depth * depth));
 }
 
 /// Weighted sums over the maps that agree on a pixel.
@@ -40,12 +41,11 @@ struct FusionSums {
   }
 };
 
-/// Calls mark(index) for the pixels of a map whose centre lies within `spacing` pixels (at the equator) of the
-/// direction p. Near the poles these are many, since columns crowd there.
+/// Calls mark(index) for the pixels of a map whose centre lies within `spacing` pixels (at the equator) of an image
+/// point. Near the poles these are many, since columns crowd there.
 template <class Mark>
-PMSP_HD void for_each_covered(const Vec3<float>& p, float spacing, const float* cos_lat, int width, int height,
-                              const Mark& mark) {
-  const Pixel<float> at = project(p, static_cast<float>(width), static_cast<float>(height));
+PMSP_HD void for_each_within(const Pixel<float>& at, float spacing, const float* cos_lat, int width, int height,
+                             const Mark& mark) {
   const int first_row = static_cast<int>(max(0.0F, ::floorf(at.y - spacing)));
   const int last_row = static_cast<int>(min(static_cast<float>(height - 1), ::floorf(at.y + spacing)));
   for (int row = first_row; row <= last_row; ++row) {
@@ -57,6 +57,14 @@ PMSP_HD void for_each_covered(const Vec3<float>& p, float spacing, const float* 
       mark(row * width + (column + width) % width);
     }
   }
+}
+
+/// The same around the direction p.
+template <class Mark>
+PMSP_HD void for_each_covered(const Vec3<float>& p, float spacing, const float* cos_lat, int width, int height,
+                              const Mark& mark) {
+  for_each_within(project(p, static_cast<float>(width), static_cast<float>(height)), spacing, cos_lat, width, height,
+                  mark);
 }
 
 }  // namespace pmsp::kernels

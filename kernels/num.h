@@ -32,6 +32,7 @@ struct ScalarNum {
   static constexpr int kLanes = 1;
   static PMSP_HD F whole(F a) { return static_cast<F>(static_cast<std::int32_t>(a)); }
   static PMSP_HD Int to_int(F a) { return static_cast<std::int32_t>(a); }
+  static PMSP_HD UInt to_uint(F a) { return static_cast<UInt>(static_cast<std::int32_t>(a)); }
   static PMSP_HD F from_int(Int a) { return static_cast<F>(a); }
   static PMSP_HD F from_uint(UInt a) { return static_cast<F>(static_cast<std::int32_t>(a)); }
   static PMSP_HD F gather(const float* data, Int index) { return static_cast<F>(data[index]); }
@@ -47,7 +48,19 @@ struct ScalarNum {
   }
 };
 template <>
-struct Num<float> : ScalarNum<float> {};
+struct Num<float> : ScalarNum<float> {
+  static PMSP_HD UInt bits(float a) {
+    UInt bits = 0;
+    ::memcpy(&bits, &a, sizeof(bits));
+    return bits;
+  }
+  static PMSP_HD float of_bits(UInt bits) {
+    float a = 0.0F;
+    ::memcpy(&a, &bits, sizeof(a));
+    return a;
+  }
+  static PMSP_HD UInt gather_words(const std::uint32_t* data, Int index) { return data[index]; }
+};
 template <>
 struct Num<double> : ScalarNum<double> {};
 
@@ -105,10 +118,35 @@ PMSP_HD F from_uint(const UIntOf<F>& a) {
   return Num<F>::from_uint(a);
 }
 
+/// The other way round, of numbers >= 0.
+template <class F>
+PMSP_HD UIntOf<F> to_uint(const F& a) {
+  return Num<F>::to_uint(a);
+}
+
+/// The 32 bits that stand for a number, and the number that they stand for.
+template <class F>
+PMSP_HD UIntOf<F> bits_of(const F& a) {
+  return Num<F>::bits(a);
+}
+template <class F>
+PMSP_HD F of_bits(const UIntOf<F>& bits) {
+  return Num<F>::of_bits(bits);
+}
+/// mask ? bits : 0 without a branch.
+template <class F>
+PMSP_HD UIntOf<F> select_bits(const MaskOf<F>& mask, const UIntOf<F>& bits) {
+  return bits_of<F>(select(mask, of_bits<F>(bits), F(0)));
+}
+
 /// One element per lane from an array in memory.
 template <class F>
 PMSP_HD F gather(const float* data, const IntOf<F>& index) {
   return Num<F>::gather(data, index);
+}
+template <class F>
+PMSP_HD UIntOf<F> gather_words(const std::uint32_t* data, const IntOf<F>& index) {
+  return Num<F>::gather_words(data, index);
 }
 template <class F>
 PMSP_HD Halves<UIntOf<F>> gather_halves(const std::uint64_t* data, const IntOf<F>& index) {

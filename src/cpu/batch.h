@@ -41,6 +41,19 @@ PMSP_HD F gather_lanes(const float* data, const Int& index) {
 }
 
 template <class UInt, class Int>
+PMSP_HD UInt gather_words_of_lanes(const std::uint32_t* data, const Int& index) {
+#if defined(__AVX512F__)
+  if constexpr (UInt::size == 16) return UInt(_mm512_i32gather_epi32(index, data, 4));
+#endif
+#if defined(__AVX2__)
+  if constexpr (UInt::size == 8) return UInt(_mm256_i32gather_epi32(reinterpret_cast<const int*>(data), index, 4));
+#endif
+  alignas(64) std::uint32_t words[UInt::size];
+  for (std::size_t i = 0; i < UInt::size; ++i) words[i] = data[index.get(i)];
+  return UInt::load_aligned(words);
+}
+
+template <class UInt, class Int>
 PMSP_HD Halves<UInt> gather_halves_of_lanes(const std::uint64_t* data, const Int& index) {
 #if defined(__AVX512F__)
   if constexpr (UInt::size == 16) {
@@ -82,9 +95,15 @@ struct Num<xsimd::batch<float, Arch>> {
   static constexpr int kLanes = static_cast<int>(F::size);
   static PMSP_HD F whole(const F& a) { return xsimd::trunc(a); }
   static PMSP_HD Int to_int(const F& a) { return xsimd::to_int(a); }
+  static PMSP_HD UInt to_uint(const F& a) { return xsimd::bitwise_cast<UInt>(xsimd::to_int(a)); }
   static PMSP_HD F from_int(const Int& a) { return xsimd::to_float(a); }
   static PMSP_HD F from_uint(const UInt& a) { return xsimd::to_float(xsimd::bitwise_cast<Int>(a)); }
+  static PMSP_HD UInt bits(const F& a) { return xsimd::bitwise_cast<UInt>(a); }
+  static PMSP_HD F of_bits(const UInt& bits) { return xsimd::bitwise_cast<F>(bits); }
   static PMSP_HD F gather(const float* data, const Int& index) { return gather_lanes<F>(data, index); }
+  static PMSP_HD UInt gather_words(const std::uint32_t* data, const Int& index) {
+    return gather_words_of_lanes<UInt>(data, index);
+  }
   static PMSP_HD Halves<UInt> gather(const std::uint64_t* data, const Int& index) {
     return gather_halves_of_lanes<UInt>(data, index);
   }

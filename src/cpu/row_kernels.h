@@ -5,6 +5,8 @@
 
 #include "agreement.h"
 #include "confidence.h"
+#include "fused_point.h"
+#include "ownership.h"
 #include "patchmatch.h"
 #include "plane_prior.h"
 #include "sight.h"
@@ -98,6 +100,15 @@ struct SightPoints {
   int count;
 };
 
+/// What fuse_row writes, in row order.
+struct FusedArrays {
+  std::uint32_t* surfels;
+  std::uint32_t* details;
+  std::uint8_t* standings;
+  std::uint8_t* agree;
+  int agree_bytes;  ///< of each pixel, the lowest byte first
+};
+
 /// How much texture there is around each pixel.
 struct VarianceJob {
   kernels::CubeView image;
@@ -118,6 +129,13 @@ struct RowKernels {
   void (*roughness_row)(const RoughnessJob& job, int y);
   void (*sight_points)(const SightJob& job, const SightPoints& points);
   void (*variance_row)(const VarianceJob& job, int y);
+  void (*fuse_row)(const kernels::FusePixels<kernels::PlaneMapView>& stage, int y, const FusedArrays& to);
+  void (*judge_row)(const kernels::Eligibility& stage, int y, std::uint8_t* standings);
+  /// A round for the open pixels of row y. `ask`: for each of them, in order, bits of the keyframes whose say still
+  /// matters; nullptr: that of all in `there`. `standings` of the row: after the round. `still`: the bits for those
+  /// that are open then; returns their number.
+  int (*own_row)(const kernels::OwnershipRound& stage, int y, const std::uint32_t* ask, std::uint32_t there,
+                 std::uint8_t* standings, std::uint32_t* still);
 };
 
 }  // namespace pmsp::cpu

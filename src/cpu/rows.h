@@ -2,6 +2,7 @@
 #pragma once
 
 #include "cpu/lanes.h"
+#include "cpu/own_row.h"
 #include "cpu/row_kernels.h"
 #include "median.h"
 #include "patchmatch.h"
@@ -9,8 +10,6 @@
 
 // The row functions over a number type; each instruction set's file instantiates them with its own batch.
 namespace pmsp::cpu {
-
-using kernels::select;
 
 template <class F, class Arrays>
 PMSP_HD kernels::Vec3<F> plane_at(const Arrays& planes, std::size_t ring, int k, int count) {
@@ -231,9 +230,44 @@ void variance_row(const VarianceJob& job, int y) {
 }
 
 template <class F>
+void fuse_row(const kernels::FusePixels<kernels::PlaneMapView>& stage, int y, const FusedArrays& to) {
+  constexpr int kLanes = lanes<F>();
+  const int width = stage.first.planes.width;
+  const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
+  for (int x = 0; x < width; x += kLanes) {
+    const auto made = stage.template at<F>(columns_from<F>(x, width), IntOf<F>(y));
+    const int count = width - x;
+    const std::size_t at = row + static_cast<std::size_t>(x);
+    store_some(made.point.surfel, to.surfels + at, count);
+    store_some(made.point.detail, to.details + at, count);
+    std::uint32_t standings[kLanes];
+    std::uint32_t agree[kLanes];
+    store(made.standing, standings);
+    store(made.agree, agree);
+    for (int i = 0; i < kLanes && i < count; ++i) {
+      const std::size_t pixel = at + static_cast<std::size_t>(i);
+      to.standings[pixel] = static_cast<std::uint8_t>(standings[i]);
+      for (int byte = 0; byte < to.agree_bytes; ++byte) {
+        to.agree[pixel * static_cast<std::size_t>(to.agree_bytes) + static_cast<std::size_t>(byte)] =
+            static_cast<std::uint8_t>(agree[i] >> static_cast<unsigned>(8 * byte));
+      }
+    }
+  }
+}
+
+template <class F>
+void judge_row(const kernels::Eligibility& stage, int y, std::uint8_t* standings) {
+  for (int x = 0; x < stage.width; x += lanes<F>()) {
+    std::uint32_t made[lanes<F>()];
+    store(stage.template at<F>(columns_from<F>(x, stage.width), IntOf<F>(y)), made);
+    for (int i = 0; i < lanes<F>() && x + i < stage.width; ++i) standings[x + i] = static_cast<std::uint8_t>(made[i]);
+  }
+}
+
+template <class F>
 constexpr RowKernels row_kernels() {
-  return {&start_row<F>,     &iterate_row<F>,  &median_row<F>,  &compare_row<F>,
-          &roughness_row<F>, &sight_points<F>, &variance_row<F>};
+  return {&start_row<F>,    &iterate_row<F>,  &median_row<F>, &compare_row<F>, &roughness_row<F>,
+          &sight_points<F>, &variance_row<F>, &fuse_row<F>,   &judge_row<F>,   &own_row<F>};
 }
 
 }  // namespace pmsp::cpu

@@ -44,6 +44,13 @@ PMSP_HD Vec3<F> plane_at(const DevicePlanes& map, int index) {
   return {plane.x, plane.y, plane.z};
 }
 
+template <class F>
+PMSP_HD Vec3<F> plane_at(const FilteredPlanes& map, int index) {
+  if (!(map.confidence[index] > 0.0F)) return {0.0F, 0.0F, 0.0F};
+  const float4 plane = map.planes[index];
+  return {plane.x, plane.y, plane.z};
+}
+
 PMSP_HD float score_at(const DevicePlanes& map, int index) { return map.planes[index].w; }
 
 PMSP_HD Vec3<float> plane_of(const float4& plane) { return {plane.x, plane.y, plane.z}; }

@@ -6,6 +6,8 @@
 #include <cstdint>
 
 #include "cpu/row_kernels.h"
+#include "fused_point.h"
+#include "ownership.h"
 #include "patchmatch.h"
 #include "plane_prior.h"
 
@@ -23,6 +25,13 @@ struct TextureCube {
 /// A depth map's planes: x, y, z and the photometric score; zero plane = no estimate.
 struct DevicePlanes {
   const float4* planes;
+  int width, height;
+};
+
+/// A depth map after the consistency filter: planes of pixels with a confidence above 0.
+struct FilteredPlanes {
+  const float4* planes;
+  const float* confidence;
   int width, height;
 };
 
@@ -183,6 +192,65 @@ struct FuseArgs {
   unsigned int* indices;  ///< room for all pixels
   unsigned int* count;
   DevicePoint* points;  ///< room for all pixels
+};
+
+/// A keyframe's points in row order; see SurfelMap.
+struct SurfelArrays {
+  std::uint32_t* surfels;
+  std::uint32_t* details;
+  std::uint8_t* standings;
+  std::uint32_t* agree;  ///< bit k: others[k]
+};
+
+struct SurfelArgs {
+  cpu::GridTables grid;
+  kernels::FusionView<FilteredPlanes> first;  ///< its pose is not looked at
+  kernels::FusionView<FilteredPlanes> others[kernels::kMaxAgree];
+  int num_others;
+  kernels::FusionLimits limits;
+  SurfelArrays to;
+};
+
+/// Sight of a keyframe (SightMap), half as wide and high as its map.
+struct SightArgs {
+  cpu::GridTables grid;  ///< of the map
+  FilteredPlanes map;
+  float* nearest;
+  float* farthest;
+};
+
+struct JudgeArgs {
+  cpu::GridTables grid;
+  const std::uint32_t* surfels;
+  const std::uint32_t* details;
+  kernels::Viewer viewers[kernels::kMaxViewers];
+  int num_viewers;
+  kernels::SightLimits limits;
+  float max_contradiction;
+  std::uint8_t* standings;
+};
+
+/// A round of ownership of one keyframe.
+struct OwnershipArgs {
+  cpu::GridTables grid;
+  kernels::SurfelView map;
+  kernels::OwnershipView others[kernels::kMaxViewers];
+  int num_others;
+  std::uint32_t there;  ///< bits of those that are asked
+  bool first_round;     ///< all of `there` are; `asked` holds nothing yet
+  kernels::OwnershipLimits limits;
+  std::uint32_t* asked;     ///< of each pixel; what is not open is left as it is
+  std::uint8_t* standings;  ///< after the round; not those of `map`
+};
+
+/// The points that a keyframe makes.
+struct OwnedArgs {
+  cpu::GridTables grid;
+  SurfelArrays map;
+  DevicePoint* points;    ///< room for all pixels, as the next two have
+  unsigned int* indices;  ///< of the points' pixels
+  std::uint32_t* agree;
+  unsigned int* count;
 };
 
 }  // namespace pmsp::cuda

@@ -11,18 +11,6 @@
 namespace pmsp::cuda {
 namespace {
 
-/// Another map of the window; pixels that the consistency filter dropped have no plane.
-struct FilteredPlanes {
-  const float4* planes;
-  const float* confidence;
-  int width, height;
-};
-
-template <class F>
-PMSP_HD Vec3<F> plane_at(const FilteredPlanes& map, int index) {
-  return map.confidence[index] > 0.0F ? plane_of(map.planes[index]) : Vec3<float>{0.0F, 0.0F, 0.0F};
-}
-
 __device__ Vec3<float> facing_normal(const Vec3<float>& plane) { return -1.0F * kernels::normalized(plane); }
 
 __device__ Vec3<float> color_of(const uchar4& color) {

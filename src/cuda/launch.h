@@ -53,4 +53,20 @@ void filter_pixels(const ConsistencyArgs& args, cudaStream_t stream);
 void fuse_pixels(const FuseArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
 std::size_t fuse_scratch_bytes(int pixels);
 
+/// The point of each pixel of a map (pmsp::fuse_pixels).
+void make_surfels(const SurfelArgs& args, cudaStream_t stream);
+
+/// How far a keyframe has seen (pmsp::sight_map).
+void find_sight(const SightArgs& args, cudaStream_t stream);
+
+/// Which points are eligible (pmsp::judge).
+void judge_pixels(const JudgeArgs& args, cudaStream_t stream);
+
+/// A round that decides which pixels make a point (pmsp::ownership_round).
+void own_pixels(const OwnershipArgs& args, cudaStream_t stream);
+
+/// The points that a keyframe makes, in row order (pmsp::owned_points). `scratch`: at least owned_scratch_bytes.
+void owned_points(const OwnedArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
+std::size_t owned_scratch_bytes(int pixels);
+
 }  // namespace pmsp::cuda

@@ -43,10 +43,18 @@ Float atan2(const Float&, const Float&) = delete;
 
 inline void load(Float& value, const float* from) { value = Float(*from); }
 inline void store(Float value, float* to) { *to = value.value; }
+inline int append(bool mask, Float value, float* to) {
+  *to = value.value;
+  return mask ? 1 : 0;
+}
 
 }  // namespace pmsp::test::fused
 
 namespace pmsp::kernels {
 template <>
-struct Num<test::fused::Float> : ScalarNum<test::fused::Float> {};
+struct Num<test::fused::Float> : ScalarNum<test::fused::Float> {
+  static UInt bits(test::fused::Float a) { return Num<float>::bits(a.value); }
+  static test::fused::Float of_bits(UInt bits) { return test::fused::Float(Num<float>::of_bits(bits)); }
+  static UInt gather_words(const std::uint32_t* data, Int index) { return data[index]; }
+};
 }  // namespace pmsp::kernels

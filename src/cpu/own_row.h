@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "cpu/lanes.h"
+#include "ownership.h"
+
+// Rounds of ownership over a row. Who is asked differs from pixel to pixel, so that pixels are packed into batches anew
+// for each keyframe, and once more for the few of its pixels that lie within reach.
+namespace pmsp::cpu {
+
+using kernels::any;
+
+/// Open pixels of a row, as many as are worked on at a time, for one array a number.
+template <class F>
+class OwnershipChunk {
+ public:
+  explicit OwnershipChunk(const kernels::OwnershipRound& stage) : stage_(stage) {}
+
+  /// Takes `count` open pixels of a row (kSize at most).
+  void start(int y, const std::int32_t* columns, const std::uint8_t* standings, int count) {
+    for (int i = 0; i < count; i += lanes<F>()) {
+      std::int32_t xs[kLanes];
+      std::uint32_t packed[kLanes];
+      for (int j = 0; j < kLanes; ++j) {
+        xs[j] = columns[i + j < count ? i + j : count - 1];
+        packed[j] = standings[xs[j]];
+      }
+      IntOf<F> x;
+      UIntOf<F> standing;
+      load(x, xs);
+      load(standing, packed);
+      const UIntOf<F> surfel =
+          kernels::gather_words<F>(stage_.map.surfels, IntOf<F>(IntOf<F>(y * stage_.map.width) + x));
+      const kernels::Claim<F> claim = kernels::claim_of<F>(
+          surfel, standing, kernels::bearing_at<F>(stage_.grid, x, IntOf<F>(y)), stage_.map, stage_.limits);
+      store(claim.point.x, point_[0] + i);
+      store(claim.point.y, point_[1] + i);
+      store(claim.point.z, point_[2] + i);
+      store(claim.normal.x, normal_[0] + i);
+      store(claim.normal.y, normal_[1] + i);
+      store(claim.normal.z, normal_[2] + i);
+      store(claim.off.error, error_ + i);
+      store(claim.off.most, most_ + i);
+      store(claim.reach, reach_ + i);
+      store(claim.rank, rank_ + i);
+    }
+    for (int i = 0; i < count; ++i) {
+      open[i] = 0;
+      owned[i] = 0;
+    }
+  }
+
+  /// Asks keyframe k for the `count` pixels of the list.
+  void ask(int k, const std::int32_t* list, int count) {
+    const kernels::OwnershipView& other = stage_.others[k];
+    int near = 0;
+    for (int i = 0; i < count; i += kLanes) {
+      IntOf<F> claim;
+      load(claim, list + i);
+      const auto p = kernels::transform(other.other_from_first, gathered(point_, claim));
+      near += append(filled(i, count) & kernels::may_rank_higher(p, kernels::gather<F>(rank_, claim), other), claim,
+                     near_ + near);
+    }
+    int found = 0;
+    int several = 0;
+    for (int i = 0; i < near; i += kLanes) {
+      IntOf<F> claim;
+      load(claim, near_ + i);
+      const auto p = kernels::transform(other.other_from_first, gathered(point_, claim));
+      const kernels::Approach<F> there = kernels::approach(p, kernels::gather<F>(reach_, claim), other);
+      const kernels::Within<F> within = kernels::within(there, stage_.grid, other.map.width, other.map.height);
+      const auto valid = filled(i, near);
+      const auto this_one = valid & within.this_one;
+      append(this_one, claim, claim_ + found);
+      append(this_one, within.column, column_ + found);
+      found += append(this_one, within.row, row_ + found);
+      if (any(within.several)) {
+        const auto more = valid & within.several;
+        append(more, there.at.x, x_ + several);
+        append(more, there.at.y, y_ + several);
+        append(more, there.spacing, spacing_ + several);
+        several += append(more, claim, several_ + several);
+      }
+    }
+    int kept = 0;
+    for (int i = 0; i < found; ++i) {
+      const std::uint8_t standing = other.map.standings[row_[i] * other.map.width + column_[i]];
+      claim_[kept] = claim_[i];
+      column_[kept] = column_[i];
+      row_[kept] = row_[i];
+      standing_[kept] = standing;
+      kept += kernels::makes_point(standing) ? 1 : 0;
+    }
+    for (int i = 0; i < several; ++i) {
+      const std::int32_t claim = several_[i];
+      kernels::for_each_within({x_[i], y_[i]}, spacing_[i], stage_.grid.cos_lat, other.map.width, other.map.height,
+                               [&](int pixel) {
+                                 const std::uint8_t standing = other.map.standings[pixel];
+                                 if (owned[claim] != 0 || !kernels::makes_point(standing)) return;
+                                 if (kept == kSize) kept = compare(k, kept);
+                                 claim_[kept] = claim;
+                                 row_[kept] = pixel / other.map.width;
+                                 column_[kept] = pixel % other.map.width;
+                                 standing_[kept++] = standing;
+                               });
+    }
+    compare(k, kept);
+  }
+
+  /// Lanes from i on that lie below `count`.
+  static kernels::MaskOf<F> filled(int i, int count) { return lane_numbers<F>() < F(static_cast<float>(count - i)); }
+
+  static constexpr int kSize = 256;
+  static constexpr int kRoom = kSize + 16;  ///< whole batches are read and written
+  std::uint32_t open[kRoom];  ///< bits of the keyframes with pixels that would stand for this one if they were owners
+  std::uint32_t owned[kRoom] = {};  ///< 1: an owner stands for it
+
+ private:
+  static constexpr int kLanes = lanes<F>();
+
+  static kernels::Vec3<F> gathered(const float (*arrays)[kRoom], const IntOf<F>& index) {
+    return {kernels::gather<F>(arrays[0], index), kernels::gather<F>(arrays[1], index),
+            kernels::gather<F>(arrays[2], index)};
+  }
+
+  /// Compares the first `count` pairs of a claim and a pixel. Returns 0, the number that is left.
+  int compare(int k, int count) {
+    const kernels::OwnershipView& other = stage_.others[k];
+    const std::uint32_t bit = 1U << static_cast<unsigned>(k);
+    for (int i = 0; i < count; i += kLanes) {
+      IntOf<F> claim;
+      IntOf<F> x;
+      IntOf<F> y;
+      UIntOf<F> standing;
+      load(claim, claim_ + i);
+      load(x, column_ + i);
+      load(y, row_ + i);
+      load(standing, standing_ + i);
+      const kernels::Vec3<F> p = kernels::transform(other.other_from_first, gathered(point_, claim));
+      const kernels::OffSurface<F> off{kernels::gather<F>(error_, claim), kernels::gather<F>(most_, claim)};
+      const UIntOf<F> surfel = kernels::gather_words<F>(other.map.surfels, IntOf<F>(y * IntOf<F>(other.map.width) + x));
+      const auto stands =
+          kernels::stands_for<F>(surfel, standing, kernels::bearing_at<F>(stage_.grid, x, y), p,
+                                 gathered(normal_, claim), off, kernels::gather<F>(rank_, claim), other, stage_.limits);
+      if (!any(stands)) continue;
+      std::uint32_t stand[kLanes];
+      store(kernels::select_bits<F>(stands, UIntOf<F>(1U)), stand);
+      for (int j = 0; j < kLanes && i + j < count; ++j) {
+        if (stand[j] == 0U) continue;
+        const std::int32_t asks = claim_[i + j];
+        open[asks] |= bit;
+        if ((standing_[i + j] & 3U) == static_cast<std::uint32_t>(kernels::Standing::kOwner)) {
+          owned[asks] = 1;
+        }
+      }
+    }
+    return 0;
+  }
+
+  const kernels::OwnershipRound& stage_;
+  float point_[3][kRoom];
+  float normal_[3][kRoom];
+  float error_[kRoom], most_[kRoom], reach_[kRoom], rank_[kRoom];
+  std::int32_t near_[kRoom] = {};  ///< claims with pixels that may rank higher; lanes beyond the last one hold old ones
+  std::int32_t claim_[kRoom] = {}, column_[kRoom] = {}, row_[kRoom] = {};  ///< pairs that are to be compared
+  std::uint32_t standing_[kRoom] = {};
+  std::int32_t several_[kRoom];  ///< claims with several pixels within reach
+  float x_[kRoom], y_[kRoom], spacing_[kRoom];
+};
+
+template <class F>
+int own_row(const kernels::OwnershipRound& stage, int y, const std::uint32_t* ask, std::uint32_t there,
+            std::uint8_t* standings, std::uint32_t* still) {
+  using Chunk = OwnershipChunk<F>;
+  const int width = stage.map.width;
+  const std::uint8_t* const before =
+      stage.map.standings + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
+  Chunk chunk(stage);
+  std::int32_t columns[Chunk::kSize];
+  std::int32_t list[Chunk::kRoom] = {};
+  std::uint32_t bits[Chunk::kRoom] = {};
+  int left = 0;
+  for (int x = 0; x < width;) {
+    int count = 0;
+    for (; x < width && count < Chunk::kSize; ++x) {
+      standings[x] = before[x];
+      columns[count] = x;
+      count += kernels::standing_of(before[x]) == kernels::Standing::kOpen ? 1 : 0;
+    }
+    if (count == 0) continue;
+    for (int i = 0; i < count; ++i) bits[i] = ask == nullptr ? there : *ask++ & there;
+    chunk.start(y, columns, before, count);
+    for (int k = 0; k < stage.count; ++k) {
+      int asking = 0;
+      for (int i = 0; i < count; i += lanes<F>()) {
+        UIntOf<F> wanted;
+        UIntOf<F> owned;
+        load(wanted, bits + i);
+        load(owned, chunk.owned + i);
+        const UIntOf<F> asks = (wanted >> k) & UIntOf<F>(1U) & ~owned;
+        asking += append(Chunk::filled(i, count) & (kernels::from_uint<F>(asks) > F(0)),
+                         columns_from<F>(i, Chunk::kRoom), list + asking);
+      }
+      if (asking > 0) chunk.ask(k, list, asking);
+    }
+    for (int i = 0; i < count; ++i) {
+      using kernels::Standing;
+      const bool dropped = chunk.owned[i] != 0;
+      const bool open = !dropped && chunk.open[i] != 0U;
+      standings[columns[i]] = kernels::with_standing(before[columns[i]], dropped ? Standing::kDropped
+                                                                         : open  ? Standing::kOpen
+                                                                                 : Standing::kOwner);
+      if (open) still[left++] = chunk.open[i];
+    }
+  }
+  return left;
+}
+
+}  // namespace pmsp::cpu
