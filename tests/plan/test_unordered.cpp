@@ -68,7 +68,7 @@ TEST_CASE("links of a set join what shares landmarks", "[plan][unordered]") {
     CHECK(entry.near.size() == 4);
     CHECK(entry.fusion.size() == 4);
     CHECK(entry.consistency.size() == 6);
-    CHECK(entry.viewers.size() <= 16);
+    CHECK(entry.viewers.size() <= 20);
     for (const std::int64_t id : entry.near) CHECK(shared(own, *by_id[id]) > 0);
     int least = 1 << 30;
     for (const std::int64_t id : entry.consistency) least = std::min(least, shared(own, *by_id[id]));
