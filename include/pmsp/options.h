@@ -111,16 +111,16 @@ struct FusionOptions {
 /// Removes points that other keyframes have looked through: floaters beside the edges of near things.
 struct FreeSpaceOptions {
   bool enabled = true;
-  int views = 16;                    ///< keyframes that are asked about each keyframe's points, 1 to 1000
+  int views = 16;                    ///< keyframes asked about each keyframe's points besides those fused, 1 to 1000
   double max_relative_depth = 0.02;  ///< deviation that still confirms a point, 0 to 1
   double min_relative_gap = 0.05;    ///< a surface this much farther away has been seen through the point, 0 to 1
   /// What may speak against a point, relative to what speaks for it, 0 to 100. Smaller removes more.
   double max_contradiction = 0.5;
-  /// Hold points back until the end of the sequence (or until `history` keyframes later), so that keyframes to come
-  /// have their say. For live use false: then those of the past and of the fusion window have theirs.
+  /// Hold points back until the end of the sequence (or until half of `history` keyframes later), so that keyframes to
+  /// come have their say. For live use false: then those of the past and of the fusion window have theirs.
   bool whole_mission = false;
-  /// Keyframes whose sight is remembered, 1 to 100000. Memory for each: two bytes a pixel of its depth map; with
-  /// `whole_mission` also 32 bytes a point.
+  /// Keyframes that may be asked, half on either side, 1 to 100000. Memory for each: two bytes a pixel of its depth
+  /// map; with `whole_mission` also 32 bytes a point.
   int history = 300;
 
   void validate() const;

@@ -217,7 +217,8 @@ const std::vector<OptionEntry>& option_table() {
        "Hold points back until the end, so that later keyframes have their say too",
        +PMSP_AT(bool, free_space.whole_mission)},
       {"free_space.history", "Free space", "keyframes", 1, 100000,
-       "Keyframes that are remembered; bounds the memory of long missions", +PMSP_AT(int, free_space.history)},
+       "Keyframes that may be asked, half on either side; bounds the memory of long missions",
+       +PMSP_AT(int, free_space.history)},
   };
 #undef PMSP_AT
   return table;
