@@ -251,7 +251,7 @@ std::vector<std::pair<std::int64_t, std::uint32_t>> keys(const Owners& owners) {
 
 }  // namespace
 
-TEST_CASE("a room gives each place once and none never", "[ownership]") {
+TEST_CASE("a room gives each place once and none never", "[ownership]" PMSP_ACCURACY) {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.5}, {0.03, 0.02, 0.35}, 8), 0.002);
   room.fusion.spacing_px = GENERATE(0.3, 0.75);
   room.make();
@@ -318,7 +318,7 @@ TEST_CASE("what is seen from four times as near replaces the coarser points", "[
   CHECK(owners.uncovered() < 0.001);
 }
 
-TEST_CASE("sixty keyframes that hover give about as many points as a few", "[ownership]") {
+TEST_CASE("sixty keyframes that hover give about as many points as a few", "[ownership]" PMSP_ACCURACY) {
   std::vector<RigidTransform> poses;
   for (int k = 0; k < 60; ++k) {
     poses.push_back(at(
@@ -388,7 +388,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
   CHECK(differ.empty());
 }
 
-TEST_CASE("without any one keyframe no place is lost that others see", "[ownership]") {
+TEST_CASE("without any one keyframe no place is lost that others see", "[ownership]" PMSP_ACCURACY) {
   const std::vector<RigidTransform> poses = along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 6);
   for (std::size_t gone = 0; gone < poses.size(); ++gone) {
     std::vector<RigidTransform> rest = poses;

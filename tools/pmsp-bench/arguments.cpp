@@ -157,8 +157,8 @@ std::optional<Arguments> parse_arguments(int argc, char** argv) {
       ->check(CLI::Range(0, 32))
       ->option_text("N");
   app.add_option("--geometric-passes", arguments.geometric_passes,
-                 "passes that look at the neighbours' maps instead of the preset's, 0 to 4")
-      ->check(CLI::Range(0, 4))
+                 "passes that look at the neighbours' maps instead of the preset's, 0 to 8")
+      ->check(CLI::Range(0, 8))
       ->option_text("N");
   app.add_option("--image-width", arguments.image_width,
                  "width of the images [px], a multiple of 4; default 1920, or the depth maps' width if that is more")
