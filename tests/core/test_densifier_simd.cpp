@@ -8,7 +8,8 @@
 using namespace pmsp;
 using namespace pmsp::test;
 
-TEST_CASE("AVX2 and AVX-512 give the same bytes: depth maps and clouds of a flight, all presets", "[densifier][simd]" PMSP_ACCURACY) {
+TEST_CASE("AVX2 and AVX-512 give the same bytes: depth maps and clouds of a flight, all presets",
+          "[densifier][simd]" PMSP_ACCURACY) {
   const std::vector<Simd> sets = available_simd();
   for (const Simd simd : {Simd::kAvx2, Simd::kAvx512}) {
     if (std::find(sets.begin(), sets.end(), simd) != sets.end()) continue;
