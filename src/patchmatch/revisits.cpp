@@ -105,7 +105,7 @@ std::vector<std::size_t> choose_revisits(const Outlook& reference, const std::ve
     double most = kMinGain;
     std::size_t taken = candidates.size();
     for (std::size_t k = 0; k < candidates.size(); ++k) {
-      const double* row = &useful[k * samples];
+      const double* row = useful.data() + k * samples;
       double gain = 0.0;
       for (std::size_t i = 0; i < samples; ++i) {
         gain += reference.samples[i].solid_angle * std::max(0.0, row[i] - best[i]);

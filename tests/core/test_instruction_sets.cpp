@@ -17,7 +17,7 @@ using namespace pmsp::test;
 
 namespace {
 
-constexpr int kWidth = width_of_any(100);  // rows of 50 pixels of a colour: a multiple of no number of lanes
+constexpr int kWidth = 100;  // rows of 50 pixels of a colour: a multiple of no number of lanes
 
 /// Walls of one colour, so that planes have priors, and furniture; parts of it are masked.
 const synth::Mission& masked_room() {
