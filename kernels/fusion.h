@@ -9,9 +9,6 @@
 // point stands for.
 namespace pmsp::kernels {
 
-/// A later map that sees a surface from less than this share of the distance gets to make its points.
-constexpr float kMuchCloser = 0.6F;
-
 /// Relative error that any depth has in common with those of its neighbourhood, however confident it is: keeps one map
 /// from taking all.
 constexpr float kCommonError = 0.001F;
@@ -23,23 +20,6 @@ PMSP_HD F fusion_weight(const F& confidence, const F& depth) {
   const F error = error_of_confidence(confidence);
   return F(1) / ((error * error + F(kCommonError * kCommonError)) * (depth * depth));
 }
-
-/// Weighted sums over the maps that agree on a pixel.
-struct FusionSums {
-  float weight = 0.0F;
-  float depth = 0.0F;
-  Vec3<float> normal{0.0F, 0.0F, 0.0F};
-  Vec3<float> color{0.0F, 0.0F, 0.0F};
-  int views = 0;
-
-  PMSP_HD void add(float w, float d, const Vec3<float>& n, const Vec3<float>& c) {
-    weight += w;
-    depth += w * d;
-    normal = fma(w, n, normal);
-    color = fma(w, c, color);
-    ++views;
-  }
-};
 
 /// Calls mark(index) for the pixels of a map whose centre lies within `spacing` pixels (at the equator) of an image
 /// point. Near the poles these are many, since columns crowd there.
@@ -57,14 +37,6 @@ PMSP_HD void for_each_within(const Pixel<float>& at, float spacing, const float*
       mark(row * width + (column + width) % width);
     }
   }
-}
-
-/// The same around the direction p.
-template <class Mark>
-PMSP_HD void for_each_covered(const Vec3<float>& p, float spacing, const float* cos_lat, int width, int height,
-                              const Mark& mark) {
-  for_each_within(project(p, static_cast<float>(width), static_cast<float>(height)), spacing, cos_lat, width, height,
-                  mark);
 }
 
 }  // namespace pmsp::kernels

@@ -13,6 +13,7 @@
 #include "pmsp/executor.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/keyframe.h"
+#include "schedule.h"
 
 namespace pmsp {
 
@@ -20,7 +21,7 @@ namespace pmsp {
 struct EngineResults {
   std::function<void(const DepthMap&)> raw_depth;       ///< after the last pass of PatchMatch
   std::function<void(const DepthMap&)> filtered_depth;  ///< after the consistency filter
-  std::function<void(KeyframeCloud)> cloud;
+  std::function<void(const KeyframeCloud&)> cloud;
 };
 
 /// What an engine works for: the Densifier that owns it.
@@ -68,14 +69,22 @@ class Engine {
   /// Consistency filter against the other maps (all matched).
   virtual void filter(Frame& reference, const std::vector<const Frame*>& others) = 0;
 
-  /// Points of window[current] that no earlier frame's points stand for (all matched and filtered).
-  virtual void fuse(const std::vector<Frame*>& window, std::size_t current) = 0;
+  /// The points of the reference's pixels, joined with those of its window, `window[current]` being the reference
+  /// itself (all matched and filtered).
+  virtual void fuse(Frame& reference, const std::vector<const Frame*>& window, std::size_t current) = 0;
 
-  /// No pass of PatchMatch will look at the frame's planes any more.
-  virtual void release_planes(Frame& frame) = 0;
+  /// Which of them nobody of the viewers has looked through; those (all filtered) keep their sight maps.
+  virtual void judge(Frame& reference, const std::vector<const Frame*>& viewers) = 0;
 
-  /// No stage will look at the frame's maps and colours any more, but others may still be matched with its image.
-  virtual void release_maps(Frame& frame) = 0;
+  /// Round 1, 2, ... of ownership among the points that are left. `others` are through the round before; some are
+  /// through this one.
+  virtual void round(Frame& reference, const std::vector<const Frame*>& others, int round) = 0;
+
+  /// The points that the frame makes go to `results.cloud`.
+  virtual void hand_out(Frame& reference) = 0;
+
+  /// No stage will look at this artefact of the frame any more.
+  virtual void release(Frame& frame, Artefact artefact) = 0;
 
   /// For what the host does itself.
   const Executor& executor() const { return executor_; }

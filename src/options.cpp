@@ -57,7 +57,7 @@ DensifierOptions paper() {
   options.patchmatch.geometric_passes = 0;
   options.median = {true, 0.05, 0.1};
   options.consistency = {true, 5, 3, 0.08};
-  options.fusion = {5, kOnePixel, 0.08, 180.0, 0.0, 0};
+  options.fusion = {5, kOnePixel, 0.08, 180.0, 0.0};
   options.free_space.enabled = false;
   return options;
 }
@@ -124,11 +124,10 @@ void FusionOptions::validate() const {
   check("fusion.max_relative_depth", max_relative_depth, 0.0, 1.0);
   check("fusion.max_normal_deg", max_normal_deg, 0.0, 180.0);
   check("fusion.min_confidence", min_confidence, 0.0, 1.0);
-  check("fusion.revisit_memory_mib", revisit_memory_mib, 0, 1000000);
 }
 
 void FreeSpaceOptions::validate() const {
-  check("free_space.views", views, 1, 1000);
+  check("free_space.views", views, 1, 32);
   check("free_space.max_relative_depth", max_relative_depth, 0.0, 1.0);
   check("free_space.min_relative_gap", min_relative_gap, 0.0, 1.0);
   check("free_space.max_contradiction", max_contradiction, 0.0, 100.0);
@@ -161,8 +160,6 @@ DensifierOptions preset(Quality quality) {
   options.patchmatch.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 an image takes 0.2 GiB
   options.consistency.window = 7;
   options.consistency.max_relative_depth = 0.007;  // finer pixels and more neighbours agree more closely
-  options.fusion.spacing_px = 0.4;                 // pixels are small here; a finer cloud would hold little new
-  options.fusion.revisit_memory_mib = 256;         // poses are final
   options.free_space.whole_mission = true;
   return options;
 }

@@ -27,8 +27,8 @@ struct DensifierStats {
   std::int64_t pixels_matched = 0;               ///< with an estimate after PatchMatch
   std::int64_t pixels_after_median = 0;
   std::int64_t pixels_after_consistency = 0;
-  std::int64_t points_fused = 0;     ///< before the free-space filter
-  std::int64_t points_repeated = 0;  ///< left out by the revisit filter
+  std::int64_t points_fused = 0;     ///< of pixels, before the free-space filter
+  std::int64_t points_repeated = 0;  ///< left out after it, since another keyframe makes the point of their place
   std::int64_t points = 0;           ///< in the cloud; 0 when no callback takes it
   double seconds_prepare = 0.0;      ///< resizing, gray values, cube maps [s]
   double seconds_init = 0.0;         ///< [s]
@@ -37,7 +37,7 @@ struct DensifierStats {
   double seconds_consistency = 0.0;  ///< [s]
   double seconds_fusion = 0.0;       ///< [s]
   double seconds_free_space = 0.0;   ///< [s]
-  double seconds_revisits = 0.0;     ///< [s]
+  double seconds_ownership = 0.0;    ///< which keyframe makes the point of a place, and those points [s]
 };
 
 /// Receives results as soon as they are final. Members that are not set are not called, and what only they need is not

@@ -1,32 +1,97 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "pmsp/depth_map.h"
 #include "pmsp/executor.h"
 #include "pmsp/image.h"
 #include "pmsp/options.h"
 #include "pmsp/point_cloud.h"
+#include "pmsp/sight_map.h"
+#include "pmsp/transform.h"
 
+/// Points of many keyframes without floaters and without duplicates, in three steps that each look at stated keyframes
+/// only and know no order: each pixel's point is made (`fuse_pixels`), those that others have looked through go
+/// (`judge`), and of those that show the same place one stays (`ownership_round`). Poses and scales are arguments, so
+/// that after a loop closure the last two can be asked again without matching.
 namespace pmsp {
 
-/// A depth map on its way through fusion.
-struct FusionInput {
-  const DepthMap* map = nullptr;
-  const Image<Rgb>* color = nullptr;  ///< of the map's size
-  /// Of the map's size; nonzero where a point of an earlier keyframe already stands for the pixel. Written for maps
-  /// that come later; all 0 at first.
-  std::vector<std::uint8_t>* covered = nullptr;
+/// Where a keyframe is, and how long its unit of length is in the unit of the world.
+struct KeyframePose {
+  RigidTransform cam_from_world;  ///< translation in the world's unit
+  double scale = 1.0;             ///< > 0
 };
 
-/// Makes points of the pixels of `window[current]` that no earlier point stands for. Depth, normal and colour are
-/// averages over the maps that agree, weighted with the inverse square of their expected errors (confidence, times the
-/// distance). Each point covers the pixels of the later maps (`window[current + 1]` on) whose centre lies within
-/// `options.spacing_px` of it. A pixel that a later map sees from much closer is left to that map. Throws
-/// InvalidOption, and InvalidInput when sizes differ, something is missing or `current` is not in the window.
-KeyframeCloud fuse(const std::vector<FusionInput>& window, std::size_t current, const FusionOptions& options,
-                   const Executor& executor);
+/// A depth map on its way through fusion.
+struct FusionMap {
+  const DepthMap* map = nullptr;      ///< its own pose is not looked at
+  const Image<Rgb>* color = nullptr;  ///< of the map's size
+  KeyframePose pose;
+};
+
+/// The points of a keyframe's pixels, and all that is kept of the keyframe until it is known which of them stay: with
+/// windows of up to 9 maps 10 bytes a pixel (up to 17: 11), of which others read the first five; once rounds have
+/// begun 4 more for each pixel that is still open (on real flights two thirds of the pixels after the first round, a
+/// sixth after the second). Besides, the keyframe's SightMap of 2 bytes a pixel until all that ask it are judged.
+/// Encoded as kernels/surfel.h says.
+struct SurfelMap {
+  std::int64_t keyframe_id = 0;
+  Image<std::uint32_t> surfels;          ///< depth (to 0.013 %) and normal (2 degrees); 0 = no point
+  Image<std::uint8_t> standings;         ///< confidence, and whether the pixel makes a point
+  Image<std::uint32_t> details;          ///< colour, confidence in the keyframe's own map, the rest of the normal
+  std::vector<std::uint8_t> agree;       ///< `agree_bytes()` for each pixel, the lowest first; bit k: window_ids[k]
+  std::vector<std::int64_t> window_ids;  ///< keyframe ids of the other maps
+  std::vector<std::uint32_t> asked;  ///< of each open pixel, in row order: bit k: viewers[k] may own its place; empty
+                                     ///< before the first round
+  int agree_bytes() const { return static_cast<int>((window_ids.size() + 7) / 8); }
+};
+
+/// Makes a point of each pixel of `window[current]` whose confidence is at least `options.min_confidence`: depth,
+/// normal and colour are averages over the maps that agree, weighted with the inverse square of their expected errors
+/// (confidence, times the distance). All of them are open. `window`: 33 maps at most, of one size. Throws
+/// InvalidOption, and InvalidInput when sizes differ, something is missing, a scale is not above 0 or `current` is not
+/// in the window.
+SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
+                      const Executor& executor);
+
+/// A keyframe that is asked about another one's points.
+struct SightFrom {
+  const SightMap* sight = nullptr;  ///< its own pose is not looked at
+  KeyframePose pose;
+};
+
+/// Finds the eligible points: those that the viewers have not looked through, as in `free_space_filter`, only that all
+/// viewers are asked. They are open, the others make no point. Confidences become those in the keyframe's own map times
+/// the share that speaks for the point. May be asked again at any time; rounds begin anew then. `viewers`: of the same
+/// size. Throws InvalidOption, InvalidInput.
+void judge(SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
+           const FreeSpaceOptions& options, const Executor& executor);
+
+/// A keyframe that is asked about ownership.
+struct SurfelsFrom {
+  const SurfelMap* map = nullptr;
+  KeyframePose pose;
+  const Image<std::uint8_t>* standings = nullptr;  ///< after the round before; nullptr = the map's
+};
+
+/// One round that decides which pixels of `map` make a point. A pixel asks for eligible ones of the viewers that show
+/// the same side of the same surface within `options.spacing_px` of its own pixels and come first in the order: finer
+/// sampling (by octaves), higher confidence, smaller keyframe id. Where one of these is known to make a point the pixel
+/// makes none; where there is none left that may, it makes one.
+///
+/// Returns the standings after the round, which `map.asked` goes with from then on; `map.standings` is for all
+/// keyframes to be replaced when all of them are through the round. `viewers`: 32 at most, in each round the same ones
+/// in the same order; some may be left empty. Throws InvalidOption, and InvalidInput also where `map.standings` are not
+/// those that the round before returned.
+Image<std::uint8_t> ownership_round(SurfelMap& map, const KeyframePose& pose, const std::vector<SurfelsFrom>& viewers,
+                                    const FusionOptions& options, const Executor& executor);
+
+/// The points that a keyframe makes, in the order of its pixels, with their keys.
+KeyframeCloud owned_points(const SurfelMap& map, const KeyframePose& pose);
 
 }  // namespace pmsp

@@ -100,10 +100,6 @@ struct FusionOptions {
   double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
   double max_normal_deg = 60.0;      ///< angle of normals up to which they are one surface [deg], 0 to 180
   double min_confidence = 0.1;       ///< points below are not written (see DepthMap::confidence), 0 to 1
-  /// Memory for the surfaces of all earlier keyframes [MiB], 0 to 1000000, so that places that are passed again give
-  /// their points once (see RevisitFilter); 0: fusion knows only its window. Costs points where poses change afterwards
-  /// (loop closures): for live use 0.
-  int revisit_memory_mib = 0;
 
   void validate() const;
 };
@@ -111,16 +107,19 @@ struct FusionOptions {
 /// Removes points that other keyframes have looked through: floaters beside the edges of near things.
 struct FreeSpaceOptions {
   bool enabled = true;
-  int views = 16;                    ///< keyframes asked about each keyframe's points besides those fused, 1 to 1000
+  int views = 16;                    ///< keyframes asked about each keyframe's points besides the fusion window, 1 to
+                                     ///< 32; no more than 32 together
   double max_relative_depth = 0.02;  ///< deviation that still confirms a point, 0 to 1
   double min_relative_gap = 0.05;    ///< a surface this much farther away has been seen through the point, 0 to 1
   /// What may speak against a point, relative to what speaks for it, 0 to 100. Smaller removes more.
   double max_contradiction = 0.5;
-  /// Hold points back until the end of the sequence (or until half of `history` keyframes later), so that keyframes to
-  /// come have their say. For live use false: then those of the past and of the fusion window have theirs.
+  /// Let keyframes to come have their say, too, and leave out points of places that any of those asked shows better,
+  /// not only those of the fusion window. Points are held back until the end of the sequence, or until 5/2 of `history`
+  /// keyframes later. For live use false.
   bool whole_mission = false;
   /// Keyframes that may be asked, half on either side, 1 to 100000. Memory for each: two bytes a pixel of its depth
-  /// map; with `whole_mission` also 32 bytes a point.
+  /// map; with `whole_mission`, where each of five steps waits for the keyframes ahead, besides 11 to 15 bytes a pixel
+  /// for three times as many.
   int history = 300;
 
   void validate() const;

@@ -32,6 +32,9 @@ class Panorama {
   /// Frees the colours, for a panorama that is only matched with from now on. It keeps its size.
   void release_color();
 
+  /// Frees what is matched with, for a panorama whose colours only are asked for from now on.
+  void release_gray();
+
   /// 255 where a depth is wanted, 0 where the mask forbids it (a pixel that covers any masked pixel is masked); `width`
   /// x `height`; empty without a mask.
   const Image<std::uint8_t>& usable() const;

@@ -108,14 +108,14 @@ constexpr std::int64_t kViewBlock = 64;
 /// Everything that the points of some keyframes depend on, artefact by artefact, what belongs to these keyframes
 /// themselves included; ids in the order of the plan. P = `patchmatch.geometric_passes`.
 ///
-/// points(i) need cloud(i), eligible(i) and, for ownership, eligible(v) of its viewers v: one step, since ownership is
-/// decided among eligible points. eligible(v) needs filtered(v) and the sight maps of the viewers of v. cloud(i) needs
-/// filtered planes and images of the fusion window; sight(i) filtered(i); filtered(i) planes P of the consistency
-/// window; planes p those of pass p - 1 of itself and its near neighbours, and images of all neighbours; planes 0 those
-/// images and planes 0 of `first_planes`.
+/// points(i) need eligible points of i and, for ownership, of the keyframes that i asks, of those that these ask, and
+/// so on, as many times as there are rounds. (The whole mission is asked: its viewers, four rounds; else the fusion
+/// window, two.) eligible(i) needs filtered planes of i and its fusion window, and the sight maps of its viewers;
+/// sight(i) filtered(i); filtered(i) planes P of the consistency window; planes p those of pass p - 1 of itself and its
+/// near neighbours, and images of all neighbours; planes 0 those images and planes 0 of `first_planes`.
 struct Halo {
   std::vector<std::int64_t> clouds;               ///< those asked for that get points
-  std::vector<std::int64_t> eligible;             ///< which points of a keyframe were not looked through
+  std::vector<std::int64_t> eligible;             ///< points of pixels, without those that were looked through
   std::vector<std::int64_t> sights;               ///< sight maps
   std::vector<std::int64_t> filtered;             ///< planes after the median and consistency filters
   std::vector<std::vector<std::int64_t>> planes;  ///< of each pass, 0 to P

@@ -25,8 +25,16 @@ struct CloudPoint {
 /// pose (`transform_points`).
 struct KeyframeCloud {
   std::int64_t keyframe_id = 0;
-  RigidTransform cam_from_world;  ///< as it was when the keyframe was added
+  RigidTransform cam_from_world;  ///< as it was when the keyframe was added; translation in the world's unit
   std::vector<CloudPoint> points;
+  double scale = 1.0;  ///< the unit of `points` in the world's unit, > 0
+
+  /// Of each point the pixel of the keyframe's depth map that it stands for, row x width + column, ascending. With the
+  /// keyframe's id a key that stays the same whatever happens to other points. Empty where nobody knows.
+  std::vector<std::uint32_t> pixels;
+  /// Of each point: bit k is set where the depth map of keyframe `window_ids[k]` agrees. Empty where nobody knows.
+  std::vector<std::uint32_t> agree;
+  std::vector<std::int64_t> window_ids;  ///< the other keyframes that the points were joined with, 32 at most
 };
 
 /// The cloud's points in world coordinates with the keyframe at `cam_from_world`: the cloud's own pose, or a newer one

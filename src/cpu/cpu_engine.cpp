@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "cpu/cpu_engine.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,8 @@
 #include "pmsp/panorama.h"
 #include "pmsp/patchmatch.h"
 #include "pmsp/plane_priors.h"
+#include "pmsp/sight_map.h"
+#include "surfel.h"
 #include "util/stopwatch.h"
 
 namespace pmsp {
@@ -22,10 +25,20 @@ struct CpuFrame : Engine::Frame {
   DepthMap raws[2];   ///< after the last even and the last odd pass of PatchMatch
   DepthMap median;    ///< after the last pass and the median filter
   DepthMap map;       ///< after the consistency filter
-  std::vector<std::uint8_t> covered;
+  SightMap sight;
+  SurfelMap surfels;           ///< with the standings after `rounds`
+  int rounds = 0;              ///< of ownership that the frame is through
+  Image<std::uint8_t> before;  ///< standings after the round before the last
+  std::int64_t eligible = 0;   ///< points that are left when ownership is decided
+
+  KeyframePose pose() const { return {cam_from_world, 1.0}; }
 };
 
 namespace {
+
+std::int64_t count_points(const Image<std::uint8_t>& standings) {
+  return std::count_if(standings.pixels().begin(), standings.pixels().end(), kernels::makes_point);
+}
 
 CpuFrame& own(Engine::Frame& frame) { return static_cast<CpuFrame&>(frame); }
 const CpuFrame& own(const Engine::Frame& frame) { return static_cast<const CpuFrame&>(frame); }
@@ -140,34 +153,91 @@ void CpuEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
     consistency_filter(reference.map, maps, context_.options.consistency, executor_, &filtered);
   }
   context_.stats.pixels_after_consistency += filtered.after;
-  reference.covered.assign(reference.map.depth.size(), 0);
+  if (context_.results.cloud && context_.options.free_space.enabled) {
+    const Stopwatch watch(context_.stats.seconds_free_space);
+    reference.sight = sight_map(reference.map, executor_);
+  }
   if (context_.results.filtered_depth) context_.results.filtered_depth(reference.map);
 }
 
-void CpuEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
-  std::vector<FusionInput> inputs;
-  inputs.reserve(window.size());
-  for (Frame* frame : window) {
-    CpuFrame& member = own(*frame);
-    inputs.push_back({&member.map, &member.panorama.color(), &member.covered});
+void CpuEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) {
+  const Stopwatch watch(context_.stats.seconds_fusion);
+  std::vector<FusionMap> maps;
+  maps.reserve(window.size());
+  for (const Frame* joined : window) {
+    const CpuFrame& member = own(*joined);
+    maps.push_back({&member.map, &member.panorama.color(), member.pose()});
   }
+  CpuFrame& reference = own(frame);
+  reference.surfels = fuse_pixels(maps, current, context_.options.fusion, executor_);
+  reference.eligible = count_points(reference.surfels.standings);
+  context_.stats.points_fused += reference.eligible;
+}
+
+void CpuEngine::judge(Frame& frame, const std::vector<const Frame*>& viewers) {
+  const Stopwatch watch(context_.stats.seconds_free_space);
+  CpuFrame& reference = own(frame);
+  std::vector<SightFrom> asked;
+  for (const Frame* viewer : viewers) asked.push_back({&own(*viewer).sight, own(*viewer).pose()});
+  pmsp::judge(reference.surfels, reference.pose(), asked, context_.options.free_space, executor_);
+  reference.eligible = count_points(reference.surfels.standings);
+}
+
+void CpuEngine::round(Frame& frame, const std::vector<const Frame*>& others, int round) {
+  const Stopwatch watch(context_.stats.seconds_ownership);
+  CpuFrame& reference = own(frame);
+  std::vector<SurfelsFrom> asked;
+  for (const Frame* other : others) {
+    const CpuFrame& viewer = own(*other);
+    asked.push_back(
+        {&viewer.surfels, viewer.pose(), viewer.rounds < round ? &viewer.surfels.standings : &viewer.before});
+  }
+  Image<std::uint8_t> after =
+      ownership_round(reference.surfels, reference.pose(), asked, context_.options.fusion, executor_);
+  reference.before = std::move(reference.surfels.standings);
+  reference.surfels.standings = std::move(after);
+  reference.rounds = round;
+}
+
+void CpuEngine::hand_out(Frame& frame) {
+  const CpuFrame& reference = own(frame);
   KeyframeCloud cloud;
   {
-    const Stopwatch watch(context_.stats.seconds_fusion);
-    cloud = pmsp::fuse(inputs, current, context_.options.fusion, executor_);
+    const Stopwatch watch(context_.stats.seconds_ownership);
+    cloud = owned_points(reference.surfels, reference.pose());
   }
-  context_.results.cloud(std::move(cloud));
+  context_.stats.points_repeated += reference.eligible - static_cast<std::int64_t>(cloud.points.size());
+  context_.results.cloud(cloud);
 }
 
-void CpuEngine::release_planes(Frame& frame) {
-  for (DepthMap& raw : own(frame).raws) raw = {};
-}
-
-void CpuEngine::release_maps(Frame& frame) {
+void CpuEngine::release(Frame& frame, Artefact artefact) {
   CpuFrame& done = own(frame);
-  done.median = done.map = {};
-  done.covered = {};
-  done.panorama.release_color();
+  switch (artefact) {
+    case Artefact::kImage:
+      done.panorama.release_gray();
+      break;
+    case Artefact::kColor:
+      done.panorama.release_color();
+      break;
+    case Artefact::kLandmarks:
+      break;
+    case Artefact::kPlanes:
+      for (DepthMap& raw : done.raws) raw = {};
+      break;
+    case Artefact::kMedian:
+      done.median = {};
+      break;
+    case Artefact::kFiltered:
+      done.map = {};
+      break;
+    case Artefact::kSight:
+      done.sight = {};
+      break;
+    case Artefact::kSurfels:
+      done.surfels = {};
+      done.before = {};
+      break;
+  }
 }
 
 }  // namespace pmsp

@@ -22,9 +22,11 @@ class CpuEngine : public Engine {
   std::unique_ptr<Frame> prepare(const Keyframe& keyframe) override;
   void match(const MatchTask& task) override;
   void filter(Frame& reference, const std::vector<const Frame*>& others) override;
-  void fuse(const std::vector<Frame*>& window, std::size_t current) override;
-  void release_planes(Frame& frame) override;
-  void release_maps(Frame& frame) override;
+  void fuse(Frame& reference, const std::vector<const Frame*>& window, std::size_t current) override;
+  void judge(Frame& reference, const std::vector<const Frame*>& viewers) override;
+  void round(Frame& reference, const std::vector<const Frame*>& others, int round) override;
+  void hand_out(Frame& reference) override;
+  void release(Frame& frame, Artefact artefact) override;
   void deliver(bool /*all*/) override {}
 
  private:

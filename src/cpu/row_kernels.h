@@ -82,24 +82,6 @@ struct RoughnessJob {
   float* roughness;  ///< mean deviation, rows of `width` floats
 };
 
-/// Look at points of a keyframe from another one.
-struct SightJob {
-  kernels::SightView other;
-  kernels::Rigid other_from_first;
-  kernels::SightLimits limits;
-};
-
-/// Points in the first keyframe, and what is said for and against them, which sight_points adds to. `count`: a multiple
-/// of 16.
-struct SightPoints {
-  const float* x;
-  const float* y;
-  const float* z;
-  float* on_surface;
-  float* through;
-  int count;
-};
-
 /// What fuse_row writes, in row order.
 struct FusedArrays {
   std::uint32_t* surfels;
@@ -127,7 +109,6 @@ struct RowKernels {
   void (*median_row)(const MedianJob& job, int y);
   void (*compare_row)(const CompareJob& job, int y, const CompareRow& out);
   void (*roughness_row)(const RoughnessJob& job, int y);
-  void (*sight_points)(const SightJob& job, const SightPoints& points);
   void (*variance_row)(const VarianceJob& job, int y);
   void (*fuse_row)(const kernels::FusePixels<kernels::PlaneMapView>& stage, int y, const FusedArrays& to);
   void (*judge_row)(const kernels::Eligibility& stage, int y, std::uint8_t* standings);

@@ -199,23 +199,6 @@ void roughness_row(const RoughnessJob& job, int y) {
 }
 
 template <class F>
-void sight_points(const SightJob& job, const SightPoints& points) {
-  for (int i = 0; i < points.count; i += lanes<F>()) {
-    kernels::Vec3<F> point;
-    F on_surface;
-    F through;
-    load(point.x, points.x + i);
-    load(point.y, points.y + i);
-    load(point.z, points.z + i);
-    load(on_surface, points.on_surface + i);
-    load(through, points.through + i);
-    const kernels::Sight<F> seen = kernels::sight(point, job.other, job.other_from_first, job.limits);
-    store(on_surface + seen.on_surface, points.on_surface + i);
-    store(through + seen.through, points.through + i);
-  }
-}
-
-template <class F>
 void variance_row(const VarianceJob& job, int y) {
   for (int x = 0; x < job.grid.width; x += lanes<F>()) {
     F sin_lon;
@@ -266,8 +249,8 @@ void judge_row(const kernels::Eligibility& stage, int y, std::uint8_t* standings
 
 template <class F>
 constexpr RowKernels row_kernels() {
-  return {&start_row<F>,    &iterate_row<F>,  &median_row<F>, &compare_row<F>, &roughness_row<F>,
-          &sight_points<F>, &variance_row<F>, &fuse_row<F>,   &judge_row<F>,   &own_row<F>};
+  return {&start_row<F>,    &iterate_row<F>, &median_row<F>, &compare_row<F>, &roughness_row<F>,
+          &variance_row<F>, &fuse_row<F>,    &judge_row<F>,  &own_row<F>};
 }
 
 }  // namespace pmsp::cpu

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "cuda/cuda_engine.h"
 
-#include <cmath>
 #include <cstddef>
 #include <deque>
 #include <functional>
@@ -11,6 +10,7 @@
 #include "cpu/executor_impl.h"
 #include "cuda/transfers.h"
 #include "filters/depth_map_tools.h"
+#include "fusion/fusion_setup.h"
 #include "patchmatch/match_setup.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
@@ -33,6 +33,7 @@ using Colors = DeviceArray<uchar4>;
 using Planes = DeviceArray<float4>;
 using Floats = DeviceArray<float>;
 using Bytes = DeviceArray<unsigned char>;
+using Words = DeviceArray<std::uint32_t>;
 
 static_assert(sizeof(DevicePoint) == sizeof(CloudPoint) &&
                   offsetof(DevicePoint, normal) == offsetof(CloudPoint, normal) &&
@@ -51,7 +52,15 @@ struct CudaFrame : Engine::Frame {
   std::shared_ptr<Planes> raws[2];      ///< after the last even and the last odd pass of PatchMatch
   std::shared_ptr<Planes> planes;       ///< after the last pass and the median filter
   std::shared_ptr<Floats> confidence;   ///< after the consistency filter; 0 = no depth
-  std::shared_ptr<Bytes> covered;       ///< nonzero where a point of an earlier frame stands for the pixel
+  std::shared_ptr<Floats> nearest;      ///< sight map, half as wide and high
+  std::shared_ptr<Floats> farthest;
+  std::shared_ptr<Words> surfels, details, agree;  ///< see SurfelMap
+  std::shared_ptr<Bytes> standings;                ///< after `rounds`
+  std::shared_ptr<Bytes> before;                   ///< after the round before the last
+  int rounds = 0;                                  ///< of ownership that the frame is through
+  std::vector<std::int64_t> window_ids;            ///< of the bits of `agree`
+
+  KeyframePose pose() const { return {cam_from_world, 1.0}; }
 };
 
 CudaFrame& own(Engine::Frame& frame) { return static_cast<CudaFrame&>(frame); }
@@ -73,6 +82,24 @@ struct Record {
   }
 };
 
+/// Points and their keys, on their way down.
+struct PointsDownload {
+  explicit PointsDownload(std::size_t size) : points(size), pixels(size), agree(size) {}
+
+  DeviceArray<DevicePoint> points;
+  DeviceArray<unsigned int> pixels;
+  Words agree;
+};
+
+/// Queues the copy of the first elements of an array.
+template <class To, class From>
+std::vector<To> downloaded(const DeviceArray<From>& from, std::size_t count, const Stream& stream) {
+  static_assert(sizeof(To) == sizeof(From), "elements are copied as they are");
+  std::vector<To> to(count);
+  PMSP_CUDA_CHECK(cudaMemcpyAsync(to.data(), from.get(), count * sizeof(To), cudaMemcpyDeviceToHost, stream.get()));
+  return to;
+}
+
 /// All work on one frame is queued on one stream, in the order of the calls; only copies run beside it. So whatever a
 /// kernel reads was written by an earlier one, and memory that goes back to its pool may be used again at once.
 class CudaEngine : public Engine {
@@ -84,9 +111,11 @@ class CudaEngine : public Engine {
   std::unique_ptr<Frame> prepare(const Keyframe& keyframe) override;
   void match(const MatchTask& task) override;
   void filter(Frame& reference, const std::vector<const Frame*>& others) override;
-  void fuse(const std::vector<Frame*>& window, std::size_t current) override;
-  void release_planes(Frame& frame) override;
-  void release_maps(Frame& frame) override;
+  void fuse(Frame& reference, const std::vector<const Frame*>& window, std::size_t current) override;
+  void judge(Frame& reference, const std::vector<const Frame*>& viewers) override;
+  void round(Frame& reference, const std::vector<const Frame*>& others, int round) override;
+  void hand_out(Frame& reference) override;
+  void release(Frame& frame, Artefact artefact) override;
   void deliver(bool all) override;
 
  private:
@@ -105,6 +134,13 @@ class CudaEngine : public Engine {
   void hand_out_first();
   bool may_go_on();
   void finish_match(CudaFrame& reference, int pass);
+  void find_sight_of(CudaFrame& frame);
+  FilteredPlanes filtered_planes(const CudaFrame& frame) const {
+    return {frame.planes->get(), frame.confidence->get(), context_.options.width, context_.options.height};
+  }
+  static SurfelArrays surfel_arrays(const CudaFrame& frame) {
+    return {frame.surfels->get(), frame.details->get(), frame.standings->get(), frame.agree->get()};
+  }
   DevicePlanes surface_of(const CudaFrame& frame, int pass) const {
     const std::shared_ptr<Planes>& raw = frame.raws[pass % 2];
     return {raw ? raw->get() : nullptr, context_.options.width, context_.options.height};
@@ -138,11 +174,12 @@ class CudaEngine : public Engine {
   Pool<Colors> colors_;
   Pool<CubeTexture> grays_, usables_;
   Pool<Planes> raws_, planes_;
-  Pool<Floats> confidences_;
-  Pool<Bytes> covers_;
-  Pool<DeviceArray<DevicePoint>> points_pool_;
-  Bytes chosen_, fuse_scratch_;
-  DeviceArray<unsigned int> indices_;
+  Pool<Floats> confidences_, sights_;
+  Pool<Words> words_;
+  Pool<Bytes> standings_;
+  Pool<PointsDownload> clouds_;
+  Words asked_;
+  Bytes select_scratch_;
   Pool<Record> records_;
   std::vector<std::unique_ptr<MapDownload>> downloads_;
   std::deque<Pending> pending_;
@@ -398,10 +435,6 @@ void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   args.tolerance = static_cast<float>(options.max_relative_depth);
   args.pixel_angle = static_cast<float>(2.0 * kernels::kPi / context_.options.width);
   args.confidence = reference.confidence->get();
-  if (context_.results.cloud) {
-    reference.covered = covers_.get(pixels());
-    PMSP_CUDA_CHECK(cudaMemsetAsync(reference.covered->get(), 0, pixels(), compute_.get()));
-  }
   MapDownload* const download = context_.results.filtered_depth ? &free_download() : nullptr;
   if (download != nullptr) args.out = download->view();
   const std::shared_ptr<Record> record = records_.get();
@@ -410,6 +443,7 @@ void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   filter_pixels(args, compute_.get());
   record->stop(compute_, 1);
   if (download != nullptr) send(*download, reference, context_.results.filtered_depth);
+  if (context_.results.cloud && context_.options.free_space.enabled) find_sight_of(reference);
   expect([this, record] {
     record->marks[1].wait();
     context_.stats.seconds_consistency += record->marks[1].seconds_since(record->marks[0]);
@@ -417,70 +451,185 @@ void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   });
 }
 
-void CudaEngine::fuse(const std::vector<Frame*>& window, std::size_t current) {
+void CudaEngine::find_sight_of(CudaFrame& frame) {
+  const std::shared_ptr<Record> record = records_.get();
+  record->marks[0].record(compute_);
+  frame.nearest = sights_.get(pixels() / 4);
+  frame.farthest = sights_.get(pixels() / 4);
+  find_sight({grid_->view(), filtered_planes(frame), frame.nearest->get(), frame.farthest->get()}, compute_.get());
+  record->marks[1].record(compute_);
+  expect([this, record] {
+    record->marks[1].wait();
+    context_.stats.seconds_free_space += record->marks[1].seconds_since(record->marks[0]);
+  });
+}
+
+void CudaEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) {
   const DeviceScope scope(context_.options.device);
-  const FusionOptions& options = context_.options.fusion;
-  const CudaFrame& reference = own(*window[current]);
-  while (clouds_out_ >= kDownloads) hand_out_first();
-  if (chosen_.empty()) {
-    chosen_ = Bytes(pixels());
-    indices_ = DeviceArray<unsigned int>(pixels());
-    fuse_scratch_ = Bytes(fuse_scratch_bytes(static_cast<int>(pixels())));
-  }
-  const auto points = points_pool_.get(pixels());
-  const auto record = records_.get();
-  FuseArgs args{};
+  CudaFrame& reference = own(frame);
+  reference.surfels = words_.get(pixels());
+  reference.details = words_.get(pixels());
+  reference.agree = words_.get(pixels());
+  reference.standings = standings_.get(pixels());
+  const auto view = [&](const CudaFrame& member) {
+    const Relation to = relation(member.pose(), reference.pose());
+    return kernels::FusionView<FilteredPlanes>{filtered_planes(member), member.confidence->get(),
+                                               reinterpret_cast<const std::uint32_t*>(member.color->get()),
+                                               to.other_from_first, to.zoom};
+  };
+  SurfelArgs args{};
   args.grid = grid_->view();
-  args.planes = reference.planes->get();
-  args.confidence = reference.confidence->get();
-  args.color = reference.color->get();
-  args.covered = reference.covered->get();
+  args.first = view(reference);
   for (std::size_t i = 0; i < window.size(); ++i) {
     if (i == current) continue;
-    const CudaFrame& other = own(*window[i]);
-    args.others[args.num_others++] = {other.planes->get(),
-                                      other.confidence->get(),
-                                      other.color->get(),
-                                      other.covered->get(),
-                                      to_rigid(other.cam_from_world * reference.cam_from_world.inverse()),
-                                      i > current};
+    args.others[args.num_others++] = view(own(*window[i]));
+    reference.window_ids.push_back(window[i]->id);
   }
-  args.max_relative_depth = static_cast<float>(options.max_relative_depth);
-  args.min_cos = static_cast<float>(std::cos(options.max_normal_deg * kernels::kPi / 180.0));
-  args.min_confidence = static_cast<float>(options.min_confidence);
-  args.spacing = static_cast<float>(options.spacing_px);
-  args.chosen = chosen_.get();
-  args.indices = indices_.get();
-  args.count = &record->device.get()->points;
-  args.points = points->get();
+  args.limits = fusion_limits(context_.options.fusion);
+  args.to = surfel_arrays(reference);
+  const std::shared_ptr<Record> record = records_.get();
+  args.counts = record->device.get();
   record->start(compute_);
-  fuse_pixels(args, fuse_scratch_.get(), fuse_scratch_.size(), compute_.get());
+  make_surfels(args, compute_.get());
+  record->stop(compute_, 1);
+  const bool judged = context_.options.free_space.enabled;
+  expect([this, record, judged] {
+    record->marks[1].wait();
+    context_.stats.seconds_fusion += record->marks[1].seconds_since(record->marks[0]);
+    context_.stats.points_fused += record->host[0].fused;
+    if (!judged) context_.stats.points_repeated += record->host[0].fused;
+  });
+}
+
+void CudaEngine::judge(Frame& frame, const std::vector<const Frame*>& viewers) {
+  const DeviceScope scope(context_.options.device);
+  CudaFrame& reference = own(frame);
+  JudgeArgs args{};
+  args.grid = grid_->view();
+  args.surfels = reference.surfels->get();
+  args.details = reference.details->get();
+  for (const Frame* asked : viewers) {
+    const CudaFrame& viewer = own(*asked);
+    const Relation to = relation(viewer.pose(), reference.pose());
+    args.viewers[args.num_viewers++] = {
+        {viewer.nearest->get(), viewer.farthest->get(), context_.options.width / 2, context_.options.height / 2},
+        to.other_from_first,
+        to.zoom};
+  }
+  args.limits = sight_limits(context_.options.free_space);
+  args.max_contradiction = static_cast<float>(context_.options.free_space.max_contradiction);
+  args.standings = reference.standings->get();
+  const std::shared_ptr<Record> record = records_.get();
+  args.counts = record->device.get();
+  record->start(compute_);
+  judge_pixels(args, compute_.get());
+  record->stop(compute_, 1);
+  expect([this, record] {
+    record->marks[1].wait();
+    context_.stats.seconds_free_space += record->marks[1].seconds_since(record->marks[0]);
+    context_.stats.points_repeated += record->host[0].eligible;  // less those that are handed out
+  });
+}
+
+void CudaEngine::round(Frame& frame, const std::vector<const Frame*>& others, int round) {
+  const DeviceScope scope(context_.options.device);
+  CudaFrame& reference = own(frame);
+  if (asked_.empty()) asked_ = Words(pixels());
+  const auto view = [&](const CudaFrame& viewed, const Bytes& standings) {
+    return kernels::SurfelView{viewed.surfels->get(), standings.get(), context_.options.width, context_.options.height,
+                               static_cast<float>(viewed.pose().scale)};
+  };
+  OwnershipArgs args{};
+  args.grid = grid_->view();
+  args.map = view(reference, *reference.standings);
+  for (const Frame* asked : others) {
+    const CudaFrame& viewer = own(*asked);
+    const Relation to = relation(viewer.pose(), reference.pose());
+    args.there |= 1U << static_cast<unsigned>(args.num_others);
+    args.others[args.num_others++] = {view(viewer, viewer.rounds < round ? *viewer.standings : *viewer.before),
+                                      to.other_from_first, to.zoom, viewer.id < reference.id};
+  }
+  args.first_round = true;  // to keep for each pixel who has still a say would take four bytes a pixel
+  args.limits = ownership_limits(context_.options.fusion);
+  args.asked = asked_.get();
+  const std::shared_ptr<Bytes> after = standings_.get(pixels());
+  args.standings = after->get();
+  const std::shared_ptr<Record> record = records_.get();
+  record->marks[0].record(compute_);
+  own_pixels(args, compute_.get());
+  record->marks[1].record(compute_);
+  reference.before = reference.standings;
+  reference.standings = after;
+  reference.rounds = round;
+  expect([this, record] {
+    record->marks[1].wait();
+    context_.stats.seconds_ownership += record->marks[1].seconds_since(record->marks[0]);
+  });
+}
+
+void CudaEngine::hand_out(Frame& frame) {
+  const DeviceScope scope(context_.options.device);
+  const CudaFrame& reference = own(frame);
+  while (clouds_out_ >= kDownloads) hand_out_first();
+  if (select_scratch_.empty()) select_scratch_ = Bytes(owned_scratch_bytes(static_cast<int>(pixels())));
+  const std::shared_ptr<PointsDownload> download = clouds_.get(pixels());
+  const std::shared_ptr<Record> record = records_.get();
+  record->start(compute_);
+  owned_points({grid_->view(), surfel_arrays(reference), download->points.get(), download->pixels.get(),
+                download->agree.get(), &record->device.get()->points},
+               select_scratch_.get(), select_scratch_.size(), compute_.get());
   record->stop(compute_, 1);
   ++clouds_out_;
-  expect([this, record, points, id = reference.id, pose = reference.cam_from_world] {
+  KeyframeCloud made{reference.id, reference.cam_from_world, {}, reference.pose().scale, {}, {}, reference.window_ids};
+  expect([this, record, download, cloud = std::move(made)]() mutable {
     --clouds_out_;
     record->marks[1].wait();
     if (cancelled()) return;
-    context_.stats.seconds_fusion += record->marks[1].seconds_since(record->marks[0]);
-    KeyframeCloud cloud{id, pose, std::vector<CloudPoint>(record->host[0].points)};
-    PMSP_CUDA_CHECK(cudaMemcpyAsync(cloud.points.data(), points->get(), cloud.points.size() * sizeof(CloudPoint),
-                                    cudaMemcpyDeviceToHost, down_.get()));
+    context_.stats.seconds_ownership += record->marks[1].seconds_since(record->marks[0]);
+    const std::size_t count = record->host[0].points;
+    context_.stats.points_repeated -= static_cast<std::int64_t>(count);
+    cloud.points = downloaded<CloudPoint>(download->points, count, down_);
+    cloud.pixels = downloaded<std::uint32_t>(download->pixels, count, down_);
+    cloud.agree = downloaded<std::uint32_t>(download->agree, count, down_);
     PMSP_CUDA_CHECK(cudaStreamSynchronize(down_.get()));
-    context_.results.cloud(std::move(cloud));
+    context_.results.cloud(cloud);
   });
 }
 
 /// Memory that goes back to the pools may be used again at once: whoever gets it works on the same stream.
-void CudaEngine::release_planes(Frame& frame) {
-  for (auto& raw : own(frame).raws) raw.reset();
-}
-
-void CudaEngine::release_maps(Frame& frame) {
+void CudaEngine::release(Frame& frame, Artefact artefact) {
   CudaFrame& done = own(frame);
-  done.planes.reset();
-  done.confidence.reset();
-  done.covered.reset();
-  done.color.reset();
+  switch (artefact) {
+    case Artefact::kImage:
+      done.gray.reset();
+      done.usable.reset();
+      break;
+    case Artefact::kColor:
+      done.color.reset();
+      break;
+    case Artefact::kLandmarks:
+      break;
+    case Artefact::kPlanes:
+      for (auto& raw : done.raws) raw.reset();
+      break;
+    case Artefact::kMedian:
+      done.planes.reset();
+      break;
+    case Artefact::kFiltered:
+      done.confidence.reset();
+      break;
+    case Artefact::kSight:
+      done.nearest.reset();
+      done.farthest.reset();
+      break;
+    case Artefact::kSurfels:
+      done.surfels.reset();
+      done.details.reset();
+      done.agree.reset();
+      done.standings.reset();
+      done.before.reset();
+      break;
+  }
 }
 
 void CudaEngine::deliver(bool all) {

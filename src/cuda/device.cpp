@@ -4,8 +4,8 @@
 #include "cuda/cuda_engine.h"
 #include "cuda/launch.h"
 #include "cuda/memory.h"
-#include "patchmatch/neighbours.h"
 #include "pmsp/error.h"
+#include "schedule.h"
 #include "sphere/cube_map.h"
 
 namespace pmsp::cuda {
@@ -13,6 +13,29 @@ namespace {
 
 /// Of the largest images that are usual; those to come are not known when memory is asked for.
 constexpr std::size_t kCameraPixels = std::size_t{5760} * 2880;
+
+/// Of one keyframe (see CudaFrame); a cube map has 2 + 1 bytes a texel.
+std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::size_t pixels, std::size_t cube_side) {
+  switch (artefact) {
+    case Artefact::kImage:
+      return 18 * cube_side * cube_side;
+    case Artefact::kColor:
+      return 4 * pixels;
+    case Artefact::kLandmarks:
+      return 0;
+    case Artefact::kPlanes:
+      return (options.patchmatch.geometric_passes > 0 ? 32 : 16) * pixels;
+    case Artefact::kMedian:
+      return 16 * pixels;
+    case Artefact::kFiltered:
+      return 4 * pixels;
+    case Artefact::kSight:
+      return 2 * pixels;
+    case Artefact::kSurfels:
+      return (3 * 4 + 2) * pixels;
+  }
+  return 0;
+}
 
 }  // namespace
 
@@ -57,21 +80,17 @@ Device find_device(int number) {
 std::size_t memory_needed(const DensifierOptions& options) {
   const std::size_t pixels = static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);
   const std::size_t side = static_cast<std::size_t>(cube_size_for(options.width));
-  // See CudaFrame and CudaEngine: planes 16, colour 4, confidence 4 bytes a pixel; a cube map of 2 + 1 bytes a texel.
-  const std::size_t raw = options.patchmatch.geometric_passes > 0 ? 32 : 4;
-  const std::size_t frame = (25 + raw) * pixels + 18 * side * side;
-  const std::size_t frames = static_cast<std::size_t>((2 + options.patchmatch.geometric_passes) *
-                                                          neighbour_reach(options.patchmatch.neighbours) +
-                                                      options.consistency.window + options.fusion.window);
-  const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 1) * pixels;  // state, warped planes, keys, gray, eroded mask
+  const Schedule schedule(options, true);
+  std::size_t bytes = 0;
+  for (const Lifetime& lifetime : schedule.lifetimes()) {
+    bytes += static_cast<std::size_t>(lifetime.keyframes) * bytes_of(lifetime.artefact, options, pixels, side);
+  }
+  const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 4 + 1) * pixels;  // state, warped planes, keys, gray, masks
   const std::size_t priors =
       options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 20 * pixels : 0;
-  const std::size_t copies = (2 * 20 + 2 * 32 + 5) * pixels;  // depth maps and points on their way down
-  const std::size_t remembered =
-      options.patchmatch.revisits > 0 ? static_cast<std::size_t>(options.patchmatch.history) : 0;
-  const std::size_t images = remembered * 18 * side * side;
+  const std::size_t copies = (2 * 20 + 2 * 40 + 2) * pixels;  // depth maps and points on their way down
   const std::size_t uploads = 2 * (3 + 1) * std::max(pixels, kCameraPixels);
-  return frames * frame + working + priors + copies + images + uploads;
+  return bytes + working + priors + copies + uploads;
 }
 
 }  // namespace pmsp::cuda

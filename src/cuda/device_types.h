@@ -118,6 +118,8 @@ struct Counts {
   unsigned int matched;
   unsigned int after_median;
   unsigned int after_consistency;
+  unsigned int fused;
+  unsigned int eligible;
   unsigned int points;
 };
 
@@ -168,32 +170,6 @@ struct DevicePoint {
   float confidence;
 };
 
-struct FuseArgs {
-  struct Other {
-    const float4* planes;
-    const float* confidence;
-    const uchar4* color;
-    unsigned char* covered;
-    kernels::Rigid other_from_first;
-    bool later;
-  };
-  cpu::GridTables grid;
-  const float4* planes;
-  const float* confidence;
-  const uchar4* color;
-  const unsigned char* covered;
-  Other others[kMaxMaps];
-  int num_others;
-  float max_relative_depth;
-  float min_cos;
-  float min_confidence;
-  float spacing;
-  unsigned char* chosen;  ///< per pixel
-  unsigned int* indices;  ///< room for all pixels
-  unsigned int* count;
-  DevicePoint* points;  ///< room for all pixels
-};
-
 /// A keyframe's points in row order; see SurfelMap.
 struct SurfelArrays {
   std::uint32_t* surfels;
@@ -209,6 +185,7 @@ struct SurfelArgs {
   int num_others;
   kernels::FusionLimits limits;
   SurfelArrays to;
+  Counts* counts;
 };
 
 /// Sight of a keyframe (SightMap), half as wide and high as its map.
@@ -228,6 +205,7 @@ struct JudgeArgs {
   kernels::SightLimits limits;
   float max_contradiction;
   std::uint8_t* standings;
+  Counts* counts;
 };
 
 /// A round of ownership of one keyframe.

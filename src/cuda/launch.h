@@ -49,10 +49,6 @@ void median_pixels(const MedianArgs& args, cudaStream_t stream);
 
 void filter_pixels(const ConsistencyArgs& args, cudaStream_t stream);
 
-/// Points of a map's pixels, and the pixels of later maps that they cover. `scratch`: at least fuse_scratch_bytes.
-void fuse_pixels(const FuseArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
-std::size_t fuse_scratch_bytes(int pixels);
-
 /// The point of each pixel of a map (pmsp::fuse_pixels).
 void make_surfels(const SurfelArgs& args, cudaStream_t stream);
 

@@ -30,15 +30,19 @@ __device__ bool pixel_of_thread(int width, int height, int& x, int& y) {
 __global__ void surfel_kernel(const __grid_constant__ SurfelArgs args) {
   int x = 0;
   int y = 0;
-  if (!pixel_of_thread(args.grid.width, args.grid.height, x, y)) return;
-  const kernels::FusePixels<FilteredPlanes> stage{args.first, view_of(args.grid), args.others, args.num_others,
-                                                  args.limits};
-  const kernels::FusedPixel<float> made = stage.at<float>(x, y);
-  const std::size_t at = row_index(args.grid, x, y);
-  args.to.surfels[at] = made.point.surfel;
-  args.to.details[at] = made.point.detail;
-  args.to.standings[at] = static_cast<std::uint8_t>(made.standing);
-  args.to.agree[at] = made.agree;
+  bool fused = false;
+  if (pixel_of_thread(args.grid.width, args.grid.height, x, y)) {
+    const kernels::FusePixels<FilteredPlanes> stage{args.first, view_of(args.grid), args.others, args.num_others,
+                                                    args.limits};
+    const kernels::FusedPixel<float> made = stage.at<float>(x, y);
+    const std::size_t at = row_index(args.grid, x, y);
+    args.to.surfels[at] = made.point.surfel;
+    args.to.details[at] = made.point.detail;
+    args.to.standings[at] = static_cast<std::uint8_t>(made.standing);
+    args.to.agree[at] = made.agree;
+    fused = made.standing != 0U;
+  }
+  count_if(fused, &args.counts->fused);
 }
 
 __global__ void sight_kernel(const __grid_constant__ SightArgs args) {
@@ -66,10 +70,15 @@ __global__ void sight_kernel(const __grid_constant__ SightArgs args) {
 __global__ void judge_kernel(const __grid_constant__ JudgeArgs args) {
   int x = 0;
   int y = 0;
-  if (!pixel_of_thread(args.grid.width, args.grid.height, x, y)) return;
-  const kernels::Eligibility stage{args.surfels, args.details,     view_of(args.grid), args.grid.width,
-                                   args.viewers, args.num_viewers, args.limits,        args.max_contradiction};
-  args.standings[row_index(args.grid, x, y)] = static_cast<std::uint8_t>(stage.at<float>(x, y));
+  bool eligible = false;
+  if (pixel_of_thread(args.grid.width, args.grid.height, x, y)) {
+    const kernels::Eligibility stage{args.surfels, args.details,     view_of(args.grid), args.grid.width,
+                                     args.viewers, args.num_viewers, args.limits,        args.max_contradiction};
+    const std::uint32_t standing = stage.at<float>(x, y);
+    args.standings[row_index(args.grid, x, y)] = static_cast<std::uint8_t>(standing);
+    eligible = standing != 0U;
+  }
+  count_if(eligible, &args.counts->eligible);
 }
 
 __global__ void own_kernel(const __grid_constant__ OwnershipArgs args) {

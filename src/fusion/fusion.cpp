@@ -2,160 +2,244 @@
 #include "pmsp/fusion.h"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
+#include <string>
+#include <utility>
 
 #include "cpu/executor_impl.h"
 #include "filters/depth_map_tools.h"
-#include "fusion.h"
+#include "fusion/fusion_setup.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
 namespace {
 
-/// Another map of the window, ready for comparison.
-struct Other {
-  const FusionInput* input = nullptr;
-  bool later = false;
-  cpu::CompareJob job{};
-  Eigen::Matrix3f ref_from_other;
-};
-
-kernels::Vec3<float> color_of(const Rgb& c) {
-  return {static_cast<float>(c.r), static_cast<float>(c.g), static_cast<float>(c.b)};
+void check_scale(const char* stage, const KeyframePose& pose) {
+  if (!(pose.scale > 0.0) || !std::isfinite(pose.scale)) {
+    throw InvalidInput(std::string(stage) + ": a keyframe's scale is " + std::to_string(pose.scale) +
+                       "; expected more than 0");
+  }
 }
 
-std::uint8_t to_byte(float value) { return static_cast<std::uint8_t>(std::clamp(value + 0.5F, 0.0F, 255.0F)); }
+void check_count(const char* stage, std::size_t count) {
+  if (count <= static_cast<std::size_t>(kernels::kMaxViewers)) return;
+  throw InvalidInput(std::string(stage) + ": " + std::to_string(count) + " keyframes are asked; expected at most " +
+                     std::to_string(kernels::kMaxViewers));
+}
 
-class RowFuser {
- public:
-  RowFuser(const FusionInput& current, const std::vector<Other>& others, const FusionOptions& options,
-           const Executor& executor, const SphereGrid& grid)
-      : current_(current), others_(others), options_(options), executor_(executor), grid_(grid) {}
+kernels::GridView view_of(const SphereGrid& grid) {
+  return {grid.sin_lon(), grid.cos_lon(), grid.sin_lat(), grid.cos_lat()};
+}
 
-  std::vector<CloudPoint> fuse_row(int y) const {
-    const int width = grid_.width();
-    std::vector<CompareBuffers> rows;
-    rows.reserve(others_.size());
-    for (const Other& other : others_) {
-      rows.emplace_back(width);
-      executor_.impl().rows.compare_row(other.job, y, rows.back().out());
+template <class A, class B>
+bool same_image_size(const Image<A>& a, const Image<B>& b) {
+  return a.width() == b.width() && a.height() == b.height();
+}
+
+/// Colours as the kernels gather them.
+std::vector<std::uint32_t> words(const Image<Rgb>& color, ThreadPool& pool) {
+  std::vector<std::uint32_t> packed(color.size());
+  const std::size_t width = static_cast<std::size_t>(color.width());
+  pool.for_each(color.height(), [&](int y) {
+    const Rgb* const from = color.row(y);
+    std::uint32_t* const to = packed.data() + static_cast<std::size_t>(y) * width;
+    for (std::size_t x = 0; x < width; ++x) {
+      to[x] = from[x].r | static_cast<std::uint32_t>(from[x].g) << 8U | static_cast<std::uint32_t>(from[x].b) << 16U;
     }
-    std::vector<CloudPoint> points;
-    for (int x = 0; x < width; ++x) {
-      if (current_.map->depth(x, y) <= 0.0F || (*current_.covered)[pixel(x, y)] != 0) continue;
-      fuse_pixel(x, y, rows, points);
+  });
+  return packed;
+}
+
+void check(const std::vector<FusionMap>& window, std::size_t current) {
+  if (current >= window.size()) throw InvalidInput("fuse_pixels: the current keyframe is not in the window");
+  check_count("fuse_pixels", window.size() - 1);
+  for (const FusionMap& input : window) {
+    if (input.map == nullptr || input.color == nullptr) {
+      throw InvalidInput("fuse_pixels: a keyframe of the window lacks its depth map or colours");
     }
-    return points;
-  }
-
- private:
-  std::size_t pixel(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.width()) + static_cast<std::size_t>(x);
-  }
-
-  void fuse_pixel(int x, int y, const std::vector<CompareBuffers>& rows, std::vector<CloudPoint>& points) const {
-    const DepthMap& map = *current_.map;
-    const float depth = map.depth(x, y);
-    const Eigen::Vector3f& normal = map.normal(x, y);
-    const float confidence = map.confidence(x, y);
-    const float min_cos = static_cast<float>(std::cos(options_.max_normal_deg * kernels::kPi / 180.0));
-    const std::size_t column = static_cast<std::size_t>(x);
-    if (confidence < static_cast<float>(options_.min_confidence)) return;
-    kernels::FusionSums sums;
-    sums.add(kernels::fusion_weight(confidence, depth), depth, to_vec3(normal), color_of((*current_.color)(x, y)));
-    for (std::size_t i = 0; i < others_.size(); ++i) {
-      const float closeness = rows[i].closeness[column];
-      if (std::fabs(closeness - 1.0F) > static_cast<float>(options_.max_relative_depth)) continue;
-      const Other& other = others_[i];
-      const std::size_t at = static_cast<std::size_t>(rows[i].index[column]);
-      const Eigen::Vector3f turned = other.ref_from_other * other.input->map->normal.pixels()[at];
-      if (turned.dot(normal) < min_cos) continue;
-      const float other_depth = other.input->map->depth.pixels()[at];
-      if (other.later && other_depth < kernels::kMuchCloser * depth) return;
-      sums.add(kernels::fusion_weight(other.input->map->confidence.pixels()[at], other_depth),
-               rows[i].implied_depth[column], to_vec3(turned), color_of(other.input->color->pixels()[at]));
+    if (!same_size(*input.map, *window.front().map) || !same_image_size(*input.color, input.map->depth)) {
+      throw InvalidInput("fuse_pixels: depth maps and colours differ in size");
     }
-    const kernels::Vec3<float> bearing =
-        kernels::bearing(grid_.sin_lon()[x], grid_.cos_lon()[x], grid_.sin_lat()[y], grid_.cos_lat()[y]);
-    CloudPoint point;
-    point.position = (sums.depth / sums.weight) * to_eigen(bearing);
-    point.normal = to_eigen(kernels::normalized((1.0F / sums.weight) * sums.normal));
-    const kernels::Vec3<float> color = (1.0F / sums.weight) * sums.color;
-    point.color = {to_byte(color.x), to_byte(color.y), to_byte(color.z)};
-    point.confidence = confidence;
-    point.views = static_cast<std::uint8_t>(std::min(sums.views, 255));
-    points.push_back(point);
-    for (const Other& other : others_) {
-      if (other.later) cover(other, to_vec3(point.position));
-    }
+    check_scale("fuse_pixels", input.pose);
   }
+}
 
-  /// Marks the pixels of a later map that the point stands for: those of the same surface whose centre lies within the
-  /// spacing. Near the poles these are many, since columns crowd there.
-  void cover(const Other& other, const kernels::Vec3<float>& point) const {
-    const DepthMap& map = *other.input->map;
-    const kernels::Vec3<float> p = kernels::transform(other.job.other_from_first, point);
-    const float range = std::sqrt(kernels::dot(p, p));
-    const float tolerance = static_cast<float>(options_.max_relative_depth) * range;
-    kernels::for_each_covered(
-        p, static_cast<float>(options_.spacing_px), grid_.cos_lat(), grid_.width(), grid_.height(), [&](int pixel) {
-          const std::size_t index = static_cast<std::size_t>(pixel);
-          const float depth = map.depth.pixels()[index];
-          if (std::fabs(depth - range) > tolerance) return;
-          __atomic_store_n(&(*other.input->covered)[index], std::uint8_t{1},
-                           __ATOMIC_RELAXED);  // rows run in parallel
-        });
-  }
+kernels::SurfelView view_of(const SurfelMap& map, const Image<std::uint8_t>& standings, const KeyframePose& pose) {
+  return {map.surfels.pixels().data(), standings.pixels().data(), map.surfels.width(), map.surfels.height(),
+          static_cast<float>(pose.scale)};
+}
 
-  const FusionInput& current_;
-  const std::vector<Other>& others_;
-  const FusionOptions& options_;
-  const Executor& executor_;
-  const SphereGrid& grid_;
-};
-
-void check(const std::vector<FusionInput>& window) {
-  for (const FusionInput& input : window) {
-    if (input.map == nullptr || input.color == nullptr || input.covered == nullptr) {
-      throw InvalidInput("fuse: a keyframe of the window lacks its depth map, colours or covered pixels");
-    }
-    const bool fits = same_size(*input.map, *window.front().map) && input.covered->size() == input.map->depth.size() &&
-                      input.color->width() == input.map->depth.width() &&
-                      input.color->height() == input.map->depth.height();
-    if (!fits) throw InvalidInput("fuse: depth maps, colours and covered pixels differ in size");
-  }
+std::size_t open_pixels(const std::uint8_t* standings, std::size_t count) {
+  return static_cast<std::size_t>(std::count_if(standings, standings + count, [](std::uint8_t packed) {
+    return kernels::standing_of(packed) == kernels::Standing::kOpen;
+  }));
 }
 
 }  // namespace
 
-KeyframeCloud fuse(const std::vector<FusionInput>& window, std::size_t current, const FusionOptions& options,
-                   const Executor& executor) {
+SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
+                      const Executor& executor) {
   options.validate();
-  if (current >= window.size()) throw InvalidInput("fuse: the current keyframe is not in the window");
-  check(window);
+  check(window, current);
   const DepthMap& map = *window[current].map;
-  const SphereGrid grid(map.depth.width(), map.depth.height());
-  ThreadPool& pool = executor.impl().pool;
+  const int width = map.depth.width();
+  const int height = map.depth.height();
+  const SphereGrid grid(width, height);
+  Executor::Impl& machine = executor.impl();
   std::vector<PlaneRows> planes;
-  planes.reserve(window.size());  // jobs point into it
-  std::vector<Other> others;
-  for (std::size_t i = 0; i < window.size(); ++i) {
-    if (i == current) continue;
-    const RigidTransform other_from_ref = window[i].map->cam_from_world * map.cam_from_world.inverse();
-    planes.emplace_back(*window[i].map, grid, pool);
-    others.push_back({&window[i],
-                      i > current,
-                      {grid.tables(), map.depth.pixels().data(), planes.back().view(), to_rigid(other_from_ref)},
-                      other_from_ref.rotation.transpose().cast<float>()});
+  std::vector<std::vector<std::uint32_t>> colors;
+  planes.reserve(window.size());  // views point into them
+  colors.reserve(window.size());
+  SurfelMap fused;
+  using View = kernels::FusionView<kernels::PlaneMapView>;
+  std::vector<View> others;
+  View first{};
+  for (std::size_t k = 0; k < window.size(); ++k) {
+    const FusionMap& input = window[k];
+    const Relation to = relation(input.pose, window[current].pose);
+    planes.emplace_back(*input.map, grid, machine.pool);
+    colors.push_back(words(*input.color, machine.pool));
+    const View view{planes.back().view(), input.map->confidence.pixels().data(), colors.back().data(),
+                    to.other_from_first, to.zoom};
+    if (k == current) {
+      first = view;
+    } else {
+      others.push_back(view);
+      fused.window_ids.push_back(input.map->keyframe_id);
+    }
   }
-  const RowFuser fuser(window[current], others, options, executor, grid);
-  std::vector<std::vector<CloudPoint>> rows(static_cast<std::size_t>(grid.height()));
-  pool.for_each(grid.height(), [&](int y) { rows[static_cast<std::size_t>(y)] = fuser.fuse_row(y); });
-  KeyframeCloud cloud{map.keyframe_id, map.cam_from_world, {}};
+  fused.keyframe_id = map.keyframe_id;
+  fused.surfels = Image<std::uint32_t>(width, height);
+  fused.details = Image<std::uint32_t>(width, height);
+  fused.standings = Image<std::uint8_t>(width, height);
+  fused.agree.resize(fused.surfels.size() * static_cast<std::size_t>(fused.agree_bytes()));
+  const cpu::FusedArrays to{fused.surfels.pixels().data(), fused.details.pixels().data(),
+                            fused.standings.pixels().data(), fused.agree.data(), fused.agree_bytes()};
+  const kernels::FusePixels<kernels::PlaneMapView> stage{first, view_of(grid), others.data(),
+                                                         static_cast<int>(others.size()), fusion_limits(options)};
+  machine.pool.for_each(height, [&](int y) { machine.rows.fuse_row(stage, y, to); });
+  return fused;
+}
+
+void judge(SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
+           const FreeSpaceOptions& options, const Executor& executor) {
+  options.validate();
+  check_scale("judge", pose);
+  const int width = map.surfels.width();
+  const int height = map.surfels.height();
+  const SphereGrid grid(width, height);
+  std::vector<kernels::Viewer> asked;
+  for (const SightFrom& viewer : viewers) {
+    if (viewer.sight == nullptr) throw InvalidInput("judge: a viewer lacks its sight map");
+    const Image<float>& nearest = viewer.sight->nearest;
+    if (2 * nearest.width() != width || 2 * nearest.height() != height) {
+      throw InvalidInput("judge: maps differ in size");
+    }
+    check_scale("judge", viewer.pose);
+    const Relation to = relation(viewer.pose, pose);
+    asked.push_back(
+        {{nearest.pixels().data(), viewer.sight->farthest.pixels().data(), nearest.width(), nearest.height()},
+         to.other_from_first,
+         to.zoom});
+  }
+  const kernels::Eligibility stage{map.surfels.pixels().data(),
+                                   map.details.pixels().data(),
+                                   view_of(grid),
+                                   width,
+                                   asked.data(),
+                                   options.enabled ? static_cast<int>(asked.size()) : 0,
+                                   sight_limits(options),
+                                   static_cast<float>(options.max_contradiction)};
+  executor.impl().pool.for_each(height, [&](int y) { executor.impl().rows.judge_row(stage, y, map.standings.row(y)); });
+  map.asked.clear();
+}
+
+Image<std::uint8_t> ownership_round(SurfelMap& map, const KeyframePose& pose, const std::vector<SurfelsFrom>& viewers,
+                                    const FusionOptions& options, const Executor& executor) {
+  options.validate();
+  check_scale("ownership_round", pose);
+  check_count("ownership_round", viewers.size());
+  const int width = map.surfels.width();
+  const int height = map.surfels.height();
+  const SphereGrid grid(width, height);
+  std::uint32_t there = 0;
+  std::vector<kernels::OwnershipView> others;
+  for (std::size_t k = 0; k < viewers.size(); ++k) {
+    const SurfelsFrom& viewer = viewers[k];
+    others.emplace_back();
+    if (viewer.map == nullptr) continue;
+    check_scale("ownership_round", viewer.pose);
+    const Image<std::uint8_t>& theirs = viewer.standings != nullptr ? *viewer.standings : viewer.map->standings;
+    if (!same_image_size(viewer.map->surfels, map.surfels) || !same_image_size(theirs, map.surfels)) {
+      throw InvalidInput("ownership_round: maps differ in size");
+    }
+    const Relation to = relation(viewer.pose, pose);
+    others.back() = {view_of(*viewer.map, theirs, viewer.pose), to.other_from_first, to.zoom,
+                     viewer.map->keyframe_id < map.keyframe_id};
+    there |= 1U << k;
+  }
+  const std::size_t rows = static_cast<std::size_t>(height);
+  std::vector<std::size_t> first(rows + 1);  // open pixels before each row
+  for (int y = 0; y < height; ++y) {
+    const std::size_t row = static_cast<std::size_t>(y);
+    first[row + 1] = first[row] + open_pixels(map.standings.row(y), static_cast<std::size_t>(width));
+  }
+  if (!map.asked.empty() && map.asked.size() != first[rows]) {
+    throw InvalidInput("ownership_round: standings are not those of the round before");
+  }
+  const kernels::OwnershipRound stage{view_of(map, map.standings, pose), view_of(grid), others.data(),
+                                      static_cast<int>(others.size()), ownership_limits(options)};
+  Image<std::uint8_t> standings(width, height);
+  std::vector<std::vector<std::uint32_t>> still(rows);
+  executor.impl().pool.for_each(height, [&](int y) {
+    const std::size_t row = static_cast<std::size_t>(y);
+    const std::uint32_t* const ask = map.asked.empty() ? nullptr : map.asked.data() + first[row];
+    std::vector<std::uint32_t> left(first[row + 1] - first[row]);
+    const int count = executor.impl().rows.own_row(stage, y, ask, there, standings.row(y), left.data());
+    still[row].assign(left.begin(), left.begin() + count);
+  });
   std::size_t count = 0;
-  for (const std::vector<CloudPoint>& row : rows) count += row.size();
+  for (const std::vector<std::uint32_t>& row : still) count += row.size();
+  std::vector<std::uint32_t> asked;
+  asked.reserve(count);
+  for (const std::vector<std::uint32_t>& row : still) asked.insert(asked.end(), row.begin(), row.end());
+  map.asked = std::move(asked);
+  return standings;
+}
+
+KeyframeCloud owned_points(const SurfelMap& map, const KeyframePose& pose) {
+  const int width = map.surfels.width();
+  const SphereGrid grid(width, map.surfels.height());
+  const kernels::GridView view = view_of(grid);
+  KeyframeCloud cloud{map.keyframe_id, pose.cam_from_world, {}, pose.scale, {}, {}, map.window_ids};
+  const std::vector<std::uint8_t>& standings = map.standings.pixels();
+  const std::size_t count =
+      static_cast<std::size_t>(std::count_if(standings.begin(), standings.end(), kernels::makes_point));
   cloud.points.reserve(count);
-  for (const std::vector<CloudPoint>& row : rows) cloud.points.insert(cloud.points.end(), row.begin(), row.end());
+  cloud.pixels.reserve(count);
+  cloud.agree.reserve(count);
+  const std::size_t bytes = static_cast<std::size_t>(map.agree_bytes());
+  for (std::size_t pixel = 0; pixel < standings.size(); ++pixel) {
+    if (!kernels::makes_point(standings[pixel])) continue;
+    const kernels::PackedPoint<std::uint32_t> packed{map.surfels.pixels()[pixel], map.details.pixels()[pixel]};
+    const int x = static_cast<int>(pixel) % width;
+    const int y = static_cast<int>(pixel) / width;
+    std::uint32_t agree = 0;
+    for (std::size_t i = 0; i < bytes; ++i) {
+      agree |= static_cast<std::uint32_t>(map.agree[bytes * pixel + i]) << (8 * i);
+    }
+    CloudPoint point;
+    point.position = kernels::depth_of_surfel<float>(packed.surfel) * to_eigen(kernels::bearing_at<float>(view, x, y));
+    point.normal = to_eigen(kernels::normal_of(packed));
+    point.color = {static_cast<std::uint8_t>(packed.detail), static_cast<std::uint8_t>(packed.detail >> 8U),
+                   static_cast<std::uint8_t>(packed.detail >> 16U)};
+    point.views = static_cast<std::uint8_t>(1 + std::bitset<32>(agree).count());
+    point.confidence = kernels::confidence_of_level<float>(static_cast<std::uint32_t>(standings[pixel]) >> 2U);
+    cloud.points.push_back(point);
+    cloud.pixels.push_back(static_cast<std::uint32_t>(pixel));
+    cloud.agree.push_back(agree);
+  }
   return cloud;
 }
 

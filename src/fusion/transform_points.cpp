@@ -7,7 +7,7 @@ std::vector<CloudPoint> transform_points(const KeyframeCloud& cloud, const Rigid
   const RigidTransform world_from_cam = cam_from_world.inverse();
   std::vector<CloudPoint> points = cloud.points;
   for (CloudPoint& point : points) {
-    point.position = (world_from_cam * point.position.cast<double>()).cast<float>();
+    point.position = (world_from_cam * (cloud.scale * point.position.cast<double>())).cast<float>();
     point.normal = (world_from_cam.rotation * point.normal.cast<double>()).cast<float>();
   }
   return points;

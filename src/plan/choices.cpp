@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "patchmatch/neighbours.h"
+#include "plan/reach.h"
 
 namespace pmsp {
 namespace {
@@ -86,7 +87,8 @@ std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector
                                          const std::vector<ViewerCandidate>& candidates, int count,
                                          const PlanEntry* previous) {
   const std::unordered_set<std::int64_t> in_window(window.begin(), window.end());
-  const std::size_t wanted = static_cast<std::size_t>(count);
+  const std::size_t wanted =
+      std::min(static_cast<std::size_t>(count), static_cast<std::size_t>(kMostViewers) - window.size());
   std::vector<ViewerCandidate> list;  // within reach, without the window
   std::unordered_set<std::int64_t> allowed;
   for (const ViewerCandidate& candidate : candidates) {

@@ -2,6 +2,7 @@
 #include <cstddef>
 #include <unordered_map>
 
+#include "plan/reach.h"
 #include "pmsp/error.h"
 #include "pmsp/plan.h"
 
@@ -71,14 +72,17 @@ Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const Densifie
     clouds[i] = plan.entries[i].has_depth_map();
   }
   Set eligible = clouds;
-  find.follow(clouds, &PlanEntry::viewers, eligible);
+  for (int round = 0; round < ownership_rounds(options); ++round) {
+    const Set asking = eligible;
+    find.each(asking, [&](const PlanEntry& entry) { find.add(eligible, owners_of(entry, options)); });
+  }
   Set sights = find.none();
-  find.follow(eligible, &PlanEntry::viewers, sights);
+  if (options.free_space.enabled) find.follow(eligible, &PlanEntry::viewers, sights);
   Set images = clouds;
   find.follow(clouds, &PlanEntry::fusion, images);
   Set filtered = eligible;  // and with them the clouds
   HaloFinder::add(filtered, sights);
-  find.follow(clouds, &PlanEntry::fusion, filtered);
+  find.follow(eligible, &PlanEntry::fusion, filtered);
   Set planes = filtered;
   find.follow(filtered, &PlanEntry::consistency, planes);
 

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "patchmatch/neighbours.h"
 #include "plan/unordered.h"
 
 namespace pmsp {
@@ -12,24 +11,9 @@ namespace pmsp {
 std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }
 
 Planner::Planner(const DensifierOptions& options, const Plan* previous)
-    : options_(options), previous_(previous), chain_(options.view_filter) {
+    : options_(options), reach_(plan_reach(options)), previous_(previous), chain_(options.view_filter) {
   options.validate();
 }
-
-std::int64_t Planner::match_delay() const { return neighbour_reach(options_.patchmatch.neighbours); }
-
-std::int64_t Planner::viewers_after() const {
-  const std::int64_t window = options_.fusion.window / 2;
-  if (!options_.free_space.enabled || !options_.free_space.whole_mission) return window;
-  return std::max<std::int64_t>(window, options_.free_space.history / 2);
-}
-
-std::int64_t Planner::windows_after() const {
-  const std::int64_t consistency = options_.consistency.enabled ? options_.consistency.window / 2 : 0;
-  return std::max<std::int64_t>(consistency, options_.fusion.window / 2);
-}
-
-std::int64_t Planner::complete_delay() const { return match_delay() + std::max(windows_after(), viewers_after()); }
 
 std::size_t Planner::entry_after(std::int64_t next) const {
   if (options_.unordered) return set_.empty() ? entries_.size() : 0;
@@ -119,9 +103,9 @@ void Planner::take_into_chain(const PlanKeyframe& keyframe) {
 }
 
 void Planner::advance(bool last) {
-  while (last ? next_match_ < end() : next_match_ + match_delay() < end()) choose_neighbours_of(next_match_++);
-  while (last ? next_window_ < end() : next_window_ + windows_after() < next_match_) choose_windows_of(next_window_++);
-  const std::int64_t viewers = complete_delay() - match_delay();
+  while (last ? next_match_ < end() : next_match_ + reach_.near < end()) choose_neighbours_of(next_match_++);
+  while (last ? next_window_ < end() : next_window_ + reach_.windows < next_match_) choose_windows_of(next_window_++);
+  const std::int64_t viewers = std::max(reach_.windows, reach_.viewers_after);
   while (last ? next_viewers_ < end() : next_viewers_ + viewers < next_match_) choose_viewers_of(next_viewers_++);
   forget();
 }
@@ -130,8 +114,8 @@ void Planner::choose_neighbours_of(std::int64_t i) {
   PlanNode& reference = node(i);
   PlanEntry& entry = entry_of(reference);
   const PlanEntry* before = previous_.find(entry.id);
-  const std::int64_t from = std::max(first_, i - match_delay());
-  const std::int64_t to = std::min(end(), i + match_delay() + 1);
+  const std::int64_t from = std::max(first_, i - reach_.near);
+  const std::int64_t to = std::min(end(), i + reach_.near + 1);
   std::vector<const Keyframe*> sequence;
   for (std::int64_t k = from; k < to; ++k) sequence.push_back(&node(k).keyframe);
   const std::vector<std::size_t> near =
@@ -142,7 +126,7 @@ void Planner::choose_neighbours_of(std::int64_t i) {
     centers.push_back(node(from + static_cast<std::int64_t>(k)).center);
   }
   std::vector<const PlanNode*> past;
-  for (std::int64_t k = std::max(first_, i - options_.patchmatch.history); k < i - match_delay(); ++k) {
+  for (std::int64_t k = std::max(first_, i - options_.patchmatch.history); k < i - reach_.near; ++k) {
     past.push_back(&node(k));
   }
   for (const std::size_t k : choose_far(reference, centers, past, options_.patchmatch.revisits, before)) {
@@ -169,8 +153,8 @@ void Planner::choose_windows_of(std::int64_t i) {
   const PlanNode& reference = node(i);
   PlanEntry& entry = entry_of(reference);
   if (!entry.has_depth_map()) return;
-  if (options_.consistency.enabled) entry.consistency = window_around(i, options_.consistency.window / 2);
-  entry.fusion = window_around(i, options_.fusion.window / 2);
+  if (options_.consistency.enabled) entry.consistency = window_around(i, reach_.consistency);
+  entry.fusion = window_around(i, reach_.fusion);
 }
 
 void Planner::choose_viewers_of(std::int64_t i) {
@@ -180,8 +164,8 @@ void Planner::choose_viewers_of(std::int64_t i) {
   entry.viewers = entry.fusion;
   if (!options_.free_space.enabled) return;
   std::vector<ViewerCandidate> candidates;
-  const std::int64_t before = std::max<std::int64_t>(viewers_before(), options_.fusion.window / 2);
-  for (std::int64_t k = std::max(first_, i - before); k <= std::min(end() - 1, i + viewers_after()); ++k) {
+  for (std::int64_t k = std::max(first_, i - reach_.viewers_before); k <= std::min(end() - 1, i + reach_.viewers_after);
+       ++k) {
     if (k != i && node(k).has_depth_map) {
       candidates.push_back({node(k).keyframe.id, (node(k).center - reference.center).norm()});
     }
@@ -192,12 +176,9 @@ void Planner::choose_viewers_of(std::int64_t i) {
 
 /// Lets go of what no later keyframe looks at.
 void Planner::forget() {
-  for (; next_clear_ < next_match_ - match_delay(); ++next_clear_) node(next_clear_).keyframe.landmarks = {};
-  const std::int64_t windows =
-      std::max<std::int64_t>({viewers_before(), options_.fusion.window / 2, options_.consistency.window / 2});
-  const std::int64_t matching =
-      std::max<std::int64_t>(match_delay(), options_.patchmatch.revisits > 0 ? options_.patchmatch.history : 0);
-  const std::int64_t keep = std::min({next_clear_, next_viewers_ - windows, next_match_ - matching});
+  for (; next_clear_ < next_match_ - reach_.near; ++next_clear_) node(next_clear_).keyframe.landmarks = {};
+  const std::int64_t windows = std::max(reach_.viewers_before, reach_.windows);
+  const std::int64_t keep = std::min({next_clear_, next_viewers_ - windows, next_match_ - reach_.images_before});
   for (; first_ < keep; ++first_) nodes_.pop_front();
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "plan/choices.h"
+#include "plan/reach.h"
 #include "pmsp/plan.h"
 #include "view_filter/view_chain.h"
 
@@ -37,10 +38,6 @@ class Planner {
   /// Forgets the first `count` entries, which are complete.
   void drop(std::size_t count);
 
-  /// Used keyframes after its own by which an entry is matchable, and by which it is complete.
-  std::int64_t match_delay() const;
-  std::int64_t complete_delay() const;
-
  private:
   KeyframeUse judge(const PlanKeyframe& keyframe);
   KeyframeUse begin_block(const PlanKeyframe& keyframe);
@@ -59,11 +56,9 @@ class Planner {
   PlanEntry& entry_of(const PlanNode& node) { return entries_[node.entry - dropped_]; }
   std::int64_t end() const { return first_ + static_cast<std::int64_t>(nodes_.size()); }
   std::size_t entry_after(std::int64_t next) const;
-  std::int64_t viewers_before() const { return options_.free_space.history / 2; }
-  std::int64_t viewers_after() const;
-  std::int64_t windows_after() const;
 
   DensifierOptions options_;
+  PlanReach reach_;
   PreviousPlan previous_;
   std::deque<PlanEntry> entries_;
   std::size_t dropped_ = 0;  ///< entries

@@ -89,6 +89,7 @@ int Panorama::width() const { return data_->width; }
 int Panorama::height() const { return data_->height; }
 const Image<Rgb>& Panorama::color() const { return data_->color; }
 void Panorama::release_color() { data_->color = {}; }
+void Panorama::release_gray() { data_->gray = data_->matchable = {}; }
 const Image<std::uint8_t>& Panorama::usable() const { return data_->usable; }
 
 }  // namespace pmsp

@@ -13,16 +13,19 @@ using namespace pmsp::test;
 
 namespace {
 
-constexpr std::size_t kKeyframes = 30;
+constexpr std::size_t kKeyframes = 40;
 constexpr std::size_t kPiece = 3;
 
-/// Short halos, so that pieces of a short flight have ends: one geometric pass, chains of three ids, no far viewers.
+/// Short halos, so that pieces of a short flight have ends: one geometric pass, chains of three ids, few viewers.
 DensifierOptions local_options() {
   DensifierOptions options = fast_options(kTinyWidth);
   options.view_filter.enabled = false;  // a piece would begin its chain elsewhere
   options.patchmatch.geometric_passes = 1;
   options.init.chain_keyframes = 3;
-  options.free_space.enabled = false;
+  options.consistency.window = options.fusion.window = 3;
+  options.consistency.min_views = 2;
+  options.free_space.history = 6;
+  options.free_space.views = 8;  // all of them: who is left out changes places in the sequence, and so the windows
   return options;
 }
 
@@ -43,19 +46,21 @@ const std::vector<Keyframe>& flight() {
   return kFlight;
 }
 
-struct Maps {
+struct Results {
   std::map<std::int64_t, DepthMap> raw, filtered;
+  std::map<std::int64_t, KeyframeCloud> clouds;
 };
 
-Maps maps_of(const std::vector<Keyframe>& keyframes, const DensifierOptions& options) {
-  Maps maps;
+Results results_of(const std::vector<Keyframe>& keyframes, const DensifierOptions& options) {
+  Results results;
   DensifierCallbacks callbacks;
-  callbacks.raw_depth = [&](const DepthMap& map) { maps.raw.emplace(map.keyframe_id, map); };
-  callbacks.filtered_depth = [&](const DepthMap& map) { maps.filtered.emplace(map.keyframe_id, map); };
+  callbacks.raw_depth = [&](const DepthMap& map) { results.raw.emplace(map.keyframe_id, map); };
+  callbacks.filtered_depth = [&](const DepthMap& map) { results.filtered.emplace(map.keyframe_id, map); };
+  callbacks.cloud = [&](const KeyframeCloud& cloud) { results.clouds.emplace(cloud.keyframe_id, cloud); };
   Densifier densifier(options, callbacks);
   for (const Keyframe& keyframe : keyframes) densifier.add(keyframe);
   densifier.flush();
-  return maps;
+  return results;
 }
 
 Plan plan_of(const std::vector<Keyframe>& keyframes, const DensifierOptions& options) {
@@ -64,33 +69,50 @@ Plan plan_of(const std::vector<Keyframe>& keyframes, const DensifierOptions& opt
   return make_plan(records, options);
 }
 
+/// Cuts the flight everywhere, or at every so many keyframes, and compares each piece with the whole flight.
+void check_pieces(const DensifierOptions& options, std::size_t every) {
+  const Results whole = results_of(flight(), options);
+  REQUIRE(whole.filtered.size() == kKeyframes);
+  const Plan plan = plan_of(flight(), options);
+  std::size_t left_out = 0;
+  std::size_t points = 0;
+  for (std::size_t first = 0; first + kPiece <= kKeyframes; first += every) {
+    std::vector<std::int64_t> ids;
+    for (std::size_t i = first; i < first + kPiece; ++i) ids.push_back(flight()[i].id);
+    const Halo needed = halo(plan, ids, options);
+    // Without gaps, since a piece's own plan counts places in the sequence.
+    std::vector<Keyframe> piece;
+    for (const Keyframe& keyframe : flight()) {
+      const bool inside = keyframe.id >= needed.images.front() && keyframe.id <= needed.images.back();
+      if (inside) piece.push_back(keyframe);
+    }
+    left_out += kKeyframes - piece.size();
+    const Results results = results_of(piece, options);
+    for (const std::int64_t id : ids) {
+      INFO("seed " << options.seed << ", piece from keyframe " << ids.front() << ", keyframe " << id);
+      CHECK(same(results.raw.at(id), whole.raw.at(id)));
+      CHECK(same(results.filtered.at(id), whole.filtered.at(id)));
+      CHECK(same(results.clouds.at(id), whole.clouds.at(id)));
+      points += whole.clouds.at(id).points.size();
+    }
+  }
+  CHECK(left_out > kKeyframes);  // or nothing was cut
+  CHECK(points > 0);
+}
+
 }  // namespace
 
-TEST_CASE("depth maps of a piece with its halo are those of the whole flight, wherever it is cut", "[densifier]") {
+TEST_CASE("results of a piece with its halo are those of the whole flight, wherever it is cut", "[densifier]") {
   for (const std::uint64_t seed : {1U, 2U}) {
     DensifierOptions options = local_options();
     options.seed = seed;
-    const Maps whole = maps_of(flight(), options);
-    REQUIRE(whole.filtered.size() == kKeyframes);
-    const Plan plan = plan_of(flight(), options);
-    std::size_t left_out = 0;
-    for (std::size_t first = 0; first + kPiece <= kKeyframes; first += kSanitized ? 11 : seed == 1 ? 1 : 5) {
-      std::vector<std::int64_t> ids;
-      for (std::size_t i = first; i < first + kPiece; ++i) ids.push_back(flight()[i].id);
-      const Halo needed = halo(plan, ids, options);
-      std::vector<Keyframe> piece;
-      for (const Keyframe& keyframe : flight()) {
-        const auto& images = needed.images;
-        if (std::find(images.begin(), images.end(), keyframe.id) != images.end()) piece.push_back(keyframe);
-      }
-      left_out += kKeyframes - piece.size();
-      const Maps maps = maps_of(piece, options);
-      for (const std::int64_t id : ids) {
-        INFO("seed " << seed << ", piece from keyframe " << ids.front() << ", keyframe " << id);
-        CHECK(same(maps.raw.at(id), whole.raw.at(id)));
-        CHECK(same(maps.filtered.at(id), whole.filtered.at(id)));
-      }
-    }
-    CHECK(left_out > kKeyframes);  // or nothing was cut
+    check_pieces(options, kSanitized ? 17 : seed == 1 ? 1 : 5);
   }
+}
+
+TEST_CASE("so they are where the whole mission is asked", "[densifier]") {
+  DensifierOptions options = local_options();
+  options.free_space.whole_mission = true;
+  options.free_space.history = 4;
+  check_pieces(options, kSanitized ? 23 : 3);
 }

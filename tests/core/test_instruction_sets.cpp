@@ -7,9 +7,10 @@
 #include "cpu/executor_impl.h"
 #include "cpu/rows.h"
 #include "pmsp/filters.h"
-#include "pmsp/free_space.h"
+#include "pmsp/fusion.h"
 #include "pmsp/panorama.h"
 #include "pmsp/plane_priors.h"
+#include "pmsp/sight_map.h"
 #include "support/fused_float.h"
 
 using namespace pmsp;
@@ -36,8 +37,8 @@ const synth::Mission& masked_room() {
 struct Results {
   std::vector<DepthMap> maps;
   PlaneImage priors;
+  std::vector<Image<std::uint8_t>> standings;  ///< after fusion, free space and each round of ownership
   KeyframeCloud cloud;
-  FilterStats points;
 };
 
 DepthMap second_pass(const std::vector<DepthMap>& first, const std::vector<Panorama>& panoramas,
@@ -54,22 +55,6 @@ DepthMap second_pass(const std::vector<DepthMap>& first, const std::vector<Panor
   PatchMatchOptions options;
   options.iterations = 1;
   return patchmatch(input, options, 1, executor);
-}
-
-KeyframeCloud points_of(const DepthMap& map) {
-  KeyframeCloud cloud{map.keyframe_id, map.cam_from_world, {}};
-  for (int y = 0; y < map.depth.height(); ++y) {
-    for (int x = 0; x < map.depth.width(); ++x) {
-      if (!(map.depth(x, y) > 0.0F)) continue;
-      CloudPoint point;
-      point.position = map.depth(x, y) * bearing_of(map.depth, x, y).cast<float>();
-      point.normal = map.normal(x, y);
-      point.confidence = map.confidence(x, y);
-      point.views = 3;
-      cloud.points.push_back(point);
-    }
-  }
-  return cloud;
 }
 
 Results run_all(const Executor& executor) {
@@ -100,16 +85,46 @@ Results run_all(const Executor& executor) {
   median_filter(maps[4], MedianFilterOptions{}, executor);
   maps.push_back(maps[4]);
   consistency_filter(maps[5], {&maps[0], &maps[2]}, ConsistencyFilterOptions{}, executor);
-  const SightMap before = sight_map(maps[0], executor);
-  const SightMap after = sight_map(maps[2], executor);
-  results.cloud = points_of(maps[3]);
-  free_space_filter(results.cloud, {&before, &after}, FreeSpaceOptions{}, executor, &results.points);
+  const DepthMap* const filtered[3] = {&maps[0], &maps[5], &maps[2]};
+  std::vector<FusionMap> window;
+  std::vector<SightMap> sights;
+  std::vector<SurfelMap> surfels;
+  for (std::size_t i = 0; i < 3; ++i) {
+    window.push_back({filtered[i], &panoramas[i].color(), {filtered[i]->cam_from_world}});
+    sights.push_back(sight_map(*filtered[i], executor));
+  }
+  for (std::size_t i = 0; i < 3; ++i) {
+    surfels.push_back(fuse_pixels(window, i, FusionOptions{}, executor));
+    results.standings.push_back(surfels[i].standings);
+    std::vector<SightFrom> viewers;
+    for (std::size_t j = 0; j < 3; ++j) {
+      if (j != i) viewers.push_back({&sights[j], window[j].pose});
+    }
+    judge(surfels[i], window[i].pose, viewers, FreeSpaceOptions{}, executor);
+    results.standings.push_back(surfels[i].standings);
+  }
+  for (int round = 0; round < 2; ++round) {
+    std::vector<Image<std::uint8_t>> next;
+    for (std::size_t i = 0; i < 3; ++i) {
+      std::vector<SurfelsFrom> viewers;
+      for (std::size_t j = 0; j < 3; ++j) {
+        if (j != i) viewers.push_back({&surfels[j], window[j].pose});
+      }
+      next.push_back(ownership_round(surfels[i], window[i].pose, viewers, FusionOptions{}, executor));
+    }
+    for (std::size_t i = 0; i < 3; ++i) surfels[i].standings = next[i];
+    results.standings.insert(results.standings.end(), next.begin(), next.end());
+  }
+  results.cloud = owned_points(surfels[1], window[1].pose);
   return results;
 }
 
 bool same(const Results& a, const Results& b) {
   for (std::size_t i = 0; i < a.maps.size(); ++i) {
     if (!test::same(a.maps[i], b.maps[i])) return false;
+  }
+  for (std::size_t i = 0; i < a.standings.size(); ++i) {
+    if (a.standings[i].pixels() != b.standings[i].pixels()) return false;
   }
   if (a.priors.pixels() != b.priors.pixels() || a.cloud.points.size() != b.cloud.points.size()) return false;
   for (std::size_t i = 0; i < a.cloud.points.size(); ++i) {
@@ -153,5 +168,8 @@ TEST_CASE("what the instruction sets are compared by is not empty", "[simd]") {
   int priors = 0;
   for (const Eigen::Vector3f& plane : results.priors.pixels()) priors += plane.isZero() ? 0 : 1;
   CHECK(priors > 0);
-  CHECK(results.points.after < results.points.before);
+  for (std::size_t i = 1; i < results.standings.size(); ++i) {
+    CHECK(results.standings[i].pixels() != results.standings[i - 1].pixels());
+  }
+  CHECK(results.cloud.points.size() > 100);
 }

@@ -14,7 +14,7 @@
 
 #include "core/helpers.h"
 #include "pmsp/error.h"
-#include "pmsp/ownership.h"
+#include "pmsp/fusion.h"
 #include "support/rng.h"
 
 using namespace pmsp;
@@ -108,8 +108,8 @@ class Owners {
   }
 
   double points() const {
-    return std::accumulate(clouds.begin(), clouds.end(), 0.0, [](double sum, const KeyedCloud& keyed) {
-      return sum + static_cast<double>(keyed.cloud.points.size());
+    return std::accumulate(clouds.begin(), clouds.end(), 0.0, [](double sum, const KeyframeCloud& keyed) {
+      return sum + static_cast<double>(keyed.points.size());
     });
   }
 
@@ -128,7 +128,7 @@ class Owners {
   std::vector<Placed> all() const {
     std::vector<Placed> points;
     for (std::size_t k = 0; k < size(); ++k) {
-      for (const CloudPoint& point : clouds[k].cloud.points) points.push_back(placed(k, point.position, point.normal));
+      for (const CloudPoint& point : clouds[k].points) points.push_back(placed(k, point.position, point.normal));
     }
     return points;
   }
@@ -143,12 +143,12 @@ class Owners {
   FusionOptions fusion;
   FreeSpaceOptions free_space;
   std::size_t reach = 1000;
-  int rounds = kOwnershipRounds;
+  int rounds = 4;
   std::vector<DepthMap> maps;
   std::vector<Image<Rgb>> colors;
   std::vector<KeyframePose> poses;
   std::vector<SurfelMap> surfels;
-  std::vector<KeyedCloud> clouds;
+  std::vector<KeyframeCloud> clouds;
   double eligible = 0.0;
 };
 
@@ -242,8 +242,8 @@ std::vector<RigidTransform> along(const Vector3d& start, const Vector3d& step, i
 /// Keyframe, pixel of every point.
 std::vector<std::pair<std::int64_t, std::uint32_t>> keys(const Owners& owners) {
   std::vector<std::pair<std::int64_t, std::uint32_t>> keys;
-  for (const KeyedCloud& keyed : owners.clouds) {
-    for (const std::uint32_t pixel : keyed.pixels) keys.emplace_back(keyed.cloud.keyframe_id, pixel);
+  for (const KeyframeCloud& keyed : owners.clouds) {
+    for (const std::uint32_t pixel : keyed.pixels) keys.emplace_back(keyed.keyframe_id, pixel);
   }
   std::sort(keys.begin(), keys.end());
   return keys;
@@ -456,11 +456,11 @@ TEST_CASE("a keyframe of another scale takes part as if it had that of the other
   room.poses[2].scale = 2.0;
   room.make();
   CHECK(keys(room) == before);  // powers of two change no rounding
-  const KeyedCloud& keyed = room.clouds[2];
-  REQUIRE(!keyed.cloud.points.empty());
+  const KeyframeCloud& keyed = room.clouds[2];
+  REQUIRE(!keyed.points.empty());
   for (std::size_t i = 0; i < keyed.pixels.size(); i += 97) {
     const float depth = room.maps[2].depth.pixels()[keyed.pixels[i]];
-    CHECK(keyed.cloud.points[i].position.norm() == Approx(depth).epsilon(0.02));
+    CHECK(keyed.points[i].position.norm() == Approx(depth).epsilon(0.02));
   }
   room.poses[2].scale = 1.0;  // and where the scale is not told, it is out of place
   room.make();
@@ -471,15 +471,15 @@ TEST_CASE("points tell their pixel and who agrees", "[ownership]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 5));
   for (float& depth : room.maps[1].depth.pixels()) depth *= 1.5F;  // another surface
   room.make();
-  const KeyedCloud& keyed = room.clouds[0];
+  const KeyframeCloud& keyed = room.clouds[0];
   REQUIRE(keyed.window_ids == std::vector<std::int64_t>{11, 12});
   std::size_t only_the_other = 0;
   for (std::size_t i = 0; i < keyed.pixels.size(); ++i) {
     const int x = static_cast<int>(keyed.pixels[i]) % kWidth;
     const int y = static_cast<int>(keyed.pixels[i]) / kWidth;
     const Vector3d bearing = bearing_of(room.maps[0].depth, x, y);
-    REQUIRE(keyed.cloud.points[i].position.cast<double>().normalized().dot(bearing) > 1.0 - 1e-9);
-    only_the_other += keyed.agree[i] == 2U && keyed.cloud.points[i].views == 2 ? 1 : 0;
+    REQUIRE(keyed.points[i].position.cast<double>().normalized().dot(bearing) > 1.0 - 1e-9);
+    only_the_other += keyed.agree[i] == 2U && keyed.points[i].views == 2 ? 1 : 0;
   }
   CHECK(static_cast<double>(only_the_other) > 0.95 * static_cast<double>(keyed.pixels.size()));
 }
@@ -512,9 +512,8 @@ TEST_CASE("points below the wanted confidence make no point and stand for none",
   for (float& confidence : room.maps[0].confidence.pixels()) confidence = 0.2F;
   room.fusion.min_confidence = 0.5;
   room.make();
-  CHECK(room.clouds[0].cloud.points.empty());
-  CHECK(static_cast<double>(room.clouds[1].cloud.points.size()) >
-        0.95 * static_cast<double>(room.maps[1].depth.size()));
+  CHECK(room.clouds[0].points.empty());
+  CHECK(static_cast<double>(room.clouds[1].points.size()) > 0.95 * static_cast<double>(room.maps[1].depth.size()));
 }
 
 TEST_CASE("ownership refuses what does not fit", "[ownership]") {

@@ -9,12 +9,14 @@
 #include "cuda/on_device.h"
 #include "cuda/transfers.h"
 #include "filters/depth_map_tools.h"
-#include "pmsp/ownership.h"
+#include "pmsp/fusion.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
 
 namespace {
+
+constexpr int kRounds = 4;
 
 /// Depth maps of a mission, and their way to points on both machines; everybody asks everybody.
 struct Flight {
@@ -53,7 +55,7 @@ struct Flight {
   FreeSpaceOptions free_space;
 };
 
-std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyedCloud>& clouds) {
+std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>& clouds) {
   const Executor executor;
   std::vector<FusionMap> window;
   for (std::size_t k = 0; k < flight.size(); ++k) {
@@ -72,7 +74,7 @@ std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyedCloud>& cl
     }
     judge(surfels[i], flight.poses[i], asked, flight.free_space, executor);
   }
-  for (int round = 0; round < kOwnershipRounds; ++round) {
+  for (int round = 0; round < kRounds; ++round) {
     std::vector<Image<std::uint8_t>> next;
     for (std::size_t i = 0; i < flight.size(); ++i) {
       std::vector<SurfelsFrom> asked;
@@ -194,7 +196,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
     args.standings = frames[i].standings.get();
     cuda::judge_pixels(args, nullptr);
   }
-  for (int round = 0; round < kOwnershipRounds; ++round) {
+  for (int round = 0; round < kRounds; ++round) {
     for (std::size_t i = 0; i < flight.size(); ++i) {
       const auto view = [&](std::size_t k) {
         return kernels::SurfelView{frames[k].surfels.get(), frames[k].standings.get(), width, height,
@@ -247,7 +249,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
 }
 
 void check_same(const Flight& flight) {
-  std::vector<KeyedCloud> clouds;
+  std::vector<KeyframeCloud> clouds;
   const std::vector<SurfelMap> host = on_host(flight, clouds);
   const std::vector<DeviceResult> device = on_device(flight);
   for (std::size_t k = 0; k < flight.size(); ++k) {
@@ -271,7 +273,7 @@ void check_same(const Flight& flight) {
     CHECK(static_cast<double>(same_depth) >= 0.995 * static_cast<double>(pixels));
     CHECK(static_cast<double>(same_agree) >= 0.995 * static_cast<double>(pixels));
     CHECK(rejected > 0);
-    const std::vector<CloudPoint>& points = clouds[k].cloud.points;
+    const std::vector<CloudPoint>& points = clouds[k].points;
     CAPTURE(points.size(), device[k].points.size());
     CHECK(std::abs(static_cast<double>(device[k].points.size()) - static_cast<double>(points.size())) <=
           0.01 * static_cast<double>(points.size()) + 2.0);

@@ -133,15 +133,17 @@ TEST_CASE("entries are complete a stated number of used keyframes later", "[plan
     const auto keyframes = mission_of(4);
     const Plan whole = make_plan(keyframes, options);
     Planner planner(options);
-    CHECK(planner.match_delay() == (quality == Quality::kOnline ? 2 : 3));
-    CHECK(planner.complete_delay() == (quality == Quality::kOnline ? 4 : 23));
+    const PlanReach reach = plan_reach(options);
+    const std::int64_t delay = reach.near + std::max(reach.windows, reach.viewers_after);
+    CHECK(reach.near == (quality == Quality::kOnline ? 2 : 3));
+    CHECK(delay == (quality == Quality::kOnline ? 4 : 23));
     std::size_t dropped = 0;
     std::int64_t used = 0;
     for (const PlanKeyframe& keyframe : keyframes) {
       if (planner.add(keyframe)) ++used;
       std::int64_t before = 0;
       for (const PlanEntry& entry : whole.entries) {
-        if (!entry.used() || ++before <= used - planner.complete_delay()) continue;
+        if (!entry.used() || ++before <= used - delay) continue;
         const std::size_t i = static_cast<std::size_t>(&entry - whole.entries.data());
         CHECK(dropped + planner.complete() >= std::min(i, dropped + planner.entries().size()));
         break;

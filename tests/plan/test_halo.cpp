@@ -15,15 +15,15 @@ namespace {
 /// What the points of keyframes need, followed one artefact at a time.
 class Naive {
  public:
-  Naive(const Plan& plan, const DensifierOptions& options) : passes_(options.patchmatch.geometric_passes) {
+  Naive(const Plan& plan, const DensifierOptions& options)
+      : passes_(options.patchmatch.geometric_passes), whole_(options.free_space.whole_mission) {
     for (const PlanEntry& entry : plan.entries) entries_[entry.id] = &entry;
   }
 
   void points(std::int64_t i) {
     if (!at(i).has_depth_map()) return;
     cloud(i);
-    eligible(i);
-    for (const std::int64_t v : at(i).viewers) eligible(v);
+    decided(i, whole_ ? 4 : 2);
   }
 
   std::map<std::string, std::set<std::int64_t>> needed;
@@ -42,9 +42,16 @@ class Naive {
       image(k);
     }
   }
+  void decided(std::int64_t i, int round) {
+    if (seen("round" + std::to_string(round), i)) return;
+    if (round == 0) return eligible(i);
+    decided(i, round - 1);
+    for (const std::int64_t v : whole_ ? at(i).viewers : at(i).fusion) decided(v, round - 1);
+  }
   void eligible(std::int64_t i) {
     if (seen("eligible", i)) return;
     filtered(i);
+    for (const std::int64_t k : at(i).fusion) filtered(k);
     for (const std::int64_t v : at(i).viewers) sight(v);
   }
   void sight(std::int64_t i) {
@@ -69,6 +76,7 @@ class Naive {
   }
 
   int passes_;
+  bool whole_;
   std::map<std::int64_t, const PlanEntry*> entries_;
 };
 

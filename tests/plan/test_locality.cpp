@@ -86,7 +86,7 @@ TEST_CASE("changing one keyframe of a flight changes entries near it only", "[pl
     const Plan plan = make_plan(keyframes, options);
     const auto places_before = places(plan);
     Planner planner(options);
-    const int reach = static_cast<int>(planner.match_delay());
+    const int reach = static_cast<int>(plan_reach(options).near);
     const int window = std::max(options.consistency.window, options.fusion.window) / 2;
     for (const Change& change : changes()) {
       for (const std::size_t at : {5, 61, 222, 299}) {

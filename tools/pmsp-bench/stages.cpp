@@ -70,17 +70,13 @@ void consistency(benchmark::State& state, const Workload& workload, const Execut
 
 void fuse_current(benchmark::State& state, const Workload& workload, const Executor& executor) {
   const std::size_t reach = static_cast<std::size_t>(workload.options.fusion.window - 1) / 2;
-  std::vector<std::vector<std::uint8_t>> covered = workload.covered;
-  std::vector<FusionInput> window;
+  std::vector<FusionMap> window;
   for (std::size_t i = workload.current - reach; i <= workload.current + reach; ++i) {
-    window.push_back({&workload.filtered[i], &workload.panoramas[i].color(), &covered[i]});
+    window.push_back({&workload.filtered[i], &workload.panoramas[i].color(), {workload.filtered[i].cam_from_world}});
   }
   while (state.KeepRunning()) {
-    state.PauseTiming();
-    covered = workload.covered;
-    state.ResumeTiming();
-    const KeyframeCloud cloud = fuse(window, reach, workload.options.fusion, executor);
-    benchmark::DoNotOptimize(cloud.points.data());
+    const SurfelMap points = fuse_pixels(window, reach, workload.options.fusion, executor);
+    benchmark::DoNotOptimize(points.surfels.pixels().data());
   }
 }
 
@@ -126,7 +122,7 @@ const std::vector<Stage>& all_stages() {
       {"patchmatch", "one depth map, all iterations (patchmatch)", true, true, match},
       {"median", "median filter of one depth map", true, true, median},
       {"consistency", "consistency filter of one depth map in its window", true, true, consistency},
-      {"fuse", "one depth map's share of the cloud, in its window", true, true, fuse_current},
+      {"fuse", "the points of one depth map's pixels, joined with those of its window", true, true, fuse_current},
       {"keyframe", "Densifier from decoded image to consistent depth map, both in the host's memory", false, true,
        keyframe},
       {"pipelined", "the same on the device with successive keyframes overlapping", false, true, nullptr},

@@ -57,16 +57,6 @@ void make_match_input(Workload& workload, const Executor& executor) {
   workload.match.candidates = {&workload.sparse, &workload.warped};
 }
 
-/// Fusion in the middle of a flight: the keyframes before have left their marks.
-void make_covered(Workload& workload, const Executor& executor) {
-  std::vector<FusionInput> window;
-  workload.covered.assign(workload.filtered.size(), std::vector<std::uint8_t>(workload.filtered[0].depth.size(), 0));
-  for (std::size_t i = 0; i < workload.filtered.size(); ++i) {
-    window.push_back({&workload.filtered[i], &workload.panoramas[i].color(), &workload.covered[i]});
-  }
-  for (std::size_t i = 0; i < workload.current; ++i) fuse(window, i, workload.options.fusion, executor);
-}
-
 }  // namespace
 
 int image_width_of(const WorkloadRequest& request) {
@@ -108,7 +98,6 @@ void fill(Workload& workload, const Flight& flight, bool with_maps) {
   }
   make_maps(workload, executor);
   make_match_input(workload, executor);
-  make_covered(workload, executor);
 }
 
 }  // namespace pmsp::bench

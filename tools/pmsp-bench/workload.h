@@ -10,7 +10,6 @@
 
 #include "pmsp-bench/flight.h"
 #include "pmsp/densifier.h"
-#include "pmsp/fusion.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/panorama.h"
 #include "pmsp/patchmatch.h"
@@ -33,7 +32,6 @@ struct Workload {
   PlaneImage sparse;
   PlaneImage warped;
   MatchInput match;
-  std::vector<std::vector<std::uint8_t>> covered;  ///< by the keyframes before `current`
 
   Workload() = default;
   Workload(const Workload&) = delete;  // `match` points to members

@@ -35,7 +35,9 @@ std::string without_depth_map(const DensifierStats& s) {
 }
 
 std::string repeated_points(const DensifierStats& s) {
-  return s.points_repeated > 0 ? "; " + count_text(s.points_repeated) + " more, of places passed before, left out" : "";
+  return s.points_repeated > 0
+             ? "; " + count_text(s.points_repeated) + " more, of places that have a better one, left out"
+             : "";
 }
 
 std::string seconds_text(double seconds) {
@@ -89,7 +91,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                      {"prepare", s.seconds_prepare},           {"init", s.seconds_init},
                      {"patchmatch", s.seconds_patchmatch},     {"median", s.seconds_median},
                      {"consistency", s.seconds_consistency},   {"fusion", s.seconds_fusion},
-                     {"free_space", s.seconds_free_space},     {"revisits", s.seconds_revisits}};
+                     {"free_space", s.seconds_free_space},     {"ownership", s.seconds_ownership}};
   json["peak_memory_mib"] = peak_memory_mib();
   if (report.pairing) {
     json["pairing"] = {{"comparisons", report.pairing->comparisons},
@@ -122,7 +124,7 @@ std::string summary(const RunReport& report) {
          seconds_text(s.seconds_prepare) + ", init " + seconds_text(s.seconds_init) + ", PatchMatch " +
          seconds_text(s.seconds_patchmatch) + ", median " + seconds_text(s.seconds_median) + ", consistency " +
          seconds_text(s.seconds_consistency) + ", fusion " + seconds_text(s.seconds_fusion) + ", free space " +
-         seconds_text(s.seconds_free_space) + ", revisits " + seconds_text(s.seconds_revisits) +
+         seconds_text(s.seconds_free_space) + ", ownership " + seconds_text(s.seconds_ownership) +
          ", waiting for images " + seconds_text(report.seconds_wait) + "; " +
          std::to_string(static_cast<long>(peak_memory_mib())) + " MiB";
 }

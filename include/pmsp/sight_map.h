@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+
+#include "pmsp/depth_map.h"
+#include "pmsp/executor.h"
+#include "pmsp/image.h"
+#include "pmsp/transform.h"
+
+namespace pmsp {
+
+/// How far a keyframe has seen: what is kept of its depth map for the rest of the mission, two bytes a pixel. One cell
+/// stands for 2 x 2 pixels.
+struct SightMap {
+  std::int64_t keyframe_id = 0;
+  RigidTransform cam_from_world;  ///< as it was when the keyframe was added
+  Image<float> nearest;           ///< smallest depth in the cell [scene units]; 0 = none known
+  Image<float> farthest;          ///< largest depth
+};
+
+/// `map`: after the consistency filter, of even size.
+SightMap sight_map(const DepthMap& map, const Executor& executor);
+
+}  // namespace pmsp

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "fusion/fusion_setup.h"
+
+#include <cmath>
+
+#include "util/eigen_kernels.h"
+
+namespace pmsp {
+namespace {
+
+float min_cos_normals(const FusionOptions& options) {
+  return static_cast<float>(std::cos(options.max_normal_deg * kernels::kPi / 180.0));
+}
+
+}  // namespace
+
+Relation relation(const KeyframePose& other, const KeyframePose& first) {
+  const double zoom = first.scale / other.scale;
+  RigidTransform transform = other.cam_from_world * first.cam_from_world.inverse();
+  transform.rotation *= zoom;
+  transform.translation /= other.scale;
+  return {to_rigid(transform), static_cast<float>(zoom)};
+}
+
+kernels::FusionLimits fusion_limits(const FusionOptions& options) {
+  return {static_cast<float>(options.max_relative_depth), min_cos_normals(options),
+          static_cast<float>(options.min_confidence)};
+}
+
+kernels::OwnershipLimits ownership_limits(const FusionOptions& options) {
+  return {static_cast<float>(options.spacing_px), static_cast<float>(options.max_relative_depth),
+          min_cos_normals(options)};
+}
+
+kernels::SightLimits sight_limits(const FreeSpaceOptions& options) {
+  const float tolerance = static_cast<float>(options.max_relative_depth);
+  return {1.0F - static_cast<float>(options.min_relative_gap), 1.0F - tolerance, 1.0F + tolerance};
+}
+
+}  // namespace pmsp

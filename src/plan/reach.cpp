@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "plan/reach.h"
+
+#include <algorithm>
+
+#include "patchmatch/neighbours.h"
+
+namespace pmsp {
+
+PlanReach plan_reach(const DensifierOptions& options) {
+  PlanReach reach{};
+  reach.near = neighbour_reach(options.patchmatch.neighbours);
+  reach.images_before =
+      std::max<std::int64_t>(reach.near, options.patchmatch.revisits > 0 ? options.patchmatch.history : 0);
+  reach.consistency = options.consistency.enabled ? options.consistency.window / 2 : 0;
+  reach.fusion = options.fusion.window / 2;
+  reach.windows = std::max(reach.consistency, reach.fusion);
+  reach.viewers_before = reach.viewers_after = reach.owners = reach.fusion;
+  if (options.free_space.enabled) {
+    const std::int64_t half = options.free_space.history / 2;
+    reach.viewers_before = std::max(reach.fusion, half);
+    if (options.free_space.whole_mission) reach.viewers_after = reach.owners = reach.viewers_before;
+  }
+  return reach;
+}
+
+const std::vector<std::int64_t>& owners_of(const PlanEntry& entry, const DensifierOptions& options) {
+  return options.free_space.enabled && options.free_space.whole_mission ? entry.viewers : entry.fusion;
+}
+
+int ownership_rounds(const DensifierOptions& options) {
+  if (options.fusion.spacing_px == 0.0) return 0;
+  return options.free_space.enabled && options.free_space.whole_mission ? 4 : 2;
+}
+
+}  // namespace pmsp

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "pmsp/options.h"
+#include "pmsp/plan.h"
+
+namespace pmsp {
+
+/// How many used keyframes before and after its own an entry of a flight's plan names at most.
+struct PlanReach {
+  std::int64_t near;            ///< neighbours, on either side
+  std::int64_t images_before;   ///< neighbours, far ones too
+  std::int64_t consistency;     ///< consistency window, on either side
+  std::int64_t fusion;          ///< fusion window, on either side
+  std::int64_t windows;         ///< the wider one
+  std::int64_t viewers_before;  ///< the fusion window's keyframes are viewers, too
+  std::int64_t viewers_after;
+  std::int64_t owners;  ///< viewers that are asked who makes the point of a place (owners_of), on either side
+};
+
+/// `options`: valid.
+PlanReach plan_reach(const DensifierOptions& options);
+
+/// Viewers that one keyframe has at most.
+constexpr int kMostViewers = 32;
+
+/// Those of an entry's viewers that are asked who makes the point of a place.
+const std::vector<std::int64_t>& owners_of(const PlanEntry& entry, const DensifierOptions& options);
+
+/// Rounds in which that is decided. Two decide nine pixels in ten where only the fusion window is asked; those that are
+/// open then are kept. Each makes the points of a flight later by as many keyframes as are asked ahead.
+int ownership_rounds(const DensifierOptions& options);
+
+}  // namespace pmsp

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "schedule.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "plan/reach.h"
+
+namespace pmsp {
+
+Schedule::Schedule(const DensifierOptions& options, bool points) {
+  using Kind = Stage::Kind;
+  const PlanReach reach = plan_reach(options);
+  std::size_t matched = 0;
+  for (int pass = 0; pass <= options.patchmatch.geometric_passes; ++pass) {
+    std::vector<Stage::Need> needs;
+    if (pass > 0) needs.push_back({matched, reach.near});
+    matched = add(Kind::kMatch, pass, std::move(needs), reach.near);
+  }
+  const std::size_t filtered = add(Kind::kFilter, 0, {{matched, reach.consistency}}, reach.near + reach.windows);
+  keep(Artefact::kImage, 0, {{matched, reach.images_before}});
+  keep(Artefact::kLandmarks, 0, {{0, 0}});
+  keep(Artefact::kPlanes, stages_.front().lead, {{matched, reach.near}});
+  const std::int64_t last_match = stages_[matched].lead;
+  if (!points) {
+    keep(Artefact::kColor, 0, {{matched, 0}});
+    keep(Artefact::kMedian, last_match, {{filtered, reach.consistency}});
+    keep(Artefact::kFiltered, stages_[filtered].lead, {{filtered, 0}});
+    return;
+  }
+  const std::size_t fused = add(Kind::kFuse, 0, {{filtered, reach.fusion}}, 0);
+  keep(Artefact::kColor, 0, {{fused, reach.fusion}});
+  keep(Artefact::kMedian, last_match, {{filtered, reach.consistency}, {fused, reach.fusion}});
+  keep(Artefact::kFiltered, stages_[filtered].lead, {{fused, reach.fusion}});
+  std::size_t decided = fused;
+  if (options.free_space.enabled) {
+    decided = add(Kind::kJudge, 0, {{fused, 0}, {filtered, reach.viewers_after}}, reach.near + reach.viewers_after);
+    keep(Artefact::kSight, stages_[filtered].lead, {{decided, reach.viewers_before}});
+  }
+  const int rounds = ownership_rounds(options);
+  for (int round = 1; round <= rounds; ++round) {
+    decided = add(Kind::kRound, round, {{decided, reach.owners}}, reach.near + reach.viewers_after);
+  }
+  const std::size_t handed_out = add(Kind::kHandOut, 0, {{decided, 0}}, 0);
+  keep(Artefact::kSurfels, stages_[fused].lead, {{decided, rounds > 0 ? reach.owners : 0}, {handed_out, 0}});
+}
+
+std::size_t Schedule::add(Stage::Kind kind, int step, std::vector<Stage::Need> needs, std::int64_t plan_delay) {
+  std::int64_t lead = plan_delay;
+  for (const Stage::Need& need : needs) lead = std::max(lead, stages_[need.stage].lead + need.ahead);
+  stages_.push_back({kind, step, std::move(needs), lead});
+  return stages_.size() - 1;
+}
+
+void Schedule::keep(Artefact artefact, std::int64_t made_at, std::vector<Lifetime::Reader> readers) {
+  std::int64_t until = made_at;
+  for (const Lifetime::Reader& reader : readers) until = std::max(until, stages_[reader.stage].lead + reader.behind);
+  lifetimes_.push_back({artefact, std::move(readers), until - made_at + 1});
+}
+
+std::int64_t Schedule::keyframes_with(Artefact artefact) const {
+  for (const Lifetime& lifetime : lifetimes_) {
+    if (lifetime.artefact == artefact) return lifetime.keyframes;
+  }
+  return 0;
+}
+
+}  // namespace pmsp
