@@ -156,11 +156,10 @@ DensifierOptions preset(Quality quality) {
   options.height = quality == Quality::kNormal ? 720 : 0;
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
   options.patchmatch.geometric_passes = 3;  // more neighbours carry planes further in one of them
-  options.patchmatch.revisits = 1;
-  options.patchmatch.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 an image takes 0.2 GiB
   options.consistency.window = 7;
   options.consistency.max_relative_depth = 0.007;  // finer pixels and more neighbours agree more closely
   options.free_space.whole_mission = true;
+  options.free_space.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 a keyframe takes 0.2 GiB
   return options;
 }
 

@@ -35,27 +35,22 @@ struct FusionMap {
 };
 
 /// The points of a keyframe's pixels, and all that is kept of the keyframe until it is known which of them stay: with
-/// windows of up to 9 maps 10 bytes a pixel (up to 17: 11), of which others read the first five; once rounds have
-/// begun 4 more for each pixel that is still open (on real flights two thirds of the pixels after the first round, a
-/// sixth after the second). Besides, the keyframe's SightMap of 2 bytes a pixel until all that ask it are judged.
-/// Encoded as kernels/surfel.h says.
+/// windows of up to 9 maps 10 bytes a pixel (up to 17: 11), of which others read the first five. Encoded as
+/// kernels/surfel.h says.
 struct SurfelMap {
   std::int64_t keyframe_id = 0;
   Image<std::uint32_t> surfels;          ///< depth (to 0.013 %) and normal (2 degrees); 0 = no point
-  Image<std::uint8_t> standings;         ///< confidence, and whether the pixel makes a point
+  Image<std::uint8_t> standings;         ///< confidence, and whether the pixel makes a point; so far all do
   Image<std::uint32_t> details;          ///< colour, confidence in the keyframe's own map, the rest of the normal
   std::vector<std::uint8_t> agree;       ///< `agree_bytes()` for each pixel, the lowest first; bit k: window_ids[k]
   std::vector<std::int64_t> window_ids;  ///< keyframe ids of the other maps
-  std::vector<std::uint32_t> asked;  ///< of each open pixel, in row order: bit k: viewers[k] may own its place; empty
-                                     ///< before the first round
   int agree_bytes() const { return static_cast<int>((window_ids.size() + 7) / 8); }
 };
 
 /// Makes a point of each pixel of `window[current]` whose confidence is at least `options.min_confidence`: depth,
 /// normal and colour are averages over the maps that agree, weighted with the inverse square of their expected errors
-/// (confidence, times the distance). All of them are open. `window`: 33 maps at most, of one size. Throws
-/// InvalidOption, and InvalidInput when sizes differ, something is missing, a scale is not above 0 or `current` is not
-/// in the window.
+/// (confidence, times the distance). `window`: 33 maps at most, of one size. Throws InvalidOption, and InvalidInput
+/// when sizes differ, something is missing, a scale is not above 0 or `current` is not in the window.
 SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
                       const Executor& executor);
 
@@ -65,33 +60,40 @@ struct SightFrom {
   KeyframePose pose;
 };
 
-/// Finds the eligible points: those that the viewers have not looked through, as in `free_space_filter`, only that all
-/// viewers are asked. They are open, the others make no point. Confidences become those in the keyframe's own map times
-/// the share that speaks for the point. May be asked again at any time; rounds begin anew then. `viewers`: of the same
-/// size. Throws InvalidOption, InvalidInput.
-void judge(SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
-           const FreeSpaceOptions& options, const Executor& executor);
+/// Removes floaters: points that other keyframes have looked through. Each viewer has the point on its surface (within
+/// `max_relative_depth`), or has seen a surface behind it (farther than `min_relative_gap` behind), or has no say. Both
+/// sides are added up, each keyframe with the inverse square of its distance from the point, the point's own one among
+/// those that confirm; a point stays while what speaks against it is at most `max_contradiction` of what speaks for it.
+/// What stays has its confidence scaled by the share that speaks for it.
+///
+/// Returns the standings: points that stay are open, the others make no point. May be asked again at any time, with
+/// other poses. `viewers`: of the same size; a plan (pmsp/plan.h) says which are worth it. Throws InvalidOption,
+/// InvalidInput.
+Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
+                          const FreeSpaceOptions& options, const Executor& executor);
 
-/// A keyframe that is asked about ownership.
+/// A keyframe's points and what has been decided of them so far.
 struct SurfelsFrom {
-  const SurfelMap* map = nullptr;
+  const SurfelMap* map = nullptr;                  ///< its own standings are not looked at
+  const Image<std::uint8_t>* standings = nullptr;  ///< from fuse_pixels, judge or a round
   KeyframePose pose;
-  const Image<std::uint8_t>* standings = nullptr;  ///< after the round before; nullptr = the map's
 };
 
-/// One round that decides which pixels of `map` make a point. A pixel asks for eligible ones of the viewers that show
-/// the same side of the same surface within `options.spacing_px` of its own pixels and come first in the order: finer
-/// sampling (by octaves), higher confidence, smaller keyframe id. Where one of these is known to make a point the pixel
-/// makes none; where there is none left that may, it makes one.
+/// One round that decides which pixels of `reference` make a point. A pixel asks for eligible ones of the viewers that
+/// show the same side of the same surface within `options.spacing_px` of its own pixels and come first in the order:
+/// finer sampling (by octaves), higher confidence, smaller keyframe id. Where one of these is known to make a point the
+/// pixel makes none; where there is none left that may, it makes one; else it stays open. What is open after the last
+/// round makes a point. (Rounds as in Luby 1986, with this order in place of random numbers.)
 ///
-/// Returns the standings after the round, which `map.asked` goes with from then on; `map.standings` is for all
-/// keyframes to be replaced when all of them are through the round. `viewers`: 32 at most, in each round the same ones
-/// in the same order; some may be left empty. Throws InvalidOption, and InvalidInput also where `map.standings` are not
-/// those that the round before returned.
-Image<std::uint8_t> ownership_round(SurfelMap& map, const KeyframePose& pose, const std::vector<SurfelsFrom>& viewers,
-                                    const FusionOptions& options, const Executor& executor);
+/// Returns the standings after the round. All standings that go in are those after the round before. `asked`: empty
+/// before the first round; of each pixel that is open then, in row order, bit k: viewers[k] may still own its place.
+/// `viewers`: 32 at most, in each round the same ones in the same order; those without a map are not asked. Throws
+/// InvalidOption, and InvalidInput also where `asked` does not go with the standings.
+Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& asked,
+                                    const std::vector<SurfelsFrom>& viewers, const FusionOptions& options,
+                                    const Executor& executor);
 
-/// The points that a keyframe makes, in the order of its pixels, with their keys.
-KeyframeCloud owned_points(const SurfelMap& map, const KeyframePose& pose);
+/// The points that a keyframe makes, in the order of its pixels, with their keys. Needs all of the map.
+KeyframeCloud owned_points(const SurfelsFrom& points);
 
 }  // namespace pmsp

@@ -120,7 +120,7 @@ struct FreeSpaceOptions {
   /// Keyframes that may be asked, half on either side, 1 to 100000. Memory for each: two bytes a pixel of its depth
   /// map; with `whole_mission`, where each of five steps waits for the keyframes ahead, besides 11 to 15 bytes a pixel
   /// for three times as many.
-  int history = 300;
+  int history = 100;
 
   void validate() const;
 };
@@ -156,7 +156,10 @@ struct DensifierOptions {
                             ///< that copies and kernels of successive keyframes overlap; the CPU ignores it
   int threads = 0;          ///< 1 to 1024; 0 = one for each CPU that the process may use
   Simd simd = Simd::kAuto;  ///< kAuto takes the widest that this machine has
-  bool unordered = false;   ///< keyframes are a set, such as photo captures: their order means nothing (see make_plan)
+  /// An existing folder for what keyframes leave while they wait for their points' say (`free_space.whole_mission`), 20
+  /// bytes a pixel of those that wait; "" = in memory. The CPU's; it changes no byte of the result.
+  std::string scratch_folder;
+  bool unordered = false;  ///< keyframes are a set, such as photo captures: their order means nothing (see make_plan)
   ViewFilterOptions view_filter;
   InitOptions init;
   PatchMatchOptions patchmatch;

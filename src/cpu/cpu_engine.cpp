@@ -5,7 +5,9 @@
 #include <utility>
 #include <vector>
 
+#include "fusion/surfel_shelf.h"
 #include "patchmatch/match_setup.h"
+#include "plan/reach.h"
 #include "pmsp/filters.h"
 #include "pmsp/fusion.h"
 #include "pmsp/initialiser.h"
@@ -19,17 +21,15 @@
 namespace pmsp {
 
 struct CpuFrame : Engine::Frame {
-  CpuFrame(const Keyframe& keyframe, Panorama image) : Frame(keyframe), panorama(std::move(image)) {}
+  CpuFrame(const Keyframe& keyframe, Panorama image, ScratchFile* scratch)
+      : Frame(keyframe), panorama(std::move(image)), shelf(scratch) {}
 
   Panorama panorama;  ///< of the depth maps' size
   DepthMap raws[2];   ///< after the last even and the last odd pass of PatchMatch
   DepthMap median;    ///< after the last pass and the median filter
   DepthMap map;       ///< after the consistency filter
-  SightMap sight;
-  SurfelMap surfels;           ///< with the standings after `rounds`
-  int rounds = 0;              ///< of ownership that the frame is through
-  Image<std::uint8_t> before;  ///< standings after the round before the last
-  std::int64_t eligible = 0;   ///< points that are left when ownership is decided
+  SurfelShelf shelf;
+  std::int64_t eligible = 0;  ///< points that are left when ownership is decided
 
   KeyframePose pose() const { return {cam_from_world, 1.0}; }
 };
@@ -48,8 +48,9 @@ const CpuFrame& own(const Engine::Frame& frame) { return static_cast<const CpuFr
 std::unique_ptr<Engine::Frame> CpuEngine::prepare(const Keyframe& keyframe) {
   const Stopwatch watch(context_.stats.seconds_prepare);
   const DensifierOptions& options = context_.options;
-  return std::make_unique<CpuFrame>(keyframe,
-                                    Panorama(keyframe.image, keyframe.mask, options.width, options.height, executor_));
+  if (!scratch_ && !options.scratch_folder.empty()) scratch_ = std::make_unique<ScratchFile>(options.scratch_folder);
+  return std::make_unique<CpuFrame>(
+      keyframe, Panorama(keyframe.image, keyframe.mask, options.width, options.height, executor_), scratch_.get());
 }
 
 void CpuEngine::match(const MatchTask& task) {
@@ -155,7 +156,7 @@ void CpuEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   context_.stats.pixels_after_consistency += filtered.after;
   if (context_.results.cloud && context_.options.free_space.enabled) {
     const Stopwatch watch(context_.stats.seconds_free_space);
-    reference.sight = sight_map(reference.map, executor_);
+    reference.shelf.put(sight_map(reference.map, executor_));
   }
   if (context_.results.filtered_depth) context_.results.filtered_depth(reference.map);
 }
@@ -169,34 +170,47 @@ void CpuEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std:
     maps.push_back({&member.map, &member.panorama.color(), member.pose()});
   }
   CpuFrame& reference = own(frame);
-  reference.surfels = fuse_pixels(maps, current, context_.options.fusion, executor_);
-  reference.eligible = count_points(reference.surfels.standings);
+  SurfelMap points = fuse_pixels(maps, current, context_.options.fusion, executor_);
+  reference.eligible = count_points(points.standings);
   context_.stats.points_fused += reference.eligible;
+  reference.shelf.put(std::move(points));
 }
 
 void CpuEngine::judge(Frame& frame, const std::vector<const Frame*>& viewers) {
   const Stopwatch watch(context_.stats.seconds_free_space);
   CpuFrame& reference = own(frame);
+  SurfelMap copy;
+  std::vector<SightMap> copies(viewers.size());
   std::vector<SightFrom> asked;
-  for (const Frame* viewer : viewers) asked.push_back({&own(*viewer).sight, own(*viewer).pose()});
-  pmsp::judge(reference.surfels, reference.pose(), asked, context_.options.free_space, executor_);
-  reference.eligible = count_points(reference.surfels.standings);
+  for (std::size_t k = 0; k < viewers.size(); ++k) {
+    const CpuFrame& viewer = own(*viewers[k]);
+    asked.push_back({&viewer.shelf.sight(copies[k]), viewer.pose()});
+  }
+  Image<std::uint8_t> standings =
+      pmsp::judge(reference.shelf.points(true, copy), reference.pose(), asked, context_.options.free_space, executor_);
+  reference.eligible = count_points(standings);
+  reference.shelf.put(std::move(standings), 0);
 }
 
 void CpuEngine::round(Frame& frame, const std::vector<const Frame*>& others, int round) {
   const Stopwatch watch(context_.stats.seconds_ownership);
   CpuFrame& reference = own(frame);
+  struct Copy {
+    SurfelMap points;
+    Image<std::uint8_t> standings;
+  };
+  std::vector<Copy> copies(others.size() + 1);
+  const auto points_of = [&](const CpuFrame& asked, Copy& copy) {
+    return SurfelsFrom{&asked.shelf.points(false, copy.points), &asked.shelf.standings(round - 1, copy.standings),
+                       asked.pose()};
+  };
   std::vector<SurfelsFrom> asked;
-  for (const Frame* other : others) {
-    const CpuFrame& viewer = own(*other);
-    asked.push_back(
-        {&viewer.surfels, viewer.pose(), viewer.rounds < round ? &viewer.surfels.standings : &viewer.before});
-  }
+  for (std::size_t k = 0; k < others.size(); ++k) asked.push_back(points_of(own(*others[k]), copies[k]));
+  std::vector<std::uint32_t> still = reference.shelf.take_asked();
   Image<std::uint8_t> after =
-      ownership_round(reference.surfels, reference.pose(), asked, context_.options.fusion, executor_);
-  reference.before = std::move(reference.surfels.standings);
-  reference.surfels.standings = std::move(after);
-  reference.rounds = round;
+      ownership_round(points_of(reference, copies.back()), still, asked, context_.options.fusion, executor_);
+  reference.shelf.put(std::move(after), round);
+  reference.shelf.put_asked(std::move(still));
 }
 
 void CpuEngine::hand_out(Frame& frame) {
@@ -204,7 +218,10 @@ void CpuEngine::hand_out(Frame& frame) {
   KeyframeCloud cloud;
   {
     const Stopwatch watch(context_.stats.seconds_ownership);
-    cloud = owned_points(reference.surfels, reference.pose());
+    SurfelMap points;
+    Image<std::uint8_t> standings;
+    cloud = owned_points({&reference.shelf.points(true, points),
+                          &reference.shelf.standings(ownership_rounds(context_.options), standings), reference.pose()});
   }
   context_.stats.points_repeated += reference.eligible - static_cast<std::int64_t>(cloud.points.size());
   context_.results.cloud(cloud);
@@ -231,11 +248,10 @@ void CpuEngine::release(Frame& frame, Artefact artefact) {
       done.map = {};
       break;
     case Artefact::kSight:
-      done.sight = {};
+      done.shelf.release_sight();
       break;
     case Artefact::kSurfels:
-      done.surfels = {};
-      done.before = {};
+      done.shelf.release_points();
       break;
   }
 }

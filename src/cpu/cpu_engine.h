@@ -9,6 +9,7 @@
 #include "pmsp/initialiser.h"
 #include "pmsp/panorama.h"
 #include "pmsp/patchmatch.h"
+#include "util/scratch_file.h"
 
 namespace pmsp {
 
@@ -34,6 +35,8 @@ class CpuEngine : public Engine {
   DepthMap run_pass(const MatchTask& task, const DepthMap* to_warp, PatchMatchStats& matched);
   std::vector<PlaneImage> first_planes(const MatchTask& task, const DepthMap* to_warp, const Panorama& panorama);
   void finish_match(CpuFrame& reference, const DepthMap& raw, const PatchMatchStats& matched);
+
+  std::unique_ptr<ScratchFile> scratch_;  ///< where a folder is given
 };
 
 }  // namespace pmsp

@@ -65,9 +65,20 @@ void check(const std::vector<FusionMap>& window, std::size_t current) {
   }
 }
 
-kernels::SurfelView view_of(const SurfelMap& map, const Image<std::uint8_t>& standings, const KeyframePose& pose) {
-  return {map.surfels.pixels().data(), standings.pixels().data(), map.surfels.width(), map.surfels.height(),
-          static_cast<float>(pose.scale)};
+void check_surfels(const char* stage, const SurfelsFrom& points) {
+  check_scale(stage, points.pose);
+  if (points.map == nullptr || points.standings == nullptr) {
+    throw InvalidInput(std::string(stage) + ": a keyframe lacks its points or their standings");
+  }
+  if (!same_image_size(points.map->surfels, *points.standings)) {
+    throw InvalidInput(std::string(stage) + ": points and standings differ in size");
+  }
+}
+
+kernels::SurfelView view_of(const SurfelsFrom& points) {
+  const Image<std::uint32_t>& surfels = points.map->surfels;
+  return {surfels.pixels().data(), points.standings->pixels().data(), surfels.width(), surfels.height(),
+          static_cast<float>(points.pose.scale)};
 }
 
 std::size_t open_pixels(const std::uint8_t* standings, std::size_t count) {
@@ -122,8 +133,8 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   return fused;
 }
 
-void judge(SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
-           const FreeSpaceOptions& options, const Executor& executor) {
+Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
+                          const FreeSpaceOptions& options, const Executor& executor) {
   options.validate();
   check_scale("judge", pose);
   const int width = map.surfels.width();
@@ -151,15 +162,19 @@ void judge(SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom
                                    options.enabled ? static_cast<int>(asked.size()) : 0,
                                    sight_limits(options),
                                    static_cast<float>(options.max_contradiction)};
-  executor.impl().pool.for_each(height, [&](int y) { executor.impl().rows.judge_row(stage, y, map.standings.row(y)); });
-  map.asked.clear();
+  Image<std::uint8_t> standings(width, height);
+  executor.impl().pool.for_each(height, [&](int y) { executor.impl().rows.judge_row(stage, y, standings.row(y)); });
+  return standings;
 }
 
-Image<std::uint8_t> ownership_round(SurfelMap& map, const KeyframePose& pose, const std::vector<SurfelsFrom>& viewers,
-                                    const FusionOptions& options, const Executor& executor) {
+Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& asked,
+                                    const std::vector<SurfelsFrom>& viewers, const FusionOptions& options,
+                                    const Executor& executor) {
   options.validate();
-  check_scale("ownership_round", pose);
   check_count("ownership_round", viewers.size());
+  check_surfels("ownership_round", reference);
+  const SurfelMap& map = *reference.map;
+  const Image<std::uint8_t>& before = *reference.standings;
   const int width = map.surfels.width();
   const int height = map.surfels.height();
   const SphereGrid grid(width, height);
@@ -169,51 +184,49 @@ Image<std::uint8_t> ownership_round(SurfelMap& map, const KeyframePose& pose, co
     const SurfelsFrom& viewer = viewers[k];
     others.emplace_back();
     if (viewer.map == nullptr) continue;
-    check_scale("ownership_round", viewer.pose);
-    const Image<std::uint8_t>& theirs = viewer.standings != nullptr ? *viewer.standings : viewer.map->standings;
-    if (!same_image_size(viewer.map->surfels, map.surfels) || !same_image_size(theirs, map.surfels)) {
-      throw InvalidInput("ownership_round: maps differ in size");
-    }
-    const Relation to = relation(viewer.pose, pose);
-    others.back() = {view_of(*viewer.map, theirs, viewer.pose), to.other_from_first, to.zoom,
-                     viewer.map->keyframe_id < map.keyframe_id};
+    check_surfels("ownership_round", viewer);
+    if (!same_image_size(viewer.map->surfels, map.surfels)) throw InvalidInput("ownership_round: maps differ in size");
+    const Relation to = relation(viewer.pose, reference.pose);
+    others.back() = {view_of(viewer), to.other_from_first, to.zoom, viewer.map->keyframe_id < map.keyframe_id};
     there |= 1U << k;
   }
   const std::size_t rows = static_cast<std::size_t>(height);
   std::vector<std::size_t> first(rows + 1);  // open pixels before each row
   for (int y = 0; y < height; ++y) {
     const std::size_t row = static_cast<std::size_t>(y);
-    first[row + 1] = first[row] + open_pixels(map.standings.row(y), static_cast<std::size_t>(width));
+    first[row + 1] = first[row] + open_pixels(before.row(y), static_cast<std::size_t>(width));
   }
-  if (!map.asked.empty() && map.asked.size() != first[rows]) {
+  if (!asked.empty() && asked.size() != first[rows]) {
     throw InvalidInput("ownership_round: standings are not those of the round before");
   }
-  const kernels::OwnershipRound stage{view_of(map, map.standings, pose), view_of(grid), others.data(),
-                                      static_cast<int>(others.size()), ownership_limits(options)};
+  const kernels::OwnershipRound stage{view_of(reference), view_of(grid), others.data(), static_cast<int>(others.size()),
+                                      ownership_limits(options)};
   Image<std::uint8_t> standings(width, height);
   std::vector<std::vector<std::uint32_t>> still(rows);
   executor.impl().pool.for_each(height, [&](int y) {
     const std::size_t row = static_cast<std::size_t>(y);
-    const std::uint32_t* const ask = map.asked.empty() ? nullptr : map.asked.data() + first[row];
+    const std::uint32_t* const ask = asked.empty() ? nullptr : asked.data() + first[row];
     std::vector<std::uint32_t> left(first[row + 1] - first[row]);
     const int count = executor.impl().rows.own_row(stage, y, ask, there, standings.row(y), left.data());
     still[row].assign(left.begin(), left.begin() + count);
   });
   std::size_t count = 0;
   for (const std::vector<std::uint32_t>& row : still) count += row.size();
-  std::vector<std::uint32_t> asked;
+  asked.clear();
+  asked.shrink_to_fit();
   asked.reserve(count);
   for (const std::vector<std::uint32_t>& row : still) asked.insert(asked.end(), row.begin(), row.end());
-  map.asked = std::move(asked);
   return standings;
 }
 
-KeyframeCloud owned_points(const SurfelMap& map, const KeyframePose& pose) {
+KeyframeCloud owned_points(const SurfelsFrom& made) {
+  check_surfels("owned_points", made);
+  const SurfelMap& map = *made.map;
   const int width = map.surfels.width();
   const SphereGrid grid(width, map.surfels.height());
   const kernels::GridView view = view_of(grid);
-  KeyframeCloud cloud{map.keyframe_id, pose.cam_from_world, {}, pose.scale, {}, {}, map.window_ids};
-  const std::vector<std::uint8_t>& standings = map.standings.pixels();
+  KeyframeCloud cloud{map.keyframe_id, made.pose.cam_from_world, {}, made.pose.scale, {}, {}, map.window_ids};
+  const std::vector<std::uint8_t>& standings = made.standings->pixels();
   const std::size_t count =
       static_cast<std::size_t>(std::count_if(standings.begin(), standings.end(), kernels::makes_point));
   cloud.points.reserve(count);

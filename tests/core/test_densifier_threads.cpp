@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "core/recording.h"
+#include "pmsp/error.h"
+#include "support/temp_dir.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -32,6 +34,19 @@ TEST_CASE("two Densifiers at once give what each gives alone", "[densifier][thre
   two.join();
   CHECK(same(first, test_result()));
   CHECK(same(second, other_alone));
+}
+
+TEST_CASE("what waits in a scratch folder is what would wait in memory", "[densifier]") {
+  const pmsp_test::TempDir dir;
+  DensifierOptions options = fast_options();
+  options.free_space.whole_mission = true;
+  options.free_space.history = 4;  // some points are handed out before the end
+  const Recording memory = densify(test_flight(), options);
+  options.scratch_folder = dir.path().string();
+  CHECK(difference(densify(test_flight(), options), memory).empty());
+  CHECK(dir.entries() == 0);
+  options.scratch_folder = (dir / "missing").string();
+  CHECK_THROWS_AS(densify(test_flight(), options), OutputError);
 }
 
 TEST_CASE("a Densifier may be used from another thread than the one that made it", "[densifier][threads]") {

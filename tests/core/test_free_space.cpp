@@ -47,8 +47,8 @@ SurfelMap points_of(DepthMap map, float scale = 1.0F) {
 KeyframeCloud judged(const DepthMap& map, const std::vector<SightFrom>& others, float scale = 1.0F,
                      const FreeSpaceOptions& options = {}, const Executor& executor = Executor(2)) {
   SurfelMap points = points_of(map, scale);
-  judge(points, {map.cam_from_world}, others, options, executor);
-  return owned_points(points, {map.cam_from_world});
+  points.standings = judge(points, {map.cam_from_world}, others, options, executor);
+  return owned_points({&points, &points.standings, {map.cam_from_world}});
 }
 
 double kept(const DepthMap& map, const std::vector<SightFrom>& others, float scale = 1.0F,

@@ -34,7 +34,8 @@ class Fusion {
   KeyframeCloud fuse_one(std::size_t i, const FusionOptions& options = {}, int threads = 2) {
     std::vector<FusionMap> window;
     for (std::size_t k = 0; k < maps.size(); ++k) window.push_back({&maps[k], &colors[k], {maps[k].cam_from_world}});
-    return owned_points(fuse_pixels(window, i, options, Executor(threads)), {maps[i].cam_from_world});
+    const SurfelMap points = fuse_pixels(window, i, options, Executor(threads));
+    return owned_points({&points, &points.standings, {maps[i].cam_from_world}});
   }
 
   std::vector<KeyframeCloud> fuse_all(const FusionOptions& options = {}, int threads = 2) {

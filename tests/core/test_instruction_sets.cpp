@@ -100,22 +100,24 @@ Results run_all(const Executor& executor) {
     for (std::size_t j = 0; j < 3; ++j) {
       if (j != i) viewers.push_back({&sights[j], window[j].pose});
     }
-    judge(surfels[i], window[i].pose, viewers, FreeSpaceOptions{}, executor);
+    surfels[i].standings = judge(surfels[i], window[i].pose, viewers, FreeSpaceOptions{}, executor);
     results.standings.push_back(surfels[i].standings);
   }
+  std::vector<std::uint32_t> still[3];
   for (int round = 0; round < 2; ++round) {
     std::vector<Image<std::uint8_t>> next;
     for (std::size_t i = 0; i < 3; ++i) {
       std::vector<SurfelsFrom> viewers;
       for (std::size_t j = 0; j < 3; ++j) {
-        if (j != i) viewers.push_back({&surfels[j], window[j].pose});
+        if (j != i) viewers.push_back({&surfels[j], &surfels[j].standings, window[j].pose});
       }
-      next.push_back(ownership_round(surfels[i], window[i].pose, viewers, FusionOptions{}, executor));
+      next.push_back(ownership_round({&surfels[i], &surfels[i].standings, window[i].pose}, still[i], viewers,
+                                     FusionOptions{}, executor));
     }
     for (std::size_t i = 0; i < 3; ++i) surfels[i].standings = next[i];
     results.standings.insert(results.standings.end(), next.begin(), next.end());
   }
-  results.cloud = owned_points(surfels[1], window[1].pose);
+  results.cloud = owned_points({&surfels[1], &surfels[1].standings, window[1].pose});
   return results;
 }
 

@@ -82,23 +82,26 @@ class Owners {
     for (std::size_t i = 0; i < size(); ++i) {
       std::vector<SightFrom> asked;
       for (const std::size_t k : viewers(i)) asked.push_back({&sights[k], poses[k]});
-      judge(surfels[i], poses[i], asked, free_space, executor);
+      surfels[i].standings = judge(surfels[i], poses[i], asked, free_space, executor);
     }
     eligible = 0.0;
     for (const SurfelMap& map : surfels) {
       eligible += static_cast<double>(count(map.standings, [](int standing) { return standing != 0; }));
     }
+    std::vector<std::vector<std::uint32_t>> still(size());
     for (int round = 0; round < rounds; ++round) {
       std::vector<Image<std::uint8_t>> next;
       for (std::size_t i = 0; i < size(); ++i) {
         std::vector<SurfelsFrom> asked;
-        for (const std::size_t k : viewers(i)) asked.push_back({&surfels[k], poses[k]});
-        next.push_back(ownership_round(surfels[i], poses[i], asked, fusion, executor));
+        for (const std::size_t k : viewers(i)) asked.push_back({&surfels[k], &surfels[k].standings, poses[k]});
+        next.push_back(
+            ownership_round({&surfels[i], &surfels[i].standings, poses[i]}, still[i], asked, fusion, executor));
       }
       for (std::size_t i = 0; i < size(); ++i) surfels[i].standings = next[i];
     }
     clouds.clear();
-    for (std::size_t i = 0; i < size(); ++i) clouds.push_back(owned_points(surfels[i], poses[i]));
+    for (std::size_t i = 0; i < size(); ++i)
+      clouds.push_back(owned_points({&surfels[i], &surfels[i].standings, poses[i]}));
   }
 
   template <class Counts>
@@ -365,21 +368,24 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
     for (const std::size_t k : order) {
       if (k != i) asked.push_back({&sights[k], one.poses[k]});
     }
-    judge(surfels[i], one.poses[i], asked, one.free_space, executor);
+    surfels[i].standings = judge(surfels[i], one.poses[i], asked, one.free_space, executor);
   }
+  std::map<std::size_t, std::vector<std::uint32_t>> still;
   for (int round = 0; round < one.rounds; ++round) {
     std::map<std::size_t, Image<std::uint8_t>> next;
     for (const std::size_t i : order) {
       std::vector<SurfelsFrom> asked;
       for (const std::size_t k : order) {
-        if (k != i) asked.push_back({&surfels[k], one.poses[k]});
+        if (k != i) asked.push_back({&surfels[k], &surfels[k].standings, one.poses[k]});
       }
-      next[i] = ownership_round(surfels[i], one.poses[i], asked, one.fusion, executor);
+      next[i] =
+          ownership_round({&surfels[i], &surfels[i].standings, one.poses[i]}, still[i], asked, one.fusion, executor);
     }
     for (const std::size_t i : order) surfels[i].standings = next[i];
   }
   other.clouds.clear();
-  for (const std::size_t i : order) other.clouds.push_back(owned_points(surfels[i], one.poses[i]));
+  for (const std::size_t i : order)
+    other.clouds.push_back(owned_points({&surfels[i], &surfels[i].standings, one.poses[i]}));
   // Sums over viewers are rounded in another order, which may tip what lies on the limit.
   const auto mine = keys(one);
   const auto theirs = keys(other);
@@ -531,13 +537,19 @@ TEST_CASE("ownership refuses what does not fit", "[ownership]") {
   options.spacing_px = -1.0;
   CHECK_THROWS_AS(fuse_pixels({map}, 0, options, executor), InvalidOption);
   CHECK_THROWS_AS(judge(room.surfels[0], room.poses[0], {{nullptr, {}}}, {}, executor), InvalidInput);
-  const SurfelMap small{1, Image<std::uint32_t>(8, 4), Image<std::uint8_t>(8, 4), Image<std::uint32_t>(8, 4), {}, {},
-                        {}};
-  CHECK_THROWS_AS(ownership_round(room.surfels[0], room.poses[0], {{&small, {}}}, {}, executor), InvalidInput);
-  SurfelMap stale = room.surfels[1];  // its standings are left as they were before the round
-  judge(stale, room.poses[1], {}, {}, executor);
-  judge(room.surfels[0], room.poses[0], {}, {}, executor);
-  ownership_round(stale, room.poses[1], {{&room.surfels[0], room.poses[0]}}, {}, executor);
-  REQUIRE(!stale.asked.empty());
-  CHECK_THROWS_AS(ownership_round(stale, room.poses[1], {}, {}, executor), InvalidInput);
+  const SurfelMap small{1, Image<std::uint32_t>(8, 4), Image<std::uint8_t>(8, 4), Image<std::uint32_t>(8, 4), {}, {}};
+  const SurfelMap& own = room.surfels[0];
+  const SurfelMap& other = room.surfels[1];
+  const SurfelsFrom reference{&own, &own.standings, room.poses[0]};
+  std::vector<std::uint32_t> asked;
+  CHECK_THROWS_AS(ownership_round(reference, asked, {{&small, &small.standings, {}}}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(ownership_round(reference, asked, {{&other, &small.standings, {}}}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(ownership_round({&own, nullptr, {}}, asked, {}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(owned_points({&own, &small.standings, {}}), InvalidInput);
+  const Image<std::uint8_t> judged[] = {judge(own, room.poses[0], {}, {}, executor),
+                                        judge(other, room.poses[1], {}, {}, executor)};
+  const SurfelsFrom stale{&other, &judged[1], room.poses[1]};  // it stays as it was before the round
+  ownership_round(stale, asked, {{&own, &judged[0], room.poses[0]}}, {}, executor);
+  REQUIRE(!asked.empty());
+  CHECK_THROWS_AS(ownership_round(stale, asked, {}, {}, executor), InvalidInput);
 }

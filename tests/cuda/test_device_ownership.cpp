@@ -72,20 +72,23 @@ std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>&
     for (std::size_t k = 0; k < flight.size(); ++k) {
       if (k != i) asked.push_back({&sights[k], flight.poses[k]});
     }
-    judge(surfels[i], flight.poses[i], asked, flight.free_space, executor);
+    surfels[i].standings = judge(surfels[i], flight.poses[i], asked, flight.free_space, executor);
   }
+  std::vector<std::vector<std::uint32_t>> still(flight.size());
   for (int round = 0; round < kRounds; ++round) {
     std::vector<Image<std::uint8_t>> next;
     for (std::size_t i = 0; i < flight.size(); ++i) {
       std::vector<SurfelsFrom> asked;
       for (std::size_t k = 0; k < flight.size(); ++k) {
-        if (k != i) asked.push_back({&surfels[k], flight.poses[k]});
+        if (k != i) asked.push_back({&surfels[k], &surfels[k].standings, flight.poses[k]});
       }
-      next.push_back(ownership_round(surfels[i], flight.poses[i], asked, flight.fusion, executor));
+      next.push_back(ownership_round({&surfels[i], &surfels[i].standings, flight.poses[i]}, still[i], asked,
+                                     flight.fusion, executor));
     }
     for (std::size_t i = 0; i < flight.size(); ++i) surfels[i].standings = next[i];
   }
-  for (std::size_t i = 0; i < flight.size(); ++i) clouds.push_back(owned_points(surfels[i], flight.poses[i]));
+  for (std::size_t i = 0; i < flight.size(); ++i)
+    clouds.push_back(owned_points({&surfels[i], &surfels[i].standings, flight.poses[i]}));
   return surfels;
 }
 
@@ -156,6 +159,8 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   const cuda::DeviceGrid grid(width, height, stream);
   PMSP_CUDA_CHECK(cudaDeviceSynchronize());
   std::vector<OnDevice> frames;
+  const cuda::DeviceArray<cuda::Counts> counts(1);
+  PMSP_CUDA_CHECK(cudaMemset(counts.get(), 0, sizeof(cuda::Counts)));
   for (std::size_t k = 0; k < flight.size(); ++k) frames.push_back(uploaded_map(flight, k));
   const float min_cos = static_cast<float>(std::cos(flight.fusion.max_normal_deg * kernels::kPi / 180.0));
   const float max_relative = static_cast<float>(flight.fusion.max_relative_depth);
@@ -176,6 +181,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
     }
     args.limits = {max_relative, min_cos, static_cast<float>(flight.fusion.min_confidence)};
     args.to = {frames[i].surfels.get(), frames[i].details.get(), frames[i].standings.get(), frames[i].agree.get()};
+    args.counts = counts.get();
     cuda::make_surfels(args, nullptr);
     cuda::find_sight({grid.view(), filtered(i), frames[i].nearest.get(), frames[i].farthest.get()}, nullptr);
   }
@@ -194,6 +200,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
     args.limits = {1.0F - static_cast<float>(flight.free_space.min_relative_gap), 1.0F - tolerance, 1.0F + tolerance};
     args.max_contradiction = static_cast<float>(flight.free_space.max_contradiction);
     args.standings = frames[i].standings.get();
+    args.counts = counts.get();
     cuda::judge_pixels(args, nullptr);
   }
   for (int round = 0; round < kRounds; ++round) {

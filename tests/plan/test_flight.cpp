@@ -16,6 +16,7 @@ namespace {
 /// Of a preset, with horizons that are short for tests.
 DensifierOptions short_options(Quality quality) {
   DensifierOptions options = preset(quality);
+  options.patchmatch.revisits = quality == Quality::kOnline ? 0 : 1;
   options.free_space.history = 40;
   options.patchmatch.history = 25;
   options.free_space.views = 8;

@@ -90,6 +90,7 @@ TEST_CASE("a halo is what the points need, nothing less and nothing more", "[pla
   for (recipe.seed = 0; recipe.seed < 6; ++recipe.seed) {
     for (const Quality quality : {Quality::kOnline, Quality::kNormal}) {
       DensifierOptions options = preset(quality);
+      options.patchmatch.revisits = quality == Quality::kOnline ? 0 : 1;
       options.free_space.history = 40;
       options.free_space.views = 6;
       options.consistency.enabled = recipe.seed % 3 != 0;

@@ -81,6 +81,7 @@ TEST_CASE("changing one keyframe of a flight changes entries near it only", "[pl
     Keyframes keyframes = seed % 4 < 2 ? walk(recipe) : corridor(recipe, 4);
     for (PlanKeyframe& keyframe : keyframes) keyframe.sharpness = sharpness(keyframe, 1.0F);
     DensifierOptions options = preset(seed % 3 == 0 ? Quality::kOnline : Quality::kNormal);
+    options.patchmatch.revisits = seed % 3 == 0 ? 0 : 1;
     options.free_space.history = 30;
     options.patchmatch.history = 12;
     const Plan plan = make_plan(keyframes, options);
@@ -155,6 +156,7 @@ TEST_CASE("changing one keyframe of a set changes entries near it or sharing lan
     Keyframes keyframes = photos(recipe);
     for (PlanKeyframe& keyframe : keyframes) keyframe.sharpness = sharpness(keyframe, 1.0F);
     DensifierOptions options = preset(Quality::kNormal);
+    options.patchmatch.revisits = 1;
     options.unordered = true;
     const Plan plan = make_plan(keyframes, options);
     std::map<std::int64_t, std::set<std::int64_t>> seen;  // landmarks of each keyframe

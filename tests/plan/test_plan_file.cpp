@@ -17,7 +17,9 @@ TEST_CASE("a plan read from its file is the same", "[plan][io]") {
   recipe.keyframes = 60;
   recipe.first_id = -30;
   for (recipe.seed = 0; recipe.seed < 4; ++recipe.seed) {
-    Plan plan = make_plan(walk(recipe), preset(Quality::kNormal));
+    DensifierOptions options = preset(Quality::kNormal);
+    options.patchmatch.revisits = 1;
+    Plan plan = make_plan(walk(recipe), options);
     plan.entries[3].range = {0.1, 1.0 / 3.0 * 1e6};
     plan.entries[4].id = INT64_MAX;
     plan.entries[5].near = {INT64_MIN};

@@ -95,6 +95,11 @@ void add_outputs(CLI::App& app, Arguments& a) {
   app.add_option("--stats", a.stats, "Options, counts and times of each stage, skipped keyframes (JSON)")
       ->type_name("FILE")
       ->group(group);
+  app.add_option("--scratch", a.scratch,
+                 "Existing folder for what keyframes leave while they wait for their points' say (normal, high; 20 "
+                 "bytes a pixel of those that wait) [default that of the cloud]")
+      ->type_name("DIR")
+      ->group(group);
   app.add_option("--preview", a.preview, "Pictures to judge the result by (PNG)")->type_name("DIR")->group(group);
 }
 

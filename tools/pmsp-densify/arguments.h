@@ -34,6 +34,7 @@ struct Arguments {
   std::filesystem::path raw_depth_maps;
   std::filesystem::path stats;
   std::filesystem::path preview;
+  std::filesystem::path scratch;  ///< empty = the folder of the output
   std::filesystem::path plan;  ///< info
 
   ProgressMode progress = ProgressMode::kAuto;

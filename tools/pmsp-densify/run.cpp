@@ -253,8 +253,12 @@ std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamM
 }
 
 void run(const Arguments& arguments) {
-  const DensifierOptions options = effective_options(arguments);
+  DensifierOptions options = effective_options(arguments);
   check_targets(arguments);
+  if (options.free_space.whole_mission) {
+    const std::filesystem::path beside = arguments.output.parent_path();
+    options.scratch_folder = (!arguments.scratch.empty() ? arguments.scratch : beside.empty() ? "." : beside).string();
+  }
   Run(arguments, options)();
 }
 

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "util/scratch_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+
+#include "pmsp/error.h"
+
+namespace pmsp {
+namespace {
+
+/// -1 where it fails.
+int open_nameless(const std::string& folder) {
+#ifdef O_TMPFILE
+  const int file = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+  if (file >= 0 || errno == ENOENT || errno == EACCES || errno == ENOTDIR) return file;
+#endif
+  std::string name = folder + "/.pmsp-XXXXXX";  // a file system without nameless files
+  const int named = ::mkstemp(name.data());
+  if (named >= 0) ::unlink(name.c_str());
+  return named;
+}
+
+}  // namespace
+
+ScratchFile::ScratchFile(const std::string& folder) : folder_(folder), file_(open_nameless(folder)) {
+  if (file_ >= 0) return;
+  throw OutputError(folder + ": no scratch file can be made there (" + std::strerror(errno) +
+                    "); name an existing folder that may be written to");
+}
+
+ScratchFile::~ScratchFile() { ::close(file_); }
+
+std::uint64_t ScratchFile::take(std::size_t bytes) {
+  if (!free_.empty()) {
+    const std::uint64_t begin = free_.back();
+    free_.pop_back();
+    return begin;
+  }
+  const std::uint64_t begin = end_;
+  end_ += bytes;
+  return begin;
+}
+
+void ScratchFile::write(std::uint64_t at, const void* data, std::size_t bytes) {
+  const char* from = static_cast<const char*>(data);
+  while (bytes > 0) {
+    const ssize_t done = ::pwrite(file_, from, bytes, static_cast<off_t>(at));
+    if (done < 0 && errno == EINTR) continue;
+    if (done <= 0) {
+      throw OutputError(folder_ + ": scratch data cannot be written there (" +
+                        (done < 0 ? std::strerror(errno) : "no room") + "); free some space or name another folder");
+    }
+    from += done;
+    at += static_cast<std::uint64_t>(done);
+    bytes -= static_cast<std::size_t>(done);
+  }
+}
+
+void ScratchFile::read(std::uint64_t at, void* data, std::size_t bytes) const {
+  char* to = static_cast<char*>(data);
+  while (bytes > 0) {
+    const ssize_t done = ::pread(file_, to, bytes, static_cast<off_t>(at));
+    if (done < 0 && errno == EINTR) continue;
+    if (done <= 0) {
+      throw IoError(folder_ + ": scratch data cannot be read back (" +
+                    (done < 0 ? std::strerror(errno) : "the file is too short") + ")");
+    }
+    to += done;
+    at += static_cast<std::uint64_t>(done);
+    bytes -= static_cast<std::size_t>(done);
+  }
+}
+
+}  // namespace pmsp
