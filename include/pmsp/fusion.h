@@ -32,6 +32,7 @@ struct FusionMap {
   const DepthMap* map = nullptr;      ///< its own pose is not looked at
   const Image<Rgb>* color = nullptr;  ///< of the map's size
   KeyframePose pose;
+  const Image<float>* confidence = nullptr;  ///< in place of the map's, 0 = no depth; nullptr = the map's
 };
 
 /// The points of a keyframe's pixels, and all that is kept of the keyframe until it is known which of them stay: with

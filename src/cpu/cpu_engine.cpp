@@ -24,10 +24,10 @@ struct CpuFrame : Engine::Frame {
   CpuFrame(const Keyframe& keyframe, Panorama image, ScratchFile* scratch)
       : Frame(keyframe), panorama(std::move(image)), shelf(scratch) {}
 
-  Panorama panorama;  ///< of the depth maps' size
-  DepthMap raws[2];   ///< after the last even and the last odd pass of PatchMatch
-  DepthMap median;    ///< after the last pass and the median filter
-  DepthMap map;       ///< after the consistency filter
+  Panorama panorama;        ///< of the depth maps' size
+  DepthMap raws[2];         ///< after the last even and the last odd pass of PatchMatch
+  DepthMap median;          ///< after the last pass and the median filter
+  Image<float> confidence;  ///< after the consistency filter; 0 = no depth
   SurfelShelf shelf;
   std::int64_t eligible = 0;  ///< points that are left when ownership is decided
 
@@ -61,7 +61,7 @@ void CpuEngine::match(const MatchTask& task) {
   DepthMap& raw = reference.raws[task.pass % 2];
   raw = run_pass(task, to_warp, matched);
   reference.matched = !context_.cancel.load(std::memory_order_relaxed);
-  if (reference.matched && task.last) finish_match(reference, raw, matched);
+  if (reference.matched && task.last) finish_match(reference, std::move(raw), matched);
 }
 
 /// The previous keyframe's map of the first pass, median filtered; into `scratch` while later passes are to come.
@@ -127,13 +127,14 @@ std::vector<PlaneImage> CpuEngine::first_planes(const MatchTask& task, const Dep
   return planes;
 }
 
-void CpuEngine::finish_match(CpuFrame& reference, const DepthMap& raw, const PatchMatchStats& matched) {
+/// Nobody else asks for the planes of the last pass.
+void CpuEngine::finish_match(CpuFrame& reference, DepthMap raw, const PatchMatchStats& matched) {
   DensifierStats& stats = context_.stats;
   if (context_.results.raw_depth) context_.results.raw_depth(raw);
   FilterStats filtered;
   {
     const Stopwatch watch(stats.seconds_median);
-    reference.median = raw;
+    reference.median = std::move(raw);
     median_filter(reference.median, context_.options.median, executor_, &filtered);
   }
   ++stats.depth_maps;
@@ -144,21 +145,22 @@ void CpuEngine::finish_match(CpuFrame& reference, const DepthMap& raw, const Pat
 
 void CpuEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   CpuFrame& reference = own(frame);
-  reference.map = reference.median;
+  DepthMap map = reference.median;
   std::vector<const DepthMap*> maps;
   maps.reserve(others.size());
   for (const Frame* other : others) maps.push_back(&own(*other).median);
   FilterStats filtered;
   {
     const Stopwatch watch(context_.stats.seconds_consistency);
-    consistency_filter(reference.map, maps, context_.options.consistency, executor_, &filtered);
+    consistency_filter(map, maps, context_.options.consistency, executor_, &filtered);
   }
   context_.stats.pixels_after_consistency += filtered.after;
   if (context_.results.cloud && context_.options.free_space.enabled) {
     const Stopwatch watch(context_.stats.seconds_free_space);
-    reference.shelf.put(sight_map(reference.map, executor_));
+    reference.shelf.put(sight_map(map, executor_));
   }
-  if (context_.results.filtered_depth) context_.results.filtered_depth(reference.map);
+  if (context_.results.filtered_depth) context_.results.filtered_depth(map);
+  reference.confidence = std::move(map.confidence);
 }
 
 void CpuEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) {
@@ -167,7 +169,7 @@ void CpuEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std:
   maps.reserve(window.size());
   for (const Frame* joined : window) {
     const CpuFrame& member = own(*joined);
-    maps.push_back({&member.map, &member.panorama.color(), member.pose()});
+    maps.push_back({&member.median, &member.panorama.color(), member.pose(), &member.confidence});
   }
   CpuFrame& reference = own(frame);
   SurfelMap points = fuse_pixels(maps, current, context_.options.fusion, executor_);
@@ -245,7 +247,7 @@ void CpuEngine::release(Frame& frame, Artefact artefact) {
       done.median = {};
       break;
     case Artefact::kFiltered:
-      done.map = {};
+      done.confidence = {};
       break;
     case Artefact::kSight:
       done.shelf.release_sight();

@@ -34,7 +34,7 @@ class CpuEngine : public Engine {
   const DepthMap* map_to_warp(const MatchTask& task, DepthMap& scratch);
   DepthMap run_pass(const MatchTask& task, const DepthMap* to_warp, PatchMatchStats& matched);
   std::vector<PlaneImage> first_planes(const MatchTask& task, const DepthMap* to_warp, const Panorama& panorama);
-  void finish_match(CpuFrame& reference, const DepthMap& raw, const PatchMatchStats& matched);
+  void finish_match(CpuFrame& reference, DepthMap raw, const PatchMatchStats& matched);
 
   std::unique_ptr<ScratchFile> scratch_;  ///< where a folder is given
 };

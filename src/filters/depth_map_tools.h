@@ -51,7 +51,8 @@ inline kernels::Vec3<float> plane_of_pixel(const DepthMap& map, const SphereGrid
 /// A depth map's planes in row order, one array a coordinate, as kernels::agreement reads them.
 class PlaneRows {
  public:
-  PlaneRows(const DepthMap& map, const SphereGrid& grid, ThreadPool& pool)
+  /// `confidence`: where it is 0 there is no plane; nullptr = not asked.
+  PlaneRows(const DepthMap& map, const SphereGrid& grid, ThreadPool& pool, const Image<float>* confidence = nullptr)
       : width_(map.depth.width()),
         height_(map.depth.height()),
         x_(map.depth.size()),
@@ -62,6 +63,7 @@ class PlaneRows {
         const std::size_t at =
             static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(column);
         if (map.depth(column, row) <= 0.0F) continue;
+        if (confidence != nullptr && !((*confidence)(column, row) > 0.0F)) continue;
         const kernels::Vec3<float> plane = plane_of_pixel(map, grid, column, row);
         x_[at] = plane.x;
         y_[at] = plane.y;

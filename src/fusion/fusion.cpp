@@ -58,8 +58,9 @@ void check(const std::vector<FusionMap>& window, std::size_t current) {
     if (input.map == nullptr || input.color == nullptr) {
       throw InvalidInput("fuse_pixels: a keyframe of the window lacks its depth map or colours");
     }
-    if (!same_size(*input.map, *window.front().map) || !same_image_size(*input.color, input.map->depth)) {
-      throw InvalidInput("fuse_pixels: depth maps and colours differ in size");
+    if (!same_size(*input.map, *window.front().map) || !same_image_size(*input.color, input.map->depth) ||
+        (input.confidence != nullptr && !same_image_size(*input.confidence, input.map->depth))) {
+      throw InvalidInput("fuse_pixels: depth maps, colours and confidences differ in size");
     }
     check_scale("fuse_pixels", input.pose);
   }
@@ -109,10 +110,11 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   for (std::size_t k = 0; k < window.size(); ++k) {
     const FusionMap& input = window[k];
     const Relation to = relation(input.pose, window[current].pose);
-    planes.emplace_back(*input.map, grid, machine.pool);
+    planes.emplace_back(*input.map, grid, machine.pool, input.confidence);
     colors.push_back(words(*input.color, machine.pool));
-    const View view{planes.back().view(), input.map->confidence.pixels().data(), colors.back().data(),
-                    to.other_from_first, to.zoom};
+    const Image<float>& confidence = input.confidence != nullptr ? *input.confidence : input.map->confidence;
+    const View view{planes.back().view(), confidence.pixels().data(), colors.back().data(), to.other_from_first,
+                    to.zoom};
     if (k == current) {
       first = view;
     } else {

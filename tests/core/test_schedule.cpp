@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cstdint>
+#include <map>
+#include <vector>
+
+#include <malloc.h>
+
+#include "core/recording.h"
+#include "plan/reach.h"
+#include "schedule.h"
+#include "support/temp_dir.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+/// A flight of `length` keyframes through the schedule: each stage runs as soon as it may. Tells how many keyframes
+/// have an artefact at a time, and counts looks at what is not there.
+class Rehearsal {
+ public:
+  Rehearsal(const Schedule& schedule, std::int64_t plan_delay, std::int64_t length)
+      : schedule_(schedule), next_(schedule.stages().size(), 0) {
+    for (std::int64_t come = 1; come <= length; ++come) {
+      for (std::size_t s = 0; s < next_.size(); ++s) {
+        while (may_run(s, come, plan_delay)) {
+          count(come, s);
+          ++next_[s];
+        }
+      }
+    }
+  }
+
+  std::map<Artefact, std::int64_t> most;
+  std::vector<std::int64_t> done() const { return next_; }
+
+ private:
+  bool may_run(std::size_t s, std::int64_t come, std::int64_t plan_delay) const {
+    const Stage& stage = schedule_.stages()[s];
+    if (next_[s] + std::min(plan_delay, stage.lead) >= come) return false;
+    return std::all_of(stage.needs.begin(), stage.needs.end(),
+                       [&](const Stage::Need& need) { return next_[s] + need.ahead < next_[need.stage]; });
+  }
+
+  /// While a stage works on its next keyframe.
+  void count(std::int64_t come, std::size_t working) {
+    for (const Lifetime& lifetime : schedule_.lifetimes()) {
+      std::int64_t first = come;
+      for (const Lifetime::Reader& reader : lifetime.readers) {
+        first = std::min(first, next_[reader.stage] - reader.behind);
+      }
+      std::int64_t made = come;  // images come with the keyframe, the others from the stage that makes them
+      if (lifetime.artefact == Artefact::kPlanes) made = next_.front() + (working == 0 ? 1 : 0);
+      if (lifetime.artefact == Artefact::kMedian) made = made_by(Stage::Kind::kMatch, working);
+      if (lifetime.artefact == Artefact::kFiltered) made = made_by(Stage::Kind::kFilter, working);
+      if (lifetime.artefact == Artefact::kSight) made = made_by(Stage::Kind::kFilter, working);
+      if (lifetime.artefact == Artefact::kSurfels) made = made_by(Stage::Kind::kFuse, working);
+      std::int64_t& count = most[lifetime.artefact];
+      count = std::max(count, made - std::max<std::int64_t>(first, 0));
+    }
+  }
+
+  std::int64_t made_by(Stage::Kind kind, std::size_t working) const {
+    std::int64_t made = 0;
+    for (std::size_t s = 0; s < next_.size(); ++s) {
+      if (schedule_.stages()[s].kind == kind) made = next_[s] + (s == working ? 1 : 0);  // by the last of its kind
+    }
+    return made;
+  }
+
+  const Schedule& schedule_;
+  std::vector<std::int64_t> next_;
+};
+
+}  // namespace
+
+TEST_CASE("no more keyframes hold an artefact than the schedule says, however long the flight", "[schedule]") {
+  for (const Quality quality : {Quality::kPaper, Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
+    for (const bool points : {false, true}) {
+      const DensifierOptions options = preset(quality);
+      const Schedule schedule(options, points);
+      const PlanReach reach = plan_reach(options);
+      const std::int64_t plan_delay = reach.near + std::max(reach.windows, reach.viewers_after);
+      const Rehearsal flight(schedule, plan_delay, 700);
+      for (const auto& [artefact, count] : flight.most) {
+        CAPTURE(static_cast<int>(quality), points, static_cast<int>(artefact));
+        CHECK(count == schedule.keyframes_with(artefact));
+      }
+      for (std::size_t s = 0; s < schedule.stages().size(); ++s) {
+        CHECK(flight.done()[s] == 700 - schedule.stages()[s].lead);  // results come as late as is stated, not later
+      }
+    }
+  }
+}
+
+TEST_CASE("without points nothing is kept for them", "[schedule]") {
+  const Schedule maps(preset(Quality::kNormal), false);
+  CHECK(maps.keyframes_with(Artefact::kSurfels) == 0);
+  CHECK(maps.keyframes_with(Artefact::kSight) == 0);
+  CHECK(maps.stages().back().kind == Stage::Kind::kFilter);
+  DensifierOptions alone = preset(Quality::kOnline);
+  alone.fusion.spacing_px = 0.0;  // every pixel makes a point: nobody asks for another one's
+  alone.free_space.enabled = false;
+  CHECK(Schedule(alone, true).keyframes_with(Artefact::kSurfels) == 1);
+}
+
+// Sanitizers replace the allocator that is asked here.
+TEST_CASE("a long flight takes no more memory than a short one", "[schedule][densifier]" PMSP_ACCURACY) {
+  const pmsp_test::TempDir dir;
+  for (const bool scratch : {false, true}) {
+    DensifierOptions options = fast_options(kTinyWidth);
+    options.patchmatch.geometric_passes = 1;
+    options.free_space.whole_mission = true;
+    options.free_space.history = 4;
+    if (scratch) options.scratch_folder = dir.path().string();
+    std::size_t points = 0;
+    DensifierCallbacks callbacks;
+    callbacks.cloud = [&](const KeyframeCloud& cloud) { points += cloud.points.size(); };
+    Densifier densifier(options, callbacks);
+    const auto fly = [&](std::int64_t first, std::int64_t count) {
+      for (std::int64_t i = first; i < first + count; ++i) {
+        const std::int64_t at = i % 12;  // there and back
+        Keyframe keyframe = synth::keyframe_of(test_flight(), static_cast<std::size_t>(at < 7 ? at : 12 - at));
+        keyframe.id = i;
+        densifier.add(keyframe);
+      }
+      return mallinfo2().uordblks;
+    };
+    const std::size_t before = fly(0, 48);
+    const std::size_t after = fly(48, 48);
+    CAPTURE(scratch, before, after);
+    constexpr std::size_t kFrame = kTinyWidth * kTinyWidth / 2 * 100;  // what a keyframe holds while it is matched
+    CHECK(after < before + kFrame / 4);
+    CHECK(points > 0);
+  }
+}
