@@ -93,11 +93,10 @@ struct PointsDownload {
 
 /// Queues the copy of the first elements of an array.
 template <class To, class From>
-std::vector<To> downloaded(const DeviceArray<From>& from, std::size_t count, const Stream& stream) {
+void download(const DeviceArray<From>& from, std::size_t count, std::vector<To>& to, const Stream& stream) {
   static_assert(sizeof(To) == sizeof(From), "elements are copied as they are");
-  std::vector<To> to(count);
+  to.resize(count);
   PMSP_CUDA_CHECK(cudaMemcpyAsync(to.data(), from.get(), count * sizeof(To), cudaMemcpyDeviceToHost, stream.get()));
-  return to;
 }
 
 /// All work on one frame is queued on one stream, in the order of the calls; only copies run beside it. So whatever a
@@ -183,6 +182,7 @@ class CudaEngine : public Engine {
   Pool<Record> records_;
   std::vector<std::unique_ptr<MapDownload>> downloads_;
   std::deque<Pending> pending_;
+  KeyframeCloud cloud_;  ///< handed out last; its memory is used again
   std::size_t clouds_out_ = 0;
   std::int64_t round_ = 0;
 };
@@ -572,27 +572,30 @@ void CudaEngine::hand_out(Frame& frame) {
   const CudaFrame& reference = own(frame);
   while (clouds_out_ >= kDownloads) hand_out_first();
   if (select_scratch_.empty()) select_scratch_ = Bytes(owned_scratch_bytes(static_cast<int>(pixels())));
-  const std::shared_ptr<PointsDownload> download = clouds_.get(pixels());
+  const std::shared_ptr<PointsDownload> lent = clouds_.get(pixels());
   const std::shared_ptr<Record> record = records_.get();
   record->start(compute_);
-  owned_points({grid_->view(), surfel_arrays(reference), download->points.get(), download->pixels.get(),
-                download->agree.get(), &record->device.get()->points},
+  owned_points({grid_->view(), surfel_arrays(reference), lent->points.get(), lent->pixels.get(), lent->agree.get(),
+                &record->device.get()->points},
                select_scratch_.get(), select_scratch_.size(), compute_.get());
   record->stop(compute_, 1);
   ++clouds_out_;
-  KeyframeCloud made{reference.id, reference.cam_from_world, {}, reference.pose().scale, {}, {}, reference.window_ids};
-  expect([this, record, download, cloud = std::move(made)]() mutable {
+  expect([this, record, lent, id = reference.id, pose = reference.pose(), window_ids = reference.window_ids] {
     --clouds_out_;
     record->marks[1].wait();
     if (cancelled()) return;
     context_.stats.seconds_ownership += record->marks[1].seconds_since(record->marks[0]);
     const std::size_t count = record->host[0].points;
     context_.stats.points_repeated -= static_cast<std::int64_t>(count);
-    cloud.points = downloaded<CloudPoint>(download->points, count, down_);
-    cloud.pixels = downloaded<std::uint32_t>(download->pixels, count, down_);
-    cloud.agree = downloaded<std::uint32_t>(download->agree, count, down_);
+    cloud_.keyframe_id = id;
+    cloud_.cam_from_world = pose.cam_from_world;
+    cloud_.scale = pose.scale;
+    cloud_.window_ids = window_ids;
+    download(lent->points, count, cloud_.points, down_);
+    download(lent->pixels, count, cloud_.pixels, down_);
+    download(lent->agree, count, cloud_.agree, down_);
     PMSP_CUDA_CHECK(cudaStreamSynchronize(down_.get()));
-    context_.results.cloud(cloud);
+    context_.results.cloud(cloud_);
   });
 }
 
