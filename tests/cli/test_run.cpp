@@ -19,6 +19,25 @@ using namespace pmsp;
 using namespace pmsp_test;
 using Catch::Contains;
 
+TEST_CASE("what waits lies in the scratch folder, of which nothing is left") {
+  const TempDir dir;
+  const std::vector<std::string> mission_wide = {"--free-space-whole-mission", "--scratch"};
+  std::vector<std::string> missing = mission_wide;
+  missing.push_back((dir / "missing").string());
+  const Result refused = densify(quick_run(dir / "c.ply", missing));
+  CHECK(refused.code == 6);
+  CHECK_THAT(refused.err, Contains("missing: no scratch file can be made there"));
+  CHECK(dir.entries() == 0);
+  const TempDir scratch;
+  std::vector<std::string> there = mission_wide;
+  there.push_back(scratch.path().string());
+  CHECK(densify(quick_run(dir / "c.ply", there)).code == 0);
+  CHECK(scratch.entries() == 0);
+  CHECK(densify(quick_run(dir / "beside.ply", {"--free-space-whole-mission"})).code == 0);
+  CHECK(read_text(dir / "beside.ply") == read_text(dir / "c.ply"));
+  CHECK(dir.entries() == 2);
+}
+
 TEST_CASE("a run writes all that was asked for") {
   const TempDir dir;
   const Result result = densify(quick_run(
