@@ -96,7 +96,7 @@ void check_pieces(const DensifierOptions& options, std::size_t every) {
       points += whole.clouds.at(id).points.size();
     }
   }
-  CHECK(left_out > kKeyframes);  // or nothing was cut
+  CHECK(left_out > kKeyframes / 2);  // or nothing was cut
   CHECK(points > 0);
 }
 

@@ -35,7 +35,7 @@ struct Arguments {
   std::filesystem::path stats;
   std::filesystem::path preview;
   std::filesystem::path scratch;  ///< empty = the folder of the output
-  std::filesystem::path plan;  ///< info
+  std::filesystem::path plan;     ///< info
 
   ProgressMode progress = ProgressMode::kAuto;
   bool quiet = false;
