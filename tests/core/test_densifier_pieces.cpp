@@ -104,6 +104,7 @@ void check_pieces(const DensifierOptions& options, std::size_t every) {
 
 TEST_CASE("results of a piece with its halo are those of the whole flight, wherever it is cut", "[densifier]") {
   for (const std::uint64_t seed : {1U, 2U}) {
+    if (kSanitized && seed > 1) break;  // a sanitizer's errors do not depend on it
     DensifierOptions options = local_options();
     options.seed = seed;
     check_pieces(options, kSanitized ? 17 : seed == 1 ? 1 : 5);
