@@ -11,6 +11,7 @@
 
 #include "pmsp/densifier.h"
 #include "pmsp/executor.h"
+#include "pmsp/fusion.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/keyframe.h"
 #include "schedule.h"
@@ -44,6 +45,7 @@ class Engine {
 
     std::int64_t id;
     RigidTransform cam_from_world;
+    KeyframePose pose() const { return {cam_from_world, 1.0}; }
     bool matched = false;  ///< has a depth map, if not of all passes
   };
 

@@ -4,6 +4,7 @@
 #include <sstream>
 #include <string>
 
+#include "ownership.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
@@ -127,7 +128,7 @@ void FusionOptions::validate() const {
 }
 
 void FreeSpaceOptions::validate() const {
-  check("free_space.views", views, 1, 32);
+  check("free_space.views", views, 1, kernels::kMaxViewers);
   check("free_space.max_relative_depth", max_relative_depth, 0.0, 1.0);
   check("free_space.min_relative_gap", min_relative_gap, 0.0, 1.0);
   check("free_space.max_contradiction", max_contradiction, 0.0, 100.0);

@@ -30,8 +30,6 @@ struct CpuFrame : Engine::Frame {
   Image<float> confidence;  ///< after the consistency filter; 0 = no depth
   SurfelShelf shelf;
   std::int64_t eligible = 0;  ///< points that are left when ownership is decided
-
-  KeyframePose pose() const { return {cam_from_world, 1.0}; }
 };
 
 namespace {

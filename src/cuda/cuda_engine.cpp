@@ -59,8 +59,6 @@ struct CudaFrame : Engine::Frame {
   std::shared_ptr<Bytes> before;                   ///< after the round before the last
   int rounds = 0;                                  ///< of ownership that the frame is through
   std::vector<std::int64_t> window_ids;            ///< of the bits of `agree`
-
-  KeyframePose pose() const { return {cam_from_world, 1.0}; }
 };
 
 CudaFrame& own(Engine::Frame& frame) { return static_cast<CudaFrame&>(frame); }
@@ -130,6 +128,7 @@ class CudaEngine : public Engine {
   MapDownload& free_download();
   void send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to);
   void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
+  void expect_time(const std::shared_ptr<Record>& record, double DensifierStats::*seconds);
   void hand_out_first();
   bool may_go_on();
   void finish_match(CudaFrame& reference, int pass);
@@ -238,10 +237,7 @@ std::unique_ptr<Engine::Frame> CudaEngine::prepare(const Keyframe& keyframe) {
   images_.consumed(compute_);
   if (!mask.empty()) masks_.consumed(compute_);
   record->marks[1].record(compute_);
-  expect([this, record] {
-    record->marks[1].wait();
-    context_.stats.seconds_prepare += record->marks[1].seconds_since(record->marks[0]);
-  });
+  expect_time(record, &DensifierStats::seconds_prepare);
   return frame;
 }
 
@@ -458,10 +454,7 @@ void CudaEngine::find_sight_of(CudaFrame& frame) {
   frame.farthest = sights_.get(pixels() / 4);
   find_sight({grid_->view(), filtered_planes(frame), frame.nearest->get(), frame.farthest->get()}, compute_.get());
   record->marks[1].record(compute_);
-  expect([this, record] {
-    record->marks[1].wait();
-    context_.stats.seconds_free_space += record->marks[1].seconds_since(record->marks[0]);
-  });
+  expect_time(record, &DensifierStats::seconds_free_space);
 }
 
 void CudaEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) {
@@ -561,10 +554,7 @@ void CudaEngine::round(Frame& frame, const std::vector<const Frame*>& others, in
   reference.before = reference.standings;
   reference.standings = after;
   reference.rounds = round;
-  expect([this, record] {
-    record->marks[1].wait();
-    context_.stats.seconds_ownership += record->marks[1].seconds_since(record->marks[0]);
-  });
+  expect_time(record, &DensifierStats::seconds_ownership);
 }
 
 void CudaEngine::hand_out(Frame& frame) {
@@ -662,6 +652,14 @@ void CudaEngine::send(MapDownload& download, const Frame& frame, std::function<v
     const DepthMap& map = download.finish(id, pose);
     download.busy = false;  // nobody else can ask for it before `to` returns or throws
     if (!cancelled()) to(map);
+  });
+}
+
+/// Adds what a stage has taken, from the record's first mark to its second, to the statistics.
+void CudaEngine::expect_time(const std::shared_ptr<Record>& record, double DensifierStats::*seconds) {
+  expect([this, record, seconds] {
+    record->marks[1].wait();
+    context_.stats.*seconds += record->marks[1].seconds_since(record->marks[0]);
   });
 }
 

@@ -6,8 +6,8 @@
 #include <unordered_set>
 #include <utility>
 
+#include "ownership.h"
 #include "patchmatch/neighbours.h"
-#include "plan/reach.h"
 
 namespace pmsp {
 namespace {
@@ -88,7 +88,7 @@ std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector
                                          const PlanEntry* previous) {
   const std::unordered_set<std::int64_t> in_window(window.begin(), window.end());
   const std::size_t wanted =
-      std::min(static_cast<std::size_t>(count), static_cast<std::size_t>(kMostViewers) - window.size());
+      std::min(static_cast<std::size_t>(count), static_cast<std::size_t>(kernels::kMaxViewers) - window.size());
   std::vector<ViewerCandidate> list;  // within reach, without the window
   std::unordered_set<std::int64_t> allowed;
   for (const ViewerCandidate& candidate : candidates) {

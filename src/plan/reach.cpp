@@ -6,6 +6,13 @@
 #include "patchmatch/neighbours.h"
 
 namespace pmsp {
+namespace {
+
+bool asks_whole_mission(const DensifierOptions& options) {
+  return options.free_space.enabled && options.free_space.whole_mission;
+}
+
+}  // namespace
 
 PlanReach plan_reach(const DensifierOptions& options) {
   PlanReach reach{};
@@ -19,18 +26,18 @@ PlanReach plan_reach(const DensifierOptions& options) {
   if (options.free_space.enabled) {
     const std::int64_t half = options.free_space.history / 2;
     reach.viewers_before = std::max(reach.fusion, half);
-    if (options.free_space.whole_mission) reach.viewers_after = reach.owners = reach.viewers_before;
   }
+  if (asks_whole_mission(options)) reach.viewers_after = reach.owners = reach.viewers_before;
   return reach;
 }
 
 const std::vector<std::int64_t>& owners_of(const PlanEntry& entry, const DensifierOptions& options) {
-  return options.free_space.enabled && options.free_space.whole_mission ? entry.viewers : entry.fusion;
+  return asks_whole_mission(options) ? entry.viewers : entry.fusion;
 }
 
 int ownership_rounds(const DensifierOptions& options) {
   if (options.fusion.spacing_px == 0.0) return 0;
-  return options.free_space.enabled && options.free_space.whole_mission ? 4 : 2;
+  return asks_whole_mission(options) ? 4 : 2;
 }
 
 }  // namespace pmsp

@@ -24,9 +24,6 @@ struct PlanReach {
 /// `options`: valid.
 PlanReach plan_reach(const DensifierOptions& options);
 
-/// Viewers that one keyframe has at most.
-constexpr int kMostViewers = 32;
-
 /// Those of an entry's viewers that are asked who makes the point of a place.
 const std::vector<std::int64_t>& owners_of(const PlanEntry& entry, const DensifierOptions& options);
 

@@ -24,6 +24,21 @@ int open_nameless(const std::string& folder) {
   return named;
 }
 
+/// Calls `step(data, bytes, at)`, which is pread or pwrite, until all bytes are through. Returns "", or why they are
+/// not: `short_of` where a step gets nowhere.
+template <class Byte, class Step>
+std::string transfer(Byte* data, std::size_t bytes, std::uint64_t at, const char* short_of, const Step& step) {
+  while (bytes > 0) {
+    const ssize_t done = step(data, bytes, static_cast<off_t>(at));
+    if (done < 0 && errno == EINTR) continue;
+    if (done <= 0) return done < 0 ? std::strerror(errno) : short_of;
+    data += done;
+    at += static_cast<std::uint64_t>(done);
+    bytes -= static_cast<std::size_t>(done);
+  }
+  return {};
+}
+
 }  // namespace
 
 ScratchFile::ScratchFile(const std::string& folder) : folder_(folder), file_(open_nameless(folder)) {
@@ -46,33 +61,19 @@ std::uint64_t ScratchFile::take(std::size_t bytes) {
 }
 
 void ScratchFile::write(std::uint64_t at, const void* data, std::size_t bytes) {
-  const char* from = static_cast<const char*>(data);
-  while (bytes > 0) {
-    const ssize_t done = ::pwrite(file_, from, bytes, static_cast<off_t>(at));
-    if (done < 0 && errno == EINTR) continue;
-    if (done <= 0) {
-      throw OutputError(folder_ + ": scratch data cannot be written there (" +
-                        (done < 0 ? std::strerror(errno) : "no room") + "); free some space or name another folder");
-    }
-    from += done;
-    at += static_cast<std::uint64_t>(done);
-    bytes -= static_cast<std::size_t>(done);
-  }
+  const std::string why =
+      transfer(static_cast<const char*>(data), bytes, at, "no room",
+               [&](const char* from, std::size_t size, off_t place) { return ::pwrite(file_, from, size, place); });
+  if (why.empty()) return;
+  throw OutputError(folder_ + ": scratch data cannot be written there (" + why +
+                    "); free some space or name another folder");
 }
 
 void ScratchFile::read(std::uint64_t at, void* data, std::size_t bytes) const {
-  char* to = static_cast<char*>(data);
-  while (bytes > 0) {
-    const ssize_t done = ::pread(file_, to, bytes, static_cast<off_t>(at));
-    if (done < 0 && errno == EINTR) continue;
-    if (done <= 0) {
-      throw IoError(folder_ + ": scratch data cannot be read back (" +
-                    (done < 0 ? std::strerror(errno) : "the file is too short") + ")");
-    }
-    to += done;
-    at += static_cast<std::uint64_t>(done);
-    bytes -= static_cast<std::size_t>(done);
-  }
+  const std::string why =
+      transfer(static_cast<char*>(data), bytes, at, "the file is too short",
+               [&](char* to, std::size_t size, off_t place) { return ::pread(file_, to, size, place); });
+  if (!why.empty()) throw IoError(folder_ + ": scratch data cannot be read back (" + why + ")");
 }
 
 }  // namespace pmsp

@@ -9,6 +9,7 @@
 #include "cuda/on_device.h"
 #include "cuda/transfers.h"
 #include "filters/depth_map_tools.h"
+#include "fusion/fusion_setup.h"
 #include "pmsp/fusion.h"
 
 using namespace pmsp;
@@ -110,16 +111,6 @@ struct DeviceResult {
   std::vector<std::uint32_t> agree_of_points;
 };
 
-kernels::Rigid rigid_between(const KeyframePose& other, const KeyframePose& first) {
-  RigidTransform transform = other.cam_from_world * first.cam_from_world.inverse();
-  transform.rotation *= first.scale / other.scale;
-  transform.translation /= other.scale;
-  return to_rigid(transform);
-}
-float zoom_between(const KeyframePose& other, const KeyframePose& first) {
-  return static_cast<float>(first.scale / other.scale);
-}
-
 OnDevice uploaded_map(const Flight& flight, std::size_t k) {
   const DepthMap& map = flight.maps[k];
   const SphereGrid grid(map.depth.width(), map.depth.height());
@@ -162,16 +153,14 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   const cuda::DeviceArray<cuda::Counts> counts(1);
   PMSP_CUDA_CHECK(cudaMemset(counts.get(), 0, sizeof(cuda::Counts)));
   for (std::size_t k = 0; k < flight.size(); ++k) frames.push_back(uploaded_map(flight, k));
-  const float min_cos = static_cast<float>(std::cos(flight.fusion.max_normal_deg * kernels::kPi / 180.0));
-  const float max_relative = static_cast<float>(flight.fusion.max_relative_depth);
   const auto filtered = [&](std::size_t k) {
     return cuda::FilteredPlanes{frames[k].planes.get(), frames[k].confidence.get(), width, height};
   };
   for (std::size_t i = 0; i < flight.size(); ++i) {
     const auto view = [&](std::size_t k) {
       return kernels::FusionView<cuda::FilteredPlanes>{filtered(k), frames[k].confidence.get(), frames[k].color.get(),
-                                                       rigid_between(flight.poses[k], flight.poses[i]),
-                                                       zoom_between(flight.poses[k], flight.poses[i])};
+                                                       relation(flight.poses[k], flight.poses[i]).other_from_first,
+                                                       relation(flight.poses[k], flight.poses[i]).zoom};
     };
     cuda::SurfelArgs args{};
     args.grid = grid.view();
@@ -179,13 +168,12 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
     for (std::size_t k = 0; k < flight.size(); ++k) {
       if (k != i) args.others[args.num_others++] = view(k);
     }
-    args.limits = {max_relative, min_cos, static_cast<float>(flight.fusion.min_confidence)};
+    args.limits = fusion_limits(flight.fusion);
     args.to = {frames[i].surfels.get(), frames[i].details.get(), frames[i].standings.get(), frames[i].agree.get()};
     args.counts = counts.get();
     cuda::make_surfels(args, nullptr);
     cuda::find_sight({grid.view(), filtered(i), frames[i].nearest.get(), frames[i].farthest.get()}, nullptr);
   }
-  const float tolerance = static_cast<float>(flight.free_space.max_relative_depth);
   for (std::size_t i = 0; i < flight.size(); ++i) {
     cuda::JudgeArgs args{};
     args.grid = grid.view();
@@ -194,10 +182,10 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
     for (std::size_t k = 0; k < flight.size(); ++k) {
       if (k == i) continue;
       args.viewers[args.num_viewers++] = {{frames[k].nearest.get(), frames[k].farthest.get(), width / 2, height / 2},
-                                          rigid_between(flight.poses[k], flight.poses[i]),
-                                          zoom_between(flight.poses[k], flight.poses[i])};
+                                          relation(flight.poses[k], flight.poses[i]).other_from_first,
+                                          relation(flight.poses[k], flight.poses[i]).zoom};
     }
-    args.limits = {1.0F - static_cast<float>(flight.free_space.min_relative_gap), 1.0F - tolerance, 1.0F + tolerance};
+    args.limits = sight_limits(flight.free_space);
     args.max_contradiction = static_cast<float>(flight.free_space.max_contradiction);
     args.standings = frames[i].standings.get();
     args.counts = counts.get();
@@ -215,12 +203,12 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
       for (std::size_t k = 0; k < flight.size(); ++k) {
         if (k == i) continue;
         args.there |= 1U << static_cast<unsigned>(args.num_others);
-        args.others[args.num_others++] = {view(k), rigid_between(flight.poses[k], flight.poses[i]),
-                                          zoom_between(flight.poses[k], flight.poses[i]),
+        args.others[args.num_others++] = {view(k), relation(flight.poses[k], flight.poses[i]).other_from_first,
+                                          relation(flight.poses[k], flight.poses[i]).zoom,
                                           flight.maps[k].keyframe_id < flight.maps[i].keyframe_id};
       }
       args.first_round = round == 0;
-      args.limits = {static_cast<float>(flight.fusion.spacing_px), max_relative, min_cos};
+      args.limits = ownership_limits(flight.fusion);
       args.asked = frames[i].asked.get();
       args.standings = frames[i].next.get();
       cuda::own_pixels(args, nullptr);
