@@ -165,19 +165,17 @@ struct OwnershipRound {
   GridView grid;                ///< of all maps
   const OwnershipView* others;  ///< `count` of them, kMaxViewers at most
   int count;
+  bool first;  ///< nobody is an owner yet: one pixel that may become one is enough
   OwnershipLimits limits;
 
-  /// Of one pixel; `ask`: bits of those whose say still matters. Returns the standing after this round; clears bits of
-  /// those that have no more pixels that might stand for this one. The CPU's rows take the same steps for many pixels
-  /// at a time.
-  PMSP_HD Standing operator()(int column, int row, std::uint32_t& ask) const {
+  /// The standing of one pixel after this round. The CPU's rows take the same steps for many pixels at a time, and
+  /// remember whose say still matters.
+  PMSP_HD Standing operator()(int column, int row) const {
     const int pixel = row * map.width + column;
     const Claim<float> claim =
         claim_of<float>(map.surfels[pixel], map.standings[pixel], bearing_at<float>(grid, column, row), map, limits);
-    std::uint32_t open = 0;
+    bool open = false;
     for (int k = 0; k < count; ++k) {
-      const std::uint32_t bit = 1U << static_cast<unsigned>(k);
-      if ((ask & bit) == 0U) continue;
       const OwnershipView& other = others[k];
       const Vec3<float> p = transform(other.other_from_first, claim.point);
       if (!may_rank_higher(p, claim.rank, other)) continue;
@@ -192,12 +190,12 @@ struct OwnershipRound {
           return;
         }
         owned = standing_of(standing) == Standing::kOwner;
-        open |= bit;
+        open = true;
       });
       if (owned) return Standing::kDropped;
+      if (open && first) break;
     }
-    ask = open;
-    return open == 0U ? Standing::kOwner : Standing::kOpen;
+    return open ? Standing::kOpen : Standing::kOwner;
   }
 };
 

@@ -111,6 +111,16 @@ std::vector<const Engine::Frame*> Densifier::Impl::matched_frames(const std::vec
   return frames;
 }
 
+/// Who is near is the likeliest to own a place, and whoever owns it ends the question.
+std::vector<const Engine::Frame*> Densifier::Impl::nearest_first(const Engine::Frame& reference,
+                                                                 std::vector<const Engine::Frame*> frames) {
+  const Eigen::Vector3d center = reference.cam_from_world.center();
+  const auto distance = [&](const Engine::Frame* frame) { return (frame->cam_from_world.center() - center).norm(); };
+  std::stable_sort(frames.begin(), frames.end(),
+                   [&](const Engine::Frame* a, const Engine::Frame* b) { return distance(a) < distance(b); });
+  return frames;
+}
+
 void Densifier::Impl::run(const Stage& stage, std::int64_t i) {
   const View& reference = view(i);
   const PlanEntry& entry = entry_of(reference);
@@ -127,7 +137,7 @@ void Densifier::Impl::run(const Stage& stage, std::int64_t i) {
     case Stage::Kind::kJudge:
       return engine->judge(frame, matched_frames(entry.viewers));
     case Stage::Kind::kRound:
-      return engine->round(frame, matched_frames(owners_of(entry, options)), stage.step);
+      return engine->round(frame, nearest_first(frame, matched_frames(owners_of(entry, options))), stage.step);
     case Stage::Kind::kHandOut:
       return engine->hand_out(frame);
   }

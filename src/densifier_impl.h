@@ -52,6 +52,9 @@ struct Densifier::Impl {
   Engine::Frame* frame_of(std::int64_t id) { return view(index_of.at(id)).frame.get(); }
   std::vector<const Engine::Frame*> matched_frames(const std::vector<std::int64_t>& ids);
 
+  static std::vector<const Engine::Frame*> nearest_first(const Engine::Frame& reference,
+                                                         std::vector<const Engine::Frame*> frames);
+
   void prepare(const Keyframe& keyframe);
   void advance(bool last);
   bool may_run(std::size_t stage, bool last);

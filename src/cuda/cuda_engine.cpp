@@ -89,14 +89,6 @@ struct PointsDownload {
   Words agree;
 };
 
-/// Queues the copy of the first elements of an array.
-template <class To, class From>
-void download(const DeviceArray<From>& from, std::size_t count, std::vector<To>& to, const Stream& stream) {
-  static_assert(sizeof(To) == sizeof(From), "elements are copied as they are");
-  to.resize(count);
-  PMSP_CUDA_CHECK(cudaMemcpyAsync(to.data(), from.get(), count * sizeof(To), cudaMemcpyDeviceToHost, stream.get()));
-}
-
 /// All work on one frame is queued on one stream, in the order of the calls; only copies run beside it. So whatever a
 /// kernel reads was written by an earlier one, and memory that goes back to its pool may be used again at once.
 class CudaEngine : public Engine {
@@ -128,6 +120,13 @@ class CudaEngine : public Engine {
   MapDownload& free_download();
   void send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to);
   void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
+  /// The first elements of an array.
+  template <class To, class From>
+  void download(const DeviceArray<From>& from, std::size_t count, std::vector<To>& to) {
+    static_assert(sizeof(To) == sizeof(From), "elements are copied as they are");
+    to.resize(count);
+    downloader_.download(from.get(), count * sizeof(To), to.data(), down_, executor_.impl().pool);
+  }
   void expect_time(const std::shared_ptr<Record>& record, double DensifierStats::*seconds);
   void hand_out_first();
   bool may_go_on();
@@ -159,6 +158,7 @@ class CudaEngine : public Engine {
   int image_width_ = 0;
   int image_height_ = 0;
   Uploader images_, masks_;
+  Downloader downloader_;
   Floats gray_, equalized_;
   Bytes eroded_;
   Planes state_, warp_source_;
@@ -176,7 +176,6 @@ class CudaEngine : public Engine {
   Pool<Words> words_;
   Pool<Bytes> standings_;
   Pool<PointsDownload> clouds_;
-  Words asked_;
   Bytes select_scratch_;
   Pool<Record> records_;
   std::vector<std::unique_ptr<MapDownload>> downloads_;
@@ -527,7 +526,6 @@ void CudaEngine::judge(Frame& frame, const std::vector<const Frame*>& viewers) {
 void CudaEngine::round(Frame& frame, const std::vector<const Frame*>& others, int round) {
   const DeviceScope scope(context_.options.device);
   CudaFrame& reference = own(frame);
-  if (asked_.empty()) asked_ = Words(pixels());
   const auto view = [&](const CudaFrame& viewed, const Bytes& standings) {
     return kernels::SurfelView{viewed.surfels->get(), standings.get(), context_.options.width, context_.options.height,
                                static_cast<float>(viewed.pose().scale)};
@@ -538,13 +536,11 @@ void CudaEngine::round(Frame& frame, const std::vector<const Frame*>& others, in
   for (const Frame* asked : others) {
     const CudaFrame& viewer = own(*asked);
     const Relation to = relation(viewer.pose(), reference.pose());
-    args.there |= 1U << static_cast<unsigned>(args.num_others);
     args.others[args.num_others++] = {view(viewer, viewer.rounds < round ? *viewer.standings : *viewer.before),
                                       to.other_from_first, to.zoom, viewer.id < reference.id};
   }
-  args.first_round = true;  // to keep for each pixel who has still a say would take four bytes a pixel
+  args.first = round == 1;
   args.limits = ownership_limits(context_.options.fusion);
-  args.asked = asked_.get();
   const std::shared_ptr<Bytes> after = standings_.get(pixels());
   args.standings = after->get();
   const std::shared_ptr<Record> record = records_.get();
@@ -581,10 +577,9 @@ void CudaEngine::hand_out(Frame& frame) {
     cloud_.cam_from_world = pose.cam_from_world;
     cloud_.scale = pose.scale;
     cloud_.window_ids = window_ids;
-    download(lent->points, count, cloud_.points, down_);
-    download(lent->pixels, count, cloud_.pixels, down_);
-    download(lent->agree, count, cloud_.agree, down_);
-    PMSP_CUDA_CHECK(cudaStreamSynchronize(down_.get()));
+    download(lent->points, count, cloud_.points);
+    download(lent->pixels, count, cloud_.pixels);
+    download(lent->agree, count, cloud_.agree);
     context_.results.cloud(cloud_);
   });
 }

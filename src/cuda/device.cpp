@@ -85,7 +85,7 @@ std::size_t memory_needed(const DensifierOptions& options) {
   for (const Lifetime& lifetime : schedule.lifetimes()) {
     bytes += static_cast<std::size_t>(lifetime.keyframes) * bytes_of(lifetime.artefact, options, pixels, side);
   }
-  const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 4 + 1) * pixels;  // state, warped planes, keys, gray, masks
+  const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 1) * pixels;  // state, warped planes, keys, gray, masks
   const std::size_t priors =
       options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 20 * pixels : 0;
   const std::size_t copies = (2 * 20 + 2 * 40 + 2) * pixels;  // depth maps and points on their way down

@@ -214,10 +214,8 @@ struct OwnershipArgs {
   kernels::SurfelView map;
   kernels::OwnershipView others[kernels::kMaxViewers];
   int num_others;
-  std::uint32_t there;  ///< bits of those that are asked
-  bool first_round;     ///< all of `there` are; `asked` holds nothing yet
+  bool first;  ///< round: nobody is an owner yet
   kernels::OwnershipLimits limits;
-  std::uint32_t* asked;     ///< of each pixel; what is not open is left as it is
   std::uint8_t* standings;  ///< after the round; not those of `map`
 };
 

@@ -89,10 +89,9 @@ __global__ void own_kernel(const __grid_constant__ OwnershipArgs args) {
   const std::uint8_t before = args.map.standings[at];
   std::uint8_t after = before;
   if (kernels::standing_of(before) == kernels::Standing::kOpen) {
-    const kernels::OwnershipRound stage{args.map, view_of(args.grid), args.others, args.num_others, args.limits};
-    std::uint32_t ask = args.first_round ? args.there : args.asked[at] & args.there;
-    after = kernels::with_standing(before, stage(x, y, ask));
-    args.asked[at] = ask;
+    const kernels::OwnershipRound stage{args.map,        view_of(args.grid), args.others,
+                                        args.num_others, args.first,         args.limits};
+    after = kernels::with_standing(before, stage(x, y));
   }
   args.standings[at] = after;
 }

@@ -109,6 +109,31 @@ const unsigned char* Uploader::upload(const void* data, std::size_t row_bytes, s
   return slot.device.get();
 }
 
+void Downloader::download(const void* device, std::size_t bytes, void* host, const Stream& copies, ThreadPool& pool) {
+  constexpr std::size_t kPiece = std::size_t{4} << 20U;
+  constexpr std::size_t kPerTask = std::size_t{1} << 18U;
+  const std::size_t pieces = (bytes + kPiece - 1) / kPiece;
+  const auto size_of = [&](std::size_t i) { return std::min(kPiece, bytes - i * kPiece); };
+  const auto start = [&](std::size_t i) {
+    Slot& slot = slots_[i % 2];
+    if (slot.host.empty()) slot.host = PinnedArray<unsigned char>(kPiece);
+    PMSP_CUDA_CHECK(cudaMemcpyAsync(slot.host.get(), static_cast<const unsigned char*>(device) + i * kPiece, size_of(i),
+                                    cudaMemcpyDeviceToHost, copies.get()));
+    slot.arrived.record(copies);
+  };
+  if (pieces > 0) start(0);
+  for (std::size_t i = 0; i < pieces; ++i) {
+    if (i + 1 < pieces) start(i + 1);
+    const Slot& slot = slots_[i % 2];
+    slot.arrived.wait();
+    unsigned char* const to = static_cast<unsigned char*>(host) + i * kPiece;
+    pool.for_each(static_cast<int>((size_of(i) + kPerTask - 1) / kPerTask), [&](int task) {
+      const std::size_t begin = static_cast<std::size_t>(task) * kPerTask;
+      std::memcpy(to + begin, slot.host.get() + begin, std::min(kPerTask, size_of(i) - begin));
+    });
+  }
+}
+
 MapDownload::MapDownload(int width, int height)
     : size_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)), arrays_(5 * size_) {
   map_.depth = Image<float>(width, height, 0.0F);

@@ -74,6 +74,21 @@ class Uploader {
   std::size_t current_ = 0;
 };
 
+/// Bytes on their way down into memory that is not page-locked, piece by piece through some that is: while one piece is
+/// on its way, the threads take over the one before.
+class Downloader {
+ public:
+  /// Copies on `copies`, and waits.
+  void download(const void* device, std::size_t bytes, void* host, const Stream& copies, ThreadPool& pool);
+
+ private:
+  struct Slot {
+    PinnedArray<unsigned char> host;
+    Event arrived;
+  };
+  Slot slots_[2];
+};
+
 /// A depth map on its way down. The host's images are page-locked, so that copies go straight into them.
 class MapDownload {
  public:

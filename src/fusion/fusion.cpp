@@ -201,8 +201,9 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
   if (!asked.empty() && asked.size() != first[rows]) {
     throw InvalidInput("ownership_round: standings are not those of the round before");
   }
-  const kernels::OwnershipRound stage{view_of(reference), view_of(grid), others.data(), static_cast<int>(others.size()),
-                                      ownership_limits(options)};
+  const kernels::OwnershipRound stage{view_of(reference), view_of(grid),
+                                      others.data(),      static_cast<int>(others.size()),
+                                      asked.empty(),      ownership_limits(options)};
   Image<std::uint8_t> standings(width, height);
   std::vector<std::vector<std::uint32_t>> still(rows);
   executor.impl().pool.for_each(height, [&](int y) {

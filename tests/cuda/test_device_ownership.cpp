@@ -98,7 +98,7 @@ struct OnDevice {
   cuda::DeviceArray<float4> planes;
   cuda::DeviceArray<float> confidence;
   cuda::DeviceArray<std::uint32_t> color;
-  cuda::DeviceArray<std::uint32_t> surfels, details, agree, asked;
+  cuda::DeviceArray<std::uint32_t> surfels, details, agree;
   cuda::DeviceArray<std::uint8_t> standings, next;
   cuda::DeviceArray<float> nearest, farthest;
 };
@@ -134,7 +134,6 @@ OnDevice uploaded_map(const Flight& flight, std::size_t k) {
   arrays.surfels = cuda::DeviceArray<std::uint32_t>(pixels);
   arrays.details = cuda::DeviceArray<std::uint32_t>(pixels);
   arrays.agree = cuda::DeviceArray<std::uint32_t>(pixels);
-  arrays.asked = cuda::DeviceArray<std::uint32_t>(pixels);
   arrays.standings = cuda::DeviceArray<std::uint8_t>(pixels);
   arrays.next = cuda::DeviceArray<std::uint8_t>(pixels);
   arrays.nearest = cuda::DeviceArray<float>(pixels / 4);
@@ -202,14 +201,12 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
       args.map = view(i);
       for (std::size_t k = 0; k < flight.size(); ++k) {
         if (k == i) continue;
-        args.there |= 1U << static_cast<unsigned>(args.num_others);
         args.others[args.num_others++] = {view(k), relation(flight.poses[k], flight.poses[i]).other_from_first,
                                           relation(flight.poses[k], flight.poses[i]).zoom,
                                           flight.maps[k].keyframe_id < flight.maps[i].keyframe_id};
       }
-      args.first_round = round == 0;
+      args.first = round == 0;
       args.limits = ownership_limits(flight.fusion);
-      args.asked = frames[i].asked.get();
       args.standings = frames[i].next.get();
       cuda::own_pixels(args, nullptr);
     }
