@@ -9,12 +9,14 @@
 // slanted surface does not disagree with itself between pixel centres.
 namespace pmsp::kernels {
 
-/// The other keyframe's map: planes in row order (zero = no estimate).
+/// A keyframe's map in host memory: planes in row order (zero = no estimate), and their scores where they are asked
+/// for.
 struct PlaneMapView {
   const float* x;
   const float* y;
   const float* z;
   int width, height;
+  const float* score = nullptr;
 };
 
 /// Whether there is no map behind a view.
@@ -23,6 +25,11 @@ PMSP_HD bool is_empty(const PlaneMapView& map) { return map.x == nullptr; }
 template <class F>
 PMSP_HD Vec3<F> plane_at(const PlaneMapView& map, const IntOf<F>& index) {
   return {gather<F>(map.x, index), gather<F>(map.y, index), gather<F>(map.z, index)};
+}
+
+template <class F>
+PMSP_HD F score_at(const PlaneMapView& map, const IntOf<F>& index) {
+  return gather<F>(map.score, index);
 }
 
 template <class F>
@@ -58,23 +65,28 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map
 /// through it.
 constexpr float kSeenThrough = 2.0F;
 
-/// What the other maps say of one pixel.
+/// What the other maps say of a pixel.
+template <class F>
 struct Votes {
-  int agree = 0;
-  int contradict = 0;
-  float square_spread = 0.0F;  ///< sum of squared deviations of the maps that agree
-  float square_gain = 0.0F;    ///< sum of their squared parallax gains
+  F agree = F(0);          ///< number of maps
+  F contradict = F(0);     ///< likewise
+  F square_spread = F(0);  ///< sum of squared deviations of the maps that agree
+  F square_gain = F(0);    ///< sum of their squared parallax gains
 
-  PMSP_HD void add(float closeness, float parallax_gain, float tolerance) {
-    const float deviation = closeness - 1.0F;
-    if (abs(deviation) <= tolerance) {
-      ++agree;
-      square_spread += deviation * deviation;
-      square_gain += parallax_gain * parallax_gain;
-    }
-    if (closeness > 0.0F && closeness < 1.0F - kSeenThrough * tolerance) ++contradict;
+  PMSP_HD void add(const F& closeness, const F& parallax_gain, float tolerance) {
+    const F deviation = closeness - F(1);
+    const MaskOf<F> near = abs(deviation) <= F(tolerance);
+    const MaskOf<F> through = (closeness > F(0)) & (closeness < F(1.0F - kSeenThrough * tolerance));
+    agree = agree + select(near, F(1), F(0));
+    square_spread = square_spread + select(near, deviation * deviation, F(0));
+    square_gain = square_gain + select(near, parallax_gain * parallax_gain, F(0));
+    contradict = contradict + select(through, F(1), F(0));
   }
-  PMSP_HD bool keep(int wanted) const { return agree >= wanted && (wanted == 0 || agree > contradict); }
+  /// `wanted`: maps that must agree.
+  PMSP_HD MaskOf<F> keep(int wanted) const {
+    const MaskOf<F> enough = agree >= F(static_cast<float>(wanted));
+    return wanted == 0 ? enough : enough & (agree > contradict);
+  }
 };
 
 /// How far a hypothesis lies from another map's surface: |range of its point / range of the surface in that direction -

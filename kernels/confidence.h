@@ -3,6 +3,7 @@
 
 #include "agreement.h"
 #include "plane.h"
+#include "stage.h"
 
 // How far a depth may be off, told from three things that each grow with the error: how much the maps that agree
 // differ, how much the plane differs from those around it, and what a pixel is worth in depth under the parallax at
@@ -55,12 +56,6 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float pixel_angle) {
   return F(kCalibration) * mean * doubt * evidence.maps / agree;
 }
 
-PMSP_HD float expected_error(const Votes& votes, float roughness, int maps, float score, float pixel_angle) {
-  return expected_error<float>({votes.square_spread, votes.square_gain, roughness, static_cast<float>(votes.agree),
-                                static_cast<float>(maps), score},
-                               pixel_angle);
-}
-
 /// Relative error that gives a confidence of one half.
 constexpr float kHalfConfidenceError = 0.005F;
 
@@ -74,5 +69,76 @@ template <class F>
 PMSP_HD F error_of_confidence(const F& confidence) {
   return F(kHalfConfidenceError) * (F(1) / max(confidence, F(0.01F)) - F(1));
 }
+
+/// Maps that one map is compared with at most.
+constexpr int kMaxCompared = 30;
+
+template <class Machine>
+struct ComparedMap {
+  typename Machine::Map planes;
+  Rigid other_from_first;
+};
+
+/// The consistency filter (pmsp::consistency_filter); a stage. Counts pixels that have a plane, and that keep it.
+template <class Machine>
+struct ConsistencyFilter {
+  static constexpr int kCounts = 2;
+
+  typename Machine::Map map;
+  GridView grid;
+  ComparedMap<Machine> others[kMaxCompared];
+  int count;  ///< of `others`; 0 = the filter does nothing
+  int wanted;
+  float tolerance;
+  float pixel_angle;  ///< at the equator [rad]
+  float* confidence;  ///< 0 = no depth
+
+  PMSP_HD int width() const { return grid.width; }
+  PMSP_HD int height() const { return grid.height; }
+
+  template <class F>
+  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* counted) const {
+    const Vec3<F> bearing = bearing_at(grid, at);
+    const Surface<F> surface = surface_of(plane_at<F>(map, at.index), bearing);
+    const F score = score_at<F>(map, at.index);
+    F found = score;
+    MaskOf<F> kept = surface.known;
+    if (count > 0 && any(kept)) {
+      Votes<F> votes;
+      for (int k = 0; k < count; ++k) {
+        const auto seen = agreement(bearing, surface.depth, others[k].planes, others[k].other_from_first);
+        votes.add(seen.closeness, seen.parallax_gain, tolerance);
+      }
+      kept = kept & votes.keep(wanted);
+      if (any(kept)) {
+        const Evidence<F> evidence{votes.square_spread,
+                                   votes.square_gain,
+                                   roughness(at, bearing, surface.depth),
+                                   votes.agree,
+                                   F(static_cast<float>(count)),
+                                   score};
+        found = confidence_of_error(expected_error(evidence, pixel_angle));
+      }
+    }
+    store<F>(select(kept, found, F(0)), confidence + at.first, at.count);
+    counted[0] = surface.known;
+    counted[1] = kept;
+  }
+
+ private:
+  /// Mean deviation of the planes around.
+  template <class F>
+  PMSP_HD F roughness(const Place<F>& at, const Vec3<F>& bearing, const F& depth) const {
+    F sum(0);
+    for (int i = 0; i < kRoughnessOffsets; ++i) {
+      int dx = 0;
+      int dy = 0;
+      roughness_offset(i, dx, dy);
+      const bool beyond = at.row + dy < 0 || at.row + dy >= grid.height;
+      sum = sum + deviation(plane_at<F>(map, index_beside(grid, at, beyond ? 0 : dx, dy)), bearing, depth);
+    }
+    return sum * F(1.0F / kRoughnessOffsets);
+  }
+};
 
 }  // namespace pmsp::kernels

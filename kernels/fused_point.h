@@ -5,17 +5,16 @@
 
 #include "agreement.h"
 #include "fusion.h"
-#include "grid_view.h"
+#include "stage.h"
 #include "surfel.h"
 
 // The point of one pixel: the average over the maps of its window that agree, the same whichever keyframe's turn it is.
 namespace pmsp::kernels {
 
-/// A map of the window: its surfaces after the consistency filter. `Map`: as agreement() takes it.
-template <class Map>
+/// A map of the window.
+template <class Machine>
 struct FusionView {
-  Map planes;
-  const float* confidence;
+  FilteredMap<typename Machine::Map> map;
   const std::uint32_t* color;  ///< of each pixel red, green, blue, from the lowest byte on
   Rigid other_from_first;      ///< from the first keyframe's unit of length into the other's: the rotation times `zoom`
   float zoom;                  ///< the first keyframe's scale over the other's
@@ -36,52 +35,69 @@ PMSP_HD Vec3<F> color_of(const UIntOf<F>& color) {
           from_uint<F>(U((color >> 16) & U(255U)))};
 }
 
-template <class F>
-struct FusedPixel {
-  PackedPoint<UIntOf<F>> point;
-  UIntOf<F> standing;  ///< kOpen with the confidence of the pixel's own map
-  UIntOf<F> agree;     ///< bit k: others[k] does
+/// A keyframe's points in row order (pmsp::SurfelMap).
+struct SurfelArrays {
+  std::uint32_t* surfels;
+  std::uint32_t* details;
+  std::uint8_t* standings;
+  std::uint8_t* agree;  ///< `agree_bytes` for each pixel, the lowest first; bit k: others[k]
+  int agree_bytes;
 };
 
-/// Makes the points of a keyframe's pixels; a stage.
-template <class Map>
+/// The same, to be read.
+struct ConstSurfelArrays {
+  const std::uint32_t* surfels;
+  const std::uint32_t* details;
+  const std::uint8_t* standings;
+  const std::uint8_t* agree;
+  int agree_bytes;
+};
+
+/// Makes the points of a keyframe's pixels; a stage. Counts them.
+template <class Machine>
 struct FusePixels {
-  FusionView<Map> first;
+  static constexpr int kCounts = 1;
+
+  FusionView<Machine> first;
   GridView grid;
-  const FusionView<Map>* others;
-  int count;  ///< of `others`, kMaxAgree at most
+  FusionView<Machine> others[kMaxAgree];
+  int count;  ///< of `others`
   FusionLimits limits;
+  SurfelArrays to;
+
+  PMSP_HD int width() const { return grid.width; }
+  PMSP_HD int height() const { return grid.height; }
 
   template <class F>
-  PMSP_HD FusedPixel<F> at(const IntOf<F>& column, const IntOf<F>& row) const {
+  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* counted) const {
     using U = UIntOf<F>;
-    const IntOf<F> index = row * IntOf<F>(first.planes.width) + column;
-    const Vec3<F> bearing = bearing_at<F>(grid, column, row);
-    const Vec3<F> found = plane_at<F>(first.planes, index);
-    const F confidence = gather<F>(first.confidence, index);
+    const Vec3<F> bearing = bearing_at(grid, at);
+    const Vec3<F> found = plane_at<F>(first.map, at.index);
+    const F confidence = gather<F>(first.map.confidence, at.index);
     const MaskOf<F> known = (dot(found, bearing) > F(0)) & (confidence >= F(limits.min_confidence));
-    if (!any(known)) return {{U(0U), U(0U)}, U(0U), U(0U)};
+    counted[0] = known;
+    if (!any(known)) return put(at, {U(0U), U(0U)}, U(0U), U(0U));
     const Vec3<F> plane = select(known, found, bearing);
     const F depth = F(1) / dot(plane, bearing);
     const Vec3<F> normal = F(-1) * normalized(plane);
     F weights = fusion_weight(confidence, depth);
     F depths = weights * depth;
     Vec3<F> normals = weights * normal;
-    Vec3<F> colors = weights * color_of<F>(gather_words<F>(first.color, index));
+    Vec3<F> colors = weights * color_of<F>(gather_words<F>(first.color, at.index));
     U agree(0U);
     for (int k = 0; k < count; ++k) {
-      const FusionView<Map>& other = others[k];
-      const Agreement<F> seen = agreement(bearing, depth, other.planes, other.other_from_first);
+      const FusionView<Machine>& other = others[k];
+      const Agreement<F> seen = agreement(bearing, depth, other.map, other.other_from_first);
       const MaskOf<F> near = known & (abs(seen.closeness - F(1)) <= F(limits.max_relative_depth));
       if (!any(near)) continue;
-      const Vec3<F> there = select(near, plane_at<F>(other.planes, seen.index), plane);
+      const Vec3<F> there = select(near, plane_at<F>(other.map, seen.index), plane);
       const Vec3<F> turned =
           F(1.0F / other.zoom) * rotate_back(other.other_from_first, Vec3<F>(F(-1) * normalized(there)));
       const MaskOf<F> same = near & (dot(turned, normal) >= F(limits.min_cos_normals));
       const Vec3<F> p = transform(other.other_from_first, Vec3<F>(depth * bearing));
       const F closeness = select(same, seen.closeness, F(1));
       const F other_depth = sqrt(dot(p, p)) / (F(other.zoom) * closeness);  // in the first one's unit
-      const F weight = select(same, fusion_weight(gather<F>(other.confidence, seen.index), other_depth), F(0));
+      const F weight = select(same, fusion_weight(gather<F>(other.map.confidence, seen.index), other_depth), F(0));
       weights = weights + weight;
       depths = fma(weight, seen.implied_depth, depths);
       normals = fma(weight, turned, normals);
@@ -91,10 +107,42 @@ struct FusePixels {
     const F share = F(1) / weights;
     const PackedPoint<U> point =
         pack_point(F(depths * share), normalized(normals), Vec3<F>(share * colors), confidence);
-    return {{select_bits<F>(known, point.surfel), select_bits<F>(known, point.detail)},
-            select_bits<F>(known, pack_standing(confidence, Standing::kOpen)),
-            agree};
+    put(at, {select_bits<F>(known, point.surfel), select_bits<F>(known, point.detail)},
+        select_bits<F>(known, pack_standing(confidence, Standing::kOpen)), agree);
+  }
+
+ private:
+  template <class F>
+  PMSP_HD void put(const Place<F>& at, const PackedPoint<UIntOf<F>>& point, const UIntOf<F>& standing,
+                   const UIntOf<F>& agree) const {
+    store<F>(point.surfel, to.surfels + at.first, at.count);
+    store<F>(point.detail, to.details + at.first, at.count);
+    store_bytes<F>(standing, to.standings + at.first, 1, at.count);
+    std::uint8_t* const bytes =
+        to.agree + static_cast<std::size_t>(at.first) * static_cast<std::size_t>(to.agree_bytes);
+    for (int i = 0; i < to.agree_bytes; ++i) store_bytes<F>(agree >> (8 * i), bytes + i, to.agree_bytes, at.count);
   }
 };
+
+/// What the points of a keyframe are handed out as.
+struct OwnedPoint {
+  Vec3<float> position, normal;
+  std::uint8_t color[3];
+  float confidence;
+  std::uint32_t agree;  ///< bit k: `others[k]` of FusePixels
+};
+PMSP_HD OwnedPoint owned_point(const ConstSurfelArrays& map, const GridView& grid, int pixel) {
+  const PackedPoint<std::uint32_t> packed{map.surfels[pixel], map.details[pixel]};
+  OwnedPoint point{};
+  point.position =
+      depth_of_surfel<float>(packed.surfel) * bearing_at<float>(grid, pixel % grid.width, pixel / grid.width);
+  point.normal = normal_of(packed);
+  for (unsigned i = 0; i < 3; ++i) point.color[i] = static_cast<std::uint8_t>(packed.detail >> (8U * i));
+  point.confidence = confidence_of_level<float>(static_cast<std::uint32_t>(map.standings[pixel]) >> 2U);
+  const std::uint8_t* const agree =
+      map.agree + static_cast<std::size_t>(pixel) * static_cast<std::size_t>(map.agree_bytes);
+  for (int i = 0; i < map.agree_bytes; ++i) point.agree |= static_cast<std::uint32_t>(agree[i]) << (8 * i);
+  return point;
+}
 
 }  // namespace pmsp::kernels

@@ -7,6 +7,7 @@ namespace pmsp::kernels {
 
 /// Sines and cosines of an equirectangular image's columns and rows.
 struct GridView {
+  int width, height;
   const float* sin_lon;
   const float* cos_lon;
   const float* sin_lat;
@@ -16,6 +17,23 @@ template <class F>
 PMSP_HD Vec3<F> bearing_at(const GridView& grid, const IntOf<F>& column, const IntOf<F>& row) {
   return bearing(gather<F>(grid.sin_lon, column), gather<F>(grid.cos_lon, column), gather<F>(grid.sin_lat, row),
                  gather<F>(grid.cos_lat, row));
+}
+
+/// Beyond a pole an image goes on along the opposite meridian. Column and row of a pixel (dx, dy) from another one;
+/// |dx| < width, |dy| < height.
+template <class F>
+struct Beside {
+  IntOf<F> column, row;
+};
+template <class F>
+PMSP_HD Beside<F> beside(const GridView& grid, const IntOf<F>& column, int row, int dx, int dy) {
+  const int y = row + dy;
+  const bool beyond = y < 0 || y >= grid.height;
+  const int there = y < 0 ? -1 - y : beyond ? 2 * grid.height - 1 - y : y;
+  const F width(static_cast<float>(grid.width));
+  const F x = from_int<F>(column) + F(static_cast<float>(dx + grid.width + (beyond ? grid.width / 2 : 0)));
+  const F once = select(x >= width, x - width, x);
+  return {to_int(select(once >= width, once - width, once)), IntOf<F>(there)};
 }
 
 }  // namespace pmsp::kernels

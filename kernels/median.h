@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include "num.h"
+#include "stage.h"
 
 namespace pmsp::kernels {
 
@@ -47,5 +47,48 @@ PMSP_HD F median_filtered(F* around, const F& score, const F& max_relative_devia
   const auto kept = (abs(depth - median) <= max_relative_deviation * median) & (score >= min_score);
   return select(kept, depth, F(0));
 }
+
+/// The median filter (pmsp::median_filter); a stage. Counts pixels that are wanted, that have a plane, that keep it.
+template <class Machine>
+struct MedianFilter {
+  static constexpr int kCounts = 3;
+
+  typename Machine::Map map;
+  GridView grid;
+  typename Machine::Mask mask;
+  bool enabled;
+  float max_relative_deviation;
+  float min_score;
+  typename Machine::Planes to;
+
+  PMSP_HD int width() const { return grid.width; }
+  PMSP_HD int height() const { return grid.height; }
+
+  template <class F>
+  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* counted) const {
+    const Vec3<F> plane = plane_at<F>(map, at.index);
+    const Surface<F> own = surface_of(plane, bearing_at(grid, at));
+    const F score = min(max(score_at<F>(map, at.index), F(0)), F(1));
+    MaskOf<F> kept = own.known;
+    if (enabled && any(kept)) {
+      F around[9];
+      for (int dy = -1; dy <= 1; ++dy) {
+        for (int dx = -1; dx <= 1; ++dx) {
+          const Beside<F> there = beside<F>(grid, at.column, at.row, dx, dy);
+          const Surface<F> surface = surface_of(plane_at<F>(map, there.row * IntOf<F>(grid.width) + there.column),
+                                                bearing_at<F>(grid, there.column, there.row));
+          around[3 * dy + dx + 4] = select(surface.known, surface.depth, F(0));
+        }
+      }
+      kept = kept & (median_filtered(around, score, F(max_relative_deviation), F(min_score)) > F(0));
+    }
+    const Vec3<F> none{F(0), F(0), F(0)};
+    put(to, static_cast<std::size_t>(at.first), at.count,
+        Hypothesis<F>{select(kept, plane, none), select(kept, score, F(0))});
+    counted[0] = is_usable<F>(mask, at.index);
+    counted[1] = own.known;
+    counted[2] = kept;
+  }
+};
 
 }  // namespace pmsp::kernels

@@ -40,6 +40,19 @@ struct ScalarNum {
     const std::uint64_t value = data[index];
     return {static_cast<UInt>(value), static_cast<UInt>(value >> 32U)};
   }
+  static PMSP_HD UInt as_uint(Int a) { return static_cast<UInt>(a); }
+  static PMSP_HD F load_ring(const float* ring, int k, int count) {
+    if (k < 0) k += count;
+    return static_cast<F>(ring[k < count ? k : k % count]);
+  }
+  template <class V, class T>
+  static PMSP_HD void store(V value, T* to, int /*count*/) {
+    *to = static_cast<T>(value);
+  }
+  static PMSP_HD void store_bytes(UInt value, std::uint8_t* to, int /*stride*/, int /*count*/) {
+    *to = static_cast<std::uint8_t>(value);
+  }
+  static PMSP_HD UInt gather_bytes(const std::uint8_t* data, Int index) { return data[index]; }
   static PMSP_HD F pow2(Int exponent) {
     const std::uint32_t bits = static_cast<std::uint32_t>(exponent + 127) << 23U;
     float value = 0.0F;
@@ -118,6 +131,12 @@ PMSP_HD F from_uint(const UIntOf<F>& a) {
   return Num<F>::from_uint(a);
 }
 
+/// The same number; of numbers >= 0.
+template <class F>
+PMSP_HD UIntOf<F> as_uint(const IntOf<F>& a) {
+  return Num<F>::as_uint(a);
+}
+
 /// The other way round, of numbers >= 0.
 template <class F>
 PMSP_HD UIntOf<F> to_uint(const F& a) {
@@ -149,8 +168,28 @@ PMSP_HD UIntOf<F> gather_words(const std::uint32_t* data, const IntOf<F>& index)
   return Num<F>::gather_words(data, index);
 }
 template <class F>
+PMSP_HD UIntOf<F> gather_bytes(const std::uint8_t* data, const IntOf<F>& index) {
+  return Num<F>::gather_bytes(data, index);
+}
+template <class F>
 PMSP_HD Halves<UIntOf<F>> gather_halves(const std::uint64_t* data, const IntOf<F>& index) {
   return Num<F>::gather(data, index);
+}
+
+/// As many elements as there are lanes, from element k (any number > -count) of a ring of `count` on.
+template <class F>
+PMSP_HD F load_ring(const float* ring, int k, int count) {
+  return Num<F>::load_ring(ring, k, count);
+}
+
+/// Writes the first `count` lanes, or all of them. `value`: an F or a UInt; bytes are `stride` apart.
+template <class F, class V, class T>
+PMSP_HD void store(const V& value, T* to, int count) {
+  Num<F>::store(value, to, count);
+}
+template <class F>
+PMSP_HD void store_bytes(const UIntOf<F>& value, std::uint8_t* to, int stride, int count) {
+  Num<F>::store_bytes(value, to, stride, count);
 }
 
 /// 2 to the power of a whole number between -126 and 127.

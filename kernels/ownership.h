@@ -5,8 +5,8 @@
 
 #include "confidence.h"
 #include "fusion.h"
-#include "grid_view.h"
 #include "sight.h"
+#include "stage.h"
 #include "surfel.h"
 
 // Which keyframe's pixel makes the point of a place that several keyframes see. Each function here is pure in what is
@@ -159,21 +159,31 @@ PMSP_HD MaskOf<F> stands_for(const UIntOf<F>& surfel, const UIntOf<F>& standing,
 /// Keyframes that can be asked: one bit each.
 constexpr int kMaxViewers = 32;
 
-/// A round for the open pixels of a keyframe; a stage.
+/// A round for the open pixels of a keyframe; a stage. The CPU's rows take the same steps for many pixels at a time,
+/// and remember whose say still matters (src/cpu/own_row.h).
 struct OwnershipRound {
-  SurfelView map;               ///< what the round before left, as `others` are
-  GridView grid;                ///< of all maps
-  const OwnershipView* others;  ///< `count` of them, kMaxViewers at most
+  static constexpr int kCounts = 0;
+
+  SurfelView map;  ///< what the round before left, as `others` are
+  GridView grid;   ///< of all maps
+  OwnershipView others[kMaxViewers];
   int count;
   bool first;  ///< nobody is an owner yet: one pixel that may become one is enough
   OwnershipLimits limits;
+  std::uint8_t* standings;  ///< after the round; not those of `map`
 
-  /// The standing of one pixel after this round. The CPU's rows take the same steps for many pixels at a time, and
-  /// remember whose say still matters.
-  PMSP_HD Standing operator()(int column, int row) const {
-    const int pixel = row * map.width + column;
+  PMSP_HD int width() const { return grid.width; }
+  PMSP_HD int height() const { return grid.height; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    const std::uint8_t before = map.standings[at.index];
+    standings[at.index] = standing_of(before) == Standing::kOpen ? with_standing(before, decided(at)) : before;
+  }
+
+ private:
+  PMSP_HD Standing decided(const Place<float>& at) const {
     const Claim<float> claim =
-        claim_of<float>(map.surfels[pixel], map.standings[pixel], bearing_at<float>(grid, column, row), map, limits);
+        claim_of<float>(map.surfels[at.index], map.standings[at.index], bearing_at(grid, at), map, limits);
     bool open = false;
     for (int k = 0; k < count; ++k) {
       const OwnershipView& other = others[k];
@@ -181,12 +191,12 @@ struct OwnershipRound {
       if (!may_rank_higher(p, claim.rank, other)) continue;
       const Approach<float> there = approach(p, claim.reach, other);
       bool owned = false;
-      for_each_within(there.at, there.spacing, grid.cos_lat, other.map.width, other.map.height, [&](int at) {
-        const std::uint8_t standing = other.map.standings[at];
+      for_each_within(there.at, there.spacing, grid.cos_lat, other.map.width, other.map.height, [&](int pixel) {
+        const std::uint8_t standing = other.map.standings[pixel];
         if (owned || !makes_point(standing)) return;
-        const Vec3<float> bearing = bearing_at<float>(grid, at % other.map.width, at / other.map.width);
-        if (!stands_for<float>(other.map.surfels[at], standing, bearing, p, claim.normal, claim.off, claim.rank, other,
-                               limits)) {
+        const Vec3<float> bearing = bearing_at<float>(grid, pixel % other.map.width, pixel / other.map.width);
+        if (!stands_for<float>(other.map.surfels[pixel], standing, bearing, p, claim.normal, claim.off, claim.rank,
+                               other, limits)) {
           return;
         }
         owned = standing_of(standing) == Standing::kOwner;
@@ -208,24 +218,29 @@ struct Viewer {
 
 /// Whether a pixel's point is eligible; a stage. Viewers speak for and against it, each with the inverse square of its
 /// distance, the keyframe itself for it. The confidence becomes that of the map times the share that speaks for it.
+/// Counts what is eligible.
 struct Eligibility {
+  static constexpr int kCounts = 1;
+
   const std::uint32_t* surfels;
   const std::uint32_t* details;
   GridView grid;
-  int width;
-  const Viewer* viewers;  ///< `count` of them
+  Viewer viewers[kMaxViewers];
   int count;
   SightLimits limits;
   float max_contradiction;
+  std::uint8_t* standings;  ///< kOpen or 0
 
-  /// The standing: kOpen or 0.
+  PMSP_HD int width() const { return grid.width; }
+  PMSP_HD int height() const { return grid.height; }
+
   template <class F>
-  PMSP_HD UIntOf<F> at(const IntOf<F>& column, const IntOf<F>& row) const {
-    const IntOf<F> pixel = row * IntOf<F>(width) + column;
-    const F depth = depth_of_surfel<F>(gather_words<F>(surfels, pixel));
+  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* counted) const {
+    const F depth = depth_of_surfel<F>(gather_words<F>(surfels, at.index));
     const MaskOf<F> known = depth > F(0);
-    if (!any(known)) return UIntOf<F>(0U);
-    const Vec3<F> point = select(known, depth, F(1)) * bearing_at<F>(grid, column, row);
+    counted[0] = known;
+    if (!any(known)) return store_bytes<F>(UIntOf<F>(0U), standings + at.first, 1, at.count);
+    const Vec3<F> point = select(known, depth, F(1)) * bearing_at(grid, at);
     F on_surface = F(1) / dot(point, point);
     F through(0);
     for (int k = 0; k < count; ++k) {
@@ -235,8 +250,10 @@ struct Eligibility {
       through = fma(F(viewer.zoom * viewer.zoom), seen.through, through);
     }
     const MaskOf<F> stays = known & (through <= F(max_contradiction) * on_surface);
-    const F confidence = own_confidence<F>(gather_words<F>(details, pixel)) * on_surface / (on_surface + through);
-    return select_bits<F>(stays, pack_standing(confidence, Standing::kOpen));
+    const F confidence = own_confidence<F>(gather_words<F>(details, at.index)) * on_surface / (on_surface + through);
+    counted[0] = stays;
+    store_bytes<F>(select_bits<F>(stays, pack_standing(confidence, Standing::kOpen)), standings + at.first, 1,
+                   at.count);
   }
 };
 

@@ -3,17 +3,12 @@
 
 #include "equirect.h"
 #include "patch.h"
+#include "stage.h"
 
 // One pixel's share of red-black PatchMatch (Barnes 2009; Galliani 2015; Surmann 2022). A pixel's state is its best
 // plane and that plane's score. Every step proposes planes; a proposal that is allowed and scores higher replaces the
 // state.
 namespace pmsp::kernels {
-
-template <class F>
-struct Hypothesis {
-  Vec3<F> plane;
-  F score;
-};
 
 /// What is fixed for a whole keyframe.
 template <class Cube>
@@ -100,17 +95,30 @@ PMSP_HD Vec3<F> refined(const Hypothesis<F>& best, const UIntOf<F>& pixel, int i
   return perturbed(from, m.random, pixel, first, bearing, F(depth_step), F(normal_step));
 }
 
-/// The neighbours whose planes a pixel tries: distances 1 and 3 along the four directions. Their sum of coordinates is
-/// odd, so they all have the other colour.
+/// Distances 1 and 3 along the four directions, opposite ones after one another. Their sum of coordinates is odd, so
+/// they all have the other colour.
 struct NeighbourOffset {
   int dx, dy;
 };
-constexpr int kNeighbours = 8;
+constexpr int kNeighbourOffsets = 8;
 PMSP_HD NeighbourOffset neighbour_offset(int i) {
   const int distance = i < 4 ? 1 : 3;
   const int dx = (i & 3) == 0 ? distance : (i & 3) == 1 ? -distance : 0;
   const int dy = (i & 3) == 2 ? distance : (i & 3) == 3 ? -distance : 0;
   return {dx, dy};
+}
+
+/// Planes of neighbours that a pixel tries: those of the four next to it, and of two farther ones that face each other
+/// the better one (Xu and Tao 2019 choose among many in this way).
+constexpr int kNeighbours = 6;
+
+/// Number i of them. `at(offset)`: the hypothesis of the neighbour there.
+template <class F, class At>
+PMSP_HD Vec3<F> neighbour_plane(int i, const At& at) {
+  if (i < 4) return at(neighbour_offset(i)).plane;
+  const Hypothesis<F> one = at(neighbour_offset(2 * i - 4));
+  const Hypothesis<F> other = at(neighbour_offset(2 * i - 3));
+  return select(other.score > one.score, other.plane, one.plane);
 }
 
 /// Where the neighbour (dx, dy) of a pixel lies in checkerboard order (src/sphere/grid.h): its row, and how many places
@@ -133,5 +141,103 @@ PMSP_HD NeighbourRing neighbour_ring(int width, int height, int y, int colour, i
   const int other_parity = (row + 1 - colour) & 1;
   return {row, (parity + columns - other_parity) / 2};
 }
+
+/// A pixel of one colour on its turn; of a batch, the first of as many that follow one another in the row's ring.
+template <class F>
+struct Turn {
+  int y, colour, k;
+  int count;               ///< pixels from k to the end of the ring
+  std::size_t ring;        ///< index of its first pixel, in checkerboard order
+  IntOf<F> column, index;  ///< in row order; lanes beyond the end hold the last pixel
+};
+
+/// A keyframe's pass of PatchMatch. `State` keeps its pixels in checkerboard order (src/sphere/grid.h).
+template <class Machine>
+struct PatchMatchPass {
+  Matching<typename Machine::Cube> matching;
+  GridView grid;
+  typename Machine::State state;
+  typename Machine::Mask mask;
+  typename Machine::Map priors;           ///< planes that pixels without texture prefer; empty = none
+  typename Machine::Landmarks landmarks;  ///< planes to start with; empty = none
+  typename Machine::Warped warped;
+
+  /// First index of a row's ring of a colour.
+  PMSP_HD std::size_t ring_of(int y, int colour) const {
+    return (static_cast<std::size_t>(y) * 2 + static_cast<std::size_t>(colour)) *
+           static_cast<std::size_t>(grid.width / 2);
+  }
+
+  /// The first planes: a random one and what landmarks and the keyframe before propose.
+  template <class F, class Patch>
+  PMSP_HD void start(Visit<F, Patch>& visit, const Turn<F>& turn) const {
+    Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
+    const MaskOf<F> usable = is_usable<F>(mask, turn.index);
+    if (any(usable)) {
+      begin(visit, turn);
+      const Vec3<F> first = random_start<F>(as_uint<F>(turn.index), visit.frame.bearing, matching);
+      PMSP_ROLL
+      for (int kind = 0; kind < 3; ++kind) {
+        propose(best,
+                kind == 0   ? first
+                : kind == 1 ? proposed(landmarks, turn)
+                            : proposed(warped, turn),
+                visit, matching);
+      }
+    }
+    keep(best, usable, turn);
+  }
+
+  /// Propagation and refinement. `rescore`: planes are there, but not their scores.
+  template <class F, class Patch>
+  PMSP_HD void iterate(Visit<F, Patch>& visit, const Turn<F>& turn, int iteration, bool rescore) const {
+    const MaskOf<F> usable = is_usable<F>(mask, turn.index);
+    if (!any(usable)) return;
+    begin(visit, turn);
+    const int half = grid.width / 2;
+    const auto neighbour_at = [&](const NeighbourOffset& offset) {
+      const NeighbourRing from = neighbour_ring(grid.width, grid.height, turn.y, turn.colour, offset.dx, offset.dy);
+      return in_ring<F>(state, ring_of(from.y, 1 - turn.colour), turn.k + from.shift, half);
+    };
+    const Hypothesis<F> before = in_ring<F>(state, turn.ring, turn.k, half);
+    Hypothesis<F> best = before;
+    if (rescore) best = {{F(0), F(0), F(0)}, F(-1)};
+    PMSP_ROLL
+    for (int i = rescore ? -2 : 0; i < kNeighbours + matching.refinements; ++i) {
+      Vec3<F> plane;
+      if (i < 0) {
+        plane = i == -2 ? before.plane : proposed(priors, turn);
+      } else if (i < kNeighbours) {
+        plane = neighbour_plane<F>(i, neighbour_at);
+      } else {
+        plane = refined(best, as_uint<F>(turn.index), iteration, i - kNeighbours, visit.frame.bearing, matching);
+      }
+      propose(best, plane, visit, matching);
+    }
+    keep(best, usable, turn);
+  }
+
+ private:
+  /// The zero plane proposes nothing.
+  template <class F, class Planes>
+  PMSP_HD static Vec3<F> proposed(const Planes& planes, const Turn<F>& turn) {
+    if (is_empty(planes)) return {F(0), F(0), F(0)};
+    return plane_at<F>(planes, turn.index);
+  }
+
+  template <class F, class Patch>
+  PMSP_HD void begin(Visit<F, Patch>& visit, const Turn<F>& turn) const {
+    begin_visit(visit, matching, gather<F>(grid.sin_lon, turn.column), gather<F>(grid.cos_lon, turn.column),
+                F(grid.sin_lat[turn.y]), F(grid.cos_lat[turn.y]));
+    visit.prior = dot(proposed(priors, turn), visit.frame.bearing);
+  }
+
+  template <class F>
+  PMSP_HD void keep(const Hypothesis<F>& best, const MaskOf<F>& usable, const Turn<F>& turn) const {
+    const Vec3<F> none{F(0), F(0), F(0)};
+    put(state, turn.ring + static_cast<std::size_t>(turn.k), turn.count,
+        Hypothesis<F>{select(usable, best.plane, none), select(usable, best.score, F(-1))});
+  }
+};
 
 }  // namespace pmsp::kernels

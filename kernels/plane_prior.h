@@ -4,6 +4,7 @@
 #include "equirect.h"
 #include "patch.h"
 #include "plane.h"
+#include "stage.h"
 
 // Planes for surfaces without texture, through the reliable surface around them (what ACMP's planar prior is for, Xu
 // and Tao 2020, but without a triangulation). The sphere is divided into cells. A cell's support is the most reliable
@@ -66,10 +67,7 @@ struct PriorPlane {
 template <class Map>
 struct PriorCells {
   Map map;
-  const float* sin_lon;  ///< of the map's columns and rows
-  const float* cos_lon;
-  const float* sin_lat;
-  const float* cos_lat;
+  GridView grid;          ///< of the map
   const float* variance;  ///< ramp_free_variance of the map's pixels
   float min_variance;     ///< less is no texture
   PlaneLimits limits;
@@ -81,7 +79,7 @@ struct PriorCells {
   PriorPlane* found;   ///< from each cell alone
   PriorPlane* chosen;  ///< from its neighbours' too
 
-  PMSP_HD Vec3<float> bearing_at(int x, int y) const { return bearing(sin_lon[x], cos_lon[x], sin_lat[y], cos_lat[y]); }
+  PMSP_HD Vec3<float> bearing_at(int x, int y) const { return kernels::bearing_at<float>(grid, x, y); }
 };
 
 PMSP_HD bool is_point(const Vec3<float>& p) { return dot(p, p) > 0.0F; }
@@ -118,9 +116,9 @@ PMSP_HD void find_support(const PriorCells<Map>& cells, int column, int row) {
       if (!(inverse_depth > 0.0F)) continue;
       const bool textured = cells.variance[index] >= cells.min_variance;
       plain = plain || !textured;
-      if (!textured || !(score_at(cells.map, index) > best)) continue;
+      if (!textured || !(score_at<float>(cells.map, index) > best)) continue;
       if (neighbours_on_plane(cells, x, y, plane) < kSupportMinNeighbours) continue;
-      best = score_at(cells.map, index);
+      best = score_at<float>(cells.map, index);
       support = (1.0F / inverse_depth) * direction;
     }
   }
@@ -259,5 +257,42 @@ PMSP_HD Vec3<float> prior_at(const PriorCells<Map>& cells, int x, int y) {
   if (!plain) return {0.0F, 0.0F, 0.0F};
   return cells.chosen[y * cells.rows / cells.map.height * cells.columns + x * cells.columns / cells.map.width].plane;
 }
+
+/// How much texture there is around each pixel; a stage.
+template <class Machine>
+struct TextureVariance {
+  static constexpr int kCounts = 0;
+
+  typename Machine::Cube image;
+  GridView grid;
+  float spacing;    ///< of the samples (tangent of the angle)
+  float* variance;  ///< [gray levels squared]
+
+  PMSP_HD int width() const { return grid.width; }
+  PMSP_HD int height() const { return grid.height; }
+
+  template <class F>
+  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+    const PatchFrame<F> frame = patch_frame(gather<F>(grid.sin_lon, at.column), gather<F>(grid.cos_lon, at.column),
+                                            F(grid.sin_lat[at.row]), F(grid.cos_lat[at.row]), F(spacing));
+    store<F>(ramp_free_variance(image, frame), variance + at.first, at.count);
+  }
+};
+
+/// The priors of the pixels; a stage.
+template <class Machine>
+struct PixelPriors {
+  static constexpr int kCounts = 0;
+
+  PriorCells<typename Machine::Map> cells;
+  typename Machine::Planes to;  ///< without scores
+
+  PMSP_HD int width() const { return cells.map.width; }
+  PMSP_HD int height() const { return cells.map.height; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    put(to, static_cast<std::size_t>(at.first), 1, Hypothesis<float>{prior_at(cells, at.column, at.row), 0.0F});
+  }
+};
 
 }  // namespace pmsp::kernels

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "equirect.h"
+#include "stage.h"
 #include "vec3.h"
 
 // What a keyframe's depth map says of a point of another one: it has the point on its surface, it has looked through
@@ -44,5 +45,39 @@ PMSP_HD Sight<F> sight(const Vec3<F>& point, const SightView& other, const Rigid
   const F weight = F(1) / max(square, F(1e-30F));
   return {select(on_surface, weight, F(0)), select(through, weight, F(0))};
 }
+
+/// Side of a cell [px].
+constexpr int kSightCell = 2;
+
+/// How far a keyframe has seen (pmsp::sight_map), cell by cell; a stage.
+template <class Machine>
+struct FindSight {
+  static constexpr int kCounts = 0;
+
+  FilteredMap<typename Machine::Map> map;
+  GridView grid;  ///< of the map
+  float* nearest;
+  float* farthest;
+
+  PMSP_HD int width() const { return grid.width / kSightCell; }
+  PMSP_HD int height() const { return grid.height / kSightCell; }
+
+  template <class F>
+  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+    F low(0);
+    F high(0);
+    for (int i = 0; i < kSightCell * kSightCell; ++i) {
+      const IntOf<F> column = at.column * IntOf<F>(kSightCell) + IntOf<F>(i % kSightCell);
+      const IntOf<F> row(at.row * kSightCell + i / kSightCell);
+      const Surface<F> surface =
+          surface_of(plane_at<F>(map, row * IntOf<F>(grid.width) + column), bearing_at<F>(grid, column, row));
+      const F depth = select(surface.known, surface.depth, F(0));
+      low = select((low > F(0)) & (min(low, depth) > F(0)), min(low, depth), max(low, depth));
+      high = max(high, depth);
+    }
+    store<F>(low, nearest + at.first, at.count);
+    store<F>(high, farthest + at.first, at.count);
+  }
+};
 
 }  // namespace pmsp::kernels

@@ -137,7 +137,7 @@ void Densifier::Impl::run(const Stage& stage, std::int64_t i) {
     case Stage::Kind::kJudge:
       return engine->judge(frame, matched_frames(entry.viewers));
     case Stage::Kind::kRound:
-      return engine->round(frame, nearest_first(frame, matched_frames(owners_of(entry, options))), stage.step);
+      return engine->round(frame, nearest_first(frame, matched_frames(entry.owners)), stage.step);
     case Stage::Kind::kHandOut:
       return engine->hand_out(frame);
   }

@@ -125,6 +125,7 @@ void FusionOptions::validate() const {
   check("fusion.max_relative_depth", max_relative_depth, 0.0, 1.0);
   check("fusion.max_normal_deg", max_normal_deg, 0.0, 180.0);
   check("fusion.min_confidence", min_confidence, 0.0, 1.0);
+  check("fusion.history", history, 1, 100000);
 }
 
 void FreeSpaceOptions::validate() const {
@@ -160,7 +161,7 @@ DensifierOptions preset(Quality quality) {
   options.consistency.window = 7;
   options.consistency.max_relative_depth = 0.007;  // finer pixels and more neighbours agree more closely
   options.free_space.whole_mission = true;
-  options.free_space.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 a keyframe takes 0.2 GiB
+  options.fusion.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 a keyframe takes 0.2 GiB
   return options;
 }
 

@@ -4,33 +4,34 @@
 #include <cstdint>
 #include <vector>
 
-#include "pmsp/depth_map.h"
 #include "pmsp/executor.h"
+#include "pmsp/image.h"
 #include "pmsp/options.h"
+#include "pmsp/plane_map.h"
 
 namespace pmsp {
 
 struct FilterStats {
-  std::int64_t before = 0;  ///< pixels with a depth
+  std::int64_t before = 0;  ///< pixels with a plane
   std::int64_t after = 0;
 };
 
 /// Drops depths that deviate from the median of their 3 x 3 neighbourhood (around the seam and over the poles too) or
-/// whose photometric score (`confidence` of a map from `patchmatch`) is too low. What stays keeps its depth and normal.
-/// Throws InvalidOption.
-void median_filter(DepthMap& map, const MedianFilterOptions& options, const Executor& executor,
-                   FilterStats* stats = nullptr);
+/// whose photometric score is too low. What stays keeps its plane; scores are cut off at 0 and 1. Throws InvalidOption.
+PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, const Executor& executor,
+                       FilterStats* stats = nullptr);
 
 /// Drops depths on which fewer than `options.min_views` maps agree, `map` included; where fewer maps are at hand than
 /// `options.window`, in proportion (at least one other), and depths that as many maps contradict as agree: those whose
-/// surface lies clearly behind the point, so that they have looked through it. Confidence is made anew of the expected
-/// error (see DepthMap), which grows with the spread of the maps that agree, with the deviation from the planes around
-/// and with what a pixel of parallax is worth in depth, and falls with the share of maps that agree and with `map`'s
-/// photometric score. A point agrees with another map if that map's surface in the point's direction is as far, within
-/// `options.max_relative_depth`. Without any other map nothing changes. Throws InvalidOption, and InvalidInput when the
-/// maps differ in size.
-void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others,
-                        const ConsistencyFilterOptions& options, const Executor& executor,
-                        FilterStats* stats = nullptr);
+/// surface lies clearly behind the point, so that they have looked through it. Returns confidences, 0 = dropped. They
+/// are made of the expected error (see DepthMap), which grows with the spread of the maps that agree, with the
+/// deviation from the planes around and with what a pixel of parallax is worth in depth, and falls with the share of
+/// maps that agree and with `map`'s photometric score. A point agrees with another map if that map's surface in the
+/// point's direction is as far, within `options.max_relative_depth`. Without any other map confidences are the scores.
+/// `map`, `others`: after the median filter; at most 30 others. Throws InvalidOption, and InvalidInput when the maps
+/// differ in size.
+Image<float> consistency_filter(const PlaneMap& map, const std::vector<const PlaneMap*>& others,
+                                const ConsistencyFilterOptions& options, const Executor& executor,
+                                FilterStats* stats = nullptr);
 
 }  // namespace pmsp

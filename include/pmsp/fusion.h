@@ -7,10 +7,10 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/depth_map.h"
 #include "pmsp/executor.h"
 #include "pmsp/image.h"
 #include "pmsp/options.h"
+#include "pmsp/plane_map.h"
 #include "pmsp/point_cloud.h"
 #include "pmsp/sight_map.h"
 #include "pmsp/transform.h"
@@ -27,12 +27,12 @@ struct KeyframePose {
   double scale = 1.0;             ///< > 0
 };
 
-/// A depth map on its way through fusion.
+/// A keyframe's map on its way through fusion; its images have one size.
 struct FusionMap {
-  const DepthMap* map = nullptr;      ///< its own pose is not looked at
-  const Image<Rgb>* color = nullptr;  ///< of the map's size
+  const PlaneMap* map = nullptr;             ///< its own pose is not looked at
+  const Image<float>* confidence = nullptr;  ///< from the consistency filter, 0 = no depth
+  const Image<Rgb>* color = nullptr;
   KeyframePose pose;
-  const Image<float>* confidence = nullptr;  ///< in place of the map's, 0 = no depth; nullptr = the map's
 };
 
 /// The points of a keyframe's pixels, and all that is kept of the keyframe until it is known which of them stay: with

@@ -1,22 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <vector>
-
-#include <Eigen/Core>
-
-#include "pmsp/depth_map.h"
 #include "pmsp/executor.h"
-#include "pmsp/image.h"
 #include "pmsp/keyframe.h"
 #include "pmsp/options.h"
+#include "pmsp/plane_map.h"
 
 namespace pmsp {
-
-/// A plane for each pixel of a depth map: the vector v with v . X = 1 for the points X of the plane, in the camera
-/// frame. The range along a unit bearing b is 1 / (v . b), the unit normal that faces the camera -v / |v|. Zero = no
-/// plane.
-using PlaneImage = Image<Eigen::Vector3f>;
 
 /// Depths that single precision bears, in squares and products of three: what lies nearer or farther is passed over
 /// [scene units].
@@ -35,13 +25,13 @@ struct DepthRange {
 DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options);
 
 /// Planes through the keyframe's landmarks, `width` x `height`: each pixel within `options.sparse_radius_px` of a
-/// landmark gets the plane of the nearest one, perpendicular to the ray to it.
-PlaneImage planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options);
+/// landmark gets the plane of the nearest one, perpendicular to the ray to it. Scores are 0.
+PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options);
 
-/// The planes of one keyframe's depth map moved into another keyframe, `width` x `height`: each is seen where its
+/// The planes of one keyframe moved into another keyframe, `width` x `height`: each is seen where its
 /// pixel's surface point is; where several meet, the nearest to the camera wins. (Surmann et al. 2022, section III-B;
-/// normals turn with the camera.)
-PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_world, int width, int height,
-                       const Executor& executor);
+/// normals turn with the camera.) Scores are 0.
+PlaneMap warp_planes(const PlaneMap& previous, const RigidTransform& cam_from_world, int width, int height,
+                     const Executor& executor);
 
 }  // namespace pmsp

@@ -100,6 +100,9 @@ struct FusionOptions {
   double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
   double max_normal_deg = 60.0;      ///< angle of normals up to which they are one surface [deg], 0 to 180
   double min_confidence = 0.1;       ///< points below are not written (see DepthMap::confidence), 0 to 1
+  /// With `free_space.whole_mission`: used keyframes that may make the point of a place in place of this one, half on
+  /// either side, 1 to 100000. Each of four rounds waits for those ahead, with 11 bytes and more a pixel.
+  int history = 100;
 
   void validate() const;
 };
@@ -113,13 +116,12 @@ struct FreeSpaceOptions {
   double min_relative_gap = 0.05;    ///< a surface this much farther away has been seen through the point, 0 to 1
   /// What may speak against a point, relative to what speaks for it, 0 to 100. Smaller removes more.
   double max_contradiction = 0.5;
-  /// Let keyframes to come have their say, too, and leave out points of places that any of those asked shows better,
-  /// not only those of the fusion window. Points are held back until the end of the sequence, or until 5/2 of `history`
-  /// keyframes later. For live use false.
+  /// Let keyframes to come have their say, too, and leave out points of places that any of `fusion.history` shows
+  /// better, not only those of the fusion window. Points are held back until the end of the sequence, or until half of
+  /// `history` and twice `fusion.history` keyframes later. For live use false.
   bool whole_mission = false;
-  /// Keyframes that may be asked, half on either side, 1 to 100000. Memory for each: two bytes a pixel of its depth
-  /// map; with `whole_mission`, where each of five steps waits for the keyframes ahead, besides 11 to 15 bytes a pixel
-  /// for three times as many.
+  /// Used keyframes that may be asked, half on either side, 1 to 100000. Memory for each: two bytes a pixel of its
+  /// depth map; with `whole_mission` 11 bytes and more a pixel for those ahead.
   int history = 100;
 
   void validate() const;

@@ -5,11 +5,11 @@
 #include <cstdint>
 #include <vector>
 
-#include "pmsp/depth_map.h"
 #include "pmsp/executor.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/options.h"
 #include "pmsp/panorama.h"
+#include "pmsp/plane_map.h"
 #include "pmsp/transform.h"
 
 namespace pmsp {
@@ -27,26 +27,21 @@ struct MatchInput {
   PosedPanorama reference;
   std::vector<PosedPanorama> neighbours;  ///< 1 to 8, of the reference's size, from other places
   DepthRange range;
-  std::vector<const PlaneImage*> candidates;  ///< planes to try besides the random ones, of the reference's size
-  int first_iteration = 0;                    ///< iterations of the passes before
-  const DepthMap* start = nullptr;            ///< the reference's own map; nullptr = random planes
+  const PlaneMap* landmarks = nullptr;  ///< planes to try besides the random ones, of the reference's size
+  const PlaneMap* warped = nullptr;     ///< likewise
+  int first_iteration = 0;              ///< iterations of the passes before
+  const PlaneMap* start = nullptr;      ///< the reference's own map; nullptr = random planes
   /// Planes of surfaces without texture (plane_priors), proposed and preferred there; nullptr = none.
-  const PlaneImage* prior = nullptr;
-  std::vector<const DepthMap*> neighbour_maps = {};  ///< none, or one for each neighbour (nullptr or empty = not known)
-};
-
-struct PatchMatchStats {
-  std::int64_t pixels = 0;   ///< unmasked
-  std::int64_t matched = 0;  ///< with a plane at the end
+  const PlaneMap* prior = nullptr;
+  std::vector<const PlaneMap*> neighbour_maps = {};  ///< none, or one for each neighbour (nullptr or empty = not known)
 };
 
 /// Red-black PatchMatch on the sphere (Barnes et al. 2009; Galliani et al. 2015; Surmann et al. 2022): finds for each
-/// unmasked pixel of the reference a plane under which its patch looks alike in the neighbours. Confidence is the
-/// photometric score (NCC, 0 to 1) here, less what the neighbours' depth maps have against it, and more by up to
+/// unmasked pixel of the reference a plane under which its patch looks alike in the neighbours. Its score is the
+/// photometric one (NCC, -1 to 1), less what the neighbours' depth maps have against it, and more by up to
 /// `options.prior_weight` where it agrees with a prior. `seed` and the keyframe's id determine all random numbers. When
 /// `cancel` becomes true, returns early with an empty map. Throws InvalidInput and InvalidOption.
-DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
-                    const Executor& executor, PatchMatchStats* stats = nullptr,
-                    const std::atomic<bool>* cancel = nullptr);
+PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
+                    const Executor& executor, const std::atomic<bool>* cancel = nullptr);
 
 }  // namespace pmsp

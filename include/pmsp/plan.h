@@ -61,7 +61,8 @@ struct PlanEntry {
   DepthRange range;                          ///< {0, 0} without landmarks
   std::vector<std::int64_t> consistency;     ///< whose planes the consistency filter compares
   std::vector<std::int64_t> fusion;          ///< whose points are joined with this keyframe's
-  std::vector<std::int64_t> viewers;         ///< asked about its points: free space and ownership
+  std::vector<std::int64_t> viewers;         ///< asked who has looked through its points
+  std::vector<std::int64_t> owners;          ///< asked who makes the point of a place: some of the viewers
 
   /// Whether it lends its image at least.
   bool used() const { return use <= KeyframeUse::kNoRange; }
@@ -88,9 +89,11 @@ inline bool operator!=(const Plan& a, const Plan& b) { return !(a == b); }
 /// - Far neighbours: `patchmatch.revisits` of the `patchmatch.history` used ones before, where a place is passed again.
 /// - First planes: those of the used keyframe before, unless floor(id / init.chain_keyframes) has changed.
 /// - Windows: used keyframes before and after.
-/// - Viewers: the fusion window, and `free_space.views` besides, spread evenly over those among
+/// - Viewers: the fusion window, and `free_space.views` besides (32 at most in all), spread evenly over those among
 ///   `free_space.history` / 2 used ones on either side that lie within twice the 90th percentile of the ranges of the
 ///   keyframe's landmarks. Without `free_space.whole_mission` none after the fusion window.
+/// - Owners: with `free_space.whole_mission` the viewers among `fusion.history` / 2 used ones on either side, else the
+///   fusion window.
 /// In an unordered set all with landmarks are used but blurred ones; near neighbours, windows and viewers are chosen
 /// over the whole set. Near neighbours and windows share landmarks directly with the keyframe: the former see most of
 /// what it sees under useful parallax, the latter share most landmarks. There are no first planes.
@@ -108,11 +111,11 @@ constexpr std::int64_t kViewBlock = 64;
 /// Everything that the points of some keyframes depend on, artefact by artefact, what belongs to these keyframes
 /// themselves included; ids in the order of the plan. P = `patchmatch.geometric_passes`.
 ///
-/// points(i) need eligible points of i and, for ownership, of the keyframes that i asks, of those that these ask, and
-/// so on, as many times as there are rounds. (The whole mission is asked: its viewers, four rounds; else the fusion
-/// window, two.) eligible(i) needs filtered planes of i and its fusion window, and the sight maps of its viewers;
-/// sight(i) filtered(i); filtered(i) planes P of the consistency window; planes p those of pass p - 1 of itself and its
-/// near neighbours, and images of all neighbours; planes 0 those images and planes 0 of `first_planes`.
+/// points(i) need eligible points of i and, for ownership, of the owners of i, of the owners of these, and so on, as
+/// many times as there are rounds (with `free_space.whole_mission` four, else two). eligible(i) needs filtered planes
+/// of i and its fusion window, and the sight maps of its viewers; sight(i) filtered(i); filtered(i) planes P of the
+/// consistency window; planes p those of pass p - 1 of itself and its near neighbours, and images of all neighbours;
+/// planes 0 those images and planes 0 of `first_planes`.
 struct Halo {
   std::vector<std::int64_t> clouds;               ///< those asked for that get points
   std::vector<std::int64_t> eligible;             ///< points of pixels, without those that were looked through

@@ -3,9 +3,9 @@
 
 #include <cstdint>
 
-#include "pmsp/depth_map.h"
 #include "pmsp/executor.h"
 #include "pmsp/image.h"
+#include "pmsp/plane_map.h"
 #include "pmsp/transform.h"
 
 namespace pmsp {
@@ -19,7 +19,7 @@ struct SightMap {
   Image<float> farthest;          ///< largest depth
 };
 
-/// `map`: after the consistency filter, of even size.
-SightMap sight_map(const DepthMap& map, const Executor& executor);
+/// `map`, of even size; `confidence`: from the consistency filter, 0 = no depth.
+SightMap sight_map(const PlaneMap& map, const Image<float>& confidence, const Executor& executor);
 
 }  // namespace pmsp

@@ -107,6 +107,37 @@ struct Num<xsimd::batch<float, Arch>> {
   static PMSP_HD Halves<UInt> gather(const std::uint64_t* data, const Int& index) {
     return gather_halves_of_lanes<UInt>(data, index);
   }
+  static PMSP_HD UInt as_uint(const Int& a) { return xsimd::bitwise_cast<UInt>(a); }
+  static PMSP_HD UInt gather_bytes(const std::uint8_t* data, const Int& index) {
+    alignas(64) std::int32_t at[F::size];
+    alignas(64) std::uint32_t bytes[F::size];
+    index.store_aligned(at);
+    for (std::size_t i = 0; i < F::size; ++i) bytes[i] = data[at[i]];
+    return UInt::load_aligned(bytes);
+  }
+  static PMSP_HD F load_ring(const float* ring, int k, int count) {
+    if (k < 0) k += count;
+    if (k >= count) k %= count;
+    if (k + kLanes <= count) return F::load_unaligned(ring + k);
+    float wrapped[F::size];
+    for (float& value : wrapped) {
+      value = ring[k];
+      k = k + 1 == count ? 0 : k + 1;
+    }
+    return F::load_unaligned(wrapped);
+  }
+  template <class T>
+  static PMSP_HD void store(const xsimd::batch<T, Arch>& value, T* to, int count) {
+    if (count >= kLanes) return value.store_unaligned(to);
+    T all[F::size];
+    value.store_unaligned(all);
+    for (int i = 0; i < count; ++i) to[i] = all[i];
+  }
+  static PMSP_HD void store_bytes(const UInt& value, std::uint8_t* to, int stride, int count) {
+    std::uint32_t all[F::size];
+    value.store_unaligned(all);
+    for (int i = 0; i < kLanes && i < count; ++i) to[i * stride] = static_cast<std::uint8_t>(all[i]);
+  }
   static PMSP_HD F pow2(const Int& exponent) { return xsimd::bitwise_cast<F>(Int(exponent + Int(127)) << 23); }
 };
 

@@ -2,6 +2,7 @@
 #include "cpu/cpu_engine.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -25,8 +26,8 @@ struct CpuFrame : Engine::Frame {
       : Frame(keyframe), panorama(std::move(image)), shelf(scratch) {}
 
   Panorama panorama;        ///< of the depth maps' size
-  DepthMap raws[2];         ///< after the last even and the last odd pass of PatchMatch
-  DepthMap median;          ///< after the last pass and the median filter
+  PlaneMap raws[2];         ///< after the last even and the last odd pass of PatchMatch
+  PlaneMap median;          ///< after the last pass and the median filter
   Image<float> confidence;  ///< after the consistency filter; 0 = no depth
   SurfelShelf shelf;
   std::int64_t eligible = 0;  ///< points that are left when ownership is decided
@@ -53,27 +54,13 @@ std::unique_ptr<Engine::Frame> CpuEngine::prepare(const Keyframe& keyframe) {
 
 void CpuEngine::match(const MatchTask& task) {
   CpuFrame& reference = own(*task.reference);
-  PatchMatchStats matched;
-  DepthMap filtered;
-  const DepthMap* const to_warp = map_to_warp(task, filtered);
-  DepthMap& raw = reference.raws[task.pass % 2];
-  raw = run_pass(task, to_warp, matched);
+  PlaneMap& raw = reference.raws[task.pass % 2];
+  raw = run_pass(task);
   reference.matched = !context_.cancel.load(std::memory_order_relaxed);
-  if (reference.matched && task.last) finish_match(reference, std::move(raw), matched);
+  if (reference.matched && task.last) finish_match(reference, std::exchange(raw, {}));
 }
 
-/// The previous keyframe's map of the first pass, median filtered; into `scratch` while later passes are to come.
-const DepthMap* CpuEngine::map_to_warp(const MatchTask& task, DepthMap& scratch) {
-  if (task.previous == nullptr) return nullptr;
-  const CpuFrame& previous = own(*task.previous);
-  if (!previous.median.depth.empty()) return &previous.median;
-  const Stopwatch watch(context_.stats.seconds_init);
-  scratch = previous.raws[0];
-  median_filter(scratch, context_.options.median, executor_);
-  return &scratch;
-}
-
-DepthMap CpuEngine::run_pass(const MatchTask& task, const DepthMap* to_warp, PatchMatchStats& matched) {
+PlaneMap CpuEngine::run_pass(const MatchTask& task) {
   const DensifierOptions& options = context_.options;
   const CpuFrame& reference = own(*task.reference);
   const Iterations iterations = iterations_of(options.patchmatch, task.pass);
@@ -88,77 +75,78 @@ DepthMap CpuEngine::run_pass(const MatchTask& task, const DepthMap* to_warp, Pat
     const bool near = input.neighbour_maps.size() < task.near;
     input.neighbour_maps.push_back(near ? &own(*neighbour).raws[(task.pass - 1) % 2] : nullptr);
   }
-  std::vector<PlaneImage> candidates;
-  PlaneImage prior;
-  if (task.pass == 0) {
-    candidates = first_planes(task, to_warp, *input.reference.panorama);
-    for (const PlaneImage& planes : candidates) input.candidates.push_back(&planes);
-  } else {
-    const DepthMap& before = reference.raws[(task.pass - 1) % 2];
-    input.start = &before;
-    if (options.patchmatch.plane_priors) {
-      const Stopwatch watch(context_.stats.seconds_init);
-      prior = plane_priors(before, *input.reference.panorama, task.range, options.patchmatch, executor_);
+  PlaneMap landmarks;
+  PlaneMap warped;
+  PlaneMap prior;
+  {
+    const Stopwatch watch(context_.stats.seconds_init);
+    const int width = options.width;
+    const int height = options.height;
+    if (task.pass == 0 && options.init.sparse_points) {
+      landmarks = planes_from_landmarks(*task.keyframe, width, height, options.init);
+      input.landmarks = &landmarks;
+    }
+    if (task.previous != nullptr) {
+      warped = warped_planes(own(*task.previous), reference.cam_from_world);
+      input.warped = &warped;
+    }
+    if (task.pass > 0) input.start = &reference.raws[(task.pass - 1) % 2];
+    if (task.pass > 0 && options.patchmatch.plane_priors) {
+      prior = plane_priors(*input.start, reference.panorama, task.range, options.patchmatch, executor_);
       input.prior = &prior;
     }
   }
   PatchMatchOptions how = options.patchmatch;
   how.iterations = iterations.count;
   const Stopwatch watch(context_.stats.seconds_patchmatch);
-  return patchmatch(input, how, options.seed, executor_, &matched, &context_.cancel);
+  return patchmatch(input, how, options.seed, executor_, &context_.cancel);
 }
 
-/// What the landmarks and the previous keyframe propose.
-std::vector<PlaneImage> CpuEngine::first_planes(const MatchTask& task, const DepthMap* to_warp,
-                                                const Panorama& panorama) {
-  const Stopwatch watch(context_.stats.seconds_init);
+/// The previous keyframe's planes, median filtered, those of the first pass while later ones are to come.
+PlaneMap CpuEngine::warped_planes(const CpuFrame& previous, const RigidTransform& cam_from_world) {
   const DensifierOptions& options = context_.options;
-  const int width = panorama.width();
-  const int height = panorama.height();
-  std::vector<PlaneImage> planes;
-  if (options.init.sparse_points) {
-    planes.push_back(planes_from_landmarks(*task.keyframe, width, height, options.init));
-  }
-  if (to_warp != nullptr) {
-    planes.push_back(warp_planes(*to_warp, task.reference->cam_from_world, width, height, executor_));
-  }
-  return planes;
+  PlaneMap filtered;
+  if (previous.median.empty()) filtered = median_filter(previous.raws[0], options.median, executor_);
+  return warp_planes(previous.median.empty() ? filtered : previous.median, cam_from_world, options.width,
+                     options.height, executor_);
 }
 
 /// Nobody else asks for the planes of the last pass.
-void CpuEngine::finish_match(CpuFrame& reference, DepthMap raw, const PatchMatchStats& matched) {
+void CpuEngine::finish_match(CpuFrame& reference, const PlaneMap& raw) {
   DensifierStats& stats = context_.stats;
-  if (context_.results.raw_depth) context_.results.raw_depth(raw);
+  if (context_.results.raw_depth) context_.results.raw_depth(depth_map_of(raw, nullptr, executor_));
   FilterStats filtered;
   {
     const Stopwatch watch(stats.seconds_median);
-    reference.median = std::move(raw);
-    median_filter(reference.median, context_.options.median, executor_, &filtered);
+    reference.median = median_filter(raw, context_.options.median, executor_, &filtered);
   }
+  const std::vector<std::uint8_t>& usable = reference.panorama.usable().pixels();
+  const std::int64_t pixels = static_cast<std::int64_t>(raw.x.size());
   ++stats.depth_maps;
-  stats.pixels += matched.pixels;
-  stats.pixels_matched += matched.matched;
+  stats.pixels += usable.empty() ? pixels : pixels - std::count(usable.begin(), usable.end(), 0);
+  stats.pixels_matched += filtered.before;
   stats.pixels_after_median += filtered.after;
 }
 
 void CpuEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   CpuFrame& reference = own(frame);
-  DepthMap map = reference.median;
-  std::vector<const DepthMap*> maps;
+  std::vector<const PlaneMap*> maps;
   maps.reserve(others.size());
   for (const Frame* other : others) maps.push_back(&own(*other).median);
   FilterStats filtered;
   {
     const Stopwatch watch(context_.stats.seconds_consistency);
-    consistency_filter(map, maps, context_.options.consistency, executor_, &filtered);
+    reference.confidence =
+        consistency_filter(reference.median, maps, context_.options.consistency, executor_, &filtered);
   }
   context_.stats.pixels_after_consistency += filtered.after;
   if (context_.results.cloud && context_.options.free_space.enabled) {
     const Stopwatch watch(context_.stats.seconds_free_space);
-    reference.shelf.put(sight_map(map, executor_));
+    reference.shelf.put(sight_map(reference.median, reference.confidence, executor_));
   }
-  if (context_.results.filtered_depth) context_.results.filtered_depth(map);
-  reference.confidence = std::move(map.confidence);
+  if (context_.results.filtered_depth) {
+    context_.results.filtered_depth(depth_map_of(reference.median, &reference.confidence, executor_));
+  }
 }
 
 void CpuEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) {
@@ -167,7 +155,7 @@ void CpuEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std:
   maps.reserve(window.size());
   for (const Frame* joined : window) {
     const CpuFrame& member = own(*joined);
-    maps.push_back({&member.median, &member.panorama.color(), member.pose(), &member.confidence});
+    maps.push_back({&member.median, &member.confidence, &member.panorama.color(), member.pose()});
   }
   CpuFrame& reference = own(frame);
   SurfelMap points = fuse_pixels(maps, current, context_.options.fusion, executor_);
@@ -239,7 +227,7 @@ void CpuEngine::release(Frame& frame, Artefact artefact) {
     case Artefact::kLandmarks:
       break;
     case Artefact::kPlanes:
-      for (DepthMap& raw : done.raws) raw = {};
+      for (PlaneMap& raw : done.raws) raw = {};
       break;
     case Artefact::kMedian:
       done.median = {};

@@ -31,10 +31,9 @@ class CpuEngine : public Engine {
   void deliver(bool /*all*/) override {}
 
  private:
-  const DepthMap* map_to_warp(const MatchTask& task, DepthMap& scratch);
-  DepthMap run_pass(const MatchTask& task, const DepthMap* to_warp, PatchMatchStats& matched);
-  std::vector<PlaneImage> first_planes(const MatchTask& task, const DepthMap* to_warp, const Panorama& panorama);
-  void finish_match(CpuFrame& reference, DepthMap raw, const PatchMatchStats& matched);
+  PlaneMap run_pass(const MatchTask& task);
+  PlaneMap warped_planes(const CpuFrame& previous, const RigidTransform& cam_from_world);
+  void finish_match(CpuFrame& reference, const PlaneMap& raw);
 
   std::unique_ptr<ScratchFile> scratch_;  ///< where a folder is given
 };

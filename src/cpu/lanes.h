@@ -34,8 +34,6 @@ PMSP_HD void load(std::uint32_t& value, const std::uint32_t* from) { value = *fr
 PMSP_HD void store(float value, float* to) { *to = value; }
 PMSP_HD void store(std::int32_t value, std::int32_t* to) { *to = value; }
 PMSP_HD void store(std::uint32_t value, std::uint32_t* to) { *to = value; }
-PMSP_HD void iota(std::uint32_t& value, std::uint32_t first, std::uint32_t /*step*/) { value = first; }
-
 template <class T, class A>
 PMSP_HD void load(xsimd::batch<T, A>& value, const T* from) {
   value = xsimd::batch<T, A>::load_unaligned(from);
@@ -44,13 +42,6 @@ template <class T, class A>
 PMSP_HD void store(const xsimd::batch<T, A>& value, T* to) {
   value.store_unaligned(to);
 }
-template <class A>
-PMSP_HD void iota(xsimd::batch<std::uint32_t, A>& value, std::uint32_t first, std::uint32_t step) {
-  alignas(64) std::uint32_t numbers[xsimd::batch<std::uint32_t, A>::size];
-  for (std::uint32_t i = 0; i < xsimd::batch<std::uint32_t, A>::size; ++i) numbers[i] = first + i * step;
-  value = xsimd::batch<std::uint32_t, A>::load_aligned(numbers);
-}
-
 /// Writes the lanes that the mask holds for one after the other, and returns their number. Writes as many elements more
 /// as there are lanes.
 PMSP_HD int append(bool mask, float value, float* to) {
@@ -88,26 +79,6 @@ PMSP_HD int append(const xsimd::batch_bool<float, A>& mask, const xsimd::batch<T
 }
 #endif
 
-/// Lanes from a ring of `count` elements, starting at element k (any number > -count).
-template <class F>
-PMSP_HD F load_ring(const float* ring, int k, int count) {
-  constexpr int kLanes = lanes<F>();
-  F value;
-  if (k < 0) k += count;
-  if (k >= count) k %= count;
-  if (k + kLanes <= count) {
-    load(value, ring + k);
-    return value;
-  }
-  float wrapped[kLanes];
-  for (int i = 0; i < kLanes; ++i) {
-    wrapped[i] = ring[k];
-    k = k + 1 == count ? 0 : k + 1;
-  }
-  load(value, wrapped);
-  return value;
-}
-
 /// 0, 1, 2, ...
 template <class F>
 PMSP_HD F lane_numbers() {
@@ -123,19 +94,6 @@ PMSP_HD IntOf<F> columns_from(int first, int width) {
   const F last(static_cast<float>(width - 1));
   const F column = lane_numbers<F>() + F(static_cast<float>(first));
   return kernels::to_int<F>(select(column < last, column, last));
-}
-
-/// The first `count` lanes (or all of them) to memory.
-template <class V, class T>
-PMSP_HD void store_some(const V& value, T* to, int count) {
-  constexpr int kLanes = lanes<V>();
-  if (count >= kLanes) {
-    store(value, to);
-    return;
-  }
-  T all[kLanes];
-  store(value, all);
-  for (int i = 0; i < count; ++i) to[i] = all[i];
 }
 
 }  // namespace pmsp::cpu

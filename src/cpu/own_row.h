@@ -170,11 +170,12 @@ class OwnershipChunk {
 
 template <class F>
 int own_row(const kernels::OwnershipRound& stage, int y, const std::uint32_t* ask, std::uint32_t there,
-            std::uint8_t* standings, std::uint32_t* still) {
+            std::uint32_t* still) {
   using Chunk = OwnershipChunk<F>;
   const int width = stage.map.width;
-  const std::uint8_t* const before =
-      stage.map.standings + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
+  const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
+  const std::uint8_t* const before = stage.map.standings + row;
+  std::uint8_t* const standings = stage.standings + row;
   Chunk chunk(stage);
   std::int32_t columns[Chunk::kSize];
   std::int32_t list[Chunk::kRoom] = {};

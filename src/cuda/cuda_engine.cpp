@@ -9,8 +9,9 @@
 
 #include "cpu/executor_impl.h"
 #include "cuda/transfers.h"
-#include "filters/depth_map_tools.h"
+#include "filters/filter_setup.h"
 #include "fusion/fusion_setup.h"
+#include "init/init_setup.h"
 #include "patchmatch/match_setup.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
@@ -54,11 +55,12 @@ struct CudaFrame : Engine::Frame {
   std::shared_ptr<Floats> confidence;   ///< after the consistency filter; 0 = no depth
   std::shared_ptr<Floats> nearest;      ///< sight map, half as wide and high
   std::shared_ptr<Floats> farthest;
-  std::shared_ptr<Words> surfels, details, agree;  ///< see SurfelMap
-  std::shared_ptr<Bytes> standings;                ///< after `rounds`
-  std::shared_ptr<Bytes> before;                   ///< after the round before the last
-  int rounds = 0;                                  ///< of ownership that the frame is through
-  std::vector<std::int64_t> window_ids;            ///< of the bits of `agree`
+  std::shared_ptr<Words> surfels, details;  ///< see SurfelMap
+  std::shared_ptr<Bytes> agree;
+  std::shared_ptr<Bytes> standings;      ///< after `rounds`
+  std::shared_ptr<Bytes> before;         ///< after the round before the last
+  int rounds = 0;                        ///< of ownership that the frame is through
+  std::vector<std::int64_t> window_ids;  ///< of the bits of `agree`
 };
 
 CudaFrame& own(Engine::Frame& frame) { return static_cast<CudaFrame&>(frame); }
@@ -74,6 +76,7 @@ struct Record {
     PMSP_CUDA_CHECK(cudaMemsetAsync(device.get(), 0, sizeof(Counts), stream.get()));
     marks[0].record(stream);
   }
+  std::int64_t counted(int i) const { return host[0].of[i]; }
   void stop(const Stream& stream, int mark) {
     PMSP_CUDA_CHECK(cudaMemcpyAsync(host.get(), device.get(), sizeof(Counts), cudaMemcpyDeviceToHost, stream.get()));
     marks[mark].record(stream);
@@ -111,14 +114,15 @@ class CudaEngine : public Engine {
   void allocate();
   void set_image_size(int width, int height);
   void prepare_image(CudaFrame& frame, ResizeArgs args);
-  void find_sparse(const MatchTask& task, MatchArgs& args);
-  const float4* planes_to_warp(const CudaFrame& previous);
-  void warp_previous(const MatchTask& task, const float4* planes, MatchArgs& args);
-  void run_pass(const MatchTask& task, const float4* to_warp, float4* result);
-  const float4* plane_priors(const float4* planes, const MatchArgs& args);
+  kernels::LandmarkPlanes find_sparse(const MatchTask& task);
+  kernels::WarpedPlanes<DevicePlanes> warp_previous(const MatchTask& task);
+  PatchMatchPass pass_of(const MatchTask& task) const;
+  void run_pass(const MatchTask& task, float4* result);
+  DevicePlanes plane_priors(const DevicePlanes& planes, const PatchMatchPass& pass);
   void filter_median(const CudaFrame& frame, const float4* raw, float4* planes, Counts* counts);
+  void send_depths(const CudaFrame& frame, const float4* planes, const float* confidence,
+                   const std::function<void(const DepthMap&)>& to);
   MapDownload& free_download();
-  void send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to);
   void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
   /// The first elements of an array.
   template <class To, class From>
@@ -132,16 +136,13 @@ class CudaEngine : public Engine {
   bool may_go_on();
   void finish_match(CudaFrame& reference, int pass);
   void find_sight_of(CudaFrame& frame);
-  FilteredPlanes filtered_planes(const CudaFrame& frame) const {
-    return {frame.planes->get(), frame.confidence->get(), context_.options.width, context_.options.height};
+  DevicePlanes planes_of(const float4* planes) const {
+    return {planes, context_.options.width, context_.options.height};
   }
-  static SurfelArrays surfel_arrays(const CudaFrame& frame) {
-    return {frame.surfels->get(), frame.details->get(), frame.standings->get(), frame.agree->get()};
+  kernels::FilteredMap<DevicePlanes> filtered(const CudaFrame& frame) const {
+    return {planes_of(frame.planes->get()), frame.confidence->get(), context_.options.width, context_.options.height};
   }
-  DevicePlanes surface_of(const CudaFrame& frame, int pass) const {
-    const std::shared_ptr<Planes>& raw = frame.raws[pass % 2];
-    return {raw ? raw->get() : nullptr, context_.options.width, context_.options.height};
-  }
+  int agree_bytes() const { return (context_.options.fusion.window - 1 + 7) / 8; }
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
   std::size_t pixels() const {
     return static_cast<std::size_t>(context_.options.width) * static_cast<std::size_t>(context_.options.height);
@@ -163,8 +164,8 @@ class CudaEngine : public Engine {
   Bytes eroded_;
   Planes state_, warp_source_;
   DeviceArray<std::uint64_t> sparse_keys_, warp_keys_;
-  PinnedArray<SparsePoint> points_host_;
-  DeviceArray<SparsePoint> points_;
+  PinnedArray<kernels::SparsePoint> points_host_;
+  DeviceArray<kernels::SparsePoint> points_;
   Event points_arrived_;
   std::optional<DevicePriors> priors_;
   std::optional<DeviceGrid> grid_;
@@ -174,7 +175,7 @@ class CudaEngine : public Engine {
   Pool<Planes> raws_, planes_;
   Pool<Floats> confidences_, sights_;
   Pool<Words> words_;
-  Pool<Bytes> standings_;
+  Pool<Bytes> standings_, agree_;
   Pool<PointsDownload> clouds_;
   Bytes select_scratch_;
   Pool<Record> records_;
@@ -260,126 +261,122 @@ void CudaEngine::prepare_image(CudaFrame& frame, ResizeArgs args) {
                    compute_.get());
 }
 
-void CudaEngine::find_sparse(const MatchTask& task, MatchArgs& args) {
-  const std::vector<Landmark>& landmarks = task.keyframe->landmarks;
+kernels::LandmarkPlanes CudaEngine::find_sparse(const MatchTask& task) {
+  const std::size_t most = task.keyframe->landmarks.size();
   points_arrived_.wait();  // the previous keyframe's
-  if (points_host_.size() < landmarks.size()) {
+  if (points_host_.size() < most) {
     PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));  // kernels may still read the old ones
-    points_host_ = PinnedArray<SparsePoint>(2 * landmarks.size());
-    points_ = DeviceArray<SparsePoint>(2 * landmarks.size());
+    points_host_ = PinnedArray<kernels::SparsePoint>(2 * most);
+    points_ = DeviceArray<kernels::SparsePoint>(2 * most);
   }
-  std::size_t count = 0;
-  for (const Landmark& landmark : landmarks) {
-    const Eigen::Vector3d p = task.keyframe->cam_from_world * landmark.position_world;
-    if (!is_usable_depth(p.norm())) continue;
-    const Eigen::Vector2f at = pixel_from_bearing(p, args.grid.width, args.grid.height).cast<float>();
-    const Eigen::Vector3f plane = (p / p.squaredNorm()).cast<float>();
-    points_host_[count++] = {at.x(), at.y(), plane.x(), plane.y(), plane.z()};
-  }
-  PMSP_CUDA_CHECK(cudaMemcpyAsync(points_.get(), points_host_.get(), count * sizeof(SparsePoint),
+  const std::size_t count =
+      sparse_points(*task.keyframe, context_.options.width, context_.options.height, points_host_.get());
+  PMSP_CUDA_CHECK(cudaMemcpyAsync(points_.get(), points_host_.get(), count * sizeof(kernels::SparsePoint),
                                   cudaMemcpyHostToDevice, compute_.get()));
   points_arrived_.record(compute_);
   PMSP_CUDA_CHECK(cudaMemsetAsync(sparse_keys_.get(), 0xff, pixels() * sizeof(std::uint64_t), compute_.get()));
-  splat_points({points_.get(), static_cast<int>(count), args.grid.width, args.grid.height,
-                static_cast<float>(context_.options.init.sparse_radius_px), sparse_keys_.get()},
-               compute_.get());
-  args.sparse_keys = sparse_keys_.get();
-  args.sparse_points = points_.get();
+  splat_landmarks(
+      {points_.get(), grid_->view(), static_cast<float>(context_.options.init.sparse_radius_px), {sparse_keys_.get()}},
+      static_cast<int>(count), compute_.get());
+  return {sparse_keys_.get(), points_.get()};
 }
 
-/// The planes that are warped into the next keyframe.
-const float4* CudaEngine::planes_to_warp(const CudaFrame& previous) {
-  if (previous.planes) return previous.planes->get();
-  if (warp_source_.empty()) warp_source_ = Planes(pixels());  // its later passes are still to come
-  filter_median(previous, previous.raws[0]->get(), warp_source_.get(), nullptr);
-  return warp_source_.get();
-}
-
-void CudaEngine::warp_previous(const MatchTask& task, const float4* planes, MatchArgs& args) {
-  const RigidTransform moved = task.reference->cam_from_world * task.previous->cam_from_world.inverse();
+/// The previous keyframe's planes, median filtered, those of the first pass while later ones are to come.
+kernels::WarpedPlanes<DevicePlanes> CudaEngine::warp_previous(const MatchTask& task) {
+  const CudaFrame& previous = own(*task.previous);
+  if (!previous.planes) {
+    if (warp_source_.empty()) warp_source_ = Planes(pixels());
+    filter_median(previous, previous.raws[0]->get(), warp_source_.get(), nullptr);
+  }
+  const DevicePlanes planes = planes_of(previous.planes ? previous.planes->get() : warp_source_.get());
+  const RigidTransform moved = task.reference->cam_from_world * previous.cam_from_world.inverse();
   PMSP_CUDA_CHECK(cudaMemsetAsync(warp_keys_.get(), 0xff, pixels() * sizeof(std::uint64_t), compute_.get()));
-  warp_planes({grid_->view(), planes, to_rigid(moved), args.grid.width, args.grid.height, warp_keys_.get()},
-              compute_.get());
-  args.warp_keys = warp_keys_.get();
-  args.previous = planes;
-  args.previous_from_reference = to_rigid(moved.inverse());
+  launch(
+      kernels::WarpPixels<DeviceMachine, DeviceKeys>{
+          planes, grid_->view(), to_rigid(moved), planes.width, planes.height, {warp_keys_.get()}},
+      nullptr, compute_.get());
+  return {warp_keys_.get(), planes, to_rigid(moved.inverse())};
 }
 
 /// Those of the pass that starts from the reference's map with these planes.
-const float4* CudaEngine::plane_priors(const float4* planes, const MatchArgs& args) {
-  PriorArgs work = priors_->view();
-  work.image = args.matching.reference;
-  work.grid = args.grid;
-  work.cells.map = {planes, args.grid.width, args.grid.height};
-  work.cells.sin_lon = args.grid.sin_lon[2];
-  work.cells.cos_lon = args.grid.cos_lon[2];
-  work.cells.sin_lat = args.grid.sin_lat;
-  work.cells.cos_lat = args.grid.cos_lat;
-  work.cells.min_variance = texture_variance(context_.options.patchmatch);
-  work.cells.limits = args.matching.limits;
-  find_priors(work, compute_.get());
-  return work.priors;
+DevicePlanes CudaEngine::plane_priors(const DevicePlanes& planes, const PatchMatchPass& pass) {
+  kernels::PriorCells<DevicePlanes> cells = priors_->cells();
+  cells.map = planes;
+  cells.grid = pass.grid;
+  cells.min_variance = texture_variance(context_.options.patchmatch);
+  cells.limits = pass.matching.limits;
+  launch(kernels::TextureVariance<DeviceMachine>{pass.matching.reference, pass.grid, texture_spacing(planes.width),
+                                                 priors_->variance()},
+         nullptr, compute_.get());
+  find_cell_planes(cells, compute_.get());
+  launch(kernels::PixelPriors<DeviceMachine>{cells, {priors_->priors()}}, nullptr, compute_.get());
+  return planes_of(priors_->priors());
 }
 
 void CudaEngine::filter_median(const CudaFrame& frame, const float4* raw, float4* planes, Counts* counts) {
-  const MedianFilterOptions& options = context_.options.median;
-  median_pixels(
-      {grid_->view(), raw, frame.color->get(), options.enabled, static_cast<float>(options.max_relative_deviation),
-       static_cast<float>(options.min_score), planes, counts},
-      compute_.get());
+  launch(median_stage<DeviceMachine>(planes_of(raw), grid_->view(), {frame.color->get()}, context_.options.median,
+                                     {planes}),
+         counts, compute_.get());
 }
 
 void CudaEngine::match(const MatchTask& task) {
   const DeviceScope scope(context_.options.device);
   if (!may_go_on()) return;
   CudaFrame& reference = own(*task.reference);
-  const float4* const to_warp = task.previous == nullptr ? nullptr : planes_to_warp(own(*task.previous));
   std::shared_ptr<Planes>& raw = reference.raws[task.pass % 2];
   if (!raw) raw = raws_.get(pixels());
-  run_pass(task, to_warp, raw->get());
+  run_pass(task, raw->get());
   reference.matched = true;
   if (task.last) finish_match(reference, task.pass);
 }
 
-void CudaEngine::run_pass(const MatchTask& task, const float4* to_warp, float4* result) {
+/// Without priors and first planes.
+PatchMatchPass CudaEngine::pass_of(const MatchTask& task) const {
   const DensifierOptions& options = context_.options;
   const CudaFrame& reference = own(*task.reference);
-  const Iterations iterations = iterations_of(options.patchmatch, task.pass);
-  MatchArgs args{};
-  args.matching = make_matching<TextureCube>({reference.gray->texture()}, options.patchmatch, options.width, task.range,
+  PatchMatchPass pass{};
+  pass.matching = make_matching<TextureCube>({reference.gray->texture()}, options.patchmatch, options.width, task.range,
                                              options.seed, reference.id);
   const RigidTransform world_from_ref = reference.cam_from_world.inverse();
   for (const Frame* frame : task.neighbours) {
     const CudaFrame& neighbour = own(*frame);
-    const bool lends_planes = task.pass > 0 && static_cast<std::size_t>(args.matching.num_views) < task.near;
-    args.matching.views[args.matching.num_views++] = {
-        {neighbour.gray->texture()},
-        {neighbour.usable ? neighbour.usable->texture() : 0},
-        to_rigid(neighbour.cam_from_world * world_from_ref),
-        lends_planes ? surface_of(neighbour, task.pass - 1) : DevicePlanes{}};
+    const bool near = static_cast<std::size_t>(pass.matching.num_views) < task.near;
+    const Planes* const before = task.pass > 0 && near ? neighbour.raws[(task.pass - 1) % 2].get() : nullptr;
+    pass.matching.views[pass.matching.num_views++] = {{neighbour.gray->texture()},
+                                                      {neighbour.usable ? neighbour.usable->texture() : 0},
+                                                      to_rigid(neighbour.cam_from_world * world_from_ref),
+                                                      planes_of(before == nullptr ? nullptr : before->get())};
   }
-  args.grid = grid_->view();
-  args.state = state_.get();
-  args.color = reference.color->get();
-  const float4* const before = task.pass > 0 ? reference.raws[(task.pass - 1) % 2]->get() : nullptr;
+  pass.grid = grid_->view();
+  pass.state = {state_.get()};
+  pass.mask = {reference.color->get()};
+  return pass;
+}
+
+void CudaEngine::run_pass(const MatchTask& task, float4* result) {
+  const DensifierOptions& options = context_.options;
+  const CudaFrame& reference = own(*task.reference);
+  const Iterations iterations = iterations_of(options.patchmatch, task.pass);
+  PatchMatchPass pass = pass_of(task);
+  const DevicePlanes before = planes_of(task.pass > 0 ? reference.raws[(task.pass - 1) % 2]->get() : nullptr);
   const std::shared_ptr<Record> record = records_.get();
   record->marks[0].record(compute_);
-  if (task.pass == 0 && options.init.sparse_points) find_sparse(task, args);
-  if (to_warp != nullptr) warp_previous(task, to_warp, args);
-  if (task.pass > 0 && options.patchmatch.plane_priors) args.priors = plane_priors(before, args);
+  if (task.pass == 0 && options.init.sparse_points) pass.landmarks = find_sparse(task);
+  if (task.previous != nullptr) pass.warped = warp_previous(task);
+  if (task.pass > 0 && options.patchmatch.plane_priors) pass.priors = plane_priors(before, pass);
   record->marks[1].record(compute_);
-  if (before == nullptr) {
-    start_pixels(args, compute_.get());
+  if (task.pass == 0) {
+    start_pixels(pass, compute_.get());
   } else {
-    from_rows(args.grid, before, state_.get(), compute_.get());
+    from_rows(before, state_.get(), compute_.get());
   }
   for (int i = 0; i < iterations.count; ++i) {
-    const bool rescore = before != nullptr && i == 0;
+    const bool rescore = task.pass > 0 && i == 0;
     for (int colour = 0; colour < 2; ++colour) {
-      iterate_pixels(args, colour, iterations.first + i, rescore, compute_.get());
+      iterate_pixels(pass, colour, iterations.first + i, rescore, compute_.get());
     }
   }
-  to_rows(args.grid, state_.get(), result, compute_.get());
+  to_rows(planes_of(state_.get()), result, compute_.get());
   record->marks[2].record(compute_);
   expect([this, record] {
     record->marks[2].wait();
@@ -390,11 +387,7 @@ void CudaEngine::run_pass(const MatchTask& task, const float4* to_warp, float4* 
 
 void CudaEngine::finish_match(CudaFrame& reference, int pass) {
   std::shared_ptr<Planes>& raw = reference.raws[pass % 2];
-  if (context_.results.raw_depth) {
-    MapDownload& download = free_download();
-    export_planes(grid_->view(), raw->get(), download.view(), compute_.get());
-    send(download, reference, context_.results.raw_depth);
-  }
+  if (context_.results.raw_depth) send_depths(reference, raw->get(), nullptr, context_.results.raw_depth);
   reference.planes = planes_.get(pixels());
   const std::shared_ptr<Record> record = records_.get();
   record->start(compute_);
@@ -407,42 +400,34 @@ void CudaEngine::finish_match(CudaFrame& reference, int pass) {
     DensifierStats& stats = context_.stats;
     stats.seconds_median += record->marks[1].seconds_since(record->marks[0]);
     ++stats.depth_maps;
-    stats.pixels += record->host[0].pixels;
-    stats.pixels_matched += record->host[0].matched;
-    stats.pixels_after_median += record->host[0].after_median;
+    stats.pixels += record->counted(0);
+    stats.pixels_matched += record->counted(1);
+    stats.pixels_after_median += record->counted(2);
   });
 }
 
 void CudaEngine::filter(Frame& frame, const std::vector<const Frame*>& others) {
   const DeviceScope scope(context_.options.device);
-  const ConsistencyFilterOptions& options = context_.options.consistency;
   CudaFrame& reference = own(frame);
   reference.confidence = confidences_.get(pixels());
-  ConsistencyArgs args{};
-  args.grid = grid_->view();
-  args.planes = reference.planes->get();
-  for (const Frame* other : others) {
-    args.others[args.num_others++] = {own(*other).planes->get(),
-                                      to_rigid(other->cam_from_world * reference.cam_from_world.inverse())};
+  auto stage = consistency_stage<DeviceMachine>(planes_of(reference.planes->get()), grid_->view(), others.size(),
+                                                context_.options.consistency, reference.confidence->get());
+  for (std::size_t k = 0; k < others.size(); ++k) {
+    stage.others[k] = {planes_of(own(*others[k]).planes->get()),
+                       to_rigid(others[k]->cam_from_world * reference.cam_from_world.inverse())};
   }
-  args.enabled = options.enabled;
-  args.wanted = agreeing_maps_wanted(options, others.size());
-  args.tolerance = static_cast<float>(options.max_relative_depth);
-  args.pixel_angle = static_cast<float>(2.0 * kernels::kPi / context_.options.width);
-  args.confidence = reference.confidence->get();
-  MapDownload* const download = context_.results.filtered_depth ? &free_download() : nullptr;
-  if (download != nullptr) args.out = download->view();
   const std::shared_ptr<Record> record = records_.get();
-  args.counts = record->device.get();
   record->start(compute_);
-  filter_pixels(args, compute_.get());
+  launch(stage, record->device.get(), compute_.get());
   record->stop(compute_, 1);
-  if (download != nullptr) send(*download, reference, context_.results.filtered_depth);
+  if (context_.results.filtered_depth) {
+    send_depths(reference, reference.planes->get(), reference.confidence->get(), context_.results.filtered_depth);
+  }
   if (context_.results.cloud && context_.options.free_space.enabled) find_sight_of(reference);
   expect([this, record] {
     record->marks[1].wait();
     context_.stats.seconds_consistency += record->marks[1].seconds_since(record->marks[0]);
-    context_.stats.pixels_after_consistency += record->host[0].after_consistency;
+    context_.stats.pixels_after_consistency += record->counted(1);
   });
 }
 
@@ -451,7 +436,8 @@ void CudaEngine::find_sight_of(CudaFrame& frame) {
   record->marks[0].record(compute_);
   frame.nearest = sights_.get(pixels() / 4);
   frame.farthest = sights_.get(pixels() / 4);
-  find_sight({grid_->view(), filtered_planes(frame), frame.nearest->get(), frame.farthest->get()}, compute_.get());
+  launch(kernels::FindSight<DeviceMachine>{filtered(frame), grid_->view(), frame.nearest->get(), frame.farthest->get()},
+         nullptr, compute_.get());
   record->marks[1].record(compute_);
   expect_time(record, &DensifierStats::seconds_free_space);
 }
@@ -461,65 +447,63 @@ void CudaEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std
   CudaFrame& reference = own(frame);
   reference.surfels = words_.get(pixels());
   reference.details = words_.get(pixels());
-  reference.agree = words_.get(pixels());
+  reference.agree = agree_.get(pixels() * static_cast<std::size_t>(agree_bytes()));
   reference.standings = standings_.get(pixels());
   const auto view = [&](const CudaFrame& member) {
     const Relation to = relation(member.pose(), reference.pose());
-    return kernels::FusionView<FilteredPlanes>{filtered_planes(member), member.confidence->get(),
-                                               reinterpret_cast<const std::uint32_t*>(member.color->get()),
-                                               to.other_from_first, to.zoom};
+    return kernels::FusionView<DeviceMachine>{
+        filtered(member), reinterpret_cast<const std::uint32_t*>(member.color->get()), to.other_from_first, to.zoom};
   };
-  SurfelArgs args{};
-  args.grid = grid_->view();
-  args.first = view(reference);
+  kernels::FusePixels<DeviceMachine> stage{};
+  stage.grid = grid_->view();
+  stage.first = view(reference);
   for (std::size_t i = 0; i < window.size(); ++i) {
     if (i == current) continue;
-    args.others[args.num_others++] = view(own(*window[i]));
+    stage.others[stage.count++] = view(own(*window[i]));
     reference.window_ids.push_back(window[i]->id);
   }
-  args.limits = fusion_limits(context_.options.fusion);
-  args.to = surfel_arrays(reference);
+  stage.limits = fusion_limits(context_.options.fusion);
+  stage.to = {reference.surfels->get(), reference.details->get(), reference.standings->get(), reference.agree->get(),
+              agree_bytes()};
   const std::shared_ptr<Record> record = records_.get();
-  args.counts = record->device.get();
   record->start(compute_);
-  make_surfels(args, compute_.get());
+  launch(stage, record->device.get(), compute_.get());
   record->stop(compute_, 1);
   const bool judged = context_.options.free_space.enabled;
   expect([this, record, judged] {
     record->marks[1].wait();
     context_.stats.seconds_fusion += record->marks[1].seconds_since(record->marks[0]);
-    context_.stats.points_fused += record->host[0].fused;
-    if (!judged) context_.stats.points_repeated += record->host[0].fused;
+    context_.stats.points_fused += record->counted(0);
+    if (!judged) context_.stats.points_repeated += record->counted(0);
   });
 }
 
 void CudaEngine::judge(Frame& frame, const std::vector<const Frame*>& viewers) {
   const DeviceScope scope(context_.options.device);
   CudaFrame& reference = own(frame);
-  JudgeArgs args{};
-  args.grid = grid_->view();
-  args.surfels = reference.surfels->get();
-  args.details = reference.details->get();
+  kernels::Eligibility stage{};
+  stage.surfels = reference.surfels->get();
+  stage.details = reference.details->get();
+  stage.grid = grid_->view();
   for (const Frame* asked : viewers) {
     const CudaFrame& viewer = own(*asked);
     const Relation to = relation(viewer.pose(), reference.pose());
-    args.viewers[args.num_viewers++] = {
+    stage.viewers[stage.count++] = {
         {viewer.nearest->get(), viewer.farthest->get(), context_.options.width / 2, context_.options.height / 2},
         to.other_from_first,
         to.zoom};
   }
-  args.limits = sight_limits(context_.options.free_space);
-  args.max_contradiction = static_cast<float>(context_.options.free_space.max_contradiction);
-  args.standings = reference.standings->get();
+  stage.limits = sight_limits(context_.options.free_space);
+  stage.max_contradiction = static_cast<float>(context_.options.free_space.max_contradiction);
+  stage.standings = reference.standings->get();
   const std::shared_ptr<Record> record = records_.get();
-  args.counts = record->device.get();
   record->start(compute_);
-  judge_pixels(args, compute_.get());
+  launch(stage, record->device.get(), compute_.get());
   record->stop(compute_, 1);
   expect([this, record] {
     record->marks[1].wait();
     context_.stats.seconds_free_space += record->marks[1].seconds_since(record->marks[0]);
-    context_.stats.points_repeated += record->host[0].eligible;  // less those that are handed out
+    context_.stats.points_repeated += record->counted(0);  // less those that are handed out
   });
 }
 
@@ -530,22 +514,22 @@ void CudaEngine::round(Frame& frame, const std::vector<const Frame*>& others, in
     return kernels::SurfelView{viewed.surfels->get(), standings.get(), context_.options.width, context_.options.height,
                                static_cast<float>(viewed.pose().scale)};
   };
-  OwnershipArgs args{};
-  args.grid = grid_->view();
-  args.map = view(reference, *reference.standings);
+  const std::shared_ptr<Bytes> after = standings_.get(pixels());
+  kernels::OwnershipRound stage{};
+  stage.map = view(reference, *reference.standings);
+  stage.grid = grid_->view();
   for (const Frame* asked : others) {
     const CudaFrame& viewer = own(*asked);
     const Relation to = relation(viewer.pose(), reference.pose());
-    args.others[args.num_others++] = {view(viewer, viewer.rounds < round ? *viewer.standings : *viewer.before),
-                                      to.other_from_first, to.zoom, viewer.id < reference.id};
+    stage.others[stage.count++] = {view(viewer, viewer.rounds < round ? *viewer.standings : *viewer.before),
+                                   to.other_from_first, to.zoom, viewer.id < reference.id};
   }
-  args.first = round == 1;
-  args.limits = ownership_limits(context_.options.fusion);
-  const std::shared_ptr<Bytes> after = standings_.get(pixels());
-  args.standings = after->get();
+  stage.first = round == 1;
+  stage.limits = ownership_limits(context_.options.fusion);
+  stage.standings = after->get();
   const std::shared_ptr<Record> record = records_.get();
   record->marks[0].record(compute_);
-  own_pixels(args, compute_.get());
+  launch(stage, nullptr, compute_.get());
   record->marks[1].record(compute_);
   reference.before = reference.standings;
   reference.standings = after;
@@ -561,8 +545,13 @@ void CudaEngine::hand_out(Frame& frame) {
   const std::shared_ptr<PointsDownload> lent = clouds_.get(pixels());
   const std::shared_ptr<Record> record = records_.get();
   record->start(compute_);
-  owned_points({grid_->view(), surfel_arrays(reference), lent->points.get(), lent->pixels.get(), lent->agree.get(),
-                &record->device.get()->points},
+  owned_points({grid_->view(),
+                {reference.surfels->get(), reference.details->get(), reference.standings->get(), reference.agree->get(),
+                 agree_bytes()},
+                lent->points.get(),
+                lent->pixels.get(),
+                lent->agree.get(),
+                record->device.get()->of},
                select_scratch_.get(), select_scratch_.size(), compute_.get());
   record->stop(compute_, 1);
   ++clouds_out_;
@@ -571,7 +560,7 @@ void CudaEngine::hand_out(Frame& frame) {
     record->marks[1].wait();
     if (cancelled()) return;
     context_.stats.seconds_ownership += record->marks[1].seconds_since(record->marks[0]);
-    const std::size_t count = record->host[0].points;
+    const std::size_t count = static_cast<std::size_t>(record->counted(0));
     context_.stats.points_repeated -= static_cast<std::int64_t>(count);
     cloud_.keyframe_id = id;
     cloud_.cam_from_world = pose.cam_from_world;
@@ -640,10 +629,16 @@ MapDownload& CudaEngine::free_download() {
   }
 }
 
-void CudaEngine::send(MapDownload& download, const Frame& frame, std::function<void(const DepthMap&)> to) {
+/// Depths, normals and confidences of the planes.
+void CudaEngine::send_depths(const CudaFrame& frame, const float4* planes, const float* confidence,
+                             const std::function<void(const DepthMap&)>& to) {
+  MapDownload& download = free_download();
+  launch(kernels::DepthImage<DeviceMachine>{planes_of(planes), confidence, grid_->view(), download.depth(),
+                                            download.normal(), download.confidence()},
+         nullptr, compute_.get());
   download.busy = true;
   download.start(compute_, down_);
-  expect([this, &download, id = frame.id, pose = frame.cam_from_world, to = std::move(to)] {
+  expect([this, &download, id = frame.id, pose = frame.cam_from_world, to] {
     const DepthMap& map = download.finish(id, pose);
     download.busy = false;  // nobody else can ask for it before `to` returns or throws
     if (!cancelled()) to(map);

@@ -32,7 +32,7 @@ std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::si
     case Artefact::kSight:
       return 2 * pixels;
     case Artefact::kSurfels:
-      return (3 * 4 + 2) * pixels;
+      return (2 * 4 + 2 + static_cast<std::size_t>(options.fusion.window - 1 + 7) / 8) * pixels;
   }
   return 0;
 }

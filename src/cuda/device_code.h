@@ -34,7 +34,7 @@ PMSP_HD float sample(const TextureCube& cube, const Vec3<float>& p) {
   return 255.0F * texCubemap<float>(cube.texture, p.x, p.y, p.z);
 #else
   (void)cube;
-  return p.x;  // never called: there is no texture unit
+  return p.x;              // never called: there is no texture unit
 #endif
 }
 
@@ -43,32 +43,32 @@ PMSP_HD Vec3<F> plane_at(const DevicePlanes& map, int index) {
   const float4 plane = map.planes[index];
   return {plane.x, plane.y, plane.z};
 }
+template <class F>
+PMSP_HD F score_at(const DevicePlanes& map, int index) {
+  return map.planes[index].w;
+}
 
 template <class F>
-PMSP_HD Vec3<F> plane_at(const FilteredPlanes& map, int index) {
-  if (!(map.confidence[index] > 0.0F)) return {0.0F, 0.0F, 0.0F};
-  const float4 plane = map.planes[index];
-  return {plane.x, plane.y, plane.z};
+PMSP_HD void put(const DevicePlaneArray& to, std::size_t at, int /*count*/, const kernels::Hypothesis<F>& found) {
+  to.planes[at] = make_float4(found.plane.x, found.plane.y, found.plane.z, found.score);
+}
+template <class F>
+PMSP_HD kernels::Hypothesis<F> in_ring(const DevicePlaneArray& from, std::size_t first, int k, int count) {
+  const float4 found = from.planes[first + static_cast<std::size_t>((k + 2 * count) % count)];
+  return {{found.x, found.y, found.z}, found.w};
 }
 
-PMSP_HD float score_at(const DevicePlanes& map, int index) { return map.planes[index].w; }
-
-PMSP_HD Vec3<float> plane_of(const float4& plane) { return {plane.x, plane.y, plane.z}; }
-
-__device__ inline Vec3<float> bearing_at(const cpu::GridTables& grid, int x, int y) {
-  return kernels::bearing(grid.sin_lon[2][x], grid.cos_lon[2][x], grid.sin_lat[y], grid.cos_lat[y]);
+template <class F>
+PMSP_HD bool is_usable(const ColorMask& mask, int index) {
+  return mask.color[index].w != 0;
 }
 
-/// Index of pixel (x, y) in checkerboard order (SphereGrid).
-__device__ inline std::size_t checkerboard_index(const cpu::GridTables& grid, int x, int y) {
-  const std::size_t half = static_cast<std::size_t>(grid.width / 2);
-  return (static_cast<std::size_t>(y) * 2 + static_cast<std::size_t>((x + y) & 1)) * half +
-         static_cast<std::size_t>(x / 2);
-}
-
-/// Index of pixel (x, y) in row order.
-__device__ inline std::size_t row_index(const cpu::GridTables& grid, int x, int y) {
-  return static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(x);
+PMSP_HD void offer(const DeviceKeys& keys, int pixel, std::uint64_t key) {
+#if defined(__CUDA_ARCH__)
+  atomicMin(reinterpret_cast<unsigned long long*>(keys.keys) + pixel, static_cast<unsigned long long>(key));
+#else
+  keys.keys[pixel] = key;  // never called: threads of the device share keys
+#endif
 }
 
 /// Adds the number of a block's threads for which `holds` is true; all threads of the warp call it.
@@ -76,19 +76,6 @@ __device__ inline void count_if(bool holds, unsigned int* counter) {
   const unsigned int mask = __ballot_sync(0xffffffffU, holds);
   const unsigned int thread = threadIdx.x + blockDim.x * threadIdx.y;
   if ((thread & 31U) == 0 && mask != 0) atomicAdd(counter, __popc(mask));
-}
-
-/// Writes a pixel of a depth map as the host wants it.
-__device__ inline void write_map(const MapArrays& out, std::size_t at, float depth, const Vec3<float>& plane,
-                                 float confidence) {
-  if (out.depth == nullptr) return;
-  const bool known = depth > 0.0F;
-  const Vec3<float> normal = known ? -1.0F * kernels::normalized(plane) : Vec3<float>{0.0F, 0.0F, 0.0F};
-  out.depth[at] = known ? depth : 0.0F;
-  out.normal[3 * at] = normal.x;
-  out.normal[3 * at + 1] = normal.y;
-  out.normal[3 * at + 2] = normal.z;
-  out.confidence[at] = known ? confidence : 0.0F;
 }
 
 }  // namespace pmsp::cuda

@@ -6,6 +6,8 @@
 // The device's work, each function a kernel or a few on a stream. They throw DeviceError when a launch fails.
 namespace pmsp::cuda {
 
+using PatchMatchPass = kernels::PatchMatchPass<DeviceMachine>;
+
 /// Whether this build holds code for the current device.
 bool runs_here();
 
@@ -23,43 +25,26 @@ void fill_cube(const float* gray, int width, int height, const CubeArgs& cube, c
 void fill_usable_cube(const uchar4* color, int width, int height, double radius_px, unsigned char* scratch,
                       const CubeArgs& cube, cudaStream_t stream);
 
-/// Spreads landmarks over their neighbourhood; `keys` are all ~0 before.
-void splat_points(const SplatArgs& args, cudaStream_t stream);
+/// Runs a stage over all its pixels; one of those that src/cuda/stages.cu lists. Adds to `counts` what it counts;
+/// nullptr = not wanted.
+template <class Stage>
+void launch(const Stage& stage, Counts* counts, cudaStream_t stream);
 
-/// Moves the previous map's pixels; `keys` are all ~0 before.
-void warp_planes(const WarpArgs& args, cudaStream_t stream);
+/// The first `count` landmarks.
+void splat_landmarks(const kernels::SplatLandmarks<DeviceKeys>& splat, int count, cudaStream_t stream);
 
-/// Planes for surfaces without texture.
-void find_priors(const PriorArgs& args, cudaStream_t stream);
+/// Fills the cells of plane priors.
+void find_cell_planes(const kernels::PriorCells<DevicePlanes>& cells, cudaStream_t stream);
 
-void start_pixels(const MatchArgs& args, cudaStream_t stream);
+void start_pixels(const PatchMatchPass& pass, cudaStream_t stream);
 /// `rescore`: planes are there, but not their scores.
-void iterate_pixels(const MatchArgs& args, int colour, int iteration, bool rescore, cudaStream_t stream);
+void iterate_pixels(const PatchMatchPass& pass, int colour, int iteration, bool rescore, cudaStream_t stream);
 
 /// PatchMatch's result, from checkerboard to row order.
-void to_rows(const cpu::GridTables& grid, const float4* state, float4* raw, cudaStream_t stream);
+void to_rows(const DevicePlanes& state, float4* rows, cudaStream_t stream);
 
 /// The other way round, for a pass that goes on.
-void from_rows(const cpu::GridTables& grid, const float4* raw, float4* state, cudaStream_t stream);
-
-/// Planes and scores as a depth map.
-void export_planes(const cpu::GridTables& grid, const float4* planes, const MapArrays& out, cudaStream_t stream);
-
-void median_pixels(const MedianArgs& args, cudaStream_t stream);
-
-void filter_pixels(const ConsistencyArgs& args, cudaStream_t stream);
-
-/// The point of each pixel of a map (pmsp::fuse_pixels).
-void make_surfels(const SurfelArgs& args, cudaStream_t stream);
-
-/// How far a keyframe has seen (pmsp::sight_map).
-void find_sight(const SightArgs& args, cudaStream_t stream);
-
-/// Which points are eligible (pmsp::judge).
-void judge_pixels(const JudgeArgs& args, cudaStream_t stream);
-
-/// A round that decides which pixels make a point (pmsp::ownership_round).
-void own_pixels(const OwnershipArgs& args, cudaStream_t stream);
+void from_rows(const DevicePlanes& rows, float4* state, cudaStream_t stream);
 
 /// The points that a keyframe makes, in row order (pmsp::owned_points). `scratch`: at least owned_scratch_bytes.
 void owned_points(const OwnedArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);

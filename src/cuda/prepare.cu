@@ -4,7 +4,7 @@
 #include "cuda/launch.h"
 #include "resample.h"
 
-// From a camera's image to colours and cube maps (src/sphere does the same on the CPU).
+// From a camera's image to colours and cube maps.
 namespace pmsp::cuda {
 namespace {
 

@@ -23,6 +23,7 @@ void copy_up(T* to, const T* from, std::size_t count, const Stream& stream) {
 
 DeviceGrid::DeviceGrid(int width, int height, const Stream& stream) {
   const SphereGrid grid(width, height);
+  const kernels::GridView host = grid.view();
   const std::size_t columns = static_cast<std::size_t>(width);
   const std::size_t rows = static_cast<std::size_t>(height);
   tables_ = DeviceArray<float>(2 * (columns + rows));
@@ -30,12 +31,12 @@ DeviceGrid::DeviceGrid(int width, int height, const Stream& stream) {
   float* const cos_lon = sin_lon + columns;
   float* const sin_lat = cos_lon + columns;
   float* const cos_lat = sin_lat + rows;
-  copy_up(sin_lon, grid.sin_lon(), columns, stream);
-  copy_up(cos_lon, grid.cos_lon(), columns, stream);
-  copy_up(sin_lat, grid.sin_lat(), rows, stream);
-  copy_up(cos_lat, grid.cos_lat(), rows, stream);
+  copy_up(sin_lon, host.sin_lon, columns, stream);
+  copy_up(cos_lon, host.cos_lon, columns, stream);
+  copy_up(sin_lat, host.sin_lat, rows, stream);
+  copy_up(cos_lat, host.cos_lat, rows, stream);
   PMSP_CUDA_CHECK(cudaStreamSynchronize(stream.get()));
-  view_ = {width, height, {nullptr, nullptr, sin_lon}, {nullptr, nullptr, cos_lon}, sin_lat, cos_lat};
+  view_ = {width, height, sin_lon, cos_lon, sin_lat, cos_lat};
 }
 
 DeviceSpanTable::DeviceSpanTable(int source, int target, const Stream& stream) {
@@ -69,18 +70,15 @@ DevicePriors::DevicePriors(int width, int height, const Stream& stream) {
   priors_ = DeviceArray<float4>(pixels);
   copy_up(looks_.get(), looks.data(), looks.size(), stream);
   PMSP_CUDA_CHECK(cudaStreamSynchronize(stream.get()));
-  view_.spacing = texture_spacing(width);
-  view_.variance = variance_.get();
-  view_.priors = priors_.get();
-  view_.cells.variance = variance_.get();
-  view_.cells.columns = size.columns;
-  view_.cells.rows = size.rows;
-  view_.cells.looks = looks_.get();
-  view_.cells.supports = supports_.get();
-  view_.cells.plain = plain_.get();
-  view_.cells.around = around_.get();
-  view_.cells.found = planes_.get();
-  view_.cells.chosen = planes_.get() + size.cells();
+  cells_.variance = variance_.get();
+  cells_.columns = size.columns;
+  cells_.rows = size.rows;
+  cells_.looks = looks_.get();
+  cells_.supports = supports_.get();
+  cells_.plain = plain_.get();
+  cells_.around = around_.get();
+  cells_.found = planes_.get();
+  cells_.chosen = planes_.get() + size.cells();
 }
 
 const unsigned char* Uploader::upload(const void* data, std::size_t row_bytes, std::size_t row_pitch, int rows,
@@ -144,17 +142,15 @@ MapDownload::MapDownload(int width, int height)
   pinned_[2].emplace(map_.confidence.pixels().data(), size_ * sizeof(float));
 }
 
-MapArrays MapDownload::view() const { return {arrays_.get(), arrays_.get() + size_, arrays_.get() + 4 * size_}; }
-
 void MapDownload::start(const Stream& compute, const Stream& copies) {
   written_.record(compute);
   written_.wait_on(copies);
   const auto copy = [&](void* to, const float* from, std::size_t count) {
     PMSP_CUDA_CHECK(cudaMemcpyAsync(to, from, count * sizeof(float), cudaMemcpyDeviceToHost, copies.get()));
   };
-  copy(map_.depth.pixels().data(), view().depth, size_);
-  copy(map_.normal.pixels().data(), view().normal, 3 * size_);
-  copy(map_.confidence.pixels().data(), view().confidence, size_);
+  copy(map_.depth.pixels().data(), depth(), size_);
+  copy(map_.normal.pixels().data(), normal(), 3 * size_);
+  copy(map_.confidence.pixels().data(), confidence(), size_);
   arrived_.record(copies);
 }
 

@@ -12,15 +12,15 @@
 // that read it.
 namespace pmsp::cuda {
 
-/// The tables of a SphereGrid. Of the columns' tables only those of all columns are filled.
+/// The tables of a SphereGrid.
 class DeviceGrid {
  public:
   DeviceGrid(int width, int height, const Stream& stream);
-  const cpu::GridTables& view() const { return view_; }
+  const kernels::GridView& view() const { return view_; }
 
  private:
   DeviceArray<float> tables_;
-  cpu::GridTables view_{};
+  kernels::GridView view_{};
 };
 
 /// Resampling weights along one axis.
@@ -39,8 +39,10 @@ class DeviceSpanTable {
 class DevicePriors {
  public:
   DevicePriors(int width, int height, const Stream& stream);
-  /// All but image, map and limits.
-  const PriorArgs& view() const { return view_; }
+  /// All but map, grid and limits.
+  const kernels::PriorCells<DevicePlanes>& cells() const { return cells_; }
+  float* variance() const { return variance_.get(); }  ///< that of `cells`, to be filled
+  float4* priors() const { return priors_.get(); }     ///< of the pixels
 
  private:
   DeviceArray<int> looks_;
@@ -50,7 +52,7 @@ class DevicePriors {
   DeviceArray<kernels::PriorPlane> planes_;
   DeviceArray<float> variance_;
   DeviceArray<float4> priors_;
-  PriorArgs view_{};
+  kernels::PriorCells<DevicePlanes> cells_{};
 };
 
 /// Images on their way up, through page-locked memory. While the device works on one, the next can arrive.
@@ -93,7 +95,9 @@ class Downloader {
 class MapDownload {
  public:
   MapDownload(int width, int height);
-  MapArrays view() const;                                                         ///< what kernels fill
+  float* depth() const { return arrays_.get(); }  ///< what kernels fill
+  float* normal() const { return arrays_.get() + size_; }
+  float* confidence() const { return arrays_.get() + 4 * size_; }
   void start(const Stream& compute, const Stream& copies);                        ///< after the kernels queued so far
   const DepthMap& finish(std::int64_t id, const RigidTransform& cam_from_world);  ///< waits
 

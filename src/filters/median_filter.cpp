@@ -1,29 +1,23 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
-
 #include "cpu/executor_impl.h"
-#include "filters/depth_map_tools.h"
+#include "filters/filter_setup.h"
 #include "pmsp/filters.h"
+#include "sphere/grid.h"
+#include "sphere/plane_views.h"
 
 namespace pmsp {
 
-void median_filter(DepthMap& map, const MedianFilterOptions& options, const Executor& executor, FilterStats* stats) {
+PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, const Executor& executor,
+                       FilterStats* stats) {
   options.validate();
-  const std::int64_t before = count_depths(map);
-  if (options.enabled) {
-    Image<float> filtered(map.depth.width(), map.depth.height());
-    const cpu::MedianJob job{map.depth.width(),
-                             map.depth.height(),
-                             map.depth.pixels().data(),
-                             map.confidence.pixels().data(),
-                             static_cast<float>(options.max_relative_deviation),
-                             static_cast<float>(options.min_score),
-                             filtered.pixels().data()};
-    executor.impl().pool.for_each(job.height, [&](int y) { executor.impl().rows.median_row(job, y); });
-    map.depth = std::move(filtered);
-    clear_where_no_depth(map);
-  }
-  if (stats != nullptr) *stats = {before, count_depths(map)};
+  PlaneMap filtered(map.width(), map.height());
+  filtered.keyframe_id = map.keyframe_id;
+  filtered.cam_from_world = map.cam_from_world;
+  const SphereGrid grid(map.width(), map.height());
+  const auto counts = executor.impl().run(
+      median_stage<kernels::HostMachine>(view_of(map), grid.view(), {nullptr}, options, arrays_of(filtered)));
+  if (stats != nullptr) *stats = {counts[1], counts[2]};
+  return filtered;
 }
 
 }  // namespace pmsp

@@ -8,9 +8,11 @@
 #include <utility>
 
 #include "cpu/executor_impl.h"
-#include "filters/depth_map_tools.h"
 #include "fusion/fusion_setup.h"
 #include "pmsp/error.h"
+#include "sphere/grid.h"
+#include "sphere/plane_views.h"
+#include "util/eigen_kernels.h"
 
 namespace pmsp {
 namespace {
@@ -26,15 +28,6 @@ void check_count(const char* stage, std::size_t count) {
   if (count <= static_cast<std::size_t>(kernels::kMaxViewers)) return;
   throw InvalidInput(std::string(stage) + ": " + std::to_string(count) + " keyframes are asked; expected at most " +
                      std::to_string(kernels::kMaxViewers));
-}
-
-kernels::GridView view_of(const SphereGrid& grid) {
-  return {grid.sin_lon(), grid.cos_lon(), grid.sin_lat(), grid.cos_lat()};
-}
-
-template <class A, class B>
-bool same_image_size(const Image<A>& a, const Image<B>& b) {
-  return a.width() == b.width() && a.height() == b.height();
 }
 
 /// Colours as the kernels gather them.
@@ -55,12 +48,12 @@ void check(const std::vector<FusionMap>& window, std::size_t current) {
   if (current >= window.size()) throw InvalidInput("fuse_pixels: the current keyframe is not in the window");
   check_count("fuse_pixels", window.size() - 1);
   for (const FusionMap& input : window) {
-    if (input.map == nullptr || input.color == nullptr) {
-      throw InvalidInput("fuse_pixels: a keyframe of the window lacks its depth map or colours");
+    if (input.map == nullptr || input.confidence == nullptr || input.color == nullptr) {
+      throw InvalidInput("fuse_pixels: a keyframe of the window lacks its planes, confidences or colours");
     }
-    if (!same_size(*input.map, *window.front().map) || !same_image_size(*input.color, input.map->depth) ||
-        (input.confidence != nullptr && !same_image_size(*input.confidence, input.map->depth))) {
-      throw InvalidInput("fuse_pixels: depth maps, colours and confidences differ in size");
+    const PlaneMap& first = *window.front().map;
+    if (!same_size(*input.map, first) || !same_size(*input.color, first) || !same_size(*input.confidence, first)) {
+      throw InvalidInput("fuse_pixels: planes, confidences and colours differ in size");
     }
     check_scale("fuse_pixels", input.pose);
   }
@@ -71,7 +64,7 @@ void check_surfels(const char* stage, const SurfelsFrom& points) {
   if (points.map == nullptr || points.standings == nullptr) {
     throw InvalidInput(std::string(stage) + ": a keyframe lacks its points or their standings");
   }
-  if (!same_image_size(points.map->surfels, *points.standings)) {
+  if (!same_size(points.map->surfels, *points.standings)) {
     throw InvalidInput(std::string(stage) + ": points and standings differ in size");
   }
 }
@@ -92,46 +85,37 @@ std::size_t open_pixels(const std::uint8_t* standings, std::size_t count) {
 
 SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
                       const Executor& executor) {
+  using kernels::HostMachine;
   options.validate();
   check(window, current);
-  const DepthMap& map = *window[current].map;
-  const int width = map.depth.width();
-  const int height = map.depth.height();
-  const SphereGrid grid(width, height);
-  Executor::Impl& machine = executor.impl();
-  std::vector<PlaneRows> planes;
+  const PlaneMap& map = *window[current].map;
+  const SphereGrid grid(map.width(), map.height());
   std::vector<std::vector<std::uint32_t>> colors;
-  planes.reserve(window.size());  // views point into them
-  colors.reserve(window.size());
   SurfelMap fused;
-  using View = kernels::FusionView<kernels::PlaneMapView>;
-  std::vector<View> others;
-  View first{};
+  fused.keyframe_id = map.keyframe_id;
+  fused.surfels = Image<std::uint32_t>(map.width(), map.height());
+  fused.details = Image<std::uint32_t>(map.width(), map.height());
+  fused.standings = Image<std::uint8_t>(map.width(), map.height());
+  kernels::FusePixels<HostMachine> stage{};
+  stage.grid = grid.view();
+  stage.limits = fusion_limits(options);
   for (std::size_t k = 0; k < window.size(); ++k) {
     const FusionMap& input = window[k];
     const Relation to = relation(input.pose, window[current].pose);
-    planes.emplace_back(*input.map, grid, machine.pool, input.confidence);
-    colors.push_back(words(*input.color, machine.pool));
-    const Image<float>& confidence = input.confidence != nullptr ? *input.confidence : input.map->confidence;
-    const View view{planes.back().view(), confidence.pixels().data(), colors.back().data(), to.other_from_first,
-                    to.zoom};
+    colors.push_back(words(*input.color, executor.impl().pool));
+    const kernels::FusionView<HostMachine> view{view_of(*input.map, *input.confidence), colors.back().data(),
+                                                to.other_from_first, to.zoom};
     if (k == current) {
-      first = view;
-    } else {
-      others.push_back(view);
-      fused.window_ids.push_back(input.map->keyframe_id);
+      stage.first = view;
+      continue;
     }
+    stage.others[stage.count++] = view;
+    fused.window_ids.push_back(input.map->keyframe_id);
   }
-  fused.keyframe_id = map.keyframe_id;
-  fused.surfels = Image<std::uint32_t>(width, height);
-  fused.details = Image<std::uint32_t>(width, height);
-  fused.standings = Image<std::uint8_t>(width, height);
   fused.agree.resize(fused.surfels.size() * static_cast<std::size_t>(fused.agree_bytes()));
-  const cpu::FusedArrays to{fused.surfels.pixels().data(), fused.details.pixels().data(),
-                            fused.standings.pixels().data(), fused.agree.data(), fused.agree_bytes()};
-  const kernels::FusePixels<kernels::PlaneMapView> stage{first, view_of(grid), others.data(),
-                                                         static_cast<int>(others.size()), fusion_limits(options)};
-  machine.pool.for_each(height, [&](int y) { machine.rows.fuse_row(stage, y, to); });
+  stage.to = {fused.surfels.pixels().data(), fused.details.pixels().data(), fused.standings.pixels().data(),
+              fused.agree.data(), fused.agree_bytes()};
+  executor.impl().run(stage);
   return fused;
 }
 
@@ -141,8 +125,16 @@ Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const 
   check_scale("judge", pose);
   const int width = map.surfels.width();
   const int height = map.surfels.height();
+  check_count("judge", viewers.size());
   const SphereGrid grid(width, height);
-  std::vector<kernels::Viewer> asked;
+  Image<std::uint8_t> standings(width, height);
+  kernels::Eligibility stage{};
+  stage.surfels = map.surfels.pixels().data();
+  stage.details = map.details.pixels().data();
+  stage.grid = grid.view();
+  stage.limits = sight_limits(options);
+  stage.max_contradiction = static_cast<float>(options.max_contradiction);
+  stage.standings = standings.pixels().data();
   for (const SightFrom& viewer : viewers) {
     if (viewer.sight == nullptr) throw InvalidInput("judge: a viewer lacks its sight map");
     const Image<float>& nearest = viewer.sight->nearest;
@@ -151,21 +143,13 @@ Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const 
     }
     check_scale("judge", viewer.pose);
     const Relation to = relation(viewer.pose, pose);
-    asked.push_back(
-        {{nearest.pixels().data(), viewer.sight->farthest.pixels().data(), nearest.width(), nearest.height()},
-         to.other_from_first,
-         to.zoom});
+    stage.viewers[stage.count++] = {
+        {nearest.pixels().data(), viewer.sight->farthest.pixels().data(), nearest.width(), nearest.height()},
+        to.other_from_first,
+        to.zoom};
   }
-  const kernels::Eligibility stage{map.surfels.pixels().data(),
-                                   map.details.pixels().data(),
-                                   view_of(grid),
-                                   width,
-                                   asked.data(),
-                                   options.enabled ? static_cast<int>(asked.size()) : 0,
-                                   sight_limits(options),
-                                   static_cast<float>(options.max_contradiction)};
-  Image<std::uint8_t> standings(width, height);
-  executor.impl().pool.for_each(height, [&](int y) { executor.impl().rows.judge_row(stage, y, standings.row(y)); });
+  if (!options.enabled) stage.count = 0;
+  executor.impl().run(stage);
   return standings;
 }
 
@@ -180,16 +164,22 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
   const int width = map.surfels.width();
   const int height = map.surfels.height();
   const SphereGrid grid(width, height);
+  Image<std::uint8_t> standings(width, height);
+  kernels::OwnershipRound stage{};
+  stage.map = view_of(reference);
+  stage.grid = grid.view();
+  stage.first = asked.empty();
+  stage.limits = ownership_limits(options);
+  stage.standings = standings.pixels().data();
   std::uint32_t there = 0;
-  std::vector<kernels::OwnershipView> others;
   for (std::size_t k = 0; k < viewers.size(); ++k) {
     const SurfelsFrom& viewer = viewers[k];
-    others.emplace_back();
+    ++stage.count;
     if (viewer.map == nullptr) continue;
     check_surfels("ownership_round", viewer);
-    if (!same_image_size(viewer.map->surfels, map.surfels)) throw InvalidInput("ownership_round: maps differ in size");
+    if (!same_size(viewer.map->surfels, map.surfels)) throw InvalidInput("ownership_round: maps differ in size");
     const Relation to = relation(viewer.pose, reference.pose);
-    others.back() = {view_of(viewer), to.other_from_first, to.zoom, viewer.map->keyframe_id < map.keyframe_id};
+    stage.others[k] = {view_of(viewer), to.other_from_first, to.zoom, viewer.map->keyframe_id < map.keyframe_id};
     there |= 1U << k;
   }
   const std::size_t rows = static_cast<std::size_t>(height);
@@ -201,16 +191,12 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
   if (!asked.empty() && asked.size() != first[rows]) {
     throw InvalidInput("ownership_round: standings are not those of the round before");
   }
-  const kernels::OwnershipRound stage{view_of(reference), view_of(grid),
-                                      others.data(),      static_cast<int>(others.size()),
-                                      asked.empty(),      ownership_limits(options)};
-  Image<std::uint8_t> standings(width, height);
   std::vector<std::vector<std::uint32_t>> still(rows);
   executor.impl().pool.for_each(height, [&](int y) {
     const std::size_t row = static_cast<std::size_t>(y);
     const std::uint32_t* const ask = asked.empty() ? nullptr : asked.data() + first[row];
     std::vector<std::uint32_t> left(first[row + 1] - first[row]);
-    const int count = executor.impl().rows.own_row(stage, y, ask, there, standings.row(y), left.data());
+    const int count = executor.impl().rows.own_row(stage, y, ask, there, left.data());
     still[row].assign(left.begin(), left.begin() + count);
   });
   std::size_t count = 0;
@@ -225,9 +211,7 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
 KeyframeCloud owned_points(const SurfelsFrom& made) {
   check_surfels("owned_points", made);
   const SurfelMap& map = *made.map;
-  const int width = map.surfels.width();
-  const SphereGrid grid(width, map.surfels.height());
-  const kernels::GridView view = view_of(grid);
+  const SphereGrid grid(map.surfels.width(), map.surfels.height());
   KeyframeCloud cloud{map.keyframe_id, made.pose.cam_from_world, {}, made.pose.scale, {}, {}, map.window_ids};
   const std::vector<std::uint8_t>& standings = made.standings->pixels();
   const std::size_t count =
@@ -235,26 +219,20 @@ KeyframeCloud owned_points(const SurfelsFrom& made) {
   cloud.points.reserve(count);
   cloud.pixels.reserve(count);
   cloud.agree.reserve(count);
-  const std::size_t bytes = static_cast<std::size_t>(map.agree_bytes());
+  const kernels::ConstSurfelArrays arrays{map.surfels.pixels().data(), map.details.pixels().data(), standings.data(),
+                                          map.agree.data(), map.agree_bytes()};
   for (std::size_t pixel = 0; pixel < standings.size(); ++pixel) {
     if (!kernels::makes_point(standings[pixel])) continue;
-    const kernels::PackedPoint<std::uint32_t> packed{map.surfels.pixels()[pixel], map.details.pixels()[pixel]};
-    const int x = static_cast<int>(pixel) % width;
-    const int y = static_cast<int>(pixel) / width;
-    std::uint32_t agree = 0;
-    for (std::size_t i = 0; i < bytes; ++i) {
-      agree |= static_cast<std::uint32_t>(map.agree[bytes * pixel + i]) << (8 * i);
-    }
+    const kernels::OwnedPoint owned = kernels::owned_point(arrays, grid.view(), static_cast<int>(pixel));
     CloudPoint point;
-    point.position = kernels::depth_of_surfel<float>(packed.surfel) * to_eigen(kernels::bearing_at<float>(view, x, y));
-    point.normal = to_eigen(kernels::normal_of(packed));
-    point.color = {static_cast<std::uint8_t>(packed.detail), static_cast<std::uint8_t>(packed.detail >> 8U),
-                   static_cast<std::uint8_t>(packed.detail >> 16U)};
-    point.views = static_cast<std::uint8_t>(1 + std::bitset<32>(agree).count());
-    point.confidence = kernels::confidence_of_level<float>(static_cast<std::uint32_t>(standings[pixel]) >> 2U);
+    point.position = to_eigen(owned.position);
+    point.normal = to_eigen(owned.normal);
+    point.color = {owned.color[0], owned.color[1], owned.color[2]};
+    point.views = static_cast<std::uint8_t>(1 + std::bitset<32>(owned.agree).count());
+    point.confidence = owned.confidence;
     cloud.points.push_back(point);
     cloud.pixels.push_back(static_cast<std::uint32_t>(pixel));
-    cloud.agree.push_back(agree);
+    cloud.agree.push_back(owned.agree);
   }
   return cloud;
 }

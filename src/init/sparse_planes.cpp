@@ -1,41 +1,22 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
-#include <cmath>
-#include <limits>
-
-#include "equirect.h"
-#include "pmsp/camera.h"
+#include "init/host_keys.h"
+#include "init/init_setup.h"
 #include "pmsp/initialiser.h"
+#include "sphere/grid.h"
 
 namespace pmsp {
 
-PlaneImage planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options) {
-  PlaneImage planes(width, height, Eigen::Vector3f::Zero());
-  Image<float> nearest(width, height, std::numeric_limits<float>::max());  // squared distance [px]
-  const double radius = options.sparse_radius_px;
-  for (const Landmark& landmark : keyframe.landmarks) {
-    const Eigen::Vector3d p = keyframe.cam_from_world * landmark.position_world;
-    if (!is_usable_depth(p.norm())) continue;
-    const Eigen::Vector2d at = pixel_from_bearing(p, width, height);
-    const Eigen::Vector3f plane = (p / p.squaredNorm()).cast<float>();
-    const int y0 = std::max(0, static_cast<int>(std::floor(at.y() - radius)));
-    const int y1 = std::min(height - 1, static_cast<int>(std::floor(at.y() + radius)));
-    for (int y = y0; y <= y1; ++y) {
-      const double dy = y + 0.5 - at.y();
-      const double narrowing = std::max(std::cos((0.5 - (y + 0.5) / height) * kernels::kPi), 1e-3);
-      const double reach = std::min(radius / narrowing, 0.5 * width - 1.0);
-      const int first = static_cast<int>(std::floor(at.x() - reach));
-      const int last = static_cast<int>(std::floor(at.x() + reach));
-      for (int column = first; column <= last; ++column) {
-        const double dx = (column + 0.5 - at.x()) * narrowing;
-        const float distance = static_cast<float>(dx * dx + dy * dy);
-        const int x = (column + width) % width;
-        if (distance > radius * radius || distance >= nearest(x, y)) continue;
-        nearest(x, y) = distance;
-        planes(x, y) = plane;
-      }
-    }
-  }
+PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options) {
+  const SphereGrid grid(width, height);
+  std::vector<kernels::SparsePoint> points(keyframe.landmarks.size());
+  const int count = static_cast<int>(sparse_points(keyframe, width, height, points.data()));
+  std::vector<std::uint64_t> keys(grid.size(), kernels::kNoKey);
+  const kernels::SplatLandmarks<HostKeys> splat{
+      points.data(), grid.view(), static_cast<float>(options.sparse_radius_px), {keys.data()}};
+  for (int i = 0; i < count; ++i) splat(i, 0, 1);
+  PlaneMap planes = planes_of_keys(kernels::LandmarkPlanes{keys.data(), points.data()}, width, height);
+  planes.keyframe_id = keyframe.id;
+  planes.cam_from_world = keyframe.cam_from_world;
   return planes;
 }
 

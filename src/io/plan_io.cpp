@@ -27,7 +27,8 @@ Json to_json(const PlanEntry& entry) {
             {"range", {entry.range.min, entry.range.max}},
             {"consistency", entry.consistency},
             {"fusion", entry.fusion},
-            {"viewers", entry.viewers}};
+            {"viewers", entry.viewers},
+            {"owners", entry.owners}};
   if (entry.first_planes) json["first_planes"] = *entry.first_planes;
   return json;
 }
@@ -56,6 +57,7 @@ class EntryReader {
     entry.consistency = ids("consistency");
     entry.fusion = ids("fusion");
     entry.viewers = ids("viewers");
+    entry.owners = ids("owners");
     return entry;
   }
 

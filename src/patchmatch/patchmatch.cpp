@@ -1,40 +1,62 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/patchmatch.h"
 
-#include <algorithm>
-#include <cmath>
 #include <sstream>
 #include <string>
-#include <utility>
+#include <vector>
 
 #include "cpu/executor_impl.h"
-#include "filters/depth_map_tools.h"
 #include "patchmatch/match_setup.h"
 #include "pmsp/error.h"
 #include "sphere/grid.h"
 #include "sphere/panorama_data.h"
+#include "sphere/plane_views.h"
 #include "util/eigen_kernels.h"
 
 namespace pmsp {
 namespace {
 
-/// Planes in checkerboard order.
-struct Planes {
-  explicit Planes(std::size_t size) : x(size, 0.0F), y(size, 0.0F), z(size, 0.0F) {}
+using Pass = kernels::PatchMatchPass<kernels::HostMachine>;
 
-  bool empty() const { return x.empty(); }
-  cpu::ConstPlaneArrays view() const {
-    return empty() ? cpu::ConstPlaneArrays{} : cpu::ConstPlaneArrays{x.data(), y.data(), z.data()};
+/// Planes and scores in checkerboard order.
+class State {
+ public:
+  explicit State(const SphereGrid& grid) : grid_(grid), numbers_(4 * grid.size()) {}
+
+  kernels::PlaneArrays view() {
+    float* const x = numbers_.data();
+    const std::size_t size = grid_.size();
+    return {x, x + size, x + 2 * size, x + 3 * size};
+  }
+  void take(const PlaneMap& map, ThreadPool& pool) {
+    const Image<float>* const from[] = {&map.x, &map.y, &map.z, &map.score};
+    for_each_pixel(pool, [&](std::size_t in_rows, std::size_t at) {
+      for (std::size_t i = 0; i < 4; ++i) numbers_[i * grid_.size() + at] = from[i]->pixels()[in_rows];
+    });
+  }
+  void put(PlaneMap& map, ThreadPool& pool) const {
+    Image<float>* const to[] = {&map.x, &map.y, &map.z, &map.score};
+    for_each_pixel(pool, [&](std::size_t in_rows, std::size_t at) {
+      for (std::size_t i = 0; i < 4; ++i) to[i]->pixels()[in_rows] = numbers_[i * grid_.size() + at];
+    });
   }
 
-  std::vector<float> x, y, z;
+ private:
+  template <class Body>
+  void for_each_pixel(ThreadPool& pool, const Body& body) const {
+    pool.for_each(grid_.height(), [&](int y) {
+      std::size_t in_rows = static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.width());
+      for (int x = 0; x < grid_.width(); ++x) body(in_rows++, grid_.index(x, y));
+    });
+  }
+
+  const SphereGrid& grid_;
+  std::vector<float> numbers_;
 };
 
-void check_size(const DepthMap* map, int width, int height) {
-  if (map == nullptr || map->depth.empty()) return;
-  if (map->depth.width() != width || map->depth.height() != height) {
-    throw InvalidInput("patchmatch: a depth map is not of the reference's size");
-  }
+void check_map(const PlaneMap* map, const char* what, const Panorama& reference) {
+  if (map == nullptr || map->empty() || same_size(*map, reference)) return;
+  throw InvalidInput(std::string("patchmatch: ") + what + " not of the reference's size");
 }
 
 void check(const MatchInput& input, const PatchMatchOptions& options) {
@@ -53,27 +75,24 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
       throw InvalidInput("patchmatch: a neighbour is missing or not of the reference's size");
     }
   }
-  for (const PlaneImage* planes : input.candidates) {
-    if (planes->width() != width || planes->height() != height) {
-      throw InvalidInput("patchmatch: candidate planes are not of the reference's size");
-    }
-  }
   if (!input.neighbour_maps.empty() && input.neighbour_maps.size() != count) {
     throw InvalidInput("patchmatch: " + std::to_string(input.neighbour_maps.size()) + " depth maps of " +
                        std::to_string(count) + " neighbours; expected none or one for each");
   }
-  if (input.prior != nullptr && (input.prior->width() != width || input.prior->height() != height)) {
-    throw InvalidInput("patchmatch: prior planes are not of the reference's size");
-  }
-  const bool starts_anew = input.start == nullptr || input.start->depth.empty();
-  if (!starts_anew && !input.candidates.empty()) {
-    throw InvalidInput("patchmatch: candidates belong to a first pass, which has no map to start from");
+  const bool starts_anew = input.start == nullptr || input.start->empty();
+  if (!starts_anew && (input.landmarks != nullptr || input.warped != nullptr)) {
+    throw InvalidInput(
+        "patchmatch: planes of landmarks and warped ones belong to a first pass, without a map to start from");
   }
   if (starts_anew && input.prior != nullptr) {
     throw InvalidInput("patchmatch: prior planes belong to a further pass, which has a map to start from");
   }
-  for (const DepthMap* map : input.neighbour_maps) check_size(map, width, height);
-  check_size(input.start, width, height);
+  const Panorama& reference = *input.reference.panorama;
+  check_map(input.landmarks, "planes of landmarks are", reference);
+  check_map(input.warped, "warped planes are", reference);
+  check_map(input.start, "the map to start from is", reference);
+  check_map(input.prior, "prior planes are", reference);
+  for (const PlaneMap* map : input.neighbour_maps) check_map(map, "a neighbour's map is", reference);
   if (!(input.range.min >= kMinDepth) || !(input.range.max > input.range.min) || !(input.range.max <= kMaxDepth)) {
     std::ostringstream text;
     text << "patchmatch: the depth range is " << input.range.min << " to " << input.range.max << "; expected "
@@ -86,146 +105,62 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
   }
 }
 
-kernels::Matching<kernels::CubeView> matching_for(const MatchInput& input, const PatchMatchOptions& options,
-                                                  std::uint64_t seed) {
+kernels::PlaneMapView view_of_given(const PlaneMap* map) {
+  return map == nullptr ? kernels::PlaneMapView{} : view_of(*map);
+}
+
+/// All but the state.
+Pass pass_for(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed, const SphereGrid& grid) {
   const Panorama& reference = *input.reference.panorama;
-  auto matching =
+  Pass pass{};
+  pass.matching =
       make_matching(reference.data().gray.view(), options, reference.width(), input.range, seed, input.keyframe_id);
   const RigidTransform world_from_ref = input.reference.cam_from_world.inverse();
-  for (const PosedPanorama& neighbour : input.neighbours) {
+  for (std::size_t i = 0; i < input.neighbours.size(); ++i) {
+    const PosedPanorama& neighbour = input.neighbours[i];
     const Panorama::Data& data = neighbour.panorama->data();
-    matching.views[matching.num_views++] = {data.gray.view(),
-                                            data.matchable.view(),
-                                            to_rigid(neighbour.cam_from_world * world_from_ref),
-                                            {nullptr, nullptr, nullptr, 0, 0}};
+    pass.matching.views[i] = {data.gray.view(), data.matchable.view(),
+                              to_rigid(neighbour.cam_from_world * world_from_ref),
+                              view_of_given(input.neighbour_maps.empty() ? nullptr : input.neighbour_maps[i])};
   }
-  return matching;
-}
-
-/// The neighbours' depth maps as the views' surfaces point to them.
-std::vector<PlaneRows> add_surfaces(const MatchInput& input, const SphereGrid& grid, ThreadPool& pool,
-                                    kernels::Matching<kernels::CubeView>& matching) {
-  std::vector<PlaneRows> surfaces;
-  surfaces.reserve(input.neighbour_maps.size());
-  for (std::size_t i = 0; i < input.neighbour_maps.size(); ++i) {
-    const DepthMap* map = input.neighbour_maps[i];
-    if (map == nullptr || map->depth.empty()) continue;
-    surfaces.emplace_back(*map, grid, pool);
-    matching.views[i].surface = surfaces.back().view();
-  }
-  return surfaces;
-}
-
-/// Planes of a map; none if it is missing.
-Planes to_checkerboard(const DepthMap* map, const SphereGrid& grid, ThreadPool& pool) {
-  if (map == nullptr || map->depth.empty()) return Planes(0);
-  Planes planes(grid.size());
-  pool.for_each(grid.height(), [&](int y) {
-    for (int x = 0; x < grid.width(); ++x) {
-      if (!(map->depth(x, y) > 0.0F)) continue;
-      const kernels::Vec3<float> plane = plane_of_pixel(*map, grid, x, y);
-      const std::size_t at = grid.index(x, y);
-      planes.x[at] = plane.x;
-      planes.y[at] = plane.y;
-      planes.z[at] = plane.z;
-    }
-  });
-  return planes;
-}
-
-Planes to_checkerboard(const PlaneImage& image, const SphereGrid& grid) {
-  Planes planes(grid.size());
-  for (int y = 0; y < grid.height(); ++y) {
-    for (int x = 0; x < grid.width(); ++x) {
-      const std::size_t at = grid.index(x, y);
-      planes.x[at] = image(x, y).x();
-      planes.y[at] = image(x, y).y();
-      planes.z[at] = image(x, y).z();
-    }
-  }
-  return planes;
-}
-
-std::vector<float> to_checkerboard(const Image<std::uint8_t>& usable, const SphereGrid& grid) {
-  std::vector<float> result(usable.empty() ? 0 : grid.size());
-  for (int y = 0; y < grid.height() && !usable.empty(); ++y) {
-    for (int x = 0; x < grid.width(); ++x) result[grid.index(x, y)] = usable(x, y) != 0 ? 1.0F : 0.0F;
-  }
-  return result;
-}
-
-DepthMap to_depth_map(const Planes& planes, const std::vector<float>& score, const SphereGrid& grid, ThreadPool& pool) {
-  DepthMap map;
-  map.depth = Image<float>(grid.width(), grid.height(), 0.0F);
-  map.normal = Image<Eigen::Vector3f>(grid.width(), grid.height(), Eigen::Vector3f::Zero());
-  map.confidence = Image<float>(grid.width(), grid.height(), 0.0F);
-  pool.for_each(grid.height(), [&](int y) {
-    for (int x = 0; x < grid.width(); ++x) {
-      const std::size_t at = grid.index(x, y);
-      const kernels::Vec3<float> plane{planes.x[at], planes.y[at], planes.z[at]};
-      const kernels::Vec3<float> bearing =
-          kernels::bearing(grid.sin_lon()[x], grid.cos_lon()[x], grid.sin_lat()[y], grid.cos_lat()[y]);
-      const float inverse_depth = kernels::dot(plane, bearing);
-      if (!(inverse_depth > 0.0F)) continue;
-      map.depth(x, y) = 1.0F / inverse_depth;
-      map.normal(x, y) = to_eigen(-1.0F * kernels::normalized(plane));
-      map.confidence(x, y) = std::clamp(score[at], 0.0F, 1.0F);
-    }
-  });
-  return map;
+  pass.matching.num_views = static_cast<int>(input.neighbours.size());
+  pass.grid = grid.view();
+  if (!reference.usable().empty()) pass.mask = {reference.usable().pixels().data()};
+  pass.priors = view_of_given(input.prior);
+  pass.landmarks = view_of_given(input.landmarks);
+  pass.warped = view_of_given(input.warped);
+  return pass;
 }
 
 }  // namespace
 
-DepthMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
-                    const Executor& executor, PatchMatchStats* stats, const std::atomic<bool>* cancel) {
+PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
+                    const Executor& executor, const std::atomic<bool>* cancel) {
   check(input, options);
-  const Panorama& reference = *input.reference.panorama;
   ThreadPool& pool = executor.impl().pool;
   const cpu::RowKernels& rows = executor.impl().rows;
-  const SphereGrid grid(reference.width(), reference.height());
-  auto matching = matching_for(input, options, seed);
-  const std::vector<PlaneRows> surfaces = add_surfaces(input, grid, pool, matching);
-  std::vector<Planes> candidates;
-  std::vector<cpu::ConstPlaneArrays> candidate_views;
-  for (const PlaneImage* image : input.candidates) candidates.push_back(to_checkerboard(*image, grid));
-  Planes planes = to_checkerboard(input.start, grid, pool);
-  const bool started = !planes.empty();
-  if (!started) planes = Planes(grid.size());
-  for (const Planes& candidate : candidates) candidate_views.push_back(candidate.view());
-  const Planes prior = input.prior != nullptr ? to_checkerboard(*input.prior, grid) : Planes(0);
-  const std::vector<float> usable = to_checkerboard(reference.usable(), grid);
-  std::vector<float> score(grid.size(), -1.0F);
-
-  const cpu::MatchJob job{matching,
-                          grid.tables(),
-                          {planes.x.data(), planes.y.data(), planes.z.data(), score.data()},
-                          candidate_views.data(),
-                          static_cast<int>(candidate_views.size()),
-                          prior.view(),
-                          usable.empty() ? nullptr : usable.data()};
-
-  const auto cancelled = [&] { return cancel != nullptr && cancel->load(std::memory_order_relaxed); };
-  if (!started) pool.for_each(grid.height(), [&](int y) { rows.start_row(job, y); });
+  const SphereGrid grid(input.reference.panorama->width(), input.reference.panorama->height());
+  State state(grid);
+  Pass pass = pass_for(input, options, seed, grid);
+  pass.state = state.view();
+  const bool started = input.start != nullptr && !input.start->empty();
+  if (started) {
+    state.take(*input.start, pool);
+  } else {
+    pool.for_each(grid.height(), [&](int y) { rows.start_row(pass, y); });
+  }
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
     for (int colour = 0; colour < 2; ++colour) {
-      if (cancelled()) return {};
+      if (cancel != nullptr && cancel->load(std::memory_order_relaxed)) return {};
       const bool rescore = started && iteration == 0;
       pool.for_each(grid.height(),
-                    [&](int y) { rows.iterate_row(job, y, colour, input.first_iteration + iteration, rescore); });
+                    [&](int y) { rows.iterate_row(pass, y, colour, input.first_iteration + iteration, rescore); });
     }
   }
-
-  DepthMap map = to_depth_map(planes, score, grid, pool);
+  PlaneMap map(grid.width(), grid.height());
   map.keyframe_id = input.keyframe_id;
   map.cam_from_world = input.reference.cam_from_world;
-  if (stats != nullptr) {
-    const auto nonzero = [](const std::vector<float>& values) {
-      return std::count_if(values.begin(), values.end(), [](float value) { return value > 0.0F; });
-    };
-    stats->pixels = usable.empty() ? static_cast<std::int64_t>(grid.size()) : nonzero(usable);
-    stats->matched = nonzero(map.depth.pixels());
-  }
+  state.put(map, pool);
   return map;
 }
 

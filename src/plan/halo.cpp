@@ -74,7 +74,7 @@ Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const Densifie
   Set eligible = clouds;
   for (int round = 0; round < ownership_rounds(options); ++round) {
     const Set asking = eligible;
-    find.each(asking, [&](const PlanEntry& entry) { find.add(eligible, owners_of(entry, options)); });
+    find.follow(asking, &PlanEntry::owners, eligible);
   }
   Set sights = find.none();
   if (options.free_space.enabled) find.follow(eligible, &PlanEntry::viewers, sights);

@@ -2,8 +2,10 @@
 #include "plan/planner.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
+#include "plan/reach.h"
 #include "plan/unordered.h"
 
 namespace pmsp {
@@ -161,7 +163,7 @@ void Planner::choose_viewers_of(std::int64_t i) {
   const PlanNode& reference = node(i);
   PlanEntry& entry = entry_of(reference);
   if (!entry.has_depth_map()) return;
-  entry.viewers = entry.fusion;
+  entry.viewers = entry.owners = entry.fusion;
   if (!options_.free_space.enabled) return;
   std::vector<ViewerCandidate> candidates;
   for (std::int64_t k = std::max(first_, i - reach_.viewers_before); k <= std::min(end() - 1, i + reach_.viewers_after);
@@ -172,6 +174,11 @@ void Planner::choose_viewers_of(std::int64_t i) {
   }
   entry.viewers =
       choose_viewers(reference, entry.fusion, candidates, options_.free_space.views, previous_.find(entry.id));
+  if (!asks_whole_mission(options_)) return;
+  const std::vector<std::int64_t> around = window_around(i, reach_.owners);
+  entry.owners.clear();
+  std::copy_if(entry.viewers.begin(), entry.viewers.end(), std::back_inserter(entry.owners),
+               [&](std::int64_t id) { return std::find(around.begin(), around.end(), id) != around.end(); });
 }
 
 /// Lets go of what no later keyframe looks at.

@@ -6,13 +6,10 @@
 #include "patchmatch/neighbours.h"
 
 namespace pmsp {
-namespace {
 
 bool asks_whole_mission(const DensifierOptions& options) {
   return options.free_space.enabled && options.free_space.whole_mission;
 }
-
-}  // namespace
 
 PlanReach plan_reach(const DensifierOptions& options) {
   PlanReach reach{};
@@ -27,12 +24,11 @@ PlanReach plan_reach(const DensifierOptions& options) {
     const std::int64_t half = options.free_space.history / 2;
     reach.viewers_before = std::max(reach.fusion, half);
   }
-  if (asks_whole_mission(options)) reach.viewers_after = reach.owners = reach.viewers_before;
+  if (asks_whole_mission(options)) {
+    reach.viewers_after = reach.viewers_before;
+    reach.owners = std::min(reach.viewers_before, std::max<std::int64_t>(reach.fusion, options.fusion.history / 2));
+  }
   return reach;
-}
-
-const std::vector<std::int64_t>& owners_of(const PlanEntry& entry, const DensifierOptions& options) {
-  return asks_whole_mission(options) ? entry.viewers : entry.fusion;
 }
 
 int ownership_rounds(const DensifierOptions& options) {

@@ -18,14 +18,14 @@ struct PlanReach {
   std::int64_t windows;         ///< the wider one
   std::int64_t viewers_before;  ///< the fusion window's keyframes are viewers, too
   std::int64_t viewers_after;
-  std::int64_t owners;  ///< viewers that are asked who makes the point of a place (owners_of), on either side
+  std::int64_t owners;  ///< on either side
 };
 
 /// `options`: valid.
 PlanReach plan_reach(const DensifierOptions& options);
 
-/// Those of an entry's viewers that are asked who makes the point of a place.
-const std::vector<std::int64_t>& owners_of(const PlanEntry& entry, const DensifierOptions& options);
+/// Whether keyframes beyond the fusion window may make the point of a place.
+bool asks_whole_mission(const DensifierOptions& options);
 
 /// Rounds in which that is decided. Two decide nine pixels in ten where only the fusion window is asked; those that are
 /// open then are kept. Each makes the points of a flight later by as many keyframes as are asked ahead.

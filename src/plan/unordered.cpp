@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "patchmatch/neighbours.h"
+#include "plan/reach.h"
 #include "util/median.h"
 #include "view_filter/sharpness.h"
 
@@ -247,7 +248,7 @@ void UnorderedPlan::choose_windows_of(std::size_t i) {
     decided.consistency = window_of(i, options_.consistency.window, before != nullptr ? &before->consistency : nullptr);
   }
   decided.fusion = window_of(i, options_.fusion.window, before != nullptr ? &before->fusion : nullptr);
-  decided.viewers = decided.fusion;
+  decided.viewers = decided.owners = decided.fusion;
   if (!options_.free_space.enabled) return;
   const auto in_window = [&](std::int64_t id) {
     return std::find(decided.fusion.begin(), decided.fusion.end(), id) != decided.fusion.end();
@@ -262,6 +263,7 @@ void UnorderedPlan::choose_windows_of(std::size_t i) {
   std::vector<ViewerCandidate> candidates;
   for (const auto& [away, k] : others) candidates.push_back({nodes_[k].keyframe.id, away});
   decided.viewers = choose_viewers(nodes_[i], decided.fusion, candidates, options_.free_space.views, before);
+  if (asks_whole_mission(options_)) decided.owners = decided.viewers;
 }
 
 }  // namespace

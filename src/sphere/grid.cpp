@@ -8,16 +8,11 @@
 namespace pmsp {
 
 SphereGrid::SphereGrid(int width, int height) : width_(width), height_(height) {
-  const auto column = [&](int table, int x) {
-    const double lon = ((x % width + 0.5) / width - 0.5) * 2.0 * kernels::kPi;
-    sin_lon_[table].push_back(static_cast<float>(std::sin(lon)));
-    cos_lon_[table].push_back(static_cast<float>(std::cos(lon)));
-  };
-  for (int k = 0; k < width / 2 + kMaxLanes; ++k) {
-    column(0, 2 * k);
-    column(1, 2 * k + 1);
+  for (int x = 0; x < width; ++x) {
+    const double lon = ((x + 0.5) / width - 0.5) * 2.0 * kernels::kPi;
+    sin_lon_.push_back(static_cast<float>(std::sin(lon)));
+    cos_lon_.push_back(static_cast<float>(std::cos(lon)));
   }
-  for (int x = 0; x < width + kMaxLanes; ++x) column(2, x);
   for (int y = 0; y < height; ++y) {
     const double lat = (0.5 - (y + 0.5) / height) * kernels::kPi;
     sin_lat_.push_back(static_cast<float>(std::sin(lat)));

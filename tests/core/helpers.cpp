@@ -9,6 +9,7 @@
 #include "pmsp/error.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/panorama.h"
+#include "pmsp/plane_map.h"
 
 namespace pmsp::test {
 
@@ -23,7 +24,7 @@ synth::Recipe small_recipe(int width, int keyframes) {
   return recipe;
 }
 
-DepthMap match(const synth::Mission& mission, std::size_t reference, const MatchSetup& setup, PatchMatchStats* stats) {
+DepthMap match(const synth::Mission& mission, std::size_t reference, const MatchSetup& setup, MatchStats* stats) {
   const Executor executor(setup.threads, setup.simd);
   const Keyframe keyframe = synth::keyframe_of(mission, reference);
   const auto panorama = [&](std::size_t i) {
@@ -35,7 +36,7 @@ DepthMap match(const synth::Mission& mission, std::size_t reference, const Match
   std::vector<Panorama> panoramas;
   panoramas.push_back(panorama(reference));
   for (const std::size_t i : neighbours) panoramas.push_back(panorama(i));
-  const PlaneImage sparse = planes_from_landmarks(keyframe, mission.width, mission.height, InitOptions{});
+  const PlaneMap sparse = planes_from_landmarks(keyframe, mission.width, mission.height, InitOptions{});
   MatchInput input;
   input.keyframe_id = keyframe.id;
   input.reference = {&panoramas[0], keyframe.cam_from_world};
@@ -43,11 +44,23 @@ DepthMap match(const synth::Mission& mission, std::size_t reference, const Match
     input.neighbours.push_back({&panoramas[i + 1], mission.frames.at(neighbours[i]).cam_from_world});
   }
   input.range = depth_range(keyframe, InitOptions{});
-  if (setup.start == nullptr) input.candidates = {&sparse};
+  const PlaneMap start = setup.start == nullptr ? PlaneMap() : plane_map_of(*setup.start, executor);
+  std::vector<PlaneMap> maps;
+  for (const DepthMap* map : setup.neighbour_maps) {
+    maps.push_back(map == nullptr ? PlaneMap() : plane_map_of(*map, executor));
+  }
+  for (const PlaneMap& map : maps) input.neighbour_maps.push_back(&map);
+  if (setup.start == nullptr) input.landmarks = &sparse;
   input.first_iteration = setup.first_iteration;
-  input.start = setup.start;
-  input.neighbour_maps = setup.neighbour_maps;
-  return patchmatch(input, setup.options, setup.seed, executor, stats);
+  if (setup.start != nullptr) input.start = &start;
+  const DepthMap found = depth_map_of(patchmatch(input, setup.options, setup.seed, executor), nullptr, executor);
+  if (stats != nullptr) {
+    const std::vector<std::uint8_t>& usable = panoramas[0].usable().pixels();
+    const std::vector<float>& depths = found.depth.pixels();
+    stats->pixels = static_cast<std::int64_t>(depths.size()) - std::count(usable.begin(), usable.end(), 0);
+    stats->matched = std::count_if(depths.begin(), depths.end(), [](float depth) { return depth > 0.0F; });
+  }
+  return found;
 }
 
 DepthMap truth_map(const synth::Frame& frame, float confidence) {

@@ -52,9 +52,14 @@ struct MatchSetup {
   Simd simd = Simd::kAuto;
 };
 
+struct MatchStats {
+  std::int64_t pixels = 0;   ///< unmasked
+  std::int64_t matched = 0;  ///< with a plane at the end
+};
+
 /// PatchMatch on one frame of a mission, starting from random planes and landmarks as in the Densifier.
 DepthMap match(const synth::Mission& mission, std::size_t reference, const MatchSetup& setup = {},
-               PatchMatchStats* stats = nullptr);
+               MatchStats* stats = nullptr);
 
 /// The truth of a frame as a depth map that a perfect PatchMatch would give.
 DepthMap truth_map(const synth::Frame& frame, float confidence = 1.0F);

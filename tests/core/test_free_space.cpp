@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/helpers.h"
+#include "core/on_depth_maps.h"
 #include "pmsp/error.h"
 #include "pmsp/fusion.h"
 #include "pmsp/sight_map.h"

@@ -7,11 +7,13 @@
 
 #include <Eigen/Geometry>
 
+#include "core/on_depth_maps.h"
 #include "pmsp/camera.h"
 #include "pmsp/initialiser.h"
 #include "support/rng.h"
 
 using namespace pmsp;
+using namespace pmsp::test;
 using Eigen::Vector3d;
 
 namespace {
@@ -44,6 +46,10 @@ InitOptions with_radius(double radius) {
 }
 
 /// Range at which the plane of a pixel meets the pixel's ray; 0 = no plane.
+PlaneImage landmark_planes(const Keyframe& keyframe, int width, int height, const InitOptions& options) {
+  return image_of(planes_from_landmarks(keyframe, width, height, options));
+}
+
 double range_at(const PlaneImage& planes, int x, int y) {
   const double inverse = planes(x, y).cast<double>().dot(toward(x + 0.5, y + 0.5));
   return inverse > 0.0 ? 1.0 / inverse : 0.0;
@@ -76,7 +82,7 @@ TEST_CASE("the depth range leaves out the outer two percent and is widened", "[i
 TEST_CASE("landmarks at no usable depth are passed over, and the depth range ends where these do", "[init]") {
   const std::vector<Vector3d> stray = {1e-7 * toward(10, 10), 1e7 * toward(70, 31), Vector3d(0.0, 0.0, 0.0)};
   CHECK(depth_range(observing(stray), InitOptions{}).max == 0.0);
-  CHECK(count_planes(planes_from_landmarks(observing(stray), kWidth, kHeight, with_radius(6.0))) == 0);
+  CHECK(count_planes(landmark_planes(observing(stray), kWidth, kHeight, with_radius(6.0))) == 0);
   const DepthRange range = depth_range(observing({2e-6 * toward(10, 10), 8e5 * toward(70, 31)}), InitOptions{});
   CHECK(range.min == kMinDepth);
   CHECK(range.max == kMaxDepth);
@@ -93,7 +99,7 @@ TEST_CASE("the depth range of few landmarks is theirs, of none is empty", "[init
 
 TEST_CASE("a landmark's plane holds the landmark and faces the camera", "[init]") {
   const Vector3d point = 2.5 * toward(70.2, 31.9);
-  const PlaneImage planes = planes_from_landmarks(observing({point}), kWidth, kHeight, with_radius(6.0));
+  const PlaneImage planes = landmark_planes(observing({point}), kWidth, kHeight, with_radius(6.0));
   CHECK(planes.width() == kWidth);
   CHECK(planes.height() == kHeight);
   const Vector3d plane = planes(70, 31).cast<double>();
@@ -105,19 +111,18 @@ TEST_CASE("a landmark spreads over a disc of the given radius", "[init]") {
   const Vector3d point = toward(80.0, 40.0);
   for (const double radius : {1.0, 6.0, 12.0}) {
     INFO(radius);
-    const PlaneImage planes = planes_from_landmarks(observing({point}), kWidth, kHeight, with_radius(radius));
+    const PlaneImage planes = landmark_planes(observing({point}), kWidth, kHeight, with_radius(radius));
     CHECK(count_planes(planes) == Approx(kPi * radius * radius).epsilon(0.1).margin(1.5));
   }
-  const PlaneImage planes = planes_from_landmarks(observing({point}), kWidth, kHeight, with_radius(6.0));
+  const PlaneImage planes = landmark_planes(observing({point}), kWidth, kHeight, with_radius(6.0));
   CHECK(range_at(planes, 85, 40) > 0.0);
   CHECK(range_at(planes, 87, 40) == 0.0);
   CHECK(range_at(planes, 80, 46) == 0.0);
-  CHECK(count_planes(planes_from_landmarks(observing({}), kWidth, kHeight, with_radius(6.0))) == 0);
+  CHECK(count_planes(landmark_planes(observing({}), kWidth, kHeight, with_radius(6.0))) == 0);
 }
 
 TEST_CASE("a landmark at the seam spreads over it", "[init]") {
-  const PlaneImage planes =
-      planes_from_landmarks(observing({2.0 * toward(159.5, 40.5)}), kWidth, kHeight, with_radius(6.0));
+  const PlaneImage planes = landmark_planes(observing({2.0 * toward(159.5, 40.5)}), kWidth, kHeight, with_radius(6.0));
   for (const int x : {154, 157, 159, 0, 2, 5}) {
     INFO(x);
     CHECK(range_at(planes, x, 40) == Approx(2.0).epsilon(0.05));
@@ -129,8 +134,7 @@ TEST_CASE("a landmark at the seam spreads over it", "[init]") {
 TEST_CASE("a landmark near a pole covers the columns that crowd there", "[init]") {
   for (const double y : {0.3, kHeight - 0.3}) {
     INFO(y);
-    const PlaneImage planes =
-        planes_from_landmarks(observing({2.0 * toward(20.0, y)}), kWidth, kHeight, with_radius(6.0));
+    const PlaneImage planes = landmark_planes(observing({2.0 * toward(20.0, y)}), kWidth, kHeight, with_radius(6.0));
     const int row = y < 1.0 ? 0 : kHeight - 1;
     int in_row = 0;
     for (int x = 0; x < kWidth; ++x) in_row += range_at(planes, x, row) > 0.0 ? 1 : 0;
@@ -147,7 +151,7 @@ TEST_CASE("the nearest of many landmarks wins, anywhere on the sphere", "[init]"
     const Vector3d direction(synth::gaussian(1, 3 * i), synth::gaussian(1, 3 * i + 1), synth::gaussian(1, 3 * i + 2));
     points.push_back((1.0 + static_cast<double>(i)) * direction.normalized());
   }
-  const PlaneImage planes = planes_from_landmarks(observing(points), kWidth, kHeight, with_radius(kRadius));
+  const PlaneImage planes = landmark_planes(observing(points), kWidth, kHeight, with_radius(kRadius));
   int wrong_winner = 0;
   int wrong_reach = 0;
   for (int y = 0; y < kHeight; ++y) {
@@ -174,8 +178,8 @@ TEST_CASE("the nearest of many landmarks wins, anywhere on the sphere", "[init]"
 
 TEST_CASE("of two landmarks on one ray's neighbourhood the closer in the image wins, not the closer in depth",
           "[init]") {
-  const PlaneImage planes = planes_from_landmarks(observing({1.0 * toward(80.5, 40.5), 9.0 * toward(84.5, 40.5)}),
-                                                  kWidth, kHeight, with_radius(6.0));
+  const PlaneImage planes = landmark_planes(observing({1.0 * toward(80.5, 40.5), 9.0 * toward(84.5, 40.5)}), kWidth,
+                                            kHeight, with_radius(6.0));
   CHECK(range_at(planes, 81, 40) == Approx(1.0).epsilon(0.05));
   CHECK(range_at(planes, 84, 40) == Approx(9.0).epsilon(0.05));
   CHECK(range_at(planes, 83, 40) == Approx(9.0).epsilon(0.05));

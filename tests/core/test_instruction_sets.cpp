@@ -33,16 +33,17 @@ const synth::Mission& masked_room() {
   return kRoom;
 }
 
-/// What every function of RowKernels leaves, as in the Densifier.
+/// What every stage leaves, as in the Densifier.
 struct Results {
-  std::vector<DepthMap> maps;
-  PlaneImage priors;
+  std::vector<PlaneMap> maps;
+  PlaneMap priors;
+  Image<float> confidence;
   std::vector<Image<std::uint8_t>> standings;  ///< after fusion, free space and each round of ownership
   KeyframeCloud cloud;
 };
 
-DepthMap second_pass(const std::vector<DepthMap>& first, const std::vector<Panorama>& panoramas,
-                     const PlaneImage& priors, const DepthRange& range, const Executor& executor) {
+PlaneMap second_pass(const std::vector<PlaneMap>& first, const std::vector<Panorama>& panoramas, const PlaneMap& priors,
+                     const DepthRange& range, const Executor& executor) {
   MatchInput input;
   input.keyframe_id = first[1].keyframe_id;
   input.reference = {&panoramas[1], first[1].cam_from_world};
@@ -78,20 +79,19 @@ Results run_all(const Executor& executor) {
     }
     results.maps.push_back(patchmatch(inputs[i], options, 1, executor));
   }
-  std::vector<DepthMap>& maps = results.maps;
+  std::vector<PlaneMap>& maps = results.maps;
   results.priors = plane_priors(maps[1], panoramas[1], range, options, executor);
   maps.push_back(second_pass(maps, panoramas, results.priors, range, executor));
-  maps.push_back(maps[3]);
-  median_filter(maps[4], MedianFilterOptions{}, executor);
-  maps.push_back(maps[4]);
-  consistency_filter(maps[5], {&maps[0], &maps[2]}, ConsistencyFilterOptions{}, executor);
-  const DepthMap* const filtered[3] = {&maps[0], &maps[5], &maps[2]};
+  maps.push_back(median_filter(maps[3], MedianFilterOptions{}, executor));
+  results.confidence = consistency_filter(maps[4], {&maps[0], &maps[2]}, ConsistencyFilterOptions{}, executor);
+  const PlaneMap* const filtered[3] = {&maps[0], &maps[4], &maps[2]};
+  const Image<float>* const confidences[3] = {&maps[0].score, &results.confidence, &maps[2].score};
   std::vector<FusionMap> window;
   std::vector<SightMap> sights;
   std::vector<SurfelMap> surfels;
   for (std::size_t i = 0; i < 3; ++i) {
-    window.push_back({filtered[i], &panoramas[i].color(), {filtered[i]->cam_from_world}});
-    sights.push_back(sight_map(*filtered[i], executor));
+    window.push_back({filtered[i], confidences[i], &panoramas[i].color(), {filtered[i]->cam_from_world}});
+    sights.push_back(sight_map(*filtered[i], *confidences[i], executor));
   }
   for (std::size_t i = 0; i < 3; ++i) {
     surfels.push_back(fuse_pixels(window, i, FusionOptions{}, executor));
@@ -121,14 +121,19 @@ Results run_all(const Executor& executor) {
   return results;
 }
 
+bool same(const PlaneMap& a, const PlaneMap& b) {
+  return test::same(a.x, b.x) && test::same(a.y, b.y) && test::same(a.z, b.z) && test::same(a.score, b.score);
+}
+
 bool same(const Results& a, const Results& b) {
   for (std::size_t i = 0; i < a.maps.size(); ++i) {
-    if (!test::same(a.maps[i], b.maps[i])) return false;
+    if (!same(a.maps[i], b.maps[i])) return false;
   }
   for (std::size_t i = 0; i < a.standings.size(); ++i) {
     if (a.standings[i].pixels() != b.standings[i].pixels()) return false;
   }
-  if (a.priors.pixels() != b.priors.pixels() || a.cloud.points.size() != b.cloud.points.size()) return false;
+  if (!same(a.priors, b.priors) || !test::same(a.confidence, b.confidence)) return false;
+  if (a.cloud.points.size() != b.cloud.points.size()) return false;
   for (std::size_t i = 0; i < a.cloud.points.size(); ++i) {
     const CloudPoint& p = a.cloud.points[i];
     const CloudPoint& q = b.cloud.points[i];
@@ -163,13 +168,11 @@ TEST_CASE("AVX2 and AVX-512 give the bytes of scalar code with fused multiply-ad
 
 TEST_CASE("what the instruction sets are compared by is not empty", "[simd]") {
   const Results& results = fused_scalar();
-  for (const DepthMap& map : results.maps) CHECK(filled(map.depth) > 0.3);
-  CHECK_FALSE(test::same(results.maps[3], results.maps[1]));
-  CHECK_FALSE(test::same(results.maps[4], results.maps[3]));
-  CHECK_FALSE(test::same(results.maps[5], results.maps[4]));
-  int priors = 0;
-  for (const Eigen::Vector3f& plane : results.priors.pixels()) priors += plane.isZero() ? 0 : 1;
-  CHECK(priors > 0);
+  for (const PlaneMap& map : results.maps) CHECK(filled(depth_map_of(map, nullptr, Executor(1)).depth) > 0.3);
+  CHECK_FALSE(same(results.maps[3], results.maps[1]));
+  CHECK_FALSE(same(results.maps[4], results.maps[3]));
+  CHECK_FALSE(test::same(results.confidence, results.maps[4].score));
+  CHECK(filled(depth_map_of(results.priors, nullptr, Executor(1)).depth) > 0.0);
   for (std::size_t i = 1; i < results.standings.size(); ++i) {
     CHECK(results.standings[i].pixels() != results.standings[i - 1].pixels());
   }

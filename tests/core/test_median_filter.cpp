@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/helpers.h"
+#include "core/on_depth_maps.h"
 #include "pmsp/error.h"
 #include "pmsp/filters.h"
 #include "support/rng.h"

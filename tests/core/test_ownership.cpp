@@ -13,6 +13,7 @@
 #include <Eigen/Geometry>
 
 #include "core/helpers.h"
+#include "core/on_depth_maps.h"
 #include "pmsp/error.h"
 #include "pmsp/fusion.h"
 #include "support/rng.h"
@@ -70,7 +71,7 @@ class Owners {
     std::vector<SightMap> sights;
     surfels.clear();
     for (std::size_t i = 0; i < size(); ++i) {
-      std::vector<FusionMap> window;
+      std::vector<FusedDepth> window;
       std::size_t current = 0;
       for (std::size_t k = i - std::min<std::size_t>(i, 2); k < std::min(size(), i + 3); ++k) {
         if (k == i) current = window.size();
@@ -357,7 +358,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
   fresh.make();
   std::map<std::size_t, SurfelMap> surfels;
   for (const std::size_t i : order) {
-    std::vector<FusionMap> window;
+    std::vector<FusedDepth> window;
     std::size_t current = 0;
     for (std::size_t k = i - std::min<std::size_t>(i, 2); k < std::min<std::size_t>(5, i + 3); ++k) {
       if (k == i) current = window.size();
@@ -526,11 +527,11 @@ TEST_CASE("ownership refuses what does not fit", "[ownership]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 2));
   room.make();
   const Executor executor(1);
-  const FusionMap map{&room.maps[0], &room.colors[0], room.poses[0]};
+  const FusedDepth map{&room.maps[0], &room.colors[0], room.poses[0]};
   CHECK_THROWS_AS(fuse_pixels({map}, 1, {}, executor), InvalidInput);
   CHECK_THROWS_AS(fuse_pixels({{&room.maps[0], nullptr, {}}}, 0, {}, executor), InvalidInput);
-  CHECK_THROWS_AS(fuse_pixels(std::vector<FusionMap>(34, map), 0, {}, executor), InvalidInput);
-  FusionMap flat = map;
+  CHECK_THROWS_AS(fuse_pixels(std::vector<FusedDepth>(34, map), 0, {}, executor), InvalidInput);
+  FusedDepth flat = map;
   flat.pose.scale = 0.0;
   CHECK_THROWS_AS(fuse_pixels({flat}, 0, {}, executor), InvalidInput);
   FusionOptions options;

@@ -58,7 +58,7 @@ bool is_outside(int x, int y) { return !is_masked(x, y, 10); }
 
 TEST_CASE("masked pixels have no depth and are not counted", "[patchmatch][mask]") {
   const synth::Mission mission = with_mask(synth::textured_room(small_recipe(kWidth)));
-  PatchMatchStats stats;
+  MatchStats stats;
   const DepthMap map = match(mission, 1, {}, &stats);
   int masked_with_depth = 0;
   std::int64_t unmasked = 0;
@@ -111,7 +111,7 @@ TEST_CASE("a mask of all 255 is no mask", "[patchmatch][mask]" PMSP_ACCURACY) {
 TEST_CASE("a mask of all 0 leaves an empty map", "[patchmatch][mask]") {
   synth::Mission mission = synth::sphere_inside(small_recipe(width_of_any(128)));
   mission.mask = Image<std::uint8_t>(mission.width, mission.height, 0);
-  PatchMatchStats stats;
+  MatchStats stats;
   const DepthMap map = match(mission, 1, {}, &stats);
   CHECK(filled(map.depth) == 0.0);
   CHECK(stats.pixels == 0);

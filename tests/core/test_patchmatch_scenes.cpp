@@ -43,7 +43,7 @@ Shares judge(const synth::Mission& mission, const DepthMap& map, std::size_t ref
 }
 
 void check_scene(const std::string& name, const synth::Mission& mission, const Shares& expected) {
-  PatchMatchStats stats;
+  MatchStats stats;
   const DepthMap map = match(mission, 1, {}, &stats);
   const Shares found = judge(mission, map, 1);
   INFO(name);
@@ -183,7 +183,7 @@ TEST_CASE("input that makes no sense is refused", "[patchmatch]") {
   const Panorama panorama(pixels.view(), {}, 64, 32, executor);
   const Panorama smaller(pixels.view(), {}, 32, 16, executor);
   const RigidTransform moved{Eigen::Matrix3d::Identity(), Eigen::Vector3d(1.0, 0.0, 0.0)};
-  const MatchInput good{7, {&panorama, {}}, {{&panorama, moved}}, {0.5, 2.0}, {}};
+  const MatchInput good{7, {&panorama, {}}, {{&panorama, moved}}, {0.5, 2.0}};
   const auto run = [&](const MatchInput& input, const PatchMatchOptions& options = {}) {
     return patchmatch(input, options, 1, executor);
   };
@@ -200,10 +200,12 @@ TEST_CASE("input that makes no sense is refused", "[patchmatch]") {
   CHECK_THROWS_AS(run(bad), InvalidInput);
   bad.neighbours = {{nullptr, moved}};
   CHECK_THROWS_AS(run(bad), InvalidInput);
-  const PlaneImage wrong_size(32, 16, Eigen::Vector3f::Zero());
-  bad = good;
-  bad.candidates = {&wrong_size};
-  CHECK_THROWS_AS(run(bad), InvalidInput);
+  const PlaneMap wrong_size(32, 16);
+  for (const PlaneMap* MatchInput::*planes : {&MatchInput::landmarks, &MatchInput::warped, &MatchInput::start}) {
+    bad = good;
+    bad.*planes = &wrong_size;
+    CHECK_THROWS_AS(run(bad), InvalidInput);
+  }
   for (const DepthRange& range :
        {DepthRange{0.0, 1.0}, {2.0, 1.0}, {1.0, 1.0}, {-1.0, 1.0}, {NAN, 1.0}, {1.0, NAN}, {1.0, INFINITY}}) {
     bad = good;

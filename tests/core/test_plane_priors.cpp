@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 
 #include "core/helpers.h"
+#include "core/on_depth_maps.h"
 #include "core/recording.h"
 #include "pmsp/error.h"
 #include "pmsp/panorama.h"

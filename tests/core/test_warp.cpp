@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 
 #include "core/helpers.h"
+#include "core/on_depth_maps.h"
 #include "pmsp/camera.h"
 #include "pmsp/initialiser.h"
 

@@ -174,8 +174,8 @@ Both agreements(int count) {
   const cuda::DeviceArray<float> x = uploaded(planes[0]);
   const cuda::DeviceArray<float> y = uploaded(planes[1]);
   const cuda::DeviceArray<float> z = uploaded(planes[2]);
-  const Agreements host{{planes[0].data(), planes[1].data(), planes[2].data(), kWidth, kHeight}, kMoved};
-  const Agreements device{{x.get(), y.get(), z.get(), kWidth, kHeight}, kMoved};
+  const Agreements host{{planes[0].data(), planes[1].data(), planes[2].data(), kWidth, kHeight, nullptr}, kMoved};
+  const Agreements device{{x.get(), y.get(), z.get(), kWidth, kHeight, nullptr}, kMoved};
   return {Agreements::kValues, on_host(host, count), on_device(device, count)};
 }
 

@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "core/helpers.h"
+#include "core/on_depth_maps.h"
 #include "cuda/launch.h"
 #include "cuda/on_device.h"
 #include "cuda/transfers.h"
-#include "filters/depth_map_tools.h"
 #include "fusion/fusion_setup.h"
 #include "pmsp/fusion.h"
 
@@ -18,12 +18,12 @@ using namespace pmsp::test;
 namespace {
 
 constexpr int kRounds = 4;
+constexpr std::size_t kAgreeBytes = 1;
 
 /// Depth maps of a mission, and their way to points on both machines; everybody asks everybody.
 struct Flight {
   explicit Flight(int width, int keyframes) : mission(synth::sphere_inside(small_recipe(width, keyframes))) {
     maps = truth_maps(mission);
-    const SphereGrid grid(mission.width, mission.height);
     for (std::size_t k = 0; k < maps.size(); ++k) {
       DepthMap& map = maps[k];
       for (std::size_t i = 0; i < map.depth.size(); ++i) {  // wavy, with floaters, holes, and doubts
@@ -58,7 +58,7 @@ struct Flight {
 
 std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>& clouds) {
   const Executor executor;
-  std::vector<FusionMap> window;
+  std::vector<FusedDepth> window;
   for (std::size_t k = 0; k < flight.size(); ++k) {
     window.push_back({&flight.maps[k], &flight.colors[k], flight.poses[k]});
   }
@@ -98,14 +98,14 @@ struct OnDevice {
   cuda::DeviceArray<float4> planes;
   cuda::DeviceArray<float> confidence;
   cuda::DeviceArray<std::uint32_t> color;
-  cuda::DeviceArray<std::uint32_t> surfels, details, agree;
-  cuda::DeviceArray<std::uint8_t> standings, next;
+  cuda::DeviceArray<std::uint32_t> surfels, details;
+  cuda::DeviceArray<std::uint8_t> agree, standings, next;
   cuda::DeviceArray<float> nearest, farthest;
 };
 
 struct DeviceResult {
-  std::vector<std::uint32_t> surfels, details, agree;
-  std::vector<std::uint8_t> standings;
+  std::vector<std::uint32_t> surfels, details;
+  std::vector<std::uint8_t> agree, standings;
   std::vector<cuda::DevicePoint> points;
   std::vector<unsigned int> pixels;
   std::vector<std::uint32_t> agree_of_points;
@@ -113,7 +113,7 @@ struct DeviceResult {
 
 OnDevice uploaded_map(const Flight& flight, std::size_t k) {
   const DepthMap& map = flight.maps[k];
-  const SphereGrid grid(map.depth.width(), map.depth.height());
+  const PlaneMap made = plane_map_of(map, Executor(1));
   std::vector<float4> planes(map.depth.size(), float4{0.0F, 0.0F, 0.0F, 0.0F});
   std::vector<std::uint32_t> color(map.depth.size());
   for (int y = 0; y < map.depth.height(); ++y) {
@@ -122,8 +122,7 @@ OnDevice uploaded_map(const Flight& flight, std::size_t k) {
       const Rgb& rgb = flight.colors[k](x, y);
       color[at] = rgb.r | static_cast<std::uint32_t>(rgb.g) << 8U | static_cast<std::uint32_t>(rgb.b) << 16U;
       if (!(map.depth(x, y) > 0.0F)) continue;
-      const kernels::Vec3<float> plane = plane_of_pixel(map, grid, x, y);
-      planes[at] = float4{plane.x, plane.y, plane.z, 1.0F};
+      planes[at] = float4{made.x(x, y), made.y(x, y), made.z(x, y), 1.0F};
     }
   }
   const std::size_t pixels = map.depth.size();
@@ -133,7 +132,7 @@ OnDevice uploaded_map(const Flight& flight, std::size_t k) {
   arrays.color = uploaded(color);
   arrays.surfels = cuda::DeviceArray<std::uint32_t>(pixels);
   arrays.details = cuda::DeviceArray<std::uint32_t>(pixels);
-  arrays.agree = cuda::DeviceArray<std::uint32_t>(pixels);
+  arrays.agree = cuda::DeviceArray<std::uint8_t>(pixels * kAgreeBytes);
   arrays.standings = cuda::DeviceArray<std::uint8_t>(pixels);
   arrays.next = cuda::DeviceArray<std::uint8_t>(pixels);
   arrays.nearest = cuda::DeviceArray<float>(pixels / 4);
@@ -152,43 +151,46 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   const cuda::DeviceArray<cuda::Counts> counts(1);
   PMSP_CUDA_CHECK(cudaMemset(counts.get(), 0, sizeof(cuda::Counts)));
   for (std::size_t k = 0; k < flight.size(); ++k) frames.push_back(uploaded_map(flight, k));
+  using Machine = cuda::DeviceMachine;
   const auto filtered = [&](std::size_t k) {
-    return cuda::FilteredPlanes{frames[k].planes.get(), frames[k].confidence.get(), width, height};
+    return kernels::FilteredMap<cuda::DevicePlanes>{
+        {frames[k].planes.get(), width, height}, frames[k].confidence.get(), width, height};
   };
+  const auto from = [&](std::size_t k, std::size_t i) { return relation(flight.poses[k], flight.poses[i]); };
   for (std::size_t i = 0; i < flight.size(); ++i) {
     const auto view = [&](std::size_t k) {
-      return kernels::FusionView<cuda::FilteredPlanes>{filtered(k), frames[k].confidence.get(), frames[k].color.get(),
-                                                       relation(flight.poses[k], flight.poses[i]).other_from_first,
-                                                       relation(flight.poses[k], flight.poses[i]).zoom};
+      return kernels::FusionView<Machine>{filtered(k), frames[k].color.get(), from(k, i).other_from_first,
+                                          from(k, i).zoom};
     };
-    cuda::SurfelArgs args{};
-    args.grid = grid.view();
-    args.first = view(i);
+    kernels::FusePixels<Machine> fuse{};
+    fuse.grid = grid.view();
+    fuse.first = view(i);
     for (std::size_t k = 0; k < flight.size(); ++k) {
-      if (k != i) args.others[args.num_others++] = view(k);
+      if (k != i) fuse.others[fuse.count++] = view(k);
     }
-    args.limits = fusion_limits(flight.fusion);
-    args.to = {frames[i].surfels.get(), frames[i].details.get(), frames[i].standings.get(), frames[i].agree.get()};
-    args.counts = counts.get();
-    cuda::make_surfels(args, nullptr);
-    cuda::find_sight({grid.view(), filtered(i), frames[i].nearest.get(), frames[i].farthest.get()}, nullptr);
+    fuse.limits = fusion_limits(flight.fusion);
+    fuse.to = {frames[i].surfels.get(), frames[i].details.get(), frames[i].standings.get(), frames[i].agree.get(),
+               static_cast<int>(kAgreeBytes)};
+    cuda::launch(fuse, counts.get(), nullptr);
+    cuda::launch(
+        kernels::FindSight<Machine>{filtered(i), grid.view(), frames[i].nearest.get(), frames[i].farthest.get()},
+        nullptr, nullptr);
   }
   for (std::size_t i = 0; i < flight.size(); ++i) {
-    cuda::JudgeArgs args{};
-    args.grid = grid.view();
-    args.surfels = frames[i].surfels.get();
-    args.details = frames[i].details.get();
+    kernels::Eligibility judge{};
+    judge.surfels = frames[i].surfels.get();
+    judge.details = frames[i].details.get();
+    judge.grid = grid.view();
     for (std::size_t k = 0; k < flight.size(); ++k) {
       if (k == i) continue;
-      args.viewers[args.num_viewers++] = {{frames[k].nearest.get(), frames[k].farthest.get(), width / 2, height / 2},
-                                          relation(flight.poses[k], flight.poses[i]).other_from_first,
-                                          relation(flight.poses[k], flight.poses[i]).zoom};
+      judge.viewers[judge.count++] = {{frames[k].nearest.get(), frames[k].farthest.get(), width / 2, height / 2},
+                                      from(k, i).other_from_first,
+                                      from(k, i).zoom};
     }
-    args.limits = sight_limits(flight.free_space);
-    args.max_contradiction = static_cast<float>(flight.free_space.max_contradiction);
-    args.standings = frames[i].standings.get();
-    args.counts = counts.get();
-    cuda::judge_pixels(args, nullptr);
+    judge.limits = sight_limits(flight.free_space);
+    judge.max_contradiction = static_cast<float>(flight.free_space.max_contradiction);
+    judge.standings = frames[i].standings.get();
+    cuda::launch(judge, counts.get(), nullptr);
   }
   for (int round = 0; round < kRounds; ++round) {
     for (std::size_t i = 0; i < flight.size(); ++i) {
@@ -196,19 +198,18 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
         return kernels::SurfelView{frames[k].surfels.get(), frames[k].standings.get(), width, height,
                                    static_cast<float>(flight.poses[k].scale)};
       };
-      cuda::OwnershipArgs args{};
-      args.grid = grid.view();
-      args.map = view(i);
+      kernels::OwnershipRound stage{};
+      stage.map = view(i);
+      stage.grid = grid.view();
       for (std::size_t k = 0; k < flight.size(); ++k) {
         if (k == i) continue;
-        args.others[args.num_others++] = {view(k), relation(flight.poses[k], flight.poses[i]).other_from_first,
-                                          relation(flight.poses[k], flight.poses[i]).zoom,
-                                          flight.maps[k].keyframe_id < flight.maps[i].keyframe_id};
+        stage.others[stage.count++] = {view(k), from(k, i).other_from_first, from(k, i).zoom,
+                                       flight.maps[k].keyframe_id < flight.maps[i].keyframe_id};
       }
-      args.first = round == 0;
-      args.limits = ownership_limits(flight.fusion);
-      args.standings = frames[i].next.get();
-      cuda::own_pixels(args, nullptr);
+      stage.first = round == 0;
+      stage.limits = ownership_limits(flight.fusion);
+      stage.standings = frames[i].next.get();
+      cuda::launch(stage, nullptr, nullptr);
     }
     for (OnDevice& frame : frames) std::swap(frame.standings, frame.next);
   }
@@ -220,7 +221,8 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   std::vector<DeviceResult> results;
   for (OnDevice& frame : frames) {
     cuda::owned_points({grid.view(),
-                        {frame.surfels.get(), frame.details.get(), frame.standings.get(), frame.agree.get()},
+                        {frame.surfels.get(), frame.details.get(), frame.standings.get(), frame.agree.get(),
+                         static_cast<int>(kAgreeBytes)},
                         points.get(),
                         indices.get(),
                         agree.get(),

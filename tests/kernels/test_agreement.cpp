@@ -35,7 +35,7 @@ struct PlaneMap {
       }
     }
   }
-  k::PlaneMapView view() const { return {x.data(), y.data(), z.data(), kWidth, kHeight}; }
+  k::PlaneMapView view() const { return {x.data(), y.data(), z.data(), kWidth, kHeight, nullptr}; }
 
   std::vector<float> x, y, z;
 };

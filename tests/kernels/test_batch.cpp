@@ -51,13 +51,12 @@ std::vector<float> of_all(const std::vector<Vec3<float>>& values, const Function
   constexpr std::size_t kStep = static_cast<std::size_t>(cpu::lanes<F>());
   std::vector<float> results(3 * values.size());
   for (std::size_t i = 0; i < values.size(); i += kStep) {
-    k::UIntOf<F> number;
-    cpu::iota(number, static_cast<std::uint32_t>(i), 1U);
+    const k::UIntOf<F> number = k::as_uint<F>(cpu::columns_from<F>(static_cast<int>(i), static_cast<int>(i + kStep)));
     const Vec3<F> result = function(at<F>(values, i), number);
     float lanes[3][kStep];
-    cpu::store_some(result.x, lanes[0], static_cast<int>(kStep));
-    cpu::store_some(result.y, lanes[1], static_cast<int>(kStep));
-    cpu::store_some(result.z, lanes[2], static_cast<int>(kStep));
+    k::store<F>(result.x, lanes[0], static_cast<int>(kStep));
+    k::store<F>(result.y, lanes[1], static_cast<int>(kStep));
+    k::store<F>(result.z, lanes[2], static_cast<int>(kStep));
     for (std::size_t lane = 0; lane < kStep; ++lane) {
       for (std::size_t c = 0; c < 3; ++c) results[3 * (i + lane) + c] = lanes[c][lane];
     }

@@ -6,6 +6,7 @@
 
 #include "kernels/helpers.h"
 #include "sphere/grid.h"
+#include "stage.h"
 
 using namespace pmsp;
 using pmsp::kernels::Vec3;
@@ -32,26 +33,31 @@ TEST_CASE("checkerboard order: every index once, colours in one piece per row") 
   }
 }
 
-TEST_CASE("tables: bearings of pixel centres, by column, by colour, and beyond the end by wrapping") {
+TEST_CASE("tables: bearings of pixel centres") {
   for (const auto& size : {std::make_pair(64, 32), {34, 18}}) {
     const SphereGrid grid(size.first, size.second);
-    const cpu::GridTables tables = grid.tables();
+    const k::GridView tables = grid.view();
     CHECK(tables.width == grid.width());
     CHECK(tables.height == grid.height());
     for (int y = 0; y < grid.height(); ++y) {
-      for (int x = 0; x < grid.width() + kMaxLanes; ++x) {
-        const Vec3<double> truth = frame_at(x % grid.width() + 0.5, y + 0.5, size.first, size.second).bearing;
-        const auto bearing =
-            k::bearing(tables.sin_lon[2][x], tables.cos_lon[2][x], tables.sin_lat[y], tables.cos_lat[y]);
+      for (int x = 0; x < grid.width(); ++x) {
+        const Vec3<double> truth = frame_at(x + 0.5, y + 0.5, size.first, size.second).bearing;
+        const auto bearing = k::bearing_at(tables, k::place_of(x, y, grid.width()));
         REQUIRE(test::length(test::cast<double>(bearing) - truth) < 2e-7);
       }
     }
-    for (int parity = 0; parity < 2; ++parity) {
-      for (int i = 0; i < grid.half() + kMaxLanes; ++i) {
-        const int x = (2 * i + parity) % grid.width();
-        REQUIRE(tables.sin_lon[parity][i] == tables.sin_lon[2][x]);
-        REQUIRE(tables.cos_lon[parity][i] == tables.cos_lon[2][x]);
-      }
-    }
   }
+}
+
+TEST_CASE("pixels beside another one: around the seam, and over the poles on the opposite meridian") {
+  const SphereGrid grid(16, 8);
+  const auto index = [&](int x, int y, int dx, int dy) {
+    return k::index_beside(grid.view(), k::place_of(x, y, 16), dx, dy);
+  };
+  CHECK(index(3, 4, 2, -3) == 1 * 16 + 5);
+  CHECK(index(15, 4, 3, 0) == 4 * 16 + 2);
+  CHECK(index(0, 4, -3, 0) == 4 * 16 + 13);
+  CHECK(index(3, 0, 1, -1) == 0 * 16 + 12);
+  CHECK(index(3, 7, 0, 2) == 6 * 16 + 11);
+  CHECK(index(15, 0, 1, -2) == 1 * 16 + 8);
 }

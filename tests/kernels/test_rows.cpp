@@ -37,7 +37,7 @@ void check_neighbours(int width, int height) {
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const int colour = (x + y) & 1;
-      for (int i = 0; i < kernels::kNeighbours; ++i) {
+      for (int i = 0; i < kernels::kNeighbourOffsets; ++i) {
         const kernels::NeighbourOffset offset = kernels::neighbour_offset(i);
         const kernels::NeighbourRing from = kernels::neighbour_ring(width, height, y, colour, offset.dx, offset.dy);
         INFO("size " << width << " x " << height << ", pixel " << x << ", " << y << ", offset " << offset.dx << ", "
@@ -63,7 +63,7 @@ void check_neighbours(int width, int height) {
 TEST_CASE("neighbour offsets: eight different ones, all of the other colour, symmetric") {
   int sum_x = 0;
   int sum_y = 0;
-  for (int i = 0; i < kernels::kNeighbours; ++i) {
+  for (int i = 0; i < kernels::kNeighbourOffsets; ++i) {
     const kernels::NeighbourOffset a = kernels::neighbour_offset(i);
     CHECK(((a.dx + a.dy) & 1) != 0);
     sum_x += a.dx;
@@ -90,9 +90,9 @@ TEST_CASE("load_ring wraps for every start, ring and number of lanes") {
     std::vector<float> ring(static_cast<std::size_t>(count));
     for (int i = 0; i < count; ++i) ring[static_cast<std::size_t>(i)] = static_cast<float>(i);
     for (int first = 1 - count; first <= 3 * count; ++first) {
-      REQUIRE(cpu::load_ring<float>(ring.data(), first, count) == static_cast<float>(modulo(first, count)));
+      REQUIRE(kernels::load_ring<float>(ring.data(), first, count) == static_cast<float>(modulo(first, count)));
       float lanes[kLanes];
-      cpu::load_ring<Batch>(ring.data(), first, count).store_unaligned(lanes);
+      kernels::load_ring<Batch>(ring.data(), first, count).store_unaligned(lanes);
       for (int lane = 0; lane < kLanes; ++lane) {
         INFO("ring of " << count << ", start " << first << ", lane " << lane);
         REQUIRE(lanes[lane] == static_cast<float>(modulo(first + lane, count)));
@@ -101,27 +101,33 @@ TEST_CASE("load_ring wraps for every start, ring and number of lanes") {
   }
 }
 
-TEST_CASE("store_some writes the first lanes and nothing else") {
+TEST_CASE("store writes the first lanes and nothing else") {
   float numbers[kLanes];
   for (int lane = 0; lane < kLanes; ++lane) numbers[lane] = static_cast<float>(lane + 1);
   const Batch value = Batch::load_unaligned(numbers);
   for (int count = 0; count <= 2 * kLanes; ++count) {
     std::vector<float> memory(3 * kLanes, -1.0F);
-    cpu::store_some(value, memory.data(), count);
+    kernels::store<Batch>(value, memory.data(), count);
     for (int i = 0; i < 3 * kLanes; ++i) {
       REQUIRE(memory[static_cast<std::size_t>(i)] == (i < std::min(count, kLanes) ? static_cast<float>(i + 1) : -1.0F));
     }
   }
   float one[2] = {-1.0F, -1.0F};
-  cpu::store_some(5.0F, one, 3);
+  kernels::store<float>(5.0F, one, 3);
   CHECK(one[0] == 5.0F);
   CHECK(one[1] == -1.0F);
 }
 
-TEST_CASE("iota counts in steps") {
-  kernels::UIntOf<Batch> pixels;
-  cpu::iota(pixels, 1000U, 2U);
-  std::uint32_t numbers[kLanes];
-  pixels.store_unaligned(numbers);
-  for (std::uint32_t lane = 0; lane < kLanes; ++lane) CHECK(numbers[lane] == 1000U + 2U * lane);
+TEST_CASE("bytes: gathered, and stored with gaps") {
+  std::vector<std::uint8_t> bytes(100);
+  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(200 - i);
+  const auto columns = cpu::columns_from<Batch>(10, 12 + kLanes);
+  const auto gathered = kernels::gather_bytes<Batch>(bytes.data(), columns);
+  std::uint8_t stored[3 * kLanes] = {};
+  kernels::store_bytes<Batch>(gathered, stored, 2, kLanes - 1);
+  for (int i = 0; i < kLanes - 1; ++i) {
+    CHECK(stored[2 * i] == 190 - i);
+    CHECK(stored[2 * i + 1] == 0);
+  }
+  CHECK(stored[2 * (kLanes - 1)] == 0);
 }

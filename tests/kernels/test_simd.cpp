@@ -40,17 +40,60 @@ const std::vector<std::pair<int, int>> kSizes = {{64, 32}, {34, 18}, {50, 26}, {
 constexpr float kUntouched = -77.0F;
 constexpr std::size_t kGuard = 16;
 
+/// A map in memory with something behind its end.
+struct GuardedMap {
+  explicit GuardedMap(std::size_t size) : x(size + kGuard, kUntouched), y(x), z(x), score(x) {}
+
+  k::PlaneArrays arrays() { return {x.data(), y.data(), z.data(), score.data()}; }
+
+  std::vector<float> x, y, z, score;
+};
+
+template <class Stage>
+void run_rows(Simd simd, const Stage& stage) {
+  const Executor executor(1, simd);
+  executor.impl().run(stage);
+}
+
+/// Whether the median filter keeps each pixel: 1 or 0, and what stands behind them.
 std::vector<float> medians(Simd simd, const std::vector<float>& depth, const std::vector<float>& score, int width,
                            int height) {
-  const Executor executor(1, simd);
-  std::vector<float> filtered(depth.size() + kGuard, kUntouched);
-  const cpu::MedianJob job{width, height, depth.data(), score.data(), 0.05F, 0.1F, filtered.data()};
-  for (int y = 0; y < height; ++y) executor.impl().rows.median_row(job, y);
-  return filtered;
+  const SphereGrid grid(width, height);
+  std::vector<float> x(depth.size());
+  std::vector<float> y(depth.size());
+  std::vector<float> z(depth.size());
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    if (!(depth[i] > 0.0F)) continue;
+    const Vec3<float> plane =
+        (1.0F / depth[i]) *
+        k::bearing_at(grid.view(), k::place_of(static_cast<int>(i) % width, static_cast<int>(i) / width, width));
+    x[i] = plane.x;
+    y[i] = plane.y;
+    z[i] = plane.z;
+  }
+  GuardedMap filtered(depth.size());
+  run_rows(simd, k::MedianFilter<k::HostMachine>{{x.data(), y.data(), z.data(), width, height, score.data()},
+                                                 grid.view(),
+                                                 {nullptr},
+                                                 true,
+                                                 0.05F,
+                                                 0.1F,
+                                                 filtered.arrays()});
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    const bool kept = filtered.x[i] == x[i] && filtered.y[i] == y[i] && filtered.z[i] == z[i] && x[i] != 0.0F;
+    const bool dropped = filtered.x[i] == 0.0F && filtered.y[i] == 0.0F && filtered.z[i] == 0.0F;
+    REQUIRE((kept || dropped));
+    REQUIRE(filtered.score[i] == (kept ? score[i] : 0.0F));
+    filtered.x[i] = kept ? 1.0F : 0.0F;
+  }
+  for (std::size_t i = depth.size(); i < filtered.x.size(); ++i) {
+    REQUIRE((filtered.y[i] == kUntouched && filtered.z[i] == kUntouched && filtered.score[i] == kUntouched));
+  }
+  return filtered.x;
 }
 
 /// The same by the definition: neighbours beyond a pole lie on the opposite meridian, x wraps.
-float median_at(const std::vector<float>& depth, const std::vector<float>& score, int width, int height, int x, int y) {
+bool median_at(const std::vector<float>& depth, const std::vector<float>& score, int width, int height, int x, int y) {
   const auto at = [&](int column, int row) {
     if (row < 0 || row >= height) {
       row = y;
@@ -65,25 +108,25 @@ float median_at(const std::vector<float>& depth, const std::vector<float>& score
   }
   std::sort(around.begin(), around.end());
   const bool near = std::fabs(own - around[4]) <= 0.05F * around[4];
-  return near && score[static_cast<std::size_t>(y * width + x)] >= 0.1F ? own : 0.0F;
+  return own > 0.0F && near && score[static_cast<std::size_t>(y * width + x)] >= 0.1F;
 }
-
-struct Comparison {
-  std::vector<float> closeness, implied_depth, parallax_gain;
-  std::vector<std::int32_t> index;
-};
 
 /// Two maps of a bumpy sphere, some pixels without an estimate.
 struct CompareInput {
   CompareInput(int width, int height, std::uint64_t seed)
-      : grid(width, height), depth(grid.size()), x(grid.size()), y(grid.size()), z(grid.size()) {
+      : grid(width, height), score(grid.size(), 0.9F), x(grid.size()), y(grid.size()), z(grid.size()) {
+    for (std::vector<float>& coordinate : own) coordinate.resize(grid.size());
     Draws draws(seed);
     for (int row = 0; row < height; ++row) {
       for (int column = 0; column < width; ++column) {
         const auto at = static_cast<std::size_t>(row * width + column);
         const Vec3<double> bearing = frame_at(column + 0.5, row + 0.5, width, height).bearing;
-        depth[at] =
-            draws.uniform() < 0.1 ? 0.0F : static_cast<float>(2.0 + 0.4 * bearing.x + draws.uniform(-0.05, 0.05));
+        if (draws.uniform() >= 0.1) {
+          const double inverse_depth = 1.0 / (2.0 + 0.4 * bearing.x + draws.uniform(-0.05, 0.05));
+          own[0][at] = static_cast<float>(inverse_depth * bearing.x);
+          own[1][at] = static_cast<float>(inverse_depth * bearing.y);
+          own[2][at] = static_cast<float>(inverse_depth * bearing.z);
+        }
         const Vec3<double> plane = (0.5 - 0.1 * bearing.x) * (bearing + 0.2 * draws.direction());
         if (draws.uniform() < 0.1) continue;  // no estimate
         x[at] = static_cast<float>(plane.x);
@@ -95,24 +138,29 @@ struct CompareInput {
   }
 
   SphereGrid grid;
-  std::vector<float> depth, x, y, z;
+  std::vector<float> own[3];  ///< planes of the first map
+  std::vector<float> score, x, y, z;
   k::Rigid other_from_first{};
 };
 
-Comparison compare(Simd simd, const CompareInput& input) {
-  const Executor executor(1, simd);
-  const std::size_t width = static_cast<std::size_t>(input.grid.width());
-  const std::size_t size = input.grid.size() + kGuard;
-  Comparison out{std::vector<float>(size, kUntouched), std::vector<float>(size, kUntouched),
-                 std::vector<float>(size, kUntouched), std::vector<std::int32_t>(size, -77)};
-  const k::PlaneMapView other{input.x.data(), input.y.data(), input.z.data(), input.grid.width(), input.grid.height()};
-  const cpu::CompareJob job{input.grid.tables(), input.depth.data(), other, input.other_from_first};
-  for (int y = 0; y < input.grid.height(); ++y) {
-    const std::size_t at = static_cast<std::size_t>(y) * width;
-    executor.impl().rows.compare_row(
-        job, y, {&out.closeness[at], &out.implied_depth[at], &out.parallax_gain[at], &out.index[at]});
-  }
-  return out;
+/// Confidences after the consistency filter, and what stands behind them.
+std::vector<float> compare(Simd simd, const CompareInput& input) {
+  const k::PlaneMapView own{input.own[0].data(), input.own[1].data(), input.own[2].data(),
+                            input.grid.width(),  input.grid.height(), input.score.data()};
+  const k::PlaneMapView other{input.x.data(),     input.y.data(),      input.z.data(),
+                              input.grid.width(), input.grid.height(), input.score.data()};
+  std::vector<float> confidence(input.grid.size() + kGuard, kUntouched);
+  k::ConsistencyFilter<k::HostMachine> stage{};
+  stage.map = own;
+  stage.grid = input.grid.view();
+  stage.others[0] = {other, input.other_from_first};
+  stage.count = 1;
+  stage.wanted = 1;
+  stage.tolerance = 0.5F;
+  stage.pixel_angle = 0.01F;
+  stage.confidence = confidence.data();
+  run_rows(simd, stage);
+  return confidence;
 }
 
 bool close(float a, float b, double relative) {
@@ -131,7 +179,9 @@ TEST_CASE("median filter rows: the definition at every pixel, equal on all instr
     std::vector<float> depth(static_cast<std::size_t>(width * height));
     std::vector<float> score(depth.size());
     for (std::size_t i = 0; i < depth.size(); ++i) {
-      depth[i] = draws.uniform() < 0.2 ? 0.0F : static_cast<float>(draws.uniform(2.0, 2.3));
+      depth[i] = draws.uniform() < 0.2
+                     ? 0.0F
+                     : 2.003F + 0.01F * std::floor(30.0F * static_cast<float>(draws.uniform()));  // none at a limit
       score[i] = static_cast<float>(draws.uniform(0.0, 1.0));
     }
     for (const Simd simd : sets) {
@@ -147,58 +197,22 @@ TEST_CASE("median filter rows: the definition at every pixel, equal on all instr
   }
 }
 
-TEST_CASE("comparison rows: the kernel at every pixel, in scalar") {
-  const CompareInput input(50, 26, 3);
-  const Comparison rows = compare(Simd::kScalar, input);
-  const k::PlaneMapView other{input.x.data(), input.y.data(), input.z.data(), 50, 26};
-  int known = 0;
-  int agreeing = 0;
-  for (int y = 0; y < 26; ++y) {
-    for (int x = 0; x < 50; ++x) {
-      const auto at = static_cast<std::size_t>(y * 50 + x);
-      if (input.depth[at] <= 0.0F) {
-        REQUIRE(rows.closeness[at] == 0.0F);
-        continue;
-      }
-      ++known;
-      const Vec3<double> bearing = frame_at(x + 0.5, y + 0.5, 50, 26).bearing;
-      const auto truth = k::agreement(bearing, static_cast<double>(input.depth[at]), other, input.other_from_first);
-      if (truth.index != rows.index[at]) continue;
-      ++agreeing;
-      REQUIRE(rows.closeness[at] == Approx(truth.closeness).epsilon(1e-4));
-      REQUIRE(rows.implied_depth[at] == Approx(truth.implied_depth).epsilon(1e-4));
-      REQUIRE(rows.parallax_gain[at] == Approx(truth.parallax_gain).epsilon(1e-4));
-    }
-  }
-  CHECK(known > 1000);
-  CHECK(agreeing > known - 5);
-}
-
-TEST_CASE("comparison rows: all instruction sets agree with scalar, nothing beyond the row") {
+TEST_CASE("consistency filter rows: all instruction sets agree with scalar, nothing beyond the end") {
   for (const Simd simd : sets_to_compare()) {
     for (const auto& size : kSizes) {
       INFO(name_of(simd) << ", " << size.first << " x " << size.second);
       const CompareInput input(size.first, size.second, 4);
-      const Comparison scalar = compare(Simd::kScalar, input);
-      const Comparison wide = compare(simd, input);
-      int other_pixel = 0;  // points on the border of two pixels
+      const std::vector<float> scalar = compare(Simd::kScalar, input);
+      const std::vector<float> wide = compare(simd, input);
+      int elsewhere = 0;  // points on the border of two pixels
       int positive = 0;
       for (std::size_t i = 0; i < input.grid.size(); ++i) {
-        if (scalar.index[i] != wide.index[i]) {
-          ++other_pixel;
-          continue;
-        }
-        if (scalar.closeness[i] > 0.0F) ++positive;
-        REQUIRE(close(wide.closeness[i], scalar.closeness[i], 1e-4));
-        REQUIRE(close(wide.implied_depth[i], scalar.implied_depth[i], 1e-4));
+        elsewhere += close(wide[i], scalar[i], 1e-4) ? 0 : 1;
+        positive += scalar[i] > 0.0F ? 1 : 0;
       }
-      CHECK(other_pixel <= 2 + static_cast<int>(input.grid.size() / 1000));
+      CHECK(elsewhere <= 2 + static_cast<int>(input.grid.size() / 1000));
       CHECK(positive > static_cast<int>(input.grid.size() / 2));
-      for (std::size_t i = input.grid.size(); i < scalar.index.size(); ++i) {
-        REQUIRE(wide.closeness[i] == kUntouched);
-        REQUIRE(wide.implied_depth[i] == kUntouched);
-        REQUIRE(wide.index[i] == -77);
-      }
+      for (std::size_t i = input.grid.size(); i < wide.size(); ++i) REQUIRE(wide[i] == kUntouched);
     }
   }
 }

@@ -75,6 +75,12 @@ void check_valid(const Plan& plan, const DensifierOptions& options) {
       CHECK(away <= ahead);
       CHECK(-away <= std::max(options.free_space.history / 2, options.fusion.window / 2));
     }
+    for (const std::int64_t id : entry.owners) {
+      const bool whole = options.free_space.whole_mission;
+      const int reach = whole ? std::max(options.fusion.history, options.fusion.window) / 2 : options.fusion.window / 2;
+      CHECK(std::abs(place[id] - place[entry.id]) <= reach);
+      CHECK(std::count(entry.viewers.begin(), entry.viewers.end(), id) == 1);
+    }
     if (!entry.used()) {
       CHECK((entry.near.empty() && entry.far.empty() && entry.viewers.empty() && !entry.first_planes));
     }

@@ -33,7 +33,7 @@ TEST_CASE("a plan read from its file is the same", "[plan][io]") {
 TEST_CASE("a broken plan is refused with what is wrong", "[plan][io]") {
   const std::string entry =
       R"({"id":1,"use":"depth map","near":[2],"far":[],"first_planes":null,"range":[1,2],"consistency":[],)"
-      R"("fusion":[],"viewers":[]})";
+      R"("fusion":[],"viewers":[],"owners":[]})";
   const auto text = [](const std::string& entries) {
     return R"({"format":"pmsp plan","version":1,"entries":[)" + entries + "]}";
   };

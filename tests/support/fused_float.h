@@ -16,6 +16,7 @@ struct Float {
   explicit Float(float v) : value(v) {}
   explicit Float(std::int32_t v) : value(static_cast<float>(v)) {}
   explicit operator std::int32_t() const { return static_cast<std::int32_t>(value); }
+  explicit operator float() const { return value; }
 
   float value;
 };

@@ -19,52 +19,45 @@ void prepare(benchmark::State& state, const Workload& workload, const Executor& 
 void sparse(benchmark::State& state, const Workload& workload, const Executor&) {
   const DensifierOptions& options = workload.options;
   while (state.KeepRunning()) {
-    const PlaneImage planes =
+    const PlaneMap planes =
         planes_from_landmarks(workload.keyframes[workload.current], options.width, options.height, options.init);
-    benchmark::DoNotOptimize(planes.pixels().data());
+    benchmark::DoNotOptimize(planes.x.pixels().data());
   }
 }
 
 void warp(benchmark::State& state, const Workload& workload, const Executor& executor) {
-  const DepthMap& previous = workload.median[workload.current - 1];
+  const PlaneMap& previous = workload.median[workload.current - 1];
   while (state.KeepRunning()) {
-    const PlaneImage planes = warp_planes(previous, workload.keyframes[workload.current].cam_from_world,
-                                          previous.depth.width(), previous.depth.height(), executor);
-    benchmark::DoNotOptimize(planes.pixels().data());
+    const PlaneMap planes = warp_planes(previous, workload.keyframes[workload.current].cam_from_world, previous.width(),
+                                        previous.height(), executor);
+    benchmark::DoNotOptimize(planes.x.pixels().data());
   }
 }
 
 void match(benchmark::State& state, const Workload& workload, const Executor& executor) {
   while (state.KeepRunning()) {
-    const DepthMap map = patchmatch(workload.match, workload.options.patchmatch, workload.options.seed, executor);
-    benchmark::DoNotOptimize(map.depth.pixels().data());
+    const PlaneMap map = patchmatch(workload.match, workload.options.patchmatch, workload.options.seed, executor);
+    benchmark::DoNotOptimize(map.x.pixels().data());
   }
 }
 
 void median(benchmark::State& state, const Workload& workload, const Executor& executor) {
-  DepthMap map;
   while (state.KeepRunning()) {
-    state.PauseTiming();
-    map = workload.raw[workload.current];
-    state.ResumeTiming();
-    median_filter(map, workload.options.median, executor);
-    benchmark::DoNotOptimize(map.depth.pixels().data());
+    const PlaneMap map = median_filter(workload.raw[workload.current], workload.options.median, executor);
+    benchmark::DoNotOptimize(map.x.pixels().data());
   }
 }
 
 void consistency(benchmark::State& state, const Workload& workload, const Executor& executor) {
   const std::size_t reach = static_cast<std::size_t>(workload.options.consistency.window - 1) / 2;
-  std::vector<const DepthMap*> others;
+  std::vector<const PlaneMap*> others;
   for (std::size_t i = workload.current - reach; i <= workload.current + reach; ++i) {
     if (i != workload.current) others.push_back(&workload.median[i]);
   }
-  DepthMap map;
   while (state.KeepRunning()) {
-    state.PauseTiming();
-    map = workload.median[workload.current];
-    state.ResumeTiming();
-    consistency_filter(map, others, workload.options.consistency, executor);
-    benchmark::DoNotOptimize(map.depth.pixels().data());
+    const Image<float> confidence =
+        consistency_filter(workload.median[workload.current], others, workload.options.consistency, executor);
+    benchmark::DoNotOptimize(confidence.pixels().data());
   }
 }
 
@@ -72,7 +65,10 @@ void fuse_current(benchmark::State& state, const Workload& workload, const Execu
   const std::size_t reach = static_cast<std::size_t>(workload.options.fusion.window - 1) / 2;
   std::vector<FusionMap> window;
   for (std::size_t i = workload.current - reach; i <= workload.current + reach; ++i) {
-    window.push_back({&workload.filtered[i], &workload.panoramas[i].color(), {workload.filtered[i].cam_from_world}});
+    window.push_back({&workload.median[i],
+                      &workload.confidence[i],
+                      &workload.panoramas[i].color(),
+                      {workload.median[i].cam_from_world}});
   }
   while (state.KeepRunning()) {
     const SurfelMap points = fuse_pixels(window, reach, workload.options.fusion, executor);

@@ -2,6 +2,7 @@
 #include "pmsp-bench/workload.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "pmsp/error.h"
 #include "pmsp/filters.h"
@@ -22,20 +23,23 @@ std::vector<std::size_t> neighbours_of(std::size_t current, std::size_t keyframe
 
 void make_maps(Workload& workload, const Executor& executor) {
   DensifierCallbacks callbacks;
-  callbacks.raw_depth = [&](const DepthMap& map) { workload.raw.push_back(map); };
-  callbacks.filtered_depth = [&](const DepthMap& map) { workload.filtered.push_back(map); };
+  std::vector<DepthMap> filtered;
+  callbacks.raw_depth = [&](const DepthMap& map) { workload.raw.push_back(plane_map_of(map, executor)); };
+  callbacks.filtered_depth = [&](const DepthMap& map) { filtered.push_back(map); };
   DensifierOptions options = workload.options;
   options.backend = Backend::kCpu;
   Densifier densifier(options, callbacks);
   for (const Keyframe& keyframe : workload.keyframes) densifier.add(keyframe);
   densifier.flush();
-  if (workload.raw.size() != workload.keyframes.size() || workload.filtered.size() != workload.keyframes.size()) {
+  if (workload.raw.size() != workload.keyframes.size() || filtered.size() != workload.keyframes.size()) {
     throw InvalidInput("the synthetic flight has " + std::to_string(workload.keyframes.size()) +
-                       " keyframes, but only " + std::to_string(workload.filtered.size()) +
+                       " keyframes, but only " + std::to_string(filtered.size()) +
                        " gave a depth map; expected all of them to do so");
   }
-  workload.median = workload.raw;
-  for (DepthMap& map : workload.median) median_filter(map, workload.options.median, executor);
+  for (const PlaneMap& map : workload.raw) {
+    workload.median.push_back(median_filter(map, workload.options.median, executor));
+  }
+  for (DepthMap& map : filtered) workload.confidence.push_back(std::move(map.confidence));
 }
 
 void make_match_input(Workload& workload, const Executor& executor) {
@@ -54,7 +58,8 @@ void make_match_input(Workload& workload, const Executor& executor) {
                                           workload.options.init);
   workload.warped = warp_planes(workload.median[current - 1], workload.keyframes[current].cam_from_world,
                                 workload.options.width, workload.options.height, executor);
-  workload.match.candidates = {&workload.sparse, &workload.warped};
+  workload.match.landmarks = &workload.sparse;
+  workload.match.warped = &workload.warped;
 }
 
 }  // namespace

@@ -26,11 +26,11 @@ struct Workload {
 
   std::vector<Keyframe> keyframes;  ///< as many as the windows ask for
   std::vector<Panorama> panoramas;
-  std::vector<DepthMap> raw;       ///< after PatchMatch
-  std::vector<DepthMap> median;    ///< after the median filter
-  std::vector<DepthMap> filtered;  ///< after the consistency filter
-  PlaneImage sparse;
-  PlaneImage warped;
+  std::vector<PlaneMap> raw;             ///< after PatchMatch
+  std::vector<PlaneMap> median;          ///< after the median filter
+  std::vector<Image<float>> confidence;  ///< after the consistency filter
+  PlaneMap sparse;
+  PlaneMap warped;
   MatchInput match;
 
   Workload() = default;

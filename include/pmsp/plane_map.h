@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+
+#include "pmsp/depth_map.h"
+#include "pmsp/executor.h"
+#include "pmsp/image.h"
+#include "pmsp/transform.h"
+
+namespace pmsp {
+
+/// A keyframe's geometry as the stages work on it: a plane for each pixel, the vector v with v . X = 1 for the points X
+/// of the plane, in the camera frame. The range along a unit bearing b is 1 / (v . b), the unit normal that faces the
+/// camera is -v / |v|. Zero = no plane. The images have one size, cover the whole sphere and are indexed (column, row).
+struct PlaneMap {
+  PlaneMap() = default;
+  /// Without planes.
+  PlaneMap(int width, int height) : x(width, height), y(width, height), z(width, height), score(width, height) {}
+
+  int width() const { return x.width(); }
+  int height() const { return x.height(); }
+  bool empty() const { return x.empty(); }
+
+  std::int64_t keyframe_id = 0;
+  RigidTransform cam_from_world;  ///< as it was when the keyframe was added
+  Image<float> x, y, z;
+  Image<float> score;  ///< photometric (NCC), up to 1 and what priors add; 0 to 1 after the median filter
+};
+
+/// Depth, normal and confidence of the planes. `confidence`: of each pixel, 0 = leave it out; nullptr = the score, 0 to
+/// 1. Throws InvalidInput when sizes differ.
+DepthMap depth_map_of(const PlaneMap& planes, const Image<float>* confidence, const Executor& executor);
+
+/// The other way round; scores are the confidences.
+PlaneMap plane_map_of(const DepthMap& map, const Executor& executor);
+
+}  // namespace pmsp

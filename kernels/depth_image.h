@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "stage.h"
+
+namespace pmsp::kernels {
+
+/// Depth, normal and confidence of a map's planes, as a user receives them (pmsp::DepthMap); a stage.
+template <class Machine>
+struct DepthImage {
+  static constexpr int kCounts = 0;
+
+  typename Machine::Map map;
+  const float* sure;  ///< confidence of each pixel, 0 = leave it out; nullptr = the score, 0 to 1
+  GridView grid;
+  float* depth;
+  float* normal;  ///< three a pixel
+  float* confidence;
+
+  PMSP_HD int width() const { return grid.width; }
+  PMSP_HD int height() const { return grid.height; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    const Vec3<float> plane = plane_at<float>(map, at.index);
+    const Surface<float> surface = surface_of(plane, bearing_at(grid, at));
+    const bool known = surface.known && (sure == nullptr || sure[at.index] > 0.0F);
+    const Vec3<float> facing = known ? -1.0F * normalized(plane) : Vec3<float>{0.0F, 0.0F, 0.0F};
+    const float own = sure != nullptr ? sure[at.index] : min(max(score_at<float>(map, at.index), 0.0F), 1.0F);
+    depth[at.index] = known ? surface.depth : 0.0F;
+    normal[3 * at.index] = facing.x;
+    normal[3 * at.index + 1] = facing.y;
+    normal[3 * at.index + 2] = facing.z;
+    confidence[at.index] = known ? own : 0.0F;
+  }
+};
+
+}  // namespace pmsp::kernels

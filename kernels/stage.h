@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "agreement.h"
+#include "cube.h"
+#include "grid_view.h"
+
+// A stage is a functor that does one step of the pipeline for one pixel, or for as many of a row side by side as a
+// number has lanes. It holds plain views of what it reads and writes, so that the rows of a CPU and the threads of a
+// GPU run the same text:
+//
+//   static constexpr int kCounts;                  // of pixels that are counted
+//   int width() const; int height() const;         // of the image that it goes over
+//   template <class F> void operator()(const Place<F>& at, MaskOf<F>* counted) const;
+//
+// `Machine` names the types of a machine's views: Map (planes to read), Planes (planes to write), State (planes in
+// checkerboard order), Cube (images), Mask (which pixels want a depth), Landmarks and Warped (first planes).
+namespace pmsp::kernels {
+
+/// Where a stage is at work.
+template <class F>
+struct Place {
+  IntOf<F> column, index;  ///< of each lane, in row order; lanes beyond the last column hold that one again
+  int row;
+  int first;  ///< index of the first lane
+  int count;  ///< lanes up to the last column
+};
+
+/// Place of a single pixel.
+PMSP_HD Place<float> place_of(int column, int row, int width) {
+  const int index = row * width + column;
+  return {column, index, row, index, 1};
+}
+
+template <class F>
+PMSP_HD Vec3<F> bearing_at(const GridView& grid, const Place<F>& at) {
+  return bearing(gather<F>(grid.sin_lon, at.column), gather<F>(grid.cos_lon, at.column), F(grid.sin_lat[at.row]),
+                 F(grid.cos_lat[at.row]));
+}
+
+/// Index of the pixel (dx, dy) from another one, around the seam and over the poles.
+template <class F>
+PMSP_HD IntOf<F> index_beside(const GridView& grid, const Place<F>& at, int dx, int dy) {
+  const Beside<F> there = beside<F>(grid, at.column, at.row, dx, dy);
+  return there.row * IntOf<F>(grid.width) + there.column;
+}
+
+/// What a plane says of a pixel.
+template <class F>
+struct Hypothesis {
+  Vec3<F> plane;
+  F score;
+};
+
+/// Planes and scores in host memory, one array a coordinate, to be written.
+struct PlaneArrays {
+  float* x;
+  float* y;
+  float* z;
+  float* score;
+};
+template <class F>
+PMSP_HD void put(const PlaneArrays& to, std::size_t first, int count, const Hypothesis<F>& found) {
+  store<F>(found.plane.x, to.x + first, count);
+  store<F>(found.plane.y, to.y + first, count);
+  store<F>(found.plane.z, to.z + first, count);
+  store<F>(found.score, to.score + first, count);
+}
+
+/// The hypotheses of a ring of `count` pixels that starts at `first`, from its element k (any number > -count) on.
+template <class F>
+PMSP_HD Hypothesis<F> in_ring(const PlaneArrays& from, std::size_t first, int k, int count) {
+  return {{load_ring<F>(from.x + first, k, count), load_ring<F>(from.y + first, k, count),
+           load_ring<F>(from.z + first, k, count)},
+          load_ring<F>(from.score + first, k, count)};
+}
+
+/// A mask: 0 = no depth is wanted; nullptr = everywhere.
+struct ByteMask {
+  const std::uint8_t* usable;
+};
+template <class F>
+PMSP_HD MaskOf<F> is_usable(const ByteMask& mask, const IntOf<F>& index) {
+  if (mask.usable == nullptr) return F(1) > F(0);
+  return from_uint<F>(gather_bytes<F>(mask.usable, index)) > F(0);
+}
+
+/// The CPU's views.
+struct HostMachine {
+  using Map = PlaneMapView;
+  using Planes = PlaneArrays;
+  using State = PlaneArrays;
+  using Cube = CubeView;
+  using Mask = ByteMask;
+  using Landmarks = PlaneMapView;
+  using Warped = PlaneMapView;
+};
+
+/// A map after the consistency filter: planes of the pixels whose confidence is above 0.
+template <class Map>
+struct FilteredMap {
+  Map planes;
+  const float* confidence;
+  int width, height;
+};
+template <class F, class Map>
+PMSP_HD Vec3<F> plane_at(const FilteredMap<Map>& map, const IntOf<F>& index) {
+  return select(gather<F>(map.confidence, index) > F(0), plane_at<F>(map.planes, index), Vec3<F>{F(0), F(0), F(0)});
+}
+
+/// Depth along a unit bearing; 1 where there is none.
+template <class F>
+struct Surface {
+  MaskOf<F> known;
+  F depth;
+};
+template <class F>
+PMSP_HD Surface<F> surface_of(const Vec3<F>& plane, const Vec3<F>& bearing) {
+  const F inverse_depth = dot(plane, bearing);
+  const MaskOf<F> known = inverse_depth > F(0);
+  return {known, F(1) / select(known, inverse_depth, F(1))};
+}
+
+}  // namespace pmsp::kernels

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "confidence.h"
+#include "median.h"
+#include "pmsp/options.h"
+
+// The filters' stages, on every machine.
+namespace pmsp {
+
+template <class Machine>
+kernels::MedianFilter<Machine> median_stage(const typename Machine::Map& map, const kernels::GridView& grid,
+                                            const typename Machine::Mask& mask, const MedianFilterOptions& options,
+                                            const typename Machine::Planes& to) {
+  return {map,
+          grid,
+          mask,
+          options.enabled,
+          static_cast<float>(options.max_relative_deviation),
+          static_cast<float>(options.min_score),
+          to};
+}
+
+/// How many of the other maps must agree: where fewer are at hand than the window holds, in proportion.
+inline int agreeing_maps_wanted(const ConsistencyFilterOptions& options, std::size_t others) {
+  const double share = static_cast<double>(others) / (options.window - 1);
+  const int full = options.min_views - 1;
+  return std::min(full, std::max(1, static_cast<int>(std::lround(full * std::min(share, 1.0)))));
+}
+
+/// Without the other maps, `count` of them.
+template <class Machine>
+kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Map& map, const kernels::GridView& grid,
+                                                      std::size_t count, const ConsistencyFilterOptions& options,
+                                                      float* confidence) {
+  kernels::ConsistencyFilter<Machine> stage{};
+  stage.map = map;
+  stage.grid = grid;
+  stage.count = options.enabled ? static_cast<int>(count) : 0;
+  stage.wanted = agreeing_maps_wanted(options, count);
+  stage.tolerance = static_cast<float>(options.max_relative_depth);
+  stage.pixel_angle = static_cast<float>(2.0 * kernels::kPi / grid.width);
+  stage.confidence = confidence;
+  return stage;
+}
+
+}  // namespace pmsp

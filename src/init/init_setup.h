@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+
+#include "init.h"
+#include "pmsp/camera.h"
+#include "pmsp/initialiser.h"
+#include "pmsp/keyframe.h"
+
+namespace pmsp {
+
+/// The landmarks that make planes, as the kernels take them. Writes at most as many as there are; returns their number.
+inline std::size_t sparse_points(const Keyframe& keyframe, int width, int height, kernels::SparsePoint* to) {
+  std::size_t count = 0;
+  for (const Landmark& landmark : keyframe.landmarks) {
+    const Eigen::Vector3d p = keyframe.cam_from_world * landmark.position_world;
+    if (!is_usable_depth(p.norm())) continue;
+    const Eigen::Vector2f at = pixel_from_bearing(p, width, height).cast<float>();
+    const Eigen::Vector3f plane = (p / p.squaredNorm()).cast<float>();
+    to[count++] = {at.x(), at.y(), {plane.x(), plane.y(), plane.z()}};
+  }
+  return count;
+}
+
+}  // namespace pmsp

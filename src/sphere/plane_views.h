@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "pmsp/plane_map.h"
+#include "stage.h"
+
+namespace pmsp {
+
+/// What the kernels read of a map; of an empty one, nothing.
+inline kernels::PlaneMapView view_of(const PlaneMap& map) {
+  if (map.empty()) return {};
+  return {map.x.pixels().data(), map.y.pixels().data(), map.z.pixels().data(),
+          map.width(),           map.height(),          map.score.pixels().data()};
+}
+
+/// And what they write.
+inline kernels::PlaneArrays arrays_of(PlaneMap& map) {
+  return {map.x.pixels().data(), map.y.pixels().data(), map.z.pixels().data(), map.score.pixels().data()};
+}
+
+inline kernels::FilteredMap<kernels::PlaneMapView> view_of(const PlaneMap& map, const Image<float>& confidence) {
+  return {view_of(map), confidence.pixels().data(), map.width(), map.height()};
+}
+
+template <class A, class B>
+bool same_size(const A& a, const B& b) {
+  return a.width() == b.width() && a.height() == b.height();
+}
+
+}  // namespace pmsp

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "pmsp/filters.h"
+#include "pmsp/fusion.h"
+#include "pmsp/initialiser.h"
+#include "pmsp/plane_map.h"
+#include "pmsp/plane_priors.h"
+#include "pmsp/sight_map.h"
+
+/// The stages on depth maps, in which tests are written: planes go in and come out again. What a filter keeps stays as
+/// it is.
+namespace pmsp::test {
+
+/// A plane for each pixel; zero = none.
+using PlaneImage = Image<Eigen::Vector3f>;
+PlaneImage image_of(const PlaneMap& planes);
+
+void median_filter(DepthMap& map, const MedianFilterOptions& options, const Executor& executor,
+                   FilterStats* stats = nullptr);
+void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others,
+                        const ConsistencyFilterOptions& options, const Executor& executor,
+                        FilterStats* stats = nullptr);
+SightMap sight_map(const DepthMap& map, const Executor& executor);
+PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const DepthRange& range,
+                        const PatchMatchOptions& options, const Executor& executor);
+PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_world, int width, int height,
+                       const Executor& executor);
+
+struct FusedDepth {
+  const DepthMap* map = nullptr;
+  const Image<Rgb>* color = nullptr;
+  KeyframePose pose;
+};
+SurfelMap fuse_pixels(const std::vector<FusedDepth>& window, std::size_t current, const FusionOptions& options,
+                      const Executor& executor);
+
+/// Restores the rule that normal and confidence are 0 where depth is.
+void clear_where_no_depth(DepthMap& map);
+
+}  // namespace pmsp::test
