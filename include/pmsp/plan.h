@@ -62,7 +62,7 @@ struct PlanEntry {
   std::vector<std::int64_t> consistency;     ///< whose planes the consistency filter compares
   std::vector<std::int64_t> fusion;          ///< whose points are joined with this keyframe's
   std::vector<std::int64_t> viewers;         ///< asked who has looked through its points
-  std::vector<std::int64_t> owners;          ///< asked who makes the point of a place: some of the viewers
+  std::vector<std::int64_t> owners;          ///< asked who makes the point of a place
 
   /// Whether it lends its image at least.
   bool used() const { return use <= KeyframeUse::kNoRange; }
@@ -92,8 +92,8 @@ inline bool operator!=(const Plan& a, const Plan& b) { return !(a == b); }
 /// - Viewers: the fusion window, and `free_space.views` besides (32 at most in all), spread evenly over those among
 ///   `free_space.history` / 2 used ones on either side that lie within twice the 90th percentile of the ranges of the
 ///   keyframe's landmarks. Without `free_space.whole_mission` none after the fusion window.
-/// - Owners: with `free_space.whole_mission` the viewers among `fusion.history` / 2 used ones on either side, else the
-///   fusion window.
+/// - Owners: with `free_space.whole_mission` as many, chosen likewise among `fusion.history` / 2 used ones on either
+///   side; else the fusion window.
 /// In an unordered set all with landmarks are used but blurred ones; near neighbours, windows and viewers are chosen
 /// over the whole set. Near neighbours and windows share landmarks directly with the keyframe: the former see most of
 /// what it sees under useful parallax, the latter share most landmarks. There are no first planes.

@@ -13,7 +13,7 @@ using Visit = kernels::Visit<float, SharedPatch>;
 // Small blocks: a pass over the pixels of one colour of a small depth map is hardly more than one wave of blocks.
 constexpr int kBlockWidth = 32;
 constexpr int kBlockHeight = kPatchThreads / kBlockWidth;
-constexpr int kMinBlocks = 14;  ///< a multiprocessor: 896 threads with 72 registers each
+constexpr int kMinBlocks = 12;  ///< a multiprocessor: 768 threads with 80 registers each
 
 /// A thread's pixel. False beyond the image.
 __device__ bool turn_of_thread(const PatchMatchPass& pass, int colour, kernels::Turn<float>& turn) {

@@ -85,7 +85,7 @@ ViewChain::Lean PreviousPlan::lean(std::int64_t id) const {
 
 std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector<std::int64_t>& window,
                                          const std::vector<ViewerCandidate>& candidates, int count,
-                                         const PlanEntry* previous) {
+                                         const std::vector<std::int64_t>* before) {
   const std::unordered_set<std::int64_t> in_window(window.begin(), window.end());
   const std::size_t wanted =
       std::min(static_cast<std::size_t>(count), static_cast<std::size_t>(kernels::kMaxViewers) - window.size());
@@ -96,17 +96,16 @@ std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector
     if (known || candidate.distance <= kReachMargin * node.reach) allowed.insert(candidate.id);
     if (!known && candidate.distance <= node.reach) list.push_back(candidate);
   }
-  if (previous != nullptr) {
-    const std::vector<std::int64_t>& before = previous->viewers;
+  if (before != nullptr) {
     std::size_t of_window = 0;
     bool all_allowed = true;
-    for (const std::int64_t id : before) {
+    for (const std::int64_t id : *before) {
       all_allowed = all_allowed && allowed.count(id) != 0;
       of_window += in_window.count(id);
     }
-    if (all_allowed && of_window == window.size() && before.size() <= window.size() + wanted &&
-        still_spread(before, list, wanted, node.reach / kReachMargin)) {
-      return before;
+    if (all_allowed && of_window == window.size() && before->size() <= window.size() + wanted &&
+        still_spread(*before, list, wanted, node.reach / kReachMargin)) {
+      return *before;
     }
   }
   std::unordered_set<std::int64_t> chosen(in_window);

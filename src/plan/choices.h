@@ -47,10 +47,11 @@ struct ViewerCandidate {
   double distance;  ///< of the two cameras [scene units]
 };
 
-/// The fusion window, and up to `count` in all with the others within reach, spread evenly over the list.
+/// The fusion window, and up to `count` besides of the others within reach, spread evenly over the list. `before`: the
+/// choice of the previous plan.
 std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector<std::int64_t>& window,
                                          const std::vector<ViewerCandidate>& candidates, int count,
-                                         const PlanEntry* previous);
+                                         const std::vector<std::int64_t>* before);
 
 /// The range of the landmarks, or the one before where it hardly differs.
 DepthRange choose_range(const Keyframe& keyframe, const InitOptions& options, const PlanEntry* previous);

@@ -2,7 +2,6 @@
 #include "plan/planner.h"
 
 #include <algorithm>
-#include <iterator>
 #include <utility>
 
 #include "plan/reach.h"
@@ -165,20 +164,18 @@ void Planner::choose_viewers_of(std::int64_t i) {
   if (!entry.has_depth_map()) return;
   entry.viewers = entry.owners = entry.fusion;
   if (!options_.free_space.enabled) return;
-  std::vector<ViewerCandidate> candidates;
-  for (std::int64_t k = std::max(first_, i - reach_.viewers_before); k <= std::min(end() - 1, i + reach_.viewers_after);
-       ++k) {
-    if (k != i && node(k).has_depth_map) {
+  const PlanEntry* const before = previous_.find(entry.id);
+  const auto choose = [&](std::int64_t behind, std::int64_t ahead, const std::vector<std::int64_t>* known) {
+    std::vector<ViewerCandidate> candidates;
+    for (std::int64_t k = std::max(first_, i - behind); k <= std::min(end() - 1, i + ahead); ++k) {
+      if (k == i || !node(k).has_depth_map) continue;
       candidates.push_back({node(k).keyframe.id, (node(k).center - reference.center).norm()});
     }
-  }
-  entry.viewers =
-      choose_viewers(reference, entry.fusion, candidates, options_.free_space.views, previous_.find(entry.id));
+    return choose_viewers(reference, entry.fusion, candidates, options_.free_space.views, known);
+  };
+  entry.viewers = choose(reach_.viewers_before, reach_.viewers_after, before != nullptr ? &before->viewers : nullptr);
   if (!asks_whole_mission(options_)) return;
-  const std::vector<std::int64_t> around = window_around(i, reach_.owners);
-  entry.owners.clear();
-  std::copy_if(entry.viewers.begin(), entry.viewers.end(), std::back_inserter(entry.owners),
-               [&](std::int64_t id) { return std::find(around.begin(), around.end(), id) != around.end(); });
+  entry.owners = choose(reach_.owners, reach_.owners, before != nullptr ? &before->owners : nullptr);
 }
 
 /// Lets go of what no later keyframe looks at.

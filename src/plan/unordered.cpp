@@ -262,7 +262,8 @@ void UnorderedPlan::choose_windows_of(std::size_t i) {
   std::sort(others.begin(), others.end());
   std::vector<ViewerCandidate> candidates;
   for (const auto& [away, k] : others) candidates.push_back({nodes_[k].keyframe.id, away});
-  decided.viewers = choose_viewers(nodes_[i], decided.fusion, candidates, options_.free_space.views, before);
+  decided.viewers = choose_viewers(nodes_[i], decided.fusion, candidates, options_.free_space.views,
+                                   before != nullptr ? &before->viewers : nullptr);
   if (asks_whole_mission(options_)) decided.owners = decided.viewers;
 }
 

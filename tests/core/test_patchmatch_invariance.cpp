@@ -169,7 +169,7 @@ TEST_CASE("a cancelled run returns an empty map", "[patchmatch]") {
   const Panorama panorama(pixels.view(), {}, 64, 32, executor);
   const RigidTransform moved{Eigen::Matrix3d::Identity(), Eigen::Vector3d(1.0, 0.0, 0.0)};
   const std::atomic<bool> cancel{true};
-  const PlaneMap map = patchmatch({7, {&panorama, {}}, {{&panorama, moved}}, {0.5, 2.0}}, PatchMatchOptions{}, 1,
-                                  executor, &cancel);
+  const PlaneMap map =
+      patchmatch({7, {&panorama, {}}, {{&panorama, moved}}, {0.5, 2.0}}, PatchMatchOptions{}, 1, executor, &cancel);
   CHECK(map.empty());
 }

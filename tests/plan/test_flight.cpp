@@ -79,8 +79,9 @@ void check_valid(const Plan& plan, const DensifierOptions& options) {
       const bool whole = options.free_space.whole_mission;
       const int reach = whole ? std::max(options.fusion.history, options.fusion.window) / 2 : options.fusion.window / 2;
       CHECK(std::abs(place[id] - place[entry.id]) <= reach);
-      CHECK(std::count(entry.viewers.begin(), entry.viewers.end(), id) == 1);
+      CHECK(by_id[id]->has_depth_map());
     }
+    CHECK(entry.owners.size() <= 32);
     if (!entry.used()) {
       CHECK((entry.near.empty() && entry.far.empty() && entry.viewers.empty() && !entry.first_planes));
     }
