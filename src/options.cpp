@@ -161,6 +161,8 @@ DensifierOptions preset(Quality quality) {
   options.consistency.window = 7;
   options.consistency.max_relative_depth = 0.007;  // finer pixels and more neighbours agree more closely
   options.free_space.whole_mission = true;
+  options.patchmatch.revisits = 1;  // averages the noise of cheap cameras away
+  options.patchmatch.history = quality == Quality::kNormal ? 100 : 30;
   options.fusion.history = quality == Quality::kNormal ? 100 : 30;  // at 5760 x 2880 a keyframe takes 0.2 GiB
   return options;
 }

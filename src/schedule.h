@@ -11,7 +11,8 @@ namespace pmsp {
 
 /// What a stage leaves for a keyframe, and what of it others read.
 enum class Artefact {
-  kImage,      ///< prepared, for matching
+  kImage,      ///< prepared, for matching with near neighbours
+  kFarImage,   ///< the same, for keyframes that pass the place again
   kColor,      ///< of the depth map's size, with the mask
   kLandmarks,  ///< of the keyframe
   kPlanes,     ///< of the passes of PatchMatch

@@ -35,6 +35,13 @@ class Panorama {
   /// Frees what is matched with, for a panorama whose colours only are asked for from now on.
   void release_gray();
 
+  /// Keeps what is matched with in a quarter of the memory, for a panorama that is rarely matched with from now on:
+  /// only by way of `unpacked`.
+  void pack_gray();
+  bool packed() const;
+  /// What is matched with, without the colours.
+  Panorama unpacked(const Executor& executor) const;
+
   /// 255 where a depth is wanted, 0 where the mask forbids it (a pixel that covers any masked pixel is masked); `width`
   /// x `height`; empty without a mask.
   const Image<std::uint8_t>& usable() const;
@@ -43,6 +50,8 @@ class Panorama {
   const Data& data() const { return *data_; }  ///< for the stages
 
  private:
+  Panorama();
+
   std::unique_ptr<Data> data_;
 };
 

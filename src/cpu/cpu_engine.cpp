@@ -69,8 +69,12 @@ PlaneMap CpuEngine::run_pass(const MatchTask& task) {
   input.reference = {&reference.panorama, reference.cam_from_world};
   input.range = task.range;
   input.first_iteration = iterations.first;
+  std::vector<Panorama> unpacked;
+  unpacked.reserve(task.neighbours.size());  // the input points into it
   for (const Frame* neighbour : task.neighbours) {
-    input.neighbours.push_back({&own(*neighbour).panorama, neighbour->cam_from_world});
+    const Panorama* panorama = &own(*neighbour).panorama;
+    if (panorama->packed()) panorama = &unpacked.emplace_back(panorama->unpacked(executor_));
+    input.neighbours.push_back({panorama, neighbour->cam_from_world});
     if (task.pass == 0) continue;
     const bool near = input.neighbour_maps.size() < task.near;
     input.neighbour_maps.push_back(near ? &own(*neighbour).raws[(task.pass - 1) % 2] : nullptr);
@@ -219,6 +223,9 @@ void CpuEngine::release(Frame& frame, Artefact artefact) {
   CpuFrame& done = own(frame);
   switch (artefact) {
     case Artefact::kImage:
+      if (context_.options.patchmatch.revisits > 0) done.panorama.pack_gray();
+      break;
+    case Artefact::kFarImage:
       done.panorama.release_gray();
       break;
     case Artefact::kColor:

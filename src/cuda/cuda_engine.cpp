@@ -578,6 +578,8 @@ void CudaEngine::release(Frame& frame, Artefact artefact) {
   CudaFrame& done = own(frame);
   switch (artefact) {
     case Artefact::kImage:
+      break;
+    case Artefact::kFarImage:
       done.gray.reset();
       done.usable.reset();
       break;

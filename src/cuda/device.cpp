@@ -18,6 +18,8 @@ constexpr std::size_t kCameraPixels = std::size_t{5760} * 2880;
 std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::size_t pixels, std::size_t cube_side) {
   switch (artefact) {
     case Artefact::kImage:
+      return 0;  // it is the far one
+    case Artefact::kFarImage:
       return 18 * cube_side * cube_side;
     case Artefact::kColor:
       return 4 * pixels;

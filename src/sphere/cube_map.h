@@ -10,13 +10,17 @@
 
 namespace pmsp {
 
-/// Owns the six faces that a kernels::CubeView reads (layout there).
+/// Owns the six faces that a kernels::CubeView reads (layout there), or, packed, the nodes that they are made of, in a
+/// quarter of the memory.
 struct CubeMap {
   int size = 0;
   std::vector<std::uint64_t> quads;
+  std::vector<std::uint16_t> nodes;  ///< [face][size + 2][size + 2], where packed
 
-  bool empty() const { return quads.empty(); }
-  kernels::CubeView view() const;
+  bool packed() const { return !nodes.empty(); }
+  void pack();
+  CubeMap unpacked(ThreadPool& pool) const;
+  kernels::CubeView view() const;  ///< of one that is not packed
 };
 
 /// Faces as fine at their centres as an equirectangular image of this width is at the equator.

@@ -81,6 +81,7 @@ Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mas
   data_->matchable = make_usable_cube(data_->usable, size, kPatchReachPx, pool);
 }
 
+Panorama::Panorama() : data_(std::make_unique<Data>()) {}
 Panorama::~Panorama() = default;
 Panorama::Panorama(Panorama&&) noexcept = default;
 Panorama& Panorama::operator=(Panorama&&) noexcept = default;
@@ -90,6 +91,19 @@ int Panorama::height() const { return data_->height; }
 const Image<Rgb>& Panorama::color() const { return data_->color; }
 void Panorama::release_color() { data_->color = {}; }
 void Panorama::release_gray() { data_->gray = data_->matchable = {}; }
+void Panorama::pack_gray() {
+  data_->gray.pack();
+  data_->matchable.pack();
+}
+bool Panorama::packed() const { return data_->gray.packed(); }
+Panorama Panorama::unpacked(const Executor& executor) const {
+  Panorama result;
+  result.data_->width = data_->width;
+  result.data_->height = data_->height;
+  result.data_->gray = data_->gray.unpacked(executor.impl().pool);
+  result.data_->matchable = data_->matchable.unpacked(executor.impl().pool);
+  return result;
+}
 const Image<std::uint8_t>& Panorama::usable() const { return data_->usable; }
 
 }  // namespace pmsp

@@ -298,3 +298,24 @@ TEST_CASE("an empty cube map has a view without quads: usable everywhere") {
   CHECK(cube_size_for(640) == 204);
   CHECK(cube_size_for(2) == 8);
 }
+
+TEST_CASE("a packed cube takes a quarter of the memory and comes back as it was") {
+  pmsp::ThreadPool pool(2);
+  for (const int size : {8, 10, 26}) {
+    pmsp::Image<float> gray(4 * size, 2 * size);
+    Draws draws(static_cast<std::uint64_t>(size));
+    for (float& value : gray.pixels()) value = static_cast<float>(draws.uniform(0.0, 255.0));
+    const pmsp::CubeMap made = pmsp::make_cube_map(gray, size, pool);
+    pmsp::CubeMap packed = made;
+    packed.pack();
+    CHECK(packed.packed());
+    CHECK(packed.quads.empty());
+    const pmsp::CubeMap again = packed.unpacked(pool);
+    CHECK_FALSE(again.packed());
+    CHECK(again.size == made.size);
+    CHECK(again.quads == made.quads);
+  }
+  pmsp::CubeMap none;
+  none.pack();
+  CHECK(none.unpacked(pool).quads.empty());
+}
