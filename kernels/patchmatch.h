@@ -121,7 +121,7 @@ PMSP_HD Vec3<F> neighbour_plane(int i, const At& at) {
   return select(other.score > one.score, other.plane, one.plane);
 }
 
-/// Where the neighbour (dx, dy) of a pixel lies in checkerboard order (src/sphere/grid.h): its row, and how many places
+/// Where the neighbour (dx, dy) of a pixel lies in checkerboard order (grid_view.h): its row, and how many places
 /// to the right of the pixel's own among that row's pixels of the other colour, which close to a ring. Beyond a pole
 /// the row comes back on the opposite meridian; there one column more or less is no angle to speak of, and is chosen so
 /// that the neighbour has the other colour.
@@ -151,7 +151,7 @@ struct Turn {
   IntOf<F> column, index;  ///< in row order; lanes beyond the end hold the last pixel
 };
 
-/// A keyframe's pass of PatchMatch. `State` keeps its pixels in checkerboard order (src/sphere/grid.h).
+/// A keyframe's pass of PatchMatch. `State` keeps its pixels in checkerboard order (grid_view.h).
 template <class Machine>
 struct PatchMatchPass {
   Matching<typename Machine::Cube> matching;
@@ -161,12 +161,6 @@ struct PatchMatchPass {
   typename Machine::Map priors;           ///< planes that pixels without texture prefer; empty = none
   typename Machine::Landmarks landmarks;  ///< planes to start with; empty = none
   typename Machine::Warped warped;
-
-  /// First index of a row's ring of a colour.
-  PMSP_HD std::size_t ring_of(int y, int colour) const {
-    return (static_cast<std::size_t>(y) * 2 + static_cast<std::size_t>(colour)) *
-           static_cast<std::size_t>(grid.width / 2);
-  }
 
   /// The first planes: a random one and what landmarks and the keyframe before propose.
   template <class F, class Patch>
@@ -197,7 +191,7 @@ struct PatchMatchPass {
     const int half = grid.width / 2;
     const auto neighbour_at = [&](const NeighbourOffset& offset) {
       const NeighbourRing from = neighbour_ring(grid.width, grid.height, turn.y, turn.colour, offset.dx, offset.dy);
-      return in_ring<F>(state, ring_of(from.y, 1 - turn.colour), turn.k + from.shift, half);
+      return in_ring<F>(state, ring_index(grid.width, from.y, 1 - turn.colour), turn.k + from.shift, half);
     };
     const Hypothesis<F> before = in_ring<F>(state, turn.ring, turn.k, half);
     Hypothesis<F> best = before;

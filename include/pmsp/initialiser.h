@@ -28,9 +28,9 @@ DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options);
 /// landmark gets the plane of the nearest one, perpendicular to the ray to it. Scores are 0.
 PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options);
 
-/// The planes of one keyframe moved into another keyframe, `width` x `height`: each is seen where its
-/// pixel's surface point is; where several meet, the nearest to the camera wins. (Surmann et al. 2022, section III-B;
-/// normals turn with the camera.) Scores are 0.
+/// The planes of one keyframe moved into another one, `width` x `height`: each is seen where its pixel's surface point
+/// is; where several meet, the nearest to the camera wins. (Surmann et al. 2022, section III-B; normals turn with the
+/// camera.) Scores are 0.
 PlaneMap warp_planes(const PlaneMap& previous, const RigidTransform& cam_from_world, int width, int height,
                      const Executor& executor);
 

@@ -71,19 +71,19 @@ PlaneMap CpuEngine::run_pass(const MatchTask& task) {
   input.first_iteration = iterations.first;
   std::vector<Panorama> unpacked;
   unpacked.reserve(task.neighbours.size());  // the input points into it
-  for (const Frame* neighbour : task.neighbours) {
-    const Panorama* panorama = &own(*neighbour).panorama;
-    if (panorama->packed()) panorama = &unpacked.emplace_back(panorama->unpacked(executor_));
-    input.neighbours.push_back({panorama, neighbour->cam_from_world});
-    if (task.pass == 0) continue;
-    const bool near = input.neighbour_maps.size() < task.near;
-    input.neighbour_maps.push_back(near ? &own(*neighbour).raws[(task.pass - 1) % 2] : nullptr);
-  }
   PlaneMap landmarks;
   PlaneMap warped;
   PlaneMap prior;
   {
     const Stopwatch watch(context_.stats.seconds_init);
+    for (const Frame* neighbour : task.neighbours) {
+      const Panorama* panorama = &own(*neighbour).panorama;
+      if (panorama->packed()) panorama = &unpacked.emplace_back(panorama->unpacked(executor_));
+      input.neighbours.push_back({panorama, neighbour->cam_from_world});
+      if (task.pass == 0) continue;
+      const bool near = input.neighbour_maps.size() < task.near;
+      input.neighbour_maps.push_back(near ? &own(*neighbour).raws[(task.pass - 1) % 2] : nullptr);
+    }
     const int width = options.width;
     const int height = options.height;
     if (task.pass == 0 && options.init.sparse_points) {

@@ -18,7 +18,13 @@ struct Executor::Impl {
   template <class Stage>
   std::array<std::int64_t, Stage::kCounts> run(const Stage& stage) {
     const auto row = std::get<cpu::RowOf<Stage>>(rows.stages).row;
-    return count_rows<Stage::kCounts>(stage.height(), [&](int y, std::int64_t* counts) { row(stage, y, counts); });
+    std::vector<std::array<std::int64_t, Stage::kCounts + 1>> counts(static_cast<std::size_t>(stage.height()));
+    pool.for_each(stage.height(), [&](int y) { row(stage, y, counts[static_cast<std::size_t>(y)].data()); });
+    std::array<std::int64_t, Stage::kCounts> sums{};
+    for (const auto& of_row : counts) {
+      for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += of_row[i];
+    }
+    return sums;
   }
   /// Runs a stage pixel by pixel.
   template <class Stage>
@@ -31,18 +37,6 @@ struct Executor::Impl {
   ThreadPool pool;
   Simd simd;
   cpu::RowKernels rows;
-
- private:
-  template <std::size_t kCounts, class Row>
-  std::array<std::int64_t, kCounts> count_rows(int height, const Row& row) {
-    std::vector<std::array<std::int64_t, kCounts + 1>> counts(static_cast<std::size_t>(height));
-    pool.for_each(height, [&](int y) { row(y, counts[static_cast<std::size_t>(y)].data()); });
-    std::array<std::int64_t, kCounts> sums{};
-    for (const auto& of_row : counts) {
-      for (std::size_t i = 0; i < kCounts; ++i) sums[i] += of_row[i];
-    }
-    return sums;
-  }
 };
 
 }  // namespace pmsp

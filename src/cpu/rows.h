@@ -38,7 +38,13 @@ template <class F>
 PMSP_HD kernels::Turn<F> turn_of(const PatchMatchPass& pass, int y, int colour, int k) {
   const int half = pass.grid.width / 2;
   const IntOf<F> column = columns_from<F>(k, half) * IntOf<F>(2) + IntOf<F>((y + colour) & 1);
-  return {y, colour, k, half - k, pass.ring_of(y, colour), column, IntOf<F>(y * pass.grid.width) + column};
+  return {y,
+          colour,
+          k,
+          half - k,
+          kernels::ring_index(pass.grid.width, y, colour),
+          column,
+          IntOf<F>(y * pass.grid.width) + column};
 }
 
 template <class F>

@@ -142,7 +142,6 @@ class CudaEngine : public Engine {
   kernels::FilteredMap<DevicePlanes> filtered(const CudaFrame& frame) const {
     return {planes_of(frame.planes->get()), frame.confidence->get(), context_.options.width, context_.options.height};
   }
-  int agree_bytes() const { return (context_.options.fusion.window - 1 + 7) / 8; }
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
   std::size_t pixels() const {
     return static_cast<std::size_t>(context_.options.width) * static_cast<std::size_t>(context_.options.height);
@@ -447,7 +446,7 @@ void CudaEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std
   CudaFrame& reference = own(frame);
   reference.surfels = words_.get(pixels());
   reference.details = words_.get(pixels());
-  reference.agree = agree_.get(pixels() * static_cast<std::size_t>(agree_bytes()));
+  reference.agree = agree_.get(pixels() * static_cast<std::size_t>(agree_bytes(context_.options.fusion)));
   reference.standings = standings_.get(pixels());
   const auto view = [&](const CudaFrame& member) {
     const Relation to = relation(member.pose(), reference.pose());
@@ -464,7 +463,7 @@ void CudaEngine::fuse(Frame& frame, const std::vector<const Frame*>& window, std
   }
   stage.limits = fusion_limits(context_.options.fusion);
   stage.to = {reference.surfels->get(), reference.details->get(), reference.standings->get(), reference.agree->get(),
-              agree_bytes()};
+              agree_bytes(context_.options.fusion)};
   const std::shared_ptr<Record> record = records_.get();
   record->start(compute_);
   launch(stage, record->device.get(), compute_.get());
@@ -547,7 +546,7 @@ void CudaEngine::hand_out(Frame& frame) {
   record->start(compute_);
   owned_points({grid_->view(),
                 {reference.surfels->get(), reference.details->get(), reference.standings->get(), reference.agree->get(),
-                 agree_bytes()},
+                 agree_bytes(context_.options.fusion)},
                 lent->points.get(),
                 lent->pixels.get(),
                 lent->agree.get(),

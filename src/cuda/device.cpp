@@ -4,6 +4,7 @@
 #include "cuda/cuda_engine.h"
 #include "cuda/launch.h"
 #include "cuda/memory.h"
+#include "fusion/fusion_setup.h"
 #include "pmsp/error.h"
 #include "schedule.h"
 #include "sphere/cube_map.h"
@@ -34,7 +35,7 @@ std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::si
     case Artefact::kSight:
       return 2 * pixels;
     case Artefact::kSurfels:
-      return (2 * 4 + 2 + static_cast<std::size_t>(options.fusion.window - 1 + 7) / 8) * pixels;
+      return (2 * 4 + 2 + static_cast<std::size_t>(agree_bytes(options.fusion))) * pixels;
   }
   return 0;
 }

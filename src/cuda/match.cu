@@ -21,7 +21,7 @@ __device__ bool turn_of_thread(const PatchMatchPass& pass, int colour, kernels::
   const int k = static_cast<int>(blockIdx.x * kBlockWidth + threadIdx.x);
   const int y = static_cast<int>(blockIdx.y * kBlockHeight + threadIdx.y);
   const int x = 2 * k + ((y + colour) & 1);
-  turn = {y, colour, k, half - k, pass.ring_of(y, colour), x, y * pass.grid.width + x};
+  turn = {y, colour, k, half - k, kernels::ring_index(pass.grid.width, y, colour), x, y * pass.grid.width + x};
   return k < half && y < pass.grid.height;
 }
 
@@ -42,20 +42,13 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks)
   pass.iterate(visit, turn, iteration, rescore);
 }
 
-/// Index of pixel (x, y) in checkerboard order (SphereGrid).
-__device__ std::size_t checkerboard_index(int x, int y, int width) {
-  const std::size_t half = static_cast<std::size_t>(width / 2);
-  return (static_cast<std::size_t>(y) * 2 + static_cast<std::size_t>((x + y) & 1)) * half +
-         static_cast<std::size_t>(x / 2);
-}
-
 __global__ void reorder_kernel(int width, int height, const float4* from, float4* to, bool to_rows) {
   const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
   if (x >= width || y >= height) return;
   const std::size_t in_rows =
       static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-  const std::size_t in_colours = checkerboard_index(x, y, width);
+  const std::size_t in_colours = kernels::checkerboard_index(width, x, y);
   to[to_rows ? in_rows : in_colours] = from[to_rows ? in_colours : in_rows];
 }
 

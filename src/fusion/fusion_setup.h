@@ -17,6 +17,9 @@ struct Relation {
 };
 Relation relation(const KeyframePose& other, const KeyframePose& first);
 
+/// Bytes for each pixel that say which other maps of a whole window agree.
+inline int agree_bytes(const FusionOptions& options) { return (options.window - 1 + 7) / 8; }
+
 kernels::FusionLimits fusion_limits(const FusionOptions& options);
 kernels::OwnershipLimits ownership_limits(const FusionOptions& options);
 kernels::SightLimits sight_limits(const FreeSpaceOptions& options);

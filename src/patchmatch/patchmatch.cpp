@@ -46,7 +46,7 @@ class State {
   void for_each_pixel(ThreadPool& pool, const Body& body) const {
     pool.for_each(grid_.height(), [&](int y) {
       std::size_t in_rows = static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.width());
-      for (int x = 0; x < grid_.width(); ++x) body(in_rows++, grid_.index(x, y));
+      for (int x = 0; x < grid_.width(); ++x) body(in_rows++, kernels::checkerboard_index(grid_.width(), x, y));
     });
   }
 

@@ -20,13 +20,13 @@ TEST_CASE("checkerboard order: every index once, colours in one piece per row") 
     std::vector<int> seen(grid.size(), 0);
     for (int y = 0; y < grid.height(); ++y) {
       for (int x = 0; x < grid.width(); ++x) {
-        const std::size_t at = grid.index(x, y);
+        const std::size_t at = k::checkerboard_index(grid.width(), x, y);
         REQUIRE(at < seen.size());
         ++seen[at];
         const int colour = (x + y) & 1;
-        REQUIRE(at / static_cast<std::size_t>(grid.half()) == static_cast<std::size_t>(2 * y + colour));
-        REQUIRE(at == grid.index(y, colour, x / 2));
-        REQUIRE(x == 2 * (x / 2) + SphereGrid::first_column(y, colour));
+        REQUIRE(at / static_cast<std::size_t>(grid.width() / 2) == static_cast<std::size_t>(2 * y + colour));
+        REQUIRE(at == k::ring_index(grid.width(), y, colour) + static_cast<std::size_t>(x / 2));
+        REQUIRE(x == 2 * (x / 2) + ((y + colour) & 1));
       }
     }
     for (const int count : seen) REQUIRE(count == 1);

@@ -46,7 +46,7 @@ void check_neighbours(int width, int height) {
         REQUIRE(from.y < height);
         const int k = x / 2 + from.shift;
         REQUIRE(k > -half);  // what load_ring takes
-        const int column = 2 * modulo(k, half) + SphereGrid::first_column(from.y, 1 - colour);
+        const int column = 2 * modulo(k, half) + ((from.y + 1 - colour) & 1);
         const Place place = expected_place(x, y, width, height, offset);
         REQUIRE(((column + from.y) & 1) == 1 - colour);
         REQUIRE(from.y == place.y);
