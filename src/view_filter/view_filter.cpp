@@ -2,10 +2,10 @@
 #include "pmsp/view_filter.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "util/eigen_kernels.h"
-#include "util/median.h"
 #include "view_filter/sharpness.h"
 #include "view_filter/view_chain.h"
 
@@ -17,21 +17,36 @@ CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vect
   in_a.reserve(a.size());
   for (const Landmark& landmark : a) in_a.push_back(landmark.id);
   if (!std::is_sorted(in_a.begin(), in_a.end())) std::sort(in_a.begin(), in_a.end());
+  // Cosines order as angles do and cost a fraction; only the median's angle is computed.
+  struct Common {
+    double cosine;
+    const Landmark* landmark;
+  };
+  std::vector<Common> common;
+  common.reserve(std::min(a.size(), b.size()));
+  constexpr double kRounding = 1e-15;
+  const double most = std::cos(min_deg * kernels::kPi / 180.0) + kRounding;
+  const double least = std::cos(max_deg * kernels::kPi / 180.0) - kRounding;
   CommonParallax result;
-  std::vector<double> angles;
-  angles.reserve(b.size());
   auto next = in_a.begin();  // ids mostly come in order: then it only moves on
   for (const Landmark& landmark : b) {
     if (next == in_a.end() || *next > landmark.id) next = in_a.begin();
     if (next != in_a.end() && *next < landmark.id) next = std::lower_bound(next, in_a.end(), landmark.id);
     if (next == in_a.end() || *next != landmark.id) continue;
-    const double angle = angle_deg(landmark.position_world - center_a, landmark.position_world - center_b);
-    angles.push_back(angle);
-    if (angle >= min_deg && angle <= max_deg) ++result.in_range;
+    const Eigen::Vector3d from_a = landmark.position_world - center_a;
+    const Eigen::Vector3d from_b = landmark.position_world - center_b;
+    double cosine = from_a.dot(from_b) / std::sqrt(from_a.squaredNorm() * from_b.squaredNorm());
+    if (!std::isfinite(cosine)) cosine = 1.0;  // at a camera, or beyond all measure
+    common.push_back({cosine, &landmark});
+    if (cosine <= most && cosine >= least) ++result.in_range;
   }
-  result.landmarks = static_cast<int>(angles.size());
-  if (angles.empty()) return result;
-  result.median_deg = median(angles);
+  result.landmarks = static_cast<int>(common.size());
+  if (common.empty()) return result;
+  const auto smaller_angle = [](const Common& x, const Common& y) { return x.cosine > y.cosine; };
+  const auto middle = common.begin() + static_cast<std::ptrdiff_t>(common.size() / 2);
+  std::nth_element(common.begin(), middle, common.end(), smaller_angle);
+  const Eigen::Vector3d& position = middle->landmark->position_world;
+  result.median_deg = angle_deg(position - center_a, position - center_b);
   return result;
 }
 
