@@ -104,4 +104,21 @@ PMSP_HD Vec3<F> plane_at(const WarpedPlanes<Map>& planes, int pixel) {
   return moved_plane(plane_at<F>(planes.map, static_cast<int>(static_cast<std::uint32_t>(key))), planes.map_from_other);
 }
 
+/// Makes a map of the planes that keys stand for; a stage. Scores are 0.
+template <class Machine, class Source>
+struct PlanesOfKeys {
+  static constexpr int kCounts = 0;
+
+  Source source;  ///< LandmarkPlanes or WarpedPlanes
+  GridView grid;
+  typename Machine::Planes to;
+
+  PMSP_HD int width() const { return grid.width; }
+  PMSP_HD int height() const { return grid.height; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    put(to, static_cast<std::size_t>(at.first), 1, Hypothesis<float>{plane_at<float>(source, at.index), 0.0F});
+  }
+};
+
 }  // namespace pmsp::kernels

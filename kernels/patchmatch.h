@@ -142,6 +142,27 @@ PMSP_HD NeighbourRing neighbour_ring(int width, int height, int y, int colour, i
   return {row, (parity + columns - other_parity) / 2};
 }
 
+/// Brings planes from row order into checkerboard order (grid_view.h), or back; a stage.
+template <class Machine>
+struct ReorderPlanes {
+  static constexpr int kCounts = 0;
+
+  typename Machine::Map from;
+  typename Machine::Planes to;
+  bool to_rows;
+
+  PMSP_HD int width() const { return from.width; }
+  PMSP_HD int height() const { return from.height; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    const std::size_t in_rows = static_cast<std::size_t>(at.index);
+    const std::size_t in_colours = checkerboard_index(from.width, at.column, at.row);
+    const int source = static_cast<int>(to_rows ? in_colours : in_rows);
+    put(to, to_rows ? in_rows : in_colours, 1,
+        Hypothesis<float>{plane_at<float>(from, source), score_at<float>(from, source)});
+  }
+};
+
 /// A pixel of one colour on its turn; of a batch, the first of as many that follow one another in the row's ring.
 template <class F>
 struct Turn {

@@ -249,6 +249,26 @@ PMSP_HD void choose_plane(const PriorCells<Map>& cells, int column, int row) {
   cells.chosen[cell] = best;
 }
 
+/// What is found for all cells, one after the other.
+enum class PriorStep { kSupports, kPlanes, kChoice };
+
+/// One of the steps; a stage over the cells.
+template <class Map, PriorStep step>
+struct PriorCellStep {
+  static constexpr int kCounts = 0;
+
+  PriorCells<Map> cells;
+
+  PMSP_HD int width() const { return cells.columns; }
+  PMSP_HD int height() const { return cells.rows; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    if constexpr (step == PriorStep::kSupports) find_support(cells, at.column, at.row);
+    if constexpr (step == PriorStep::kPlanes) find_plane(cells, at.column, at.row);
+    if constexpr (step == PriorStep::kChoice) choose_plane(cells, at.column, at.row);
+  }
+};
+
 /// The prior of a pixel of the map; zero = none.
 template <class Map>
 PMSP_HD Vec3<float> prior_at(const PriorCells<Map>& cells, int x, int y) {

@@ -67,6 +67,7 @@ void Densifier::Impl::prepare(const Keyframe& keyframe) {
   if (options.width == 0 || options.height == 0) {  // only now is known how much memory it takes
     fill_in_size(options, keyframe.image.width, keyframe.image.height);
     options.backend = given_options.backend;
+    options.scratch_folder = given_options.scratch_folder;
     engine = make_engine({options, results, stats, cancel}, options, backend);
   }
   index_of[keyframe.id] = end();

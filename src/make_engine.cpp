@@ -11,14 +11,22 @@
 namespace pmsp {
 namespace {
 
-/// Empty where the memory suffices, or as long as the size of the depth maps is not known.
-std::string why_too_small(const cuda::Device& device, const DensifierOptions& options) {
+/// Empty where the memory suffices, or as long as the size of the depth maps is not known. Takes the scratch folder
+/// from the options where nothing need be put aside.
+std::string why_too_small(const cuda::Device& device, DensifierOptions& options) {
   if (options.width == 0 || options.height == 0) return {};
+  DensifierOptions in_memory = options;
+  in_memory.scratch_folder.clear();
+  if (cuda::memory_needed(in_memory) <= device.free_bytes) {
+    options.scratch_folder.clear();
+    return {};
+  }
   const std::size_t needed = cuda::memory_needed(options);
   if (needed <= device.free_bytes) return {};
   return device.name + " has " + std::to_string(device.free_bytes >> 20U) + " MiB free, but " +
          std::to_string(options.width) + " x " + std::to_string(options.height) + " takes " +
-         std::to_string(needed >> 20U) + " MiB";
+         std::to_string(needed >> 20U) + " MiB" +
+         (options.scratch_folder.empty() ? "; a scratch folder may help (scratch_folder)" : "");
 }
 
 }  // namespace
@@ -47,7 +55,7 @@ std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptio
   description = "CPU, " + std::to_string(options.threads) + (options.threads == 1 ? " thread, " : " threads, ") +
                 name_of(options.simd);
   if (!why_not.empty()) description += " (CUDA: " + why_not + ")";
-  return std::make_unique<CpuEngine>(context, std::move(executor));
+  return cpu::make_engine(context, std::move(executor));
 }
 
 }  // namespace pmsp

@@ -26,7 +26,8 @@ DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options);
 
 /// Planes through the keyframe's landmarks, `width` x `height`: each pixel within `options.sparse_radius_px` of a
 /// landmark gets the plane of the nearest one, perpendicular to the ray to it. Scores are 0.
-PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options);
+PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options,
+                               const Executor& executor);
 
 /// The planes of one keyframe moved into another one, `width` x `height`: each is seen where its pixel's surface point
 /// is; where several meet, the nearest to the camera wins. (Surmann et al. 2022, section III-B; normals turn with the

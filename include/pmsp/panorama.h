@@ -29,8 +29,8 @@ class Panorama {
   /// Colours, `width` x `height`.
   const Image<Rgb>& color() const;
 
-  /// Frees the colours, for a panorama that is only matched with from now on. It keeps its size.
-  void release_color();
+  /// Hands the colours over, for a panorama that is only matched with from now on. It keeps its size.
+  Image<Rgb> take_color();
 
   /// Frees what is matched with, for a panorama whose colours only are asked for from now on.
   void release_gray();
@@ -45,6 +45,7 @@ class Panorama {
   /// 255 where a depth is wanted, 0 where the mask forbids it (a pixel that covers any masked pixel is masked); `width`
   /// x `height`; empty without a mask.
   const Image<std::uint8_t>& usable() const;
+  void release_usable();
 
   struct Data;
   const Data& data() const { return *data_; }  ///< for the stages

@@ -14,10 +14,20 @@ namespace pmsp {
 struct Executor::Impl {
   Impl(int threads, Simd set, const cpu::RowKernels& kernels) : pool(threads), simd(set), rows(kernels) {}
 
-  /// Runs a stage over all rows; returns what it counts.
+  /// Runs a stage over all its rows, in batches where the instruction sets have it, else pixel by pixel; returns what
+  /// it counts.
   template <class Stage>
   std::array<std::int64_t, Stage::kCounts> run(const Stage& stage) {
-    const auto row = std::get<cpu::RowOf<Stage>>(rows.stages).row;
+    const auto row = [&] {
+      if constexpr (cpu::has_rows<Stage>(cpu::RowStages{})) {
+        return std::get<cpu::RowOf<Stage>>(rows.stages).row;
+      } else {
+        static_assert(Stage::kCounts == 0, "only batches are counted");
+        return [](const Stage& pixels, int y, std::int64_t* /*counts*/) {
+          for (int x = 0; x < pixels.width(); ++x) pixels(kernels::place_of(x, y, pixels.width()), nullptr);
+        };
+      }
+    }();
     std::vector<std::array<std::int64_t, Stage::kCounts + 1>> counts(static_cast<std::size_t>(stage.height()));
     pool.for_each(stage.height(), [&](int y) { row(stage, y, counts[static_cast<std::size_t>(y)].data()); });
     std::array<std::int64_t, Stage::kCounts> sums{};
@@ -25,13 +35,6 @@ struct Executor::Impl {
       for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += of_row[i];
     }
     return sums;
-  }
-  /// Runs a stage pixel by pixel.
-  template <class Stage>
-  void run_plainly(const Stage& stage) {
-    pool.for_each(stage.height(), [&](int y) {
-      for (int x = 0; x < stage.width(); ++x) stage(kernels::place_of(x, y, stage.width()), nullptr);
-    });
   }
 
   ThreadPool pool;

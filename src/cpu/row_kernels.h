@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <tuple>
+#include <type_traits>
 
 #include "confidence.h"
 #include "fused_point.h"
@@ -33,6 +34,11 @@ struct StageList {
 using RowStages = StageList<kernels::MedianFilter<HostMachine>, kernels::ConsistencyFilter<HostMachine>,
                             kernels::FindSight<HostMachine>, kernels::FusePixels<HostMachine>, kernels::Eligibility,
                             kernels::TextureVariance<HostMachine>>;
+
+template <class Stage, class... Stages>
+constexpr bool has_rows(StageList<Stages...> /*list*/) {
+  return (std::is_same_v<Stage, Stages> || ...);
+}
 
 using PatchMatchPass = kernels::PatchMatchPass<HostMachine>;
 

@@ -88,6 +88,13 @@ std::size_t memory_needed(const DensifierOptions& options) {
   for (const Lifetime& lifetime : schedule.lifetimes()) {
     bytes += static_cast<std::size_t>(lifetime.keyframes) * bytes_of(lifetime.artefact, options, pixels, side);
   }
+  if (!options.scratch_folder.empty()) {  // what waits is there, but for copies of what a stage looks at
+    for (const Artefact artefact : {Artefact::kSight, Artefact::kSurfels}) {
+      bytes -= static_cast<std::size_t>(schedule.keyframes_with(artefact)) * bytes_of(artefact, options, pixels, side);
+    }
+    constexpr std::size_t kOfMost = 5;  // of a viewer: surfels and standings
+    bytes += (kernels::kMaxViewers * kOfMost + bytes_of(Artefact::kSurfels, options, 1, 0)) * pixels;
+  }
   const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 1) * pixels;  // state, warped planes, keys, gray, masks
   const std::size_t priors =
       options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 20 * pixels : 0;

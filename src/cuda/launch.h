@@ -33,18 +33,9 @@ void launch(const Stage& stage, Counts* counts, cudaStream_t stream);
 /// The first `count` landmarks.
 void splat_landmarks(const kernels::SplatLandmarks<DeviceKeys>& splat, int count, cudaStream_t stream);
 
-/// Fills the cells of plane priors.
-void find_cell_planes(const kernels::PriorCells<DevicePlanes>& cells, cudaStream_t stream);
-
 void start_pixels(const PatchMatchPass& pass, cudaStream_t stream);
 /// `rescore`: planes are there, but not their scores.
 void iterate_pixels(const PatchMatchPass& pass, int colour, int iteration, bool rescore, cudaStream_t stream);
-
-/// PatchMatch's result, from checkerboard to row order.
-void to_rows(const DevicePlanes& state, float4* rows, cudaStream_t stream);
-
-/// The other way round, for a pass that goes on.
-void from_rows(const DevicePlanes& rows, float4* state, cudaStream_t stream);
 
 /// The points that a keyframe makes, in row order (pmsp::owned_points). `scratch`: at least owned_scratch_bytes.
 void owned_points(const OwnedArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);

@@ -42,22 +42,6 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks)
   pass.iterate(visit, turn, iteration, rescore);
 }
 
-__global__ void reorder_kernel(int width, int height, const float4* from, float4* to, bool to_rows) {
-  const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
-  const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
-  if (x >= width || y >= height) return;
-  const std::size_t in_rows =
-      static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-  const std::size_t in_colours = kernels::checkerboard_index(width, x, y);
-  to[to_rows ? in_rows : in_colours] = from[to_rows ? in_colours : in_rows];
-}
-
-void reorder(const DevicePlanes& from, float4* to, bool to_rows, cudaStream_t stream) {
-  reorder_kernel<<<image_grid(from.width, from.height), kImageBlock, 0, stream>>>(from.width, from.height, from.planes,
-                                                                                  to, to_rows);
-  PMSP_CUDA_LAUNCHED();
-}
-
 dim3 colour_grid(const kernels::GridView& grid, int colours) {
   return dim3(static_cast<unsigned>(blocks(grid.width / 2, kBlockWidth)),
               static_cast<unsigned>(blocks(grid.height, kBlockHeight)), static_cast<unsigned>(colours));
@@ -82,9 +66,5 @@ void iterate_pixels(const PatchMatchPass& pass, int colour, int iteration, bool 
                                                                                             rescore);
   PMSP_CUDA_LAUNCHED();
 }
-
-void to_rows(const DevicePlanes& state, float4* rows, cudaStream_t stream) { reorder(state, rows, true, stream); }
-
-void from_rows(const DevicePlanes& rows, float4* state, cudaStream_t stream) { reorder(rows, state, false, stream); }
 
 }  // namespace pmsp::cuda

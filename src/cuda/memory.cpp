@@ -54,6 +54,19 @@ void* DeviceMemory::allocate(std::size_t bytes) {
   return data;
 }
 
+void* DevicePool::take(std::size_t bytes) {
+  std::vector<void*>& free = free_[bytes];
+  if (free.empty()) return DeviceMemory::allocate(bytes);
+  void* const data = free.back();
+  free.pop_back();
+  return data;
+}
+DevicePool::~DevicePool() {
+  for (const auto& [bytes, free] : free_) {
+    for (void* data : free) DeviceMemory::free(data);
+  }
+}
+
 void* PinnedMemory::allocate(std::size_t bytes) {
   void* data = nullptr;
   PMSP_CUDA_CHECK(cudaHostAlloc(&data, bytes, cudaHostAllocDefault));

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -73,13 +74,13 @@ class Event {
 
 /// Memory of one kind, uninitialised.
 template <class T, class Memory>
-class Array {
+class Owned {
  public:
-  Array() = default;
-  explicit Array(std::size_t size) : data_(static_cast<T*>(Memory::allocate(size * sizeof(T)))), size_(size) {}
-  ~Array() { Memory::free(data_); }
-  Array(Array&& other) noexcept : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
-  Array& operator=(Array&& other) noexcept {
+  Owned() = default;
+  explicit Owned(std::size_t size) : data_(static_cast<T*>(Memory::allocate(size * sizeof(T)))), size_(size) {}
+  ~Owned() { Memory::free(data_); }
+  Owned(Owned&& other) noexcept : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
+  Owned& operator=(Owned&& other) noexcept {
     std::swap(data_, other.data_);
     std::swap(size_, other.size_);
     return *this;
@@ -106,9 +107,9 @@ struct PinnedMemory {
 };
 
 template <class T>
-using DeviceArray = Array<T, DeviceMemory>;
+using DeviceArray = Owned<T, DeviceMemory>;
 template <class T>
-using PinnedArray = Array<T, PinnedMemory>;
+using PinnedArray = Owned<T, PinnedMemory>;
 
 /// Page-locks memory that someone else owns, for as long as it lives.
 class PinnedRange {
@@ -141,6 +142,28 @@ class CubeTexture {
   cudaArray_t array_ = nullptr;
   cudaTextureObject_t texture_ = 0;
   cudaSurfaceObject_t surface_ = 0;
+};
+
+/// Device memory that is used again: whoever gets some may overwrite it at once, since all work on one stream. The pool
+/// must outlive what it lends.
+class DevicePool {
+ public:
+  DevicePool() = default;
+  ~DevicePool();
+  DevicePool(const DevicePool&) = delete;
+  DevicePool& operator=(const DevicePool&) = delete;
+
+  /// Uninitialised.
+  template <class T>
+  std::shared_ptr<T[]> get(std::size_t count) {
+    const std::size_t bytes = count * sizeof(T);
+    return {static_cast<T*>(take(bytes)), [this, bytes](T* returned) { free_[bytes].push_back(returned); }};
+  }
+
+ private:
+  void* take(std::size_t bytes);
+
+  std::map<std::size_t, std::vector<void*>> free_;  ///< by size
 };
 
 /// Objects that are made once and used again. All their users work on one stream, so that whoever gets one may

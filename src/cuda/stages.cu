@@ -21,18 +21,6 @@ __global__ void splat_kernel(const __grid_constant__ kernels::SplatLandmarks<Dev
   splat(static_cast<int>(blockIdx.x), static_cast<int>(threadIdx.x), static_cast<int>(blockDim.x));
 }
 
-enum class Step { kSupport, kPlane, kChoice };
-
-template <Step step>
-__global__ void cell_kernel(const __grid_constant__ kernels::PriorCells<DevicePlanes> cells) {
-  const int column = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
-  const int row = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
-  if (column >= cells.columns || row >= cells.rows) return;
-  if constexpr (step == Step::kSupport) kernels::find_support(cells, column, row);
-  if constexpr (step == Step::kPlane) kernels::find_plane(cells, column, row);
-  if constexpr (step == Step::kChoice) kernels::choose_plane(cells, column, row);
-}
-
 }  // namespace
 
 template <class Stage>
@@ -50,7 +38,11 @@ template void launch(const kernels::FusePixels<DeviceMachine>&, Counts*, cudaStr
 template void launch(const kernels::Eligibility&, Counts*, cudaStream_t);
 template void launch(const kernels::OwnershipRound&, Counts*, cudaStream_t);
 template void launch(const kernels::TextureVariance<DeviceMachine>&, Counts*, cudaStream_t);
+template void launch(const kernels::PriorCellStep<DevicePlanes, kernels::PriorStep::kSupports>&, Counts*, cudaStream_t);
+template void launch(const kernels::PriorCellStep<DevicePlanes, kernels::PriorStep::kPlanes>&, Counts*, cudaStream_t);
+template void launch(const kernels::PriorCellStep<DevicePlanes, kernels::PriorStep::kChoice>&, Counts*, cudaStream_t);
 template void launch(const kernels::PixelPriors<DeviceMachine>&, Counts*, cudaStream_t);
+template void launch(const kernels::ReorderPlanes<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::WarpPixels<DeviceMachine, DeviceKeys>&, Counts*, cudaStream_t);
 template void launch(const kernels::DepthImage<DeviceMachine>&, Counts*, cudaStream_t);
 
@@ -58,16 +50,6 @@ void splat_landmarks(const kernels::SplatLandmarks<DeviceKeys>& splat, int count
   constexpr int kPointThreads = 64;
   if (count == 0) return;
   splat_kernel<<<static_cast<unsigned>(count), kPointThreads, 0, stream>>>(splat);
-  PMSP_CUDA_LAUNCHED();
-}
-
-void find_cell_planes(const kernels::PriorCells<DevicePlanes>& cells, cudaStream_t stream) {
-  const dim3 grid = image_grid(cells.columns, cells.rows);
-  cell_kernel<Step::kSupport><<<grid, kImageBlock, 0, stream>>>(cells);
-  PMSP_CUDA_LAUNCHED();
-  cell_kernel<Step::kPlane><<<grid, kImageBlock, 0, stream>>>(cells);
-  PMSP_CUDA_LAUNCHED();
-  cell_kernel<Step::kChoice><<<grid, kImageBlock, 0, stream>>>(cells);
   PMSP_CUDA_LAUNCHED();
 }
 

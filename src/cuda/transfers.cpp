@@ -5,7 +5,6 @@
 #include <cstring>
 #include <vector>
 
-#include "priors/prior_setup.h"
 #include "sphere/area_resize.h"
 #include "sphere/grid.h"
 
@@ -57,30 +56,6 @@ DeviceSpanTable::DeviceSpanTable(int source, int target, const Stream& stream) {
   view_ = {first_.get(), weights_.get(), static_cast<int>(count)};
 }
 
-DevicePriors::DevicePriors(int width, int height, const Stream& stream) {
-  const PriorGrid size(width, height);
-  const std::vector<int> looks = look_table(size);
-  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  looks_ = DeviceArray<int>(looks.size());
-  supports_ = DeviceArray<kernels::Vec3<float>>(size.cells());
-  plain_ = DeviceArray<unsigned char>(size.cells());
-  around_ = DeviceArray<kernels::Surroundings>(size.cells());
-  planes_ = DeviceArray<kernels::PriorPlane>(2 * size.cells());
-  variance_ = DeviceArray<float>(pixels);
-  priors_ = DeviceArray<float4>(pixels);
-  copy_up(looks_.get(), looks.data(), looks.size(), stream);
-  PMSP_CUDA_CHECK(cudaStreamSynchronize(stream.get()));
-  cells_.variance = variance_.get();
-  cells_.columns = size.columns;
-  cells_.rows = size.rows;
-  cells_.looks = looks_.get();
-  cells_.supports = supports_.get();
-  cells_.plain = plain_.get();
-  cells_.around = around_.get();
-  cells_.found = planes_.get();
-  cells_.chosen = planes_.get() + size.cells();
-}
-
 const unsigned char* Uploader::upload(const void* data, std::size_t row_bytes, std::size_t row_pitch, int rows,
                                       const Stream& copies, const Stream& compute, ThreadPool& pool) {
   current_ = 1 - current_;
@@ -107,27 +82,57 @@ const unsigned char* Uploader::upload(const void* data, std::size_t row_bytes, s
   return slot.device.get();
 }
 
-void Downloader::download(const void* device, std::size_t bytes, void* host, const Stream& copies, ThreadPool& pool) {
+void Downloader::download(const std::vector<Part>& parts, const Stream& copies, ThreadPool& pool) {
   constexpr std::size_t kPiece = std::size_t{4} << 20U;
   constexpr std::size_t kPerTask = std::size_t{1} << 18U;
-  const std::size_t pieces = (bytes + kPiece - 1) / kPiece;
-  const auto size_of = [&](std::size_t i) { return std::min(kPiece, bytes - i * kPiece); };
+  std::vector<std::vector<Part>> pieces;  // what is on its way at once
+  std::size_t room = 0;
+  for (const Part& part : parts) {
+    for (std::size_t done = 0; done < part.bytes;) {
+      if (room == 0) {
+        pieces.emplace_back();
+        room = kPiece;
+      }
+      const std::size_t bytes = std::min(part.bytes - done, room);
+      pieces.back().push_back(
+          {static_cast<const char*>(part.device) + done, static_cast<char*>(part.host) + done, bytes});
+      done += bytes;
+      room -= bytes;
+    }
+  }
   const auto start = [&](std::size_t i) {
     Slot& slot = slots_[i % 2];
     if (slot.host.empty()) slot.host = PinnedArray<unsigned char>(kPiece);
-    PMSP_CUDA_CHECK(cudaMemcpyAsync(slot.host.get(), static_cast<const unsigned char*>(device) + i * kPiece, size_of(i),
-                                    cudaMemcpyDeviceToHost, copies.get()));
+    unsigned char* to = slot.host.get();
+    for (const Part& part : pieces[i]) {
+      PMSP_CUDA_CHECK(cudaMemcpyAsync(to, part.device, part.bytes, cudaMemcpyDeviceToHost, copies.get()));
+      to += part.bytes;
+    }
     slot.arrived.record(copies);
   };
-  if (pieces > 0) start(0);
-  for (std::size_t i = 0; i < pieces; ++i) {
-    if (i + 1 < pieces) start(i + 1);
+  struct Task {
+    const unsigned char* from;
+    unsigned char* to;
+    std::size_t bytes;
+  };
+  std::vector<Task> tasks;
+  if (!pieces.empty()) start(0);
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    if (i + 1 < pieces.size()) start(i + 1);
     const Slot& slot = slots_[i % 2];
+    const unsigned char* from = slot.host.get();
+    tasks.clear();
+    for (const Part& part : pieces[i]) {
+      for (std::size_t done = 0; done < part.bytes; done += kPerTask) {
+        tasks.push_back(
+            {from + done, static_cast<unsigned char*>(part.host) + done, std::min(kPerTask, part.bytes - done)});
+      }
+      from += part.bytes;
+    }
     slot.arrived.wait();
-    unsigned char* const to = static_cast<unsigned char*>(host) + i * kPiece;
-    pool.for_each(static_cast<int>((size_of(i) + kPerTask - 1) / kPerTask), [&](int task) {
-      const std::size_t begin = static_cast<std::size_t>(task) * kPerTask;
-      std::memcpy(to + begin, slot.host.get() + begin, std::min(kPerTask, size_of(i) - begin));
+    pool.for_each(static_cast<int>(tasks.size()), [&](int k) {
+      const Task& task = tasks[static_cast<std::size_t>(k)];
+      std::memcpy(task.to, task.from, task.bytes);
     });
   }
 }

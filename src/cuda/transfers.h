@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "cuda/launch.h"
 #include "cuda/memory.h"
@@ -35,26 +36,6 @@ class DeviceSpanTable {
   DeviceSpans view_{};
 };
 
-/// What plane priors are made in.
-class DevicePriors {
- public:
-  DevicePriors(int width, int height, const Stream& stream);
-  /// All but map, grid and limits.
-  const kernels::PriorCells<DevicePlanes>& cells() const { return cells_; }
-  float* variance() const { return variance_.get(); }  ///< that of `cells`, to be filled
-  float4* priors() const { return priors_.get(); }     ///< of the pixels
-
- private:
-  DeviceArray<int> looks_;
-  DeviceArray<kernels::Vec3<float>> supports_;
-  DeviceArray<unsigned char> plain_;
-  DeviceArray<kernels::Surroundings> around_;
-  DeviceArray<kernels::PriorPlane> planes_;
-  DeviceArray<float> variance_;
-  DeviceArray<float4> priors_;
-  kernels::PriorCells<DevicePlanes> cells_{};
-};
-
 /// Images on their way up, through page-locked memory. While the device works on one, the next can arrive.
 class Uploader {
  public:
@@ -80,8 +61,13 @@ class Uploader {
 /// on its way, the threads take over the one before.
 class Downloader {
  public:
-  /// Copies on `copies`, and waits.
-  void download(const void* device, std::size_t bytes, void* host, const Stream& copies, ThreadPool& pool);
+  struct Part {
+    const void* device;
+    void* host;
+    std::size_t bytes;
+  };
+  /// Copies all parts on `copies`, and waits.
+  void download(const std::vector<Part>& parts, const Stream& copies, ThreadPool& pool);
 
  private:
   struct Slot {

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/fusion.h"
 
-#include <algorithm>
-#include <bitset>
 #include <cmath>
 #include <string>
 #include <utility>
 
-#include "cpu/executor_impl.h"
+#include "cpu/cpu_processor.h"
 #include "fusion/fusion_setup.h"
 #include "pmsp/error.h"
 #include "sphere/grid.h"
@@ -28,20 +26,6 @@ void check_count(const char* stage, std::size_t count) {
   if (count <= static_cast<std::size_t>(kernels::kMaxViewers)) return;
   throw InvalidInput(std::string(stage) + ": " + std::to_string(count) + " keyframes are asked; expected at most " +
                      std::to_string(kernels::kMaxViewers));
-}
-
-/// Colours as the kernels gather them.
-std::vector<std::uint32_t> words(const Image<Rgb>& color, ThreadPool& pool) {
-  std::vector<std::uint32_t> packed(color.size());
-  const std::size_t width = static_cast<std::size_t>(color.width());
-  pool.for_each(color.height(), [&](int y) {
-    const Rgb* const from = color.row(y);
-    std::uint32_t* const to = packed.data() + static_cast<std::size_t>(y) * width;
-    for (std::size_t x = 0; x < width; ++x) {
-      to[x] = from[x].r | static_cast<std::uint32_t>(from[x].g) << 8U | static_cast<std::uint32_t>(from[x].b) << 16U;
-    }
-  });
-  return packed;
 }
 
 void check(const std::vector<FusionMap>& window, std::size_t current) {
@@ -75,12 +59,6 @@ kernels::SurfelView view_of(const SurfelsFrom& points) {
           static_cast<float>(points.pose.scale)};
 }
 
-std::size_t open_pixels(const std::uint8_t* standings, std::size_t count) {
-  return static_cast<std::size_t>(std::count_if(standings, standings + count, [](std::uint8_t packed) {
-    return kernels::standing_of(packed) == kernels::Standing::kOpen;
-  }));
-}
-
 }  // namespace
 
 SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
@@ -90,7 +68,7 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   check(window, current);
   const PlaneMap& map = *window[current].map;
   const SphereGrid grid(map.width(), map.height());
-  std::vector<std::vector<std::uint32_t>> colors;
+  std::vector<Array<std::uint32_t>> colors;
   SurfelMap fused;
   fused.keyframe_id = map.keyframe_id;
   fused.surfels = Image<std::uint32_t>(map.width(), map.height());
@@ -102,8 +80,8 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   for (std::size_t k = 0; k < window.size(); ++k) {
     const FusionMap& input = window[k];
     const Relation to = relation(input.pose, window[current].pose);
-    colors.push_back(words(*input.color, executor.impl().pool));
-    const kernels::FusionView<HostMachine> view{view_of(*input.map, *input.confidence), colors.back().data(),
+    colors.push_back(color_words(*input.color, executor));
+    const kernels::FusionView<HostMachine> view{view_of(*input.map, *input.confidence), colors.back().get(),
                                                 to.other_from_first, to.zoom};
     if (k == current) {
       stage.first = view;
@@ -160,7 +138,6 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
   check_count("ownership_round", viewers.size());
   check_surfels("ownership_round", reference);
   const SurfelMap& map = *reference.map;
-  const Image<std::uint8_t>& before = *reference.standings;
   const int width = map.surfels.width();
   const int height = map.surfels.height();
   const SphereGrid grid(width, height);
@@ -171,7 +148,6 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
   stage.first = asked.empty();
   stage.limits = ownership_limits(options);
   stage.standings = standings.pixels().data();
-  std::uint32_t there = 0;
   for (std::size_t k = 0; k < viewers.size(); ++k) {
     const SurfelsFrom& viewer = viewers[k];
     ++stage.count;
@@ -180,31 +156,11 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
     if (!same_size(viewer.map->surfels, map.surfels)) throw InvalidInput("ownership_round: maps differ in size");
     const Relation to = relation(viewer.pose, reference.pose);
     stage.others[k] = {view_of(viewer), to.other_from_first, to.zoom, viewer.map->keyframe_id < map.keyframe_id};
-    there |= 1U << k;
   }
-  const std::size_t rows = static_cast<std::size_t>(height);
-  std::vector<std::size_t> first(rows + 1);  // open pixels before each row
-  for (int y = 0; y < height; ++y) {
-    const std::size_t row = static_cast<std::size_t>(y);
-    first[row + 1] = first[row] + open_pixels(before.row(y), static_cast<std::size_t>(width));
-  }
-  if (!asked.empty() && asked.size() != first[rows]) {
-    throw InvalidInput("ownership_round: standings are not those of the round before");
-  }
-  std::vector<std::vector<std::uint32_t>> still(rows);
-  executor.impl().pool.for_each(height, [&](int y) {
-    const std::size_t row = static_cast<std::size_t>(y);
-    const std::uint32_t* const ask = asked.empty() ? nullptr : asked.data() + first[row];
-    std::vector<std::uint32_t> left(first[row + 1] - first[row]);
-    const int count = executor.impl().rows.own_row(stage, y, ask, there, left.data());
-    still[row].assign(left.begin(), left.begin() + count);
-  });
-  std::size_t count = 0;
-  for (const std::vector<std::uint32_t>& row : still) count += row.size();
-  asked.clear();
-  asked.shrink_to_fit();
-  asked.reserve(count);
-  for (const std::vector<std::uint32_t>& row : still) asked.insert(asked.end(), row.begin(), row.end());
+  const CpuProcessor on(executor, width, height);
+  Asked still{on.upload(asked), asked.size()};
+  on.own(stage, still);
+  asked.assign(still.bits.get(), still.bits.get() + still.count);
   return standings;
 }
 
@@ -213,27 +169,9 @@ KeyframeCloud owned_points(const SurfelsFrom& made) {
   const SurfelMap& map = *made.map;
   const SphereGrid grid(map.surfels.width(), map.surfels.height());
   KeyframeCloud cloud{map.keyframe_id, made.pose.cam_from_world, {}, made.pose.scale, {}, {}, map.window_ids};
-  const std::vector<std::uint8_t>& standings = made.standings->pixels();
-  const std::size_t count =
-      static_cast<std::size_t>(std::count_if(standings.begin(), standings.end(), kernels::makes_point));
-  cloud.points.reserve(count);
-  cloud.pixels.reserve(count);
-  cloud.agree.reserve(count);
-  const kernels::ConstSurfelArrays arrays{map.surfels.pixels().data(), map.details.pixels().data(), standings.data(),
-                                          map.agree.data(), map.agree_bytes()};
-  for (std::size_t pixel = 0; pixel < standings.size(); ++pixel) {
-    if (!kernels::makes_point(standings[pixel])) continue;
-    const kernels::OwnedPoint owned = kernels::owned_point(arrays, grid.view(), static_cast<int>(pixel));
-    CloudPoint point;
-    point.position = to_eigen(owned.position);
-    point.normal = to_eigen(owned.normal);
-    point.color = {owned.color[0], owned.color[1], owned.color[2]};
-    point.views = static_cast<std::uint8_t>(1 + std::bitset<32>(owned.agree).count());
-    point.confidence = owned.confidence;
-    cloud.points.push_back(point);
-    cloud.pixels.push_back(static_cast<std::uint32_t>(pixel));
-    cloud.agree.push_back(owned.agree);
-  }
+  collect_points({map.surfels.pixels().data(), map.details.pixels().data(), made.standings->pixels().data(),
+                  map.agree.data(), map.agree_bytes()},
+                 grid.view(), cloud);
   return cloud;
 }
 

@@ -37,4 +37,17 @@ kernels::Matching<Cube> make_matching(const Cube& reference, const PatchMatchOpt
   return matching;
 }
 
+/// Propagation and refinement of both colours, as often as a pass wants. `started`: planes are there, but not their
+/// scores. Returns early once `cancelled()`.
+template <class Processor, class Pass, class Cancelled>
+void run_iterations(Processor& on, const Pass& pass, const Iterations& iterations, bool started,
+                    const Cancelled& cancelled) {
+  for (int i = 0; i < iterations.count; ++i) {
+    for (int colour = 0; colour < 2; ++colour) {
+      if (cancelled()) return;
+      on.iterate(pass, colour, iterations.first + i, started && i == 0);
+    }
+  }
+}
+
 }  // namespace pmsp

@@ -3,12 +3,10 @@
 
 #include <sstream>
 #include <string>
-#include <vector>
 
-#include "cpu/executor_impl.h"
+#include "cpu/cpu_processor.h"
 #include "patchmatch/match_setup.h"
 #include "pmsp/error.h"
-#include "sphere/grid.h"
 #include "sphere/panorama_data.h"
 #include "sphere/plane_views.h"
 #include "util/eigen_kernels.h"
@@ -16,43 +14,7 @@
 namespace pmsp {
 namespace {
 
-using Pass = kernels::PatchMatchPass<kernels::HostMachine>;
-
-/// Planes and scores in checkerboard order.
-class State {
- public:
-  explicit State(const SphereGrid& grid) : grid_(grid), numbers_(4 * grid.size()) {}
-
-  kernels::PlaneArrays view() {
-    float* const x = numbers_.data();
-    const std::size_t size = grid_.size();
-    return {x, x + size, x + 2 * size, x + 3 * size};
-  }
-  void take(const PlaneMap& map, ThreadPool& pool) {
-    const Image<float>* const from[] = {&map.x, &map.y, &map.z, &map.score};
-    for_each_pixel(pool, [&](std::size_t in_rows, std::size_t at) {
-      for (std::size_t i = 0; i < 4; ++i) numbers_[i * grid_.size() + at] = from[i]->pixels()[in_rows];
-    });
-  }
-  void put(PlaneMap& map, ThreadPool& pool) const {
-    Image<float>* const to[] = {&map.x, &map.y, &map.z, &map.score};
-    for_each_pixel(pool, [&](std::size_t in_rows, std::size_t at) {
-      for (std::size_t i = 0; i < 4; ++i) to[i]->pixels()[in_rows] = numbers_[i * grid_.size() + at];
-    });
-  }
-
- private:
-  template <class Body>
-  void for_each_pixel(ThreadPool& pool, const Body& body) const {
-    pool.for_each(grid_.height(), [&](int y) {
-      std::size_t in_rows = static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.width());
-      for (int x = 0; x < grid_.width(); ++x) body(in_rows++, kernels::checkerboard_index(grid_.width(), x, y));
-    });
-  }
-
-  const SphereGrid& grid_;
-  std::vector<float> numbers_;
-};
+using Pass = CpuProcessor::Pass;
 
 void check_map(const PlaneMap* map, const char* what, const Panorama& reference) {
   if (map == nullptr || map->empty() || same_size(*map, reference)) return;
@@ -110,7 +72,8 @@ kernels::PlaneMapView view_of_given(const PlaneMap* map) {
 }
 
 /// All but the state.
-Pass pass_for(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed, const SphereGrid& grid) {
+Pass pass_for(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
+              const kernels::GridView& grid) {
   const Panorama& reference = *input.reference.panorama;
   Pass pass{};
   pass.matching =
@@ -124,7 +87,7 @@ Pass pass_for(const MatchInput& input, const PatchMatchOptions& options, std::ui
                               view_of_given(input.neighbour_maps.empty() ? nullptr : input.neighbour_maps[i])};
   }
   pass.matching.num_views = static_cast<int>(input.neighbours.size());
-  pass.grid = grid.view();
+  pass.grid = grid;
   if (!reference.usable().empty()) pass.mask = {reference.usable().pixels().data()};
   pass.priors = view_of_given(input.prior);
   pass.landmarks = view_of_given(input.landmarks);
@@ -137,30 +100,23 @@ Pass pass_for(const MatchInput& input, const PatchMatchOptions& options, std::ui
 PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
                     const Executor& executor, const std::atomic<bool>* cancel) {
   check(input, options);
-  ThreadPool& pool = executor.impl().pool;
-  const cpu::RowKernels& rows = executor.impl().rows;
-  const SphereGrid grid(input.reference.panorama->width(), input.reference.panorama->height());
-  State state(grid);
-  Pass pass = pass_for(input, options, seed, grid);
-  pass.state = state.view();
+  const CpuProcessor on(executor, input.reference.panorama->width(), input.reference.panorama->height());
+  const CpuProcessor::Planes state = on.planes();
+  Pass pass = pass_for(input, options, seed, on.grid());
+  pass.state = on.to(state);
   const bool started = input.start != nullptr && !input.start->empty();
   if (started) {
-    state.take(*input.start, pool);
+    on.launch(kernels::ReorderPlanes<kernels::HostMachine>{view_of(*input.start), pass.state, false}, nullptr);
   } else {
-    pool.for_each(grid.height(), [&](int y) { rows.start_row(pass, y); });
+    on.start(pass);
   }
-  for (int iteration = 0; iteration < options.iterations; ++iteration) {
-    for (int colour = 0; colour < 2; ++colour) {
-      if (cancel != nullptr && cancel->load(std::memory_order_relaxed)) return {};
-      const bool rescore = started && iteration == 0;
-      pool.for_each(grid.height(),
-                    [&](int y) { rows.iterate_row(pass, y, colour, input.first_iteration + iteration, rescore); });
-    }
-  }
-  PlaneMap map(grid.width(), grid.height());
+  const auto cancelled = [&] { return cancel != nullptr && cancel->load(std::memory_order_relaxed); };
+  run_iterations(on, pass, {input.first_iteration, options.iterations}, started, cancelled);
+  if (cancelled()) return {};
+  PlaneMap map(pass.grid.width, pass.grid.height);
   map.keyframe_id = input.keyframe_id;
   map.cam_from_world = input.reference.cam_from_world;
-  state.put(map, pool);
+  on.launch(kernels::ReorderPlanes<kernels::HostMachine>{on.map(state), arrays_of(map), true}, nullptr);
   return map;
 }
 

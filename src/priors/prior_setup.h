@@ -6,6 +6,7 @@
 
 #include "plane_prior.h"
 #include "pmsp/options.h"
+#include "processor.h"
 
 // What the backends' plane priors start from.
 namespace pmsp {
@@ -28,5 +29,41 @@ float texture_spacing(int width);
 
 /// Variance below which there is none [gray levels squared].
 float texture_variance(const PatchMatchOptions& options);
+
+/// The priors of a map's pixels. `image`: gray values; `looks`: the look_table, where the processor (processor.h) keeps
+/// its arrays.
+template <class Processor, class Map, class Cube, class Planes>
+void find_plane_priors(Processor& on, const Array<int>& looks, const Map& map, const Cube& image,
+                       const kernels::PlaneLimits& limits, const PatchMatchOptions& options, const Planes& to) {
+  using kernels::PriorStep;
+  const PriorGrid size(map.width, map.height);
+  const auto variance =
+      on.template array<float>(static_cast<std::size_t>(map.width) * static_cast<std::size_t>(map.height));
+  const auto supports = on.template array<kernels::Vec3<float>>(size.cells());
+  const auto plain = on.template array<unsigned char>(size.cells());
+  const auto around = on.template array<kernels::Surroundings>(size.cells());
+  const auto found = on.template array<kernels::PriorPlane>(size.cells());
+  const auto chosen = on.template array<kernels::PriorPlane>(size.cells());
+  const kernels::PriorCells<Map> cells{map,
+                                       on.grid(),
+                                       variance.get(),
+                                       texture_variance(options),
+                                       limits,
+                                       size.columns,
+                                       size.rows,
+                                       looks.get(),
+                                       supports.get(),
+                                       plain.get(),
+                                       around.get(),
+                                       found.get(),
+                                       chosen.get()};
+  on.launch(
+      kernels::TextureVariance<typename Processor::Views>{image, on.grid(), texture_spacing(map.width), variance.get()},
+      nullptr);
+  on.launch(kernels::PriorCellStep<Map, PriorStep::kSupports>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<Map, PriorStep::kPlanes>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<Map, PriorStep::kChoice>{cells}, nullptr);
+  on.launch(kernels::PixelPriors<typename Processor::Views>{cells, to}, nullptr);
+}
 
 }  // namespace pmsp

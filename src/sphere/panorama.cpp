@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cpu/executor_impl.h"
@@ -89,7 +90,7 @@ Panorama& Panorama::operator=(Panorama&&) noexcept = default;
 int Panorama::width() const { return data_->width; }
 int Panorama::height() const { return data_->height; }
 const Image<Rgb>& Panorama::color() const { return data_->color; }
-void Panorama::release_color() { data_->color = {}; }
+Image<Rgb> Panorama::take_color() { return std::exchange(data_->color, {}); }
 void Panorama::release_gray() { data_->gray = data_->matchable = {}; }
 void Panorama::pack_gray() {
   data_->gray.pack();
@@ -105,5 +106,6 @@ Panorama Panorama::unpacked(const Executor& executor) const {
   return result;
 }
 const Image<std::uint8_t>& Panorama::usable() const { return data_->usable; }
+void Panorama::release_usable() { data_->usable = {}; }
 
 }  // namespace pmsp

@@ -22,7 +22,7 @@ DepthMap depth_map_of(const PlaneMap& planes, const Image<float>* confidence, co
   DepthMap map{planes.keyframe_id, planes.cam_from_world, Image<float>(width, height),
                Image<Eigen::Vector3f>(width, height, Eigen::Vector3f::Zero()), Image<float>(width, height)};
   if (planes.empty()) return map;
-  executor.impl().run_plainly(kernels::DepthImage<kernels::HostMachine>{
+  executor.impl().run(kernels::DepthImage<kernels::HostMachine>{
       view_of(planes), confidence == nullptr ? nullptr : confidence->pixels().data(), grid.view(),
       map.depth.pixels().data(), map.normal.pixels().data()->data(), map.confidence.pixels().data()});
   return map;

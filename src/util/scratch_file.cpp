@@ -50,9 +50,10 @@ ScratchFile::ScratchFile(const std::string& folder) : folder_(folder), file_(ope
 ScratchFile::~ScratchFile() { ::close(file_); }
 
 std::uint64_t ScratchFile::take(std::size_t bytes) {
-  if (!free_.empty()) {
-    const std::uint64_t begin = free_.back();
-    free_.pop_back();
+  std::vector<std::uint64_t>& free = free_[bytes];
+  if (!free.empty()) {
+    const std::uint64_t begin = free.back();
+    free.pop_back();
     return begin;
   }
   const std::uint64_t begin = end_;

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -18,28 +19,20 @@ class ScratchFile {
   ScratchFile(const ScratchFile&) = delete;
   ScratchFile& operator=(const ScratchFile&) = delete;
 
-  /// Room for `bytes`, the same number in each call. Returns where it begins.
+  /// Returns where room for `bytes` begins.
   std::uint64_t take(std::size_t bytes);
-  void give_back(std::uint64_t begin) { free_.push_back(begin); }
+  /// What `take` gave; used again where as much is asked for.
+  void give_back(std::uint64_t begin, std::size_t bytes) { free_[bytes].push_back(begin); }
 
   /// Throw OutputError, and IoError.
   void write(std::uint64_t at, const void* data, std::size_t bytes);
   void read(std::uint64_t at, void* data, std::size_t bytes) const;
 
-  template <class T>
-  void write(std::uint64_t at, const std::vector<T>& values) {
-    write(at, values.data(), values.size() * sizeof(T));
-  }
-  template <class T>
-  void read(std::uint64_t at, std::vector<T>& values) const {
-    read(at, values.data(), values.size() * sizeof(T));
-  }
-
  private:
   std::string folder_;
   int file_ = -1;
   std::uint64_t end_ = 0;
-  std::vector<std::uint64_t> free_;
+  std::map<std::size_t, std::vector<std::uint64_t>> free_;  ///< by size
 };
 
 }  // namespace pmsp

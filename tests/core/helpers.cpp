@@ -36,7 +36,7 @@ DepthMap match(const synth::Mission& mission, std::size_t reference, const Match
   std::vector<Panorama> panoramas;
   panoramas.push_back(panorama(reference));
   for (const std::size_t i : neighbours) panoramas.push_back(panorama(i));
-  const PlaneMap sparse = planes_from_landmarks(keyframe, mission.width, mission.height, InitOptions{});
+  const PlaneMap sparse = planes_from_landmarks(keyframe, mission.width, mission.height, InitOptions{}, executor);
   MatchInput input;
   input.keyframe_id = keyframe.id;
   input.reference = {&panoramas[0], keyframe.cam_from_world};

@@ -47,7 +47,7 @@ InitOptions with_radius(double radius) {
 
 /// Range at which the plane of a pixel meets the pixel's ray; 0 = no plane.
 PlaneImage landmark_planes(const Keyframe& keyframe, int width, int height, const InitOptions& options) {
-  return image_of(planes_from_landmarks(keyframe, width, height, options));
+  return image_of(planes_from_landmarks(keyframe, width, height, options, Executor(1)));
 }
 
 double range_at(const PlaneImage& planes, int x, int y) {

@@ -6,6 +6,7 @@
 #include "cuda/cuda_engine.h"
 #include "cuda/memory.h"
 #include "pmsp/error.h"
+#include "support/temp_dir.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -70,6 +71,27 @@ TEST_CASE("the estimate of the memory covers what a flight takes", "[cuda][memor
   CAPTURE(taken / kMiB, cuda::memory_needed(options) / kMiB);
   CHECK(taken > 0);
   CHECK(taken < cuda::memory_needed(options) + 256 * kMiB);  // code and stacks come on top, once
+}
+
+TEST_CASE("what does not find room on the device waits in the scratch folder, and nothing else changes",
+          "[cuda][memory]") {
+  const pmsp_test::TempDir dir;
+  const synth::Mission mission = synth::empty_room(small_recipe(320, 7));
+  DensifierOptions options = preset(Quality::kNormal);
+  options.width = 320;
+  options.height = 160;
+  options.backend = Backend::kCuda;
+  const Recording expected = densify(mission, options);
+  options.scratch_folder = dir.path().string();
+  CHECK(Densifier(options, {}).options().scratch_folder.empty());
+  const Hog hog(cuda::memory_needed(options) + 60 * kMiB);
+  Recording recording;
+  Densifier densifier(options, recording.callbacks());
+  CHECK(densifier.options().scratch_folder == options.scratch_folder);
+  fly_through(densifier, mission);
+  CHECK(difference(recording, expected) == "");
+  options.scratch_folder.clear();
+  CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("scratch_folder"));
 }
 
 TEST_CASE("without enough memory auto takes the CPU, and cuda says how much it takes", "[cuda][memory]") {

@@ -16,11 +16,11 @@ void prepare(benchmark::State& state, const Workload& workload, const Executor& 
   }
 }
 
-void sparse(benchmark::State& state, const Workload& workload, const Executor&) {
+void sparse(benchmark::State& state, const Workload& workload, const Executor& executor) {
   const DensifierOptions& options = workload.options;
   while (state.KeepRunning()) {
-    const PlaneMap planes =
-        planes_from_landmarks(workload.keyframes[workload.current], options.width, options.height, options.init);
+    const PlaneMap planes = planes_from_landmarks(workload.keyframes[workload.current], options.width, options.height,
+                                                  options.init, executor);
     benchmark::DoNotOptimize(planes.x.pixels().data());
   }
 }

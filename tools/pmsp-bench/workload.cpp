@@ -55,7 +55,7 @@ void make_match_input(Workload& workload, const Executor& executor) {
   }
   workload.match.range = depth_range(workload.keyframes[current], workload.options.init);
   workload.sparse = planes_from_landmarks(workload.keyframes[current], workload.options.width, workload.options.height,
-                                          workload.options.init);
+                                          workload.options.init, executor);
   workload.warped = warp_planes(workload.median[current - 1], workload.keyframes[current].cam_from_world,
                                 workload.options.width, workload.options.height, executor);
   workload.match.landmarks = &workload.sparse;

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "cpu/cpu_processor.h"
+
+#include <algorithm>
+#include <bitset>
+#include <cstring>
+
+#include "depth_image.h"
+#include "init/init_setup.h"
+#include "pmsp/error.h"
+#include "util/eigen_kernels.h"
+
+namespace pmsp {
+
+Array<std::uint32_t> color_words(const Image<Rgb>& color, const Executor& executor) {
+  const Array<std::uint32_t> packed(new std::uint32_t[color.size()]);
+  const std::size_t width = static_cast<std::size_t>(color.width());
+  executor.impl().pool.for_each(color.height(), [&](int y) {
+    const Rgb* const from = color.row(y);
+    std::uint32_t* const to = packed.get() + static_cast<std::size_t>(y) * width;
+    for (std::size_t x = 0; x < width; ++x) {
+      to[x] = from[x].r | static_cast<std::uint32_t>(from[x].g) << 8U | static_cast<std::uint32_t>(from[x].b) << 16U;
+    }
+  });
+  return packed;
+}
+
+void collect_points(const kernels::ConstSurfelArrays& map, const kernels::GridView& grid, KeyframeCloud& cloud) {
+  const std::uint8_t* const standings = map.standings;
+  const int pixels = grid.width * grid.height;
+  const std::size_t count =
+      static_cast<std::size_t>(std::count_if(standings, standings + pixels, kernels::makes_point));
+  cloud.points.reserve(count);
+  cloud.pixels.reserve(count);
+  cloud.agree.reserve(count);
+  for (int pixel = 0; pixel < pixels; ++pixel) {
+    if (!kernels::makes_point(standings[pixel])) continue;
+    const kernels::OwnedPoint owned = kernels::owned_point(map, grid, pixel);
+    CloudPoint point;
+    point.position = to_eigen(owned.position);
+    point.normal = to_eigen(owned.normal);
+    point.color = {owned.color[0], owned.color[1], owned.color[2]};
+    point.views = static_cast<std::uint8_t>(1 + std::bitset<32>(owned.agree).count());
+    point.confidence = owned.confidence;
+    cloud.points.push_back(point);
+    cloud.pixels.push_back(static_cast<std::uint32_t>(pixel));
+    cloud.agree.push_back(owned.agree);
+  }
+}
+
+Array<std::uint64_t> CpuProcessor::keys() const {
+  const Array<std::uint64_t> keys = array<std::uint64_t>(grid_->size());
+  std::fill_n(keys.get(), grid_->size(), kernels::kNoKey);
+  return keys;
+}
+
+kernels::PlaneMapView CpuProcessor::map(const Planes& planes) const {
+  if (!planes) return {};
+  const kernels::PlaneArrays from = to(planes);
+  return {from.x, from.y, from.z, grid_->width(), grid_->height(), from.score};
+}
+
+kernels::PlaneArrays CpuProcessor::to(const Planes& planes) const {
+  float* const x = planes.get();
+  const std::size_t size = grid_->size();
+  return {x, x + size, x + 2 * size, x + 3 * size};
+}
+
+CpuProcessor::Prepared CpuProcessor::prepare(const Keyframe& keyframe, double& seconds) const {
+  const Stopwatch watch(seconds);
+  Prepared image;
+  image.panorama.emplace(keyframe.image, keyframe.mask, grid_->width(), grid_->height(), executor_);
+  image.color = color_words(image.panorama->take_color(), executor_);
+  return image;
+}
+
+CpuProcessor::Cubes CpuProcessor::cubes(const Prepared& image, Unpacked& unpacked) const {
+  const Panorama* panorama = &*image.panorama;
+  if (panorama->packed()) panorama = &unpacked.emplace_back(panorama->unpacked(executor_));
+  return {panorama->data().gray.view(), panorama->data().matchable.view()};
+}
+
+kernels::ByteMask CpuProcessor::mask(const Prepared& image) const {
+  const auto& usable = image.panorama->usable();
+  return {usable.empty() ? nullptr : usable.pixels().data()};
+}
+
+void CpuProcessor::release_color(Prepared& image) const {
+  image.color.reset();
+  image.panorama->release_usable();
+}
+
+std::pair<Array<kernels::SparsePoint>, int> CpuProcessor::landmarks(const Keyframe& keyframe) const {
+  const auto points = array<kernels::SparsePoint>(keyframe.landmarks.size());
+  const std::size_t count = sparse_points(keyframe, grid_->width(), grid_->height(), points.get());
+  return {points, static_cast<int>(count)};
+}
+
+void CpuProcessor::start(const Pass& pass) const {
+  Executor::Impl& impl = executor_.impl();
+  impl.pool.for_each(pass.grid.height, [&](int y) { impl.rows.start_row(pass, y); });
+}
+
+void CpuProcessor::iterate(const Pass& pass, int colour, int iteration, bool rescore) const {
+  Executor::Impl& impl = executor_.impl();
+  impl.pool.for_each(pass.grid.height, [&](int y) { impl.rows.iterate_row(pass, y, colour, iteration, rescore); });
+}
+
+void CpuProcessor::own(const kernels::OwnershipRound& stage, Asked& asked) const {
+  Executor::Impl& impl = executor_.impl();
+  const std::size_t rows = static_cast<std::size_t>(stage.height());
+  const std::ptrdiff_t width = stage.width();
+  std::vector<std::size_t> first(rows + 1);  // open pixels before each row
+  for (std::size_t y = 0; y < rows; ++y) {
+    const std::uint8_t* const row = stage.map.standings + static_cast<std::ptrdiff_t>(y) * width;
+    first[y + 1] = first[y] + static_cast<std::size_t>(std::count_if(row, row + width, [](std::uint8_t packed) {
+                     return kernels::standing_of(packed) == kernels::Standing::kOpen;
+                   }));
+  }
+  if (asked.count > 0 && asked.count != first[rows]) {
+    throw InvalidInput("ownership_round: standings are not those of the round before");
+  }
+  std::uint32_t there = 0;
+  for (int k = 0; k < stage.count; ++k) there |= stage.others[k].map.surfels == nullptr ? 0U : 1U << k;
+  std::vector<std::vector<std::uint32_t>> still(rows);
+  impl.pool.for_each(stage.height(), [&](int y) {
+    const std::size_t row = static_cast<std::size_t>(y);
+    const std::uint32_t* const ask = asked.count == 0 ? nullptr : asked.bits.get() + first[row];
+    std::vector<std::uint32_t> left(first[row + 1] - first[row]);
+    const int count = impl.rows.own_row(stage, y, ask, there, left.data());
+    still[row].assign(left.begin(), left.begin() + count);
+  });
+  asked = {};
+  for (const std::vector<std::uint32_t>& row : still) asked.count += row.size();
+  asked.bits = array<std::uint32_t>(asked.count);
+  std::uint32_t* to = asked.bits.get();
+  for (const std::vector<std::uint32_t>& row : still) to = std::copy(row.begin(), row.end(), to);
+}
+
+void CpuProcessor::hand_out_depths(std::int64_t id, const RigidTransform& cam_from_world,
+                                   const kernels::PlaneMapView& map, const float* confidence,
+                                   const std::function<void(const DepthMap&)>& to) const {
+  static_assert(sizeof(Eigen::Vector3f) == 3 * sizeof(float), "normals are written as numbers");
+  DepthMap depths{id, cam_from_world, Image<float>(map.width, map.height),
+                  Image<Eigen::Vector3f>(map.width, map.height, Eigen::Vector3f::Zero()),
+                  Image<float>(map.width, map.height)};
+  launch(kernels::DepthImage<Views>{map, confidence, grid(), depths.depth.pixels().data(),
+                                    depths.normal.pixels().data()->data(), depths.confidence.pixels().data()},
+         nullptr);
+  to(depths);
+}
+
+void CpuProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
+                                   const std::function<void(const KeyframeCloud&)>& to) const {
+  timed(seconds, [&] { collect_points(map, grid(), cloud); });
+  to(cloud);
+}
+
+}  // namespace pmsp

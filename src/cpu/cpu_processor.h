@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "cpu/executor_impl.h"
+#include "engine.h"
+#include "fused_point.h"
+#include "init.h"
+#include "pmsp/panorama.h"
+#include "processor.h"
+#include "sphere/grid.h"
+#include "sphere/panorama_data.h"
+#include "util/scratch_file.h"
+#include "util/stopwatch.h"
+
+namespace pmsp {
+
+/// Keys of pixels in host memory; threads may offer to one at the same time.
+struct HostKeys {
+  std::uint64_t* keys;
+};
+inline void offer(const HostKeys& keys, int pixel, std::uint64_t key) {
+  std::uint64_t* const at = keys.keys + pixel;
+  std::uint64_t known = __atomic_load_n(at, __ATOMIC_RELAXED);
+  while (key < known && !__atomic_compare_exchange_n(at, &known, key, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
+  }
+}
+
+/// Colours as the kernels gather them.
+Array<std::uint32_t> color_words(const Image<Rgb>& color, const Executor& executor);
+
+/// The points of a keyframe that are its own, without the rest of the cloud.
+void collect_points(const kernels::ConstSurfelArrays& map, const kernels::GridView& grid, KeyframeCloud& cloud);
+
+/// The host's cores: what is asked for is done when a call returns (see processor.h).
+class CpuProcessor {
+ public:
+  using Views = kernels::HostMachine;
+  using Keys = HostKeys;
+  using Planes = Array<float>;  ///< x, y, z and score of all pixels, one after the other
+  using Counts = std::int64_t;
+  using Pass = kernels::PatchMatchPass<Views>;
+  struct Prepared {
+    std::optional<Panorama> panorama;
+    Array<std::uint32_t> color;
+  };
+  using Unpacked = std::deque<Panorama>;
+  struct Cubes {
+    kernels::CubeView gray, usable;
+  };
+
+  CpuProcessor(const EngineContext& context, const Executor& executor)
+      : cancel_(&context.cancel), executor_(executor) {}
+  /// For stages alone.
+  CpuProcessor(const Executor& executor, int width, int height) : executor_(executor) { set_size(width, height); }
+
+  int enter() const { return 0; }
+  void set_size(int width, int height) {
+    if (!grid_) grid_.emplace(width, height);
+  }
+  bool may_go_on() const { return cancel_ == nullptr || !cancel_->load(std::memory_order_relaxed); }
+  kernels::GridView grid() const { return grid_->view(); }
+
+  template <class T>
+  Array<T> array(std::size_t count) const {
+    return Array<T>(new T[count]);
+  }
+  Planes planes() const { return array<float>(4 * grid_->size()); }
+  Array<std::uint64_t> keys() const;
+  kernels::PlaneMapView map(const Planes& planes) const;
+  kernels::PlaneArrays to(const Planes& planes) const;
+  template <class T>
+  Array<T> upload(const std::vector<T>& values) const {
+    const Array<T> copy = array<T>(values.size());
+    std::copy(values.begin(), values.end(), copy.get());
+    return copy;
+  }
+
+  Prepared prepare(const Keyframe& keyframe, double& seconds) const;
+  Cubes cubes(const Prepared& image, Unpacked& unpacked) const;
+  const std::uint32_t* color(const Prepared& image) const { return image.color.get(); }
+  kernels::ByteMask mask(const Prepared& image) const;
+  void pack(Prepared& image) const { image.panorama->pack_gray(); }
+  void release_cubes(Prepared& image) const { image.panorama->release_gray(); }
+  void release_color(Prepared& image) const;
+
+  std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe) const;
+  template <class Source>
+  kernels::PlaneMapView first_planes(const Source& source, Planes& planes) const {
+    planes = this->planes();
+    launch(kernels::PlanesOfKeys<Views, Source>{source, grid(), to(planes)}, nullptr);
+    return map(planes);
+  }
+
+  template <class Stage>
+  void launch(const Stage& stage, Counts* counts) const {
+    const auto sums = executor_.impl().run(stage);
+    if (counts != nullptr) std::copy(sums.begin(), sums.end(), counts);
+  }
+  void splat(const kernels::SplatLandmarks<Keys>& splat, int count) const {
+    for (int i = 0; i < count; ++i) splat(i, 0, 1);
+  }
+  void start(const Pass& pass) const;
+  void iterate(const Pass& pass, int colour, int iteration, bool rescore) const;
+  /// Asks only those of whom `asked` says so, and says who is still to be asked.
+  void own(const kernels::OwnershipRound& stage, Asked& asked) const;
+
+  template <class Work>
+  void timed(double& seconds, const Work& work) const {
+    const Stopwatch watch(seconds);
+    work();
+  }
+  template <class Work, class Then>
+  void counted(double& seconds, const Work& work, const Then& then) const {
+    std::array<Counts, 3> counts{};
+    timed(seconds, [&] { work(counts.data()); });
+    then(counts.data());
+  }
+
+  void hand_out_depths(std::int64_t id, const RigidTransform& cam_from_world, const kernels::PlaneMapView& map,
+                       const float* confidence, const std::function<void(const DepthMap&)>& to) const;
+  void hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
+                       const std::function<void(const KeyframeCloud&)>& to) const;
+
+  template <class T>
+  void save(const Array<T>& array, std::size_t count, ScratchFile& scratch, std::uint64_t at) const {
+    scratch.write(at, array.get(), count * sizeof(T));
+  }
+  template <class T>
+  Array<T> load(std::size_t count, const ScratchFile& scratch, std::uint64_t at) const {
+    const Array<T> copy = array<T>(count);
+    scratch.read(at, copy.get(), count * sizeof(T));
+    return copy;
+  }
+
+  void deliver(bool /*all*/) const {}
+
+ private:
+  const std::atomic<bool>* cancel_ = nullptr;
+  const Executor& executor_;
+  std::optional<SphereGrid> grid_;
+};
+
+}  // namespace pmsp

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "cuda/cuda_processor.h"
+
+#include <cstddef>
+
+#include "cpu/executor_impl.h"
+#include "init/init_setup.h"
+#include "pmsp/point_cloud.h"
+#include "sphere/cube_map.h"
+#include "sphere/panorama_data.h"
+
+namespace pmsp::cuda {
+namespace {
+
+constexpr int kGrayBits =
+    16;  ///< of the cube maps' texels, as the CPU's: finer than the camera's, since resampling averages
+constexpr int kUsableBits = 8;
+constexpr std::size_t kDownloads = 2;     ///< depth maps on their way down at once, and clouds
+constexpr std::size_t kMostPending = 64;  ///< how far the host may run ahead, so that it can stop when told to
+
+static_assert(sizeof(DevicePoint) == sizeof(CloudPoint) &&
+                  offsetof(DevicePoint, normal) == offsetof(CloudPoint, normal) &&
+                  offsetof(DevicePoint, color) == offsetof(CloudPoint, color) &&
+                  offsetof(DevicePoint, views) == offsetof(CloudPoint, views) &&
+                  offsetof(DevicePoint, confidence) == offsetof(CloudPoint, confidence),
+              "points are copied as they are");
+
+}  // namespace
+
+CudaProcessor::CudaProcessor(const EngineContext& context, const Executor& executor)
+    : context_(context), executor_(executor), device_number_(context.options.device), device_(device_number_) {}
+
+CudaProcessor::~CudaProcessor() {
+  device_.enter();
+  for (const Stream* stream : {&compute_, &up_, &down_}) cudaStreamSynchronize(stream->get());
+}
+
+void CudaProcessor::set_size(int width, int height) {
+  if (grid_) return;
+  grid_.emplace(width, height, compute_);
+  gray_ = DeviceArray<float>(pixels());
+  equalized_ = DeviceArray<float>(pixels());
+}
+
+void CudaProcessor::set_image_size(int width, int height) {
+  if (width == image_width_ && height == image_height_) return;
+  PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));  // kernels may still read the old tables
+  columns_.emplace(width, grid().width, compute_);
+  rows_.emplace(height, grid().height, compute_);
+  image_width_ = width;
+  image_height_ = height;
+}
+
+/// Asked before each pass, while not too much is queued.
+bool CudaProcessor::may_go_on() {
+  while (!cancelled() && pending_.size() > kMostPending) hand_out_first();
+  return !cancelled();
+}
+
+Array<std::uint64_t> CudaProcessor::keys() {
+  Array<std::uint64_t> keys = array<std::uint64_t>(pixels());
+  static_assert(kernels::kNoKey == ~std::uint64_t{0}, "bytes of 255");
+  PMSP_CUDA_CHECK(cudaMemsetAsync(keys.get(), 0xff, pixels() * sizeof(std::uint64_t), compute_.get()));
+  return keys;
+}
+
+CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double& seconds) {
+  const auto& image = keyframe.image;
+  const auto& mask = keyframe.mask;
+  set_image_size(image.width, image.height);
+  ThreadPool& pool = executor_.impl().pool;
+  const int size = cube_size_for(grid().width);
+  Prepared prepared{array<uchar4>(pixels()), grays_.get(size, kGrayBits), nullptr};
+  ResizeArgs args{};
+  args.image = images_.upload(image.data, 3 * static_cast<std::size_t>(image.width),
+                              3 * static_cast<std::size_t>(image.stride), image.height, up_, compute_, pool);
+  if (!mask.empty()) {
+    args.mask = masks_.upload(mask.data, static_cast<std::size_t>(mask.width), static_cast<std::size_t>(mask.stride),
+                              mask.height, up_, compute_, pool);
+    prepared.usable = usables_.get(size, kUsableBits);
+    if (eroded_.empty()) eroded_ = DeviceArray<unsigned char>(pixels());
+  }
+  args.source_width = image.width;
+  args.source_height = image.height;
+  args.width = grid().width;
+  args.height = grid().height;
+  args.columns = columns_->view();
+  args.rows = rows_->view();
+  args.color = prepared.color.get();
+  args.gray = gray_.get();
+  timed(seconds, [&] {
+    const cudaStream_t stream = compute_.get();
+    resize(args, stream);
+    equalize_rows(gray_.get(), equalized_.get(), args.width, args.height, stream);
+    fill_cube(equalized_.get(), args.width, args.height, {size, prepared.gray->surface()}, stream);
+    if (mask.empty()) return;
+    fill_usable_cube(args.color, args.width, args.height, kPatchReachPx, eroded_.get(),
+                     {size, prepared.usable->surface()}, stream);
+  });
+  images_.consumed(compute_);
+  if (!mask.empty()) masks_.consumed(compute_);
+  return prepared;
+}
+
+CudaProcessor::Cubes CudaProcessor::cubes(const Prepared& image, Unpacked& /*unpacked*/) const {
+  return {{image.gray->texture()}, {image.usable ? image.usable->texture() : 0}};
+}
+
+std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyframe& keyframe) {
+  const std::size_t most = keyframe.landmarks.size();
+  points_arrived_.wait();  // the previous keyframe's
+  if (points_host_.size() < most) points_host_ = PinnedArray<kernels::SparsePoint>(2 * most);
+  const std::size_t count = sparse_points(keyframe, grid().width, grid().height, points_host_.get());
+  const auto points = array<kernels::SparsePoint>(points_host_.size());
+  PMSP_CUDA_CHECK(cudaMemcpyAsync(points.get(), points_host_.get(), count * sizeof(kernels::SparsePoint),
+                                  cudaMemcpyHostToDevice, compute_.get()));
+  points_arrived_.record(compute_);
+  return {points, static_cast<int>(count)};
+}
+
+void CudaProcessor::begin(Record& record) const {
+  PMSP_CUDA_CHECK(cudaMemsetAsync(record.device.get(), 0, sizeof(Counts), compute_.get()));
+  record.start.record(compute_);
+}
+
+void CudaProcessor::end(Record& record) const {
+  PMSP_CUDA_CHECK(
+      cudaMemcpyAsync(record.host.get(), record.device.get(), sizeof(Counts), cudaMemcpyDeviceToHost, compute_.get()));
+  record.end.record(compute_);
+}
+
+/// Depths, normals and confidences of the planes.
+void CudaProcessor::hand_out_depths(std::int64_t id, const RigidTransform& cam_from_world, const DevicePlanes& map,
+                                    const float* confidence, std::function<void(const DepthMap&)> to) {
+  MapDownload& download = free_download();
+  launch(kernels::DepthImage<DeviceMachine>{map, confidence, grid(), download.depth(), download.normal(),
+                                            download.confidence()},
+         nullptr);
+  download.busy = true;
+  download.start(compute_, down_);
+  expect([this, &download, id, cam_from_world, to = std::move(to)] {
+    const DepthMap& arrived = download.finish(id, cam_from_world);
+    download.busy = false;  // nobody else can ask for it before `to` returns or throws
+    if (!cancelled()) to(arrived);
+  });
+}
+
+void CudaProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
+                                    std::function<void(const KeyframeCloud&)> to) {
+  while (clouds_out_ >= kDownloads) hand_out_first();
+  if (select_scratch_.empty()) {
+    select_scratch_ = DeviceArray<unsigned char>(owned_scratch_bytes(static_cast<int>(pixels())));
+  }
+  const std::shared_ptr<PointsDownload> lent = clouds_.get(pixels());
+  const std::shared_ptr<Record> record = records_.get();
+  begin(*record);
+  owned_points({grid(), map, lent->points.get(), lent->pixels.get(), lent->agree.get(), record->device.get()->of},
+               select_scratch_.get(), select_scratch_.size(), compute_.get());
+  end(*record);
+  ++clouds_out_;
+  expect([this, record, lent, cloud = std::move(cloud), &seconds, to = std::move(to)]() mutable {
+    --clouds_out_;
+    seconds += record->waited();
+    if (cancelled()) return;
+    const std::size_t count = record->host[0].of[0];
+    cloud.points.swap(cloud_.points);
+    cloud.pixels.swap(cloud_.pixels);
+    cloud.agree.swap(cloud_.agree);
+    cloud_ = std::move(cloud);
+    cloud_.points.resize(count);
+    cloud_.pixels.resize(count);
+    cloud_.agree.resize(count);
+    downloader_.download({{lent->points.get(), cloud_.points.data(), count * sizeof(DevicePoint)},
+                          {lent->pixels.get(), cloud_.pixels.data(), count * sizeof(std::uint32_t)},
+                          {lent->agree.get(), cloud_.agree.data(), count * sizeof(std::uint32_t)}},
+                         down_, executor_.impl().pool);
+    to(cloud_);
+  });
+}
+
+void CudaProcessor::copy_bytes(void* to, const void* from, std::size_t bytes, cudaMemcpyKind kind) const {
+  PMSP_CUDA_CHECK(cudaMemcpyAsync(to, from, bytes, kind, compute_.get()));
+  PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));
+}
+
+void CudaProcessor::deliver(bool all) {
+  const std::int64_t until = all || !context_.options.pipelined ? round_ : round_ - 1;
+  while (!pending_.empty() && pending_.front().round <= until) hand_out_first();
+  ++round_;
+}
+
+MapDownload& CudaProcessor::free_download() {
+  for (;;) {
+    for (const auto& download : downloads_) {
+      if (!download->busy) return *download;
+    }
+    if (downloads_.size() < kDownloads) {
+      downloads_.push_back(std::make_unique<MapDownload>(grid().width, grid().height));
+    } else {
+      hand_out_first();
+    }
+  }
+}
+
+void CudaProcessor::hand_out_first() {
+  Pending first = std::move(pending_.front());
+  pending_.pop_front();
+  first.hand_out();
+}
+
+}  // namespace pmsp::cuda

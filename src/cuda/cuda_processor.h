@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "cuda/launch.h"
+#include "cuda/memory.h"
+#include "cuda/transfers.h"
+#include "engine.h"
+#include "processor.h"
+#include "util/scratch_file.h"
+
+namespace pmsp::cuda {
+
+/// A CUDA device (see processor.h). All work is queued on one stream, in the order of the calls; only copies run beside
+/// it. So whatever a kernel reads was written by an earlier one, and memory that goes back to its pool may be used
+/// again at once. What is to be called when work is done is called in that order, too, by `deliver` or before.
+class CudaProcessor {
+ public:
+  using Views = DeviceMachine;
+  using Keys = DeviceKeys;
+  using Planes = Array<float4>;
+  using Counts = cuda::Counts;
+  struct Prepared {
+    Array<uchar4> color;  ///< w = 255 where a depth is wanted, else 0
+    std::shared_ptr<CubeTexture> gray;
+    std::shared_ptr<CubeTexture> usable;  ///< none without a mask
+  };
+  struct Unpacked {};
+  struct Cubes {
+    TextureCube gray, usable;
+  };
+
+  CudaProcessor(const EngineContext& context, const Executor& executor);
+  ~CudaProcessor();
+  CudaProcessor(const CudaProcessor&) = delete;
+  CudaProcessor& operator=(const CudaProcessor&) = delete;
+
+  DeviceScope enter() const { return DeviceScope(device_number_); }
+  void set_size(int width, int height);
+  bool may_go_on();
+  const kernels::GridView& grid() const { return grid_->view(); }
+
+  template <class T>
+  Array<T> array(std::size_t count) {
+    return memory_.get<T>(count);
+  }
+  Planes planes() { return array<float4>(pixels()); }
+  Array<std::uint64_t> keys();
+  DevicePlanes map(const Planes& planes) const { return {planes.get(), grid().width, grid().height}; }
+  DevicePlaneArray to(const Planes& planes) const { return {planes.get()}; }
+  template <class T>
+  Array<T> upload(const std::vector<T>& values) {
+    const Array<T> copy = array<T>(values.size());
+    copy_bytes(copy.get(), values.data(), values.size() * sizeof(T), cudaMemcpyHostToDevice);
+    return copy;
+  }
+
+  Prepared prepare(const Keyframe& keyframe, double& seconds);
+  Cubes cubes(const Prepared& image, Unpacked& /*unpacked*/) const;
+  const std::uint32_t* color(const Prepared& image) const {
+    return reinterpret_cast<const std::uint32_t*>(image.color.get());
+  }
+  ColorMask mask(const Prepared& image) const { return {image.color.get()}; }
+  void pack(Prepared& /*image*/) const {}
+  void release_cubes(Prepared& image) const { image.gray = image.usable = nullptr; }
+  void release_color(Prepared& image) const { image.color.reset(); }
+
+  std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe);
+  /// Kernels look keys up.
+  template <class Source>
+  Source first_planes(const Source& source, Planes& /*planes*/) const {
+    return source;
+  }
+
+  template <class Stage>
+  void launch(const Stage& stage, Counts* counts) const {
+    cuda::launch(stage, counts, compute_.get());
+  }
+  void splat(const kernels::SplatLandmarks<Keys>& splat, int count) const {
+    splat_landmarks(splat, count, compute_.get());
+  }
+  void start(const PatchMatchPass& pass) const { start_pixels(pass, compute_.get()); }
+  void iterate(const PatchMatchPass& pass, int colour, int iteration, bool rescore) const {
+    iterate_pixels(pass, colour, iteration, rescore, compute_.get());
+  }
+  void own(const kernels::OwnershipRound& stage, Asked& /*asked*/) const { launch(stage, nullptr); }
+
+  template <class Work>
+  void timed(double& seconds, const Work& work) {
+    const std::shared_ptr<Record> record = records_.get();
+    record->start.record(compute_);
+    work();
+    record->end.record(compute_);
+    expect([record, &seconds] { seconds += record->waited(); });
+  }
+  template <class Work>
+  void counted(double& seconds, const Work& work, std::function<void(const std::int64_t*)> then) {
+    const std::shared_ptr<Record> record = records_.get();
+    begin(*record);
+    work(record->device.get());
+    end(*record);
+    expect([record, &seconds, then = std::move(then)] {
+      seconds += record->waited();
+      std::int64_t numbers[Counts::kMost];
+      for (int i = 0; i < Counts::kMost; ++i) numbers[i] = record->host[0].of[i];
+      then(numbers);
+    });
+  }
+
+  void hand_out_depths(std::int64_t id, const RigidTransform& cam_from_world, const DevicePlanes& map,
+                       const float* confidence, std::function<void(const DepthMap&)> to);
+  void hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
+                       std::function<void(const KeyframeCloud&)> to);
+
+  template <class T>
+  void save(const Array<T>& array, std::size_t count, ScratchFile& scratch, std::uint64_t at) {
+    host_.resize(count * sizeof(T));
+    copy_bytes(host_.data(), array.get(), host_.size(), cudaMemcpyDeviceToHost);
+    scratch.write(at, host_.data(), host_.size());
+  }
+  template <class T>
+  Array<T> load(std::size_t count, const ScratchFile& scratch, std::uint64_t at) {
+    const Array<T> copy = array<T>(count);
+    host_.resize(count * sizeof(T));
+    scratch.read(at, host_.data(), host_.size());
+    copy_bytes(copy.get(), host_.data(), host_.size(), cudaMemcpyHostToDevice);
+    return copy;
+  }
+
+  void deliver(bool all);
+
+ private:
+  /// How long work took and what it counted, on its way to the host.
+  struct Record {
+    DeviceArray<Counts> device = DeviceArray<Counts>(1);
+    PinnedArray<Counts> host = PinnedArray<Counts>(1);
+    Event start, end;
+
+    double waited() const {
+      end.wait();
+      return end.seconds_since(start);
+    }
+  };
+  /// Points and their keys, on their way down.
+  struct PointsDownload {
+    explicit PointsDownload(std::size_t size) : points(size), pixels(size), agree(size) {}
+
+    DeviceArray<DevicePoint> points;
+    DeviceArray<unsigned int> pixels;
+    DeviceArray<std::uint32_t> agree;
+  };
+  /// Something that was asked of the device.
+  struct Pending {
+    std::function<void()> hand_out;  ///< waits for what it needs
+    std::int64_t round;              ///< Densifier::add or flush during which it was asked for
+  };
+
+  void set_image_size(int width, int height);
+  void begin(Record& record) const;
+  void end(Record& record) const;
+  void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
+  void hand_out_first();
+  MapDownload& free_download();
+  /// After what is queued; waits.
+  void copy_bytes(void* to, const void* from, std::size_t bytes, cudaMemcpyKind kind) const;
+  bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
+  std::size_t pixels() const {
+    return static_cast<std::size_t>(grid().width) * static_cast<std::size_t>(grid().height);
+  }
+
+  const EngineContext& context_;
+  const Executor& executor_;
+  int device_number_;
+  LastScope device_;  ///< before all that lies on the device
+  Stream compute_, up_, down_;
+  DevicePool memory_;
+  int image_width_ = 0;
+  int image_height_ = 0;
+  Uploader images_, masks_;
+  Downloader downloader_;
+  DeviceArray<float> gray_, equalized_;
+  DeviceArray<unsigned char> eroded_;
+  PinnedArray<kernels::SparsePoint> points_host_;
+  Event points_arrived_;
+  std::optional<DeviceGrid> grid_;
+  std::optional<DeviceSpanTable> columns_, rows_;  ///< from the images' size
+  Pool<CubeTexture> grays_, usables_;
+  Pool<PointsDownload> clouds_;
+  DeviceArray<unsigned char> select_scratch_;
+  Pool<Record> records_;
+  std::vector<std::unique_ptr<MapDownload>> downloads_;
+  std::deque<Pending> pending_;
+  std::vector<unsigned char> host_;  ///< on its way to or from a scratch file
+  KeyframeCloud cloud_;              ///< handed out last; its memory is used again
+  std::size_t clouds_out_ = 0;
+  std::int64_t round_ = 0;
+};
+
+}  // namespace pmsp::cuda

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+// A processor is what stages run on: CpuProcessor (src/cpu/), CudaProcessor (src/cuda/). It knows how a stage is
+// launched, where arrays live and how results get to the host, and nothing of what stages compute; StageEngine runs the
+// pipeline on any of them. Work is done, or queued, in the order of the calls, so that what a stage has written is
+// there for those that follow, and an array that nobody holds any more may be used again at once.
+//
+//   Views                          types of the views that its stages take (kernels/stage.h)
+//   Keys                           keys of pixels, for the stages of kernels/init.h
+//   Prepared                       a keyframe's prepared image
+//   Unpacked                       images that `cubes` had to unpack; they stay valid as long as it
+//   Planes                         an array of planes and scores, as a map or in checkerboard order
+//   Counts                         numbers of pixels that a stage counts
+//
+//   enter()                        called first in each piece of work; what it returns is kept until its end
+//   set_size(width, height)        of the depth maps, before anything else
+//   may_go_on()                    false after Densifier::cancel
+//   grid()
+//   array<T>(count), planes(), keys()          made, the latter without keys
+//   map(planes), to(planes)                    views of planes; a map's is empty where there are none
+//   upload(values)                             of a vector, once for all
+//   prepare(keyframe, seconds)                 the keyframe's image
+//   cubes(image, unpacked), color(image), mask(image)   views of it
+//   pack(image), release_cubes(image), release_color(image)
+//   landmarks(keyframe)            the landmarks that make planes, and their number
+//   first_planes(source, planes)   view of the planes that keys stand for; they may be put into `planes`
+//   launch(stage, counts)          runs a stage over all its pixels; `counts`: nullptr = not wanted
+//   splat(stage, count), start(pass), iterate(pass, colour, iteration, rescore), own(stage, asked)
+//                                  those that do not go over all pixels alike
+//   timed(seconds, work)           does what `work` launches, and adds the time that it takes
+//   counted(seconds, work, then)   the same with work(counts); calls then(numbers) when they are known
+//   hand_out_depths, hand_out_points           results on their way to a callback
+//   save(array, count, scratch, at), load<T>(count, scratch, at)
+//   deliver(all)                   as Engine::deliver
+namespace pmsp {
+
+/// Memory of a processor, given back when nobody holds it any more. Uninitialised.
+template <class T>
+using Array = std::shared_ptr<T[]>;
+
+/// Which keyframes each open pixel still has to ask in a round of ownership, in order; where the processor keeps
+/// account of it.
+struct Asked {
+  Array<std::uint32_t> bits;
+  std::size_t count = 0;
+};
+
+}  // namespace pmsp

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+
+#include "processor.h"
+#include "util/scratch_file.h"
+
+namespace pmsp {
+
+/// An array that a keyframe keeps while it waits for others: in the processor's memory or, with a scratch file, put
+/// aside there, so that it takes none.
+template <class Processor, class T>
+class Shelved {
+ public:
+  /// Both must outlive it. `scratch`: nullptr = in memory.
+  Shelved(Processor& on, ScratchFile* scratch) : on_(on), scratch_(scratch) {}
+  ~Shelved() { reset(); }
+  Shelved(const Shelved&) = delete;
+  Shelved& operator=(const Shelved&) = delete;
+
+  /// `count` elements. `room`: for the most that will ever be put here, the same in each call.
+  void put(Array<T> array, std::size_t count, std::size_t room) {
+    count_ = count;
+    if (scratch_ == nullptr) {
+      array_ = std::move(array);
+      return;
+    }
+    if (room_ == 0) begin_ = scratch_->take(room * sizeof(T));
+    room_ = room;
+    on_.save(array, count, *scratch_, begin_);
+  }
+  void put(Array<T> array, std::size_t count) { put(std::move(array), count, count); }
+
+  /// What was put here, or a copy of it.
+  Array<T> get() const {
+    if (room_ == 0 || count_ == 0) return array_;
+    return on_.template load<T>(count_, *scratch_, begin_);
+  }
+  std::size_t count() const { return count_; }
+
+  void reset() {
+    array_.reset();
+    if (room_ > 0) scratch_->give_back(begin_, room_ * sizeof(T));
+    room_ = 0;
+    count_ = 0;
+  }
+
+ private:
+  Processor& on_;
+  ScratchFile* scratch_;
+  Array<T> array_;
+  std::size_t count_ = 0;
+  std::size_t room_ = 0;  ///< elements in the scratch file; 0 = it is not there
+  std::uint64_t begin_ = 0;
+};
+
+}  // namespace pmsp

@@ -1,0 +1,408 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "depth_image.h"
+#include "engine.h"
+#include "filters/filter_setup.h"
+#include "fusion/fusion_setup.h"
+#include "init/init_setup.h"
+#include "patchmatch/match_setup.h"
+#include "plan/reach.h"
+#include "priors/prior_setup.h"
+#include "processor.h"
+#include "shelved.h"
+#include "util/eigen_kernels.h"
+
+namespace pmsp {
+
+/// The stages of the pipeline on a processor (processor.h): what each of them reads and writes of which keyframe.
+template <class Processor>
+class StageEngine final : public Engine {
+ public:
+  StageEngine(const EngineContext& context, Executor executor)
+      : Engine(context, std::move(executor)), on_(context_, executor_) {}
+
+  std::unique_ptr<Frame> prepare(const Keyframe& keyframe) override {
+    [[maybe_unused]] const auto scope = on_.enter();
+    const DensifierOptions& options = context_.options;
+    on_.set_size(options.width, options.height);
+    if (!looks_ && options.patchmatch.plane_priors) looks_ = on_.upload(look_table({options.width, options.height}));
+    if (!scratch_ && !options.scratch_folder.empty()) scratch_ = std::make_unique<ScratchFile>(options.scratch_folder);
+    return std::make_unique<StageFrame>(keyframe, on_.prepare(keyframe, context_.stats.seconds_prepare), on_,
+                                        scratch_.get());
+  }
+
+  void match(const MatchTask& task) override {
+    [[maybe_unused]] const auto scope = on_.enter();
+    if (!on_.may_go_on()) return;
+    StageFrame& reference = own(*task.reference);
+    Planes& raw = reference.raws[task.pass % 2];
+    if (!raw) raw = on_.planes();
+    run_pass(task, raw);
+    reference.matched = !cancelled();
+    if (reference.matched && task.last) finish_match(reference, std::exchange(raw, {}));
+  }
+
+  void filter(Frame& frame, const std::vector<const Frame*>& others) override {
+    [[maybe_unused]] const auto scope = on_.enter();
+    StageFrame& reference = own(frame);
+    reference.confidence = on_.template array<float>(pixels());
+    auto stage = consistency_stage<Views>(on_.map(reference.median), on_.grid(), others.size(),
+                                          context_.options.consistency, reference.confidence.get());
+    for (std::size_t k = 0; k < others.size(); ++k) {
+      stage.others[k] = {on_.map(own(*others[k]).median),
+                         to_rigid(others[k]->cam_from_world * reference.cam_from_world.inverse())};
+    }
+    on_.counted(
+        context_.stats.seconds_consistency, [&](Counts* counts) { on_.launch(stage, counts); },
+        [&stats = context_.stats](const std::int64_t* numbers) { stats.pixels_after_consistency += numbers[1]; });
+    if (context_.results.cloud && context_.options.free_space.enabled) find_sight(reference);
+    if (context_.results.filtered_depth) {
+      hand_out_depths(reference, reference.median, reference.confidence.get(), context_.results.filtered_depth);
+    }
+  }
+
+  void fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) override {
+    [[maybe_unused]] const auto scope = on_.enter();
+    StageFrame& reference = own(frame);
+    const auto view = [&](const StageFrame& member) {
+      const Relation to = relation(member.pose(), reference.pose());
+      return kernels::FusionView<Views>{filtered(member), on_.color(member.image), to.other_from_first, to.zoom};
+    };
+    kernels::FusePixels<Views> stage{};
+    stage.grid = on_.grid();
+    stage.limits = fusion_limits(context_.options.fusion);
+    stage.first = view(reference);
+    for (std::size_t i = 0; i < window.size(); ++i) {
+      if (i == current) continue;
+      stage.others[stage.count++] = view(own(*window[i]));
+      reference.window_ids.push_back(window[i]->id);
+    }
+    const int agree_bytes = pmsp::agree_bytes(context_.options.fusion);
+    const std::size_t agree_size = pixels() * static_cast<std::size_t>(agree_bytes);
+    auto surfels = on_.template array<std::uint32_t>(pixels());
+    auto details = on_.template array<std::uint32_t>(pixels());
+    auto standings = on_.template array<std::uint8_t>(pixels());
+    auto agree = on_.template array<std::uint8_t>(agree_size);
+    stage.to = {surfels.get(), details.get(), standings.get(), agree.get(), agree_bytes};
+    on_.counted(
+        context_.stats.seconds_fusion, [&](Counts* counts) { on_.launch(stage, counts); },
+        [&stats = context_.stats, eligible = reference.eligible](const std::int64_t* numbers) {
+          stats.points_fused += numbers[0];
+          *eligible = numbers[0];
+        });
+    reference.surfels.put(std::move(surfels), pixels());
+    reference.details.put(std::move(details), pixels());
+    reference.standings[0].put(std::move(standings), pixels());
+    reference.agree.put(std::move(agree), agree_size);
+  }
+
+  void judge(Frame& frame, const std::vector<const Frame*>& viewers) override {
+    [[maybe_unused]] const auto scope = on_.enter();
+    StageFrame& reference = own(frame);
+    const auto surfels = reference.surfels.get();
+    const auto details = reference.details.get();
+    auto standings = on_.template array<std::uint8_t>(pixels());
+    std::vector<Array<float>> sights;  // as long as the stage looks at them
+    kernels::Eligibility stage{};
+    stage.surfels = surfels.get();
+    stage.details = details.get();
+    stage.grid = on_.grid();
+    for (const Frame* asked : viewers) {
+      const StageFrame& viewer = own(*asked);
+      const Relation to = relation(viewer.pose(), reference.pose());
+      const float* const nearest = sights.emplace_back(viewer.nearest.get()).get();
+      const float* const farthest = sights.emplace_back(viewer.farthest.get()).get();
+      stage.viewers[stage.count++] = {{nearest, farthest, context_.options.width / kernels::kSightCell,
+                                       context_.options.height / kernels::kSightCell},
+                                      to.other_from_first,
+                                      to.zoom};
+    }
+    stage.limits = sight_limits(context_.options.free_space);
+    stage.max_contradiction = static_cast<float>(context_.options.free_space.max_contradiction);
+    stage.standings = standings.get();
+    on_.counted(
+        context_.stats.seconds_free_space, [&](Counts* counts) { on_.launch(stage, counts); },
+        [eligible = reference.eligible](const std::int64_t* numbers) { *eligible = numbers[0]; });
+    reference.standings[0].put(std::move(standings), pixels());
+  }
+
+  void round(Frame& frame, const std::vector<const Frame*>& others, int round) override {
+    [[maybe_unused]] const auto scope = on_.enter();
+    StageFrame& reference = own(frame);
+    struct Held {
+      Array<std::uint32_t> surfels;
+      Array<std::uint8_t> standings;
+    };
+    std::vector<Held> held;
+    const auto view = [&](const StageFrame& viewed) {
+      const Held& its = held.emplace_back(Held{viewed.surfels.get(), viewed.standings[(round - 1) % 2].get()});
+      return kernels::SurfelView{its.surfels.get(), its.standings.get(), context_.options.width,
+                                 context_.options.height, static_cast<float>(viewed.pose().scale)};
+    };
+    auto standings = on_.template array<std::uint8_t>(pixels());
+    kernels::OwnershipRound stage{};
+    stage.map = view(reference);
+    stage.grid = on_.grid();
+    for (const Frame* asked : others) {
+      const StageFrame& viewer = own(*asked);
+      const Relation to = relation(viewer.pose(), reference.pose());
+      stage.others[stage.count++] = {view(viewer), to.other_from_first, to.zoom, viewer.id < reference.id};
+    }
+    stage.first = round == 1;
+    stage.limits = ownership_limits(context_.options.fusion);
+    stage.standings = standings.get();
+    Asked asked{reference.asked.get(), reference.asked.count()};
+    on_.timed(context_.stats.seconds_ownership, [&] { on_.own(stage, asked); });
+    reference.standings[round % 2].put(std::move(standings), pixels());
+    reference.asked.put(std::move(asked.bits), asked.count, pixels());
+  }
+
+  void hand_out(Frame& frame) override {
+    [[maybe_unused]] const auto scope = on_.enter();
+    const StageFrame& reference = own(frame);
+    const auto surfels = reference.surfels.get();
+    const auto details = reference.details.get();
+    const auto standings = reference.standings[ownership_rounds(context_.options) % 2].get();
+    const auto agree = reference.agree.get();
+    KeyframeCloud cloud;
+    cloud.keyframe_id = reference.id;
+    cloud.cam_from_world = reference.pose().cam_from_world;
+    cloud.scale = reference.pose().scale;
+    cloud.window_ids = reference.window_ids;
+    on_.hand_out_points(
+        {surfels.get(), details.get(), standings.get(), agree.get(), agree_bytes(context_.options.fusion)},
+        std::move(cloud), context_.stats.seconds_ownership,
+        [this, eligible = reference.eligible](const KeyframeCloud& made) {
+          context_.stats.points_repeated += *eligible - static_cast<std::int64_t>(made.points.size());
+          context_.results.cloud(made);
+        });
+  }
+
+  void release(Frame& frame, Artefact artefact) override {
+    StageFrame& done = own(frame);
+    switch (artefact) {
+      case Artefact::kImage:
+        if (context_.options.patchmatch.revisits > 0) on_.pack(done.image);
+        break;
+      case Artefact::kFarImage:
+        on_.release_cubes(done.image);
+        break;
+      case Artefact::kColor:
+        on_.release_color(done.image);
+        break;
+      case Artefact::kLandmarks:
+        break;
+      case Artefact::kPlanes:
+        for (Planes& raw : done.raws) raw.reset();
+        break;
+      case Artefact::kMedian:
+        done.median.reset();
+        break;
+      case Artefact::kFiltered:
+        done.confidence.reset();
+        break;
+      case Artefact::kSight:
+        done.nearest.reset();
+        done.farthest.reset();
+        break;
+      case Artefact::kSurfels:
+        done.surfels.reset();
+        done.details.reset();
+        done.agree.reset();
+        done.asked.reset();
+        for (auto& standings : done.standings) standings.reset();
+        break;
+    }
+  }
+
+  void deliver(bool all) override {
+    [[maybe_unused]] const auto scope = on_.enter();
+    on_.deliver(all);
+  }
+
+ private:
+  using Views = typename Processor::Views;
+  using Map = typename Views::Map;
+  using Keys = typename Processor::Keys;
+  using Planes = typename Processor::Planes;
+  using Counts = typename Processor::Counts;
+  using Pass = kernels::PatchMatchPass<Views>;
+
+  /// What a keyframe leaves behind for others.
+  struct StageFrame : Frame {
+    StageFrame(const Keyframe& keyframe, typename Processor::Prepared prepared, Processor& on, ScratchFile* scratch)
+        : Frame(keyframe),
+          image(std::move(prepared)),
+          nearest(on, scratch),
+          farthest(on, scratch),
+          surfels(on, scratch),
+          details(on, scratch),
+          agree(on, scratch),
+          standings{{on, scratch}, {on, scratch}},
+          asked(on, scratch) {}
+
+    template <class T>
+    using Waiting = Shelved<Processor, T>;
+
+    typename Processor::Prepared image;
+    Planes raws[2];                           ///< after the last even and the last odd pass of PatchMatch
+    Planes median;                            ///< after the last pass and the median filter
+    Array<float> confidence;                  ///< after the consistency filter; 0 = no depth
+    Waiting<float> nearest, farthest;         ///< see SightMap
+    Waiting<std::uint32_t> surfels, details;  ///< see SurfelMap
+    Waiting<std::uint8_t> agree;              ///< there, too
+    Waiting<std::uint8_t> standings[2];       ///< after the last even and the last odd round of ownership
+    Waiting<std::uint32_t> asked;             ///< see Asked
+    std::vector<std::int64_t> window_ids;     ///< of the bits of `agree`
+    std::shared_ptr<std::int64_t> eligible = std::make_shared<std::int64_t>(0);  ///< points when ownership is decided
+  };
+  static StageFrame& own(Frame& frame) { return static_cast<StageFrame&>(frame); }
+  static const StageFrame& own(const Frame& frame) { return static_cast<const StageFrame&>(frame); }
+
+  /// What a pass's views point into.
+  struct Sources {
+    typename Processor::Unpacked images;
+    Array<kernels::SparsePoint> points;
+    Array<std::uint64_t> landmark_keys, warped_keys;
+    Planes landmarks, previous, warped, priors;
+  };
+
+  void run_pass(const MatchTask& task, const Planes& result) {
+    DensifierStats& stats = context_.stats;
+    const StageFrame& reference = own(*task.reference);
+    Pass pass{};
+    Sources sources;
+    on_.timed(stats.seconds_init, [&] {
+      look_around(task, pass, sources);
+      if (task.pass == 0) {
+        propose_first_planes(task, pass, sources);
+      } else if (context_.options.patchmatch.plane_priors) {
+        sources.priors = on_.planes();
+        find_plane_priors(on_, looks_, on_.map(before(reference, task.pass)), pass.matching.reference,
+                          pass.matching.limits, context_.options.patchmatch, on_.to(sources.priors));
+        pass.priors = on_.map(sources.priors);
+      }
+    });
+    on_.timed(stats.seconds_patchmatch, [&] {
+      const Planes state = on_.planes();
+      pass.state = on_.to(state);
+      if (task.pass == 0) {
+        on_.start(pass);
+      } else {
+        on_.launch(kernels::ReorderPlanes<Views>{on_.map(before(reference, task.pass)), pass.state, false}, nullptr);
+      }
+      run_iterations(on_, pass, iterations_of(context_.options.patchmatch, task.pass), task.pass > 0,
+                     [&] { return cancelled(); });
+      on_.launch(kernels::ReorderPlanes<Views>{on_.map(state), on_.to(result), true}, nullptr);
+    });
+  }
+
+  /// A keyframe's map of the pass before.
+  static const Planes& before(const StageFrame& frame, int pass) { return frame.raws[(pass - 1) % 2]; }
+
+  /// The images and maps that a pass compares.
+  void look_around(const MatchTask& task, Pass& pass, Sources& sources) {
+    const DensifierOptions& options = context_.options;
+    const StageFrame& reference = own(*task.reference);
+    pass.grid = on_.grid();
+    pass.mask = on_.mask(reference.image);
+    pass.matching = make_matching(on_.cubes(reference.image, sources.images).gray, options.patchmatch, options.width,
+                                  task.range, options.seed, reference.id);
+    const RigidTransform world_from_ref = reference.cam_from_world.inverse();
+    for (const Frame* frame : task.neighbours) {
+      const StageFrame& neighbour = own(*frame);
+      const bool lends_planes = task.pass > 0 && static_cast<std::size_t>(pass.matching.num_views) < task.near;
+      const auto cubes = on_.cubes(neighbour.image, sources.images);
+      pass.matching.views[pass.matching.num_views++] = {
+          cubes.gray, cubes.usable, to_rigid(neighbour.cam_from_world * world_from_ref),
+          on_.map(lends_planes ? before(neighbour, task.pass) : Planes{})};
+    }
+  }
+
+  /// Planes of landmarks, and those of the previous keyframe, moved.
+  void propose_first_planes(const MatchTask& task, Pass& pass, Sources& sources) {
+    const InitOptions& options = context_.options.init;
+    if (options.sparse_points) {
+      sources.landmark_keys = on_.keys();
+      const auto [points, count] = on_.landmarks(*task.keyframe);
+      sources.points = points;
+      on_.splat(
+          kernels::SplatLandmarks<Keys>{
+              points.get(), on_.grid(), static_cast<float>(options.sparse_radius_px), {sources.landmark_keys.get()}},
+          count);
+      pass.landmarks =
+          on_.first_planes(kernels::LandmarkPlanes{sources.landmark_keys.get(), points.get()}, sources.landmarks);
+    }
+    if (task.previous == nullptr) return;
+    const StageFrame& previous = own(*task.previous);
+    sources.previous = previous.median ? previous.median : median_of(previous, previous.raws[0], nullptr);
+    sources.warped_keys = on_.keys();
+    const RigidTransform moved = task.reference->cam_from_world * previous.cam_from_world.inverse();
+    const Map map = on_.map(sources.previous);
+    on_.launch(
+        kernels::WarpPixels<Views, Keys>{
+            map, on_.grid(), to_rigid(moved), map.width, map.height, {sources.warped_keys.get()}},
+        nullptr);
+    pass.warped = on_.first_planes(
+        kernels::WarpedPlanes<Map>{sources.warped_keys.get(), map, to_rigid(moved.inverse())}, sources.warped);
+  }
+
+  Planes median_of(const StageFrame& frame, const Planes& raw, Counts* counts) {
+    Planes filtered = on_.planes();
+    on_.launch(
+        median_stage<Views>(on_.map(raw), on_.grid(), on_.mask(frame.image), context_.options.median, on_.to(filtered)),
+        counts);
+    return filtered;
+  }
+
+  /// Nobody else asks for the planes of the last pass.
+  void finish_match(StageFrame& reference, const Planes& raw) {
+    if (context_.results.raw_depth) hand_out_depths(reference, raw, nullptr, context_.results.raw_depth);
+    on_.counted(
+        context_.stats.seconds_median, [&](Counts* counts) { reference.median = median_of(reference, raw, counts); },
+        [&stats = context_.stats](const std::int64_t* numbers) {
+          ++stats.depth_maps;
+          stats.pixels += numbers[0];
+          stats.pixels_matched += numbers[1];
+          stats.pixels_after_median += numbers[2];
+        });
+  }
+
+  void find_sight(StageFrame& frame) {
+    auto nearest = on_.template array<float>(cells());
+    auto farthest = on_.template array<float>(cells());
+    on_.timed(context_.stats.seconds_free_space, [&] {
+      on_.launch(kernels::FindSight<Views>{filtered(frame), on_.grid(), nearest.get(), farthest.get()}, nullptr);
+    });
+    frame.nearest.put(std::move(nearest), cells());
+    frame.farthest.put(std::move(farthest), cells());
+  }
+
+  void hand_out_depths(const StageFrame& frame, const Planes& planes, const float* confidence,
+                       const std::function<void(const DepthMap&)>& to) {
+    on_.hand_out_depths(frame.id, frame.cam_from_world, on_.map(planes), confidence, to);
+  }
+
+  kernels::FilteredMap<Map> filtered(const StageFrame& frame) const {
+    return {on_.map(frame.median), frame.confidence.get(), context_.options.width, context_.options.height};
+  }
+  std::size_t pixels() const {
+    return static_cast<std::size_t>(context_.options.width) * static_cast<std::size_t>(context_.options.height);
+  }
+  std::size_t cells() const { return pixels() / (kernels::kSightCell * kernels::kSightCell); }
+  bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
+
+  std::unique_ptr<ScratchFile> scratch_;  ///< where a folder is given; before all that waits there
+  Processor on_;
+  Array<int> looks_;  ///< see look_table
+};
+
+}  // namespace pmsp
