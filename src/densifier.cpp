@@ -6,104 +6,180 @@
 #include <utility>
 
 #include "densifier_checks.h"
-#include "densifier_impl.h"
 #include "make_engine.h"
-#include "plan/reach.h"
+#include "pipeline.h"
 #include "pmsp/error.h"
 #include "pmsp/plan.h"
 
 namespace pmsp {
 
-Densifier::Impl::Impl(const DensifierOptions& given, DensifierCallbacks to)
-    : given_options(given),
-      options(given),
-      callbacks(std::move(to)),
-      schedule(given, callbacks.cloud != nullptr),
-      planner(given),
-      next(schedule.stages().size(), 0),
-      kept(schedule.lifetimes().size(), 0) {
-  results.raw_depth = callbacks.raw_depth;
-  results.filtered_depth = callbacks.filtered_depth;
-  if (callbacks.cloud) {
-    results.cloud = [this](const KeyframeCloud& cloud) {
-      stats.points += static_cast<std::int64_t>(cloud.points.size());
-      callbacks.cloud(cloud);
+Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, DensifierCallbacks to)
+    : given_options_(given),
+      options_(given),
+      callbacks_(std::move(to)),
+      schedule_(given, callbacks_.cloud != nullptr),
+      planner_(given),
+      part_(std::move(part)),
+      progress_(schedule_.stages().size()),
+      kept_(schedule_.lifetimes().size(), 0) {
+  results_.raw_depth = callbacks_.raw_depth;
+  results_.filtered_depth = callbacks_.filtered_depth;
+  if (callbacks_.cloud) {
+    results_.cloud = [this](const KeyframeCloud& cloud) {
+      stats_.points += static_cast<std::int64_t>(cloud.points.size());
+      callbacks_.cloud(cloud);
     };
   }
-  engine = make_engine({options, results, stats, cancel}, options, backend);
+  engine_ = make_engine({options_, results_, stats_, cancel_}, options_, backend_);
 }
 
-bool Densifier::Impl::add(const Keyframe& keyframe) {
-  ++stats.keyframes_added;
-  ++places;
-  ids.insert(keyframe.id);
-  const bool used = planner.add(plan_keyframe(keyframe, given_options));
-  if (!used) {
-    ++stats.keyframes_rejected;
-    if (!planner.entries().empty() && planner.entries().back().use == KeyframeUse::kBlurred) ++stats.keyframes_blurred;
-    return false;
+bool Pipeline::add(const Keyframe& keyframe) {
+  if (stopped()) return false;
+  const bool wanted = takes_part(keyframe.id);
+  if (wanted) check_keyframe(keyframe);
+  if (ids_.count(keyframe.id) != 0) {
+    throw InvalidInput("keyframe " + std::to_string(keyframe.id) + " was added before; expected each id once");
   }
-  ++stats.keyframes_accepted;
-  prepare(keyframe);
+  if (wanted) {
+    DensifierOptions sized = options_;
+    fill_in_size(sized, keyframe.image.width, keyframe.image.height);  // throws before anything has changed
+  }
+  return or_stop([&] { return take(keyframe); });
+}
+
+void Pipeline::flush() {
+  if (part_ && !stopped()) check_all_there();
+  or_stop([&] { finish(); });
+}
+
+/// Whether the keyframe can take part. Of a given plan, those that do come in its order.
+bool Pipeline::takes_part(std::int64_t id) const {
+  if (!part_) return true;
+  const std::size_t place = part_->place_of(id);
+  if (!part_->takes_part(place) || ids_.count(id) != 0) return false;
+  const std::size_t expected = part_->taking_part()[taken_];
+  if (place == expected) return true;
+  throw InvalidInput("keyframe " + std::to_string(id) + " comes before keyframe " +
+                     std::to_string(part_->entry(expected).id) +
+                     ", which the results depend on, too; expected the order of the plan");
+}
+
+/// Of a given plan.
+void Pipeline::check_all_there() const {
+  if (taken_ == part_->taking_part().size()) return;
+  throw InvalidInput("keyframe " + std::to_string(part_->entry(part_->taking_part()[taken_]).id) +
+                     " has not come, which the results depend on; expected all images of the halo");
+}
+
+bool Pipeline::take(const Keyframe& keyframe) {
+  ids_.insert(keyframe.id);
+  const std::size_t place = part_ ? part_->place_of(keyframe.id) : places_++;
+  const KeyframeUse use = part_ ? part_->entry(place).use : decide_use(keyframe);
+  const bool used = use <= KeyframeUse::kNoRange;
+  ++stats_.keyframes_added;
+  ++(used ? stats_.keyframes_accepted : stats_.keyframes_rejected);
+  if (use == KeyframeUse::kBlurred) ++stats_.keyframes_blurred;
+  count_without_depth_map(use);
+  if (part_ ? !part_->takes_part(place) : !used) return false;
+  prepare(keyframe, place);
   advance(false);
-  engine->deliver(false);
+  engine_->deliver(false);
   return true;
 }
 
-void Densifier::Impl::flush() {
-  planner.finish();
+/// As far as it is known by now: used keyframes may turn out to get no depth map.
+KeyframeUse Pipeline::decide_use(const Keyframe& keyframe) {
+  if (planner_.add(plan_keyframe(keyframe, given_options_))) return KeyframeUse::kDepthMap;
+  return planner_.entries().empty() ? KeyframeUse::kNoLandmarks : planner_.entries().back().use;
+}
+
+void Pipeline::finish() {
+  planner_.finish();
   advance(true);
-  engine->deliver(true);
-  views.clear();
-  index_of.clear();
-  dropped = places;
-  planner.drop(planner.entries().size());
-  first = 0;
-  std::fill(next.begin(), next.end(), 0);
-  std::fill(kept.begin(), kept.end(), 0);
+  engine_->deliver(true);
+  views_.clear();
+  index_of_.clear();
+  dropped_ = places_;
+  planner_.drop(planner_.entries().size());
+  first_ = 0;
+  progress_ = Progress(schedule_.stages().size());
+  std::fill(kept_.begin(), kept_.end(), 0);
 }
 
-void Densifier::Impl::prepare(const Keyframe& keyframe) {
-  if (options.width == 0 || options.height == 0) {  // only now is known how much memory it takes
-    fill_in_size(options, keyframe.image.width, keyframe.image.height);
-    options.backend = given_options.backend;
-    options.scratch_folder = given_options.scratch_folder;
-    engine = make_engine({options, results, stats, cancel}, options, backend);
+void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
+  if (options_.width == 0 || options_.height == 0) {  // only now is known how much memory it takes
+    fill_in_size(options_, keyframe.image.width, keyframe.image.height);
+    options_.backend = given_options_.backend;
+    options_.scratch_folder = given_options_.scratch_folder;
+    engine_ = make_engine({options_, results_, stats_, cancel_}, options_, backend_);
   }
-  index_of[keyframe.id] = end();
-  views.push_back({keyframe, engine->prepare(keyframe), places - 1});
-  views.back().keyframe.image = {};
-  views.back().keyframe.mask = {};
+  index_of_[keyframe.id] = end();
+  views_.push_back({keyframe, engine_->prepare(keyframe), place});
+  views_.back().frame->asked_for = !part_ || part_->asks_for(place);
+  views_.back().keyframe.image = {};
+  views_.back().keyframe.mask = {};
+  ++taken_;
 }
 
-void Densifier::Impl::advance(bool last) {
-  for (std::size_t stage = 0; stage < next.size(); ++stage) {
-    while (may_run(stage, last)) {
-      run(schedule.stages()[stage], next[stage]++);
-      forget(last);
+void Pipeline::advance(bool last) {
+  while (const std::optional<Task> task = next_task(last)) {
+    run(schedule_.stages()[task->stage], task->keyframe);
+    progress_.mark(task->stage, task->keyframe);
+    forget(last);
+  }
+}
+
+std::optional<Task> Pipeline::next_task(bool last) {
+  if (stopped()) return std::nullopt;
+  if (choose) return choose(ready_tasks(last));
+  for (std::size_t stage = 0; stage < schedule_.stages().size(); ++stage) {
+    const Task task{stage, progress_.next(stage)};
+    if (task.keyframe < end() && is_ready(task, last)) return task;
+  }
+  return std::nullopt;
+}
+
+std::vector<Task> Pipeline::ready_tasks(bool last) {
+  std::vector<Task> tasks;
+  for (std::size_t stage = 0; stage < schedule_.stages().size(); ++stage) {
+    for (std::int64_t i = progress_.next(stage); i < end(); ++i) {
+      if (!progress_.done(stage, i) && is_ready({stage, i}, last)) tasks.push_back({stage, i});
     }
   }
+  return tasks;
 }
 
-/// Whether the stage can go on to its next keyframe. At the end of the sequence the stages before are through.
-bool Densifier::Impl::may_run(std::size_t stage, bool last) {
-  const std::int64_t i = next[stage];
-  if (stopped() || i >= end()) return false;
-  if (last) return true;
-  const auto there = [&](const Stage::Need& need) { return i + need.ahead < next[need.stage]; };
-  const std::vector<Stage::Need>& needs = schedule.stages()[stage].needs;
-  return view(i).place - dropped < planned_for(schedule.stages()[stage].kind) &&
-         std::all_of(needs.begin(), needs.end(), there);
+/// Stages that are needed must have been at all keyframes up to those that the task may look at, not only at these:
+/// then none of them has gone on by more than one pass, or one round, and what the task looks at is still there.
+bool Pipeline::is_ready(const Task& task, bool last) {
+  if (!last && !is_planned(task)) return false;
+  const Stage& stage = schedule_.stages()[task.stage];
+  for (const Stage::Need& need : stage.needs) {
+    std::int64_t until = options_.unordered ? end() : task.keyframe + need.ahead + 1;
+    if (last) until = std::min(until, end());
+    if (progress_.next(need.stage) < until) return false;
+  }
+  const View& reference = view(task.keyframe);
+  const std::optional<std::int64_t>& from = entry_of(reference).first_planes;
+  const bool starts = stage.kind == Stage::Kind::kMatch && stage.step == 0 && runs(stage, reference);
+  return !starts || !from || progress_.done(task.stage, index_of_.at(*from));
 }
 
-/// Number of the plan's entries that know what stages of a kind look at.
-std::size_t Densifier::Impl::planned_for(Stage::Kind kind) const {
-  if (kind == Stage::Kind::kMatch) return planner.matchable();
-  return kind == Stage::Kind::kFilter || kind == Stage::Kind::kFuse ? planner.windowed() : planner.complete();
+/// Whether the keyframes have come that the task looks at, and it is known which these are.
+bool Pipeline::is_planned(const Task& task) {
+  const Stage& stage = schedule_.stages()[task.stage];
+  if (part_) return !options_.unordered && task.keyframe + stage.lead < end();
+  return view(task.keyframe).place - dropped_ < planned_for(stage.kind);
+}
+
+/// Number of the planner's entries that know what stages of a kind look at.
+std::size_t Pipeline::planned_for(Stage::Kind kind) const {
+  if (kind == Stage::Kind::kMatch) return planner_.matchable();
+  return kind == Stage::Kind::kFilter || kind == Stage::Kind::kFuse ? planner_.windowed() : planner_.complete();
 }
 
 /// In the order of the plan's list.
-std::vector<const Engine::Frame*> Densifier::Impl::matched_frames(const std::vector<std::int64_t>& keyframes) {
+std::vector<const Engine::Frame*> Pipeline::matched_frames(const std::vector<std::int64_t>& keyframes) {
   std::vector<const Engine::Frame*> frames;
   for (const std::int64_t id : keyframes) {
     const Engine::Frame* const frame = frame_of(id);
@@ -113,8 +189,8 @@ std::vector<const Engine::Frame*> Densifier::Impl::matched_frames(const std::vec
 }
 
 /// Who is near is the likeliest to own a place, and whoever owns it ends the question.
-std::vector<const Engine::Frame*> Densifier::Impl::nearest_first(const Engine::Frame& reference,
-                                                                 std::vector<const Engine::Frame*> frames) {
+std::vector<const Engine::Frame*> Pipeline::nearest_first(const Engine::Frame& reference,
+                                                          std::vector<const Engine::Frame*> frames) {
   const Eigen::Vector3d center = reference.cam_from_world.center();
   const auto distance = [&](const Engine::Frame* frame) { return (frame->cam_from_world.center() - center).norm(); };
   std::stable_sort(frames.begin(), frames.end(),
@@ -122,9 +198,10 @@ std::vector<const Engine::Frame*> Densifier::Impl::nearest_first(const Engine::F
   return frames;
 }
 
-void Densifier::Impl::run(const Stage& stage, std::int64_t i) {
+void Pipeline::run(const Stage& stage, std::int64_t i) {
   const View& reference = view(i);
   const PlanEntry& entry = entry_of(reference);
+  if (!runs(stage, reference)) return;
   if (stage.kind == Stage::Kind::kMatch) return match(reference, stage.step);
   Engine::Frame& frame = *reference.frame;
   if (!frame.matched) return;
@@ -132,24 +209,23 @@ void Densifier::Impl::run(const Stage& stage, std::int64_t i) {
     case Stage::Kind::kMatch:
       break;
     case Stage::Kind::kFilter:
-      return engine->filter(frame, matched_frames(entry.consistency));
+      return engine_->filter(frame, matched_frames(entry.consistency));
     case Stage::Kind::kFuse:
       return fuse(reference);
     case Stage::Kind::kJudge:
-      return engine->judge(frame, matched_frames(entry.viewers));
+      return engine_->judge(frame, matched_frames(entry.viewers));
     case Stage::Kind::kRound:
-      return engine->round(frame, nearest_first(frame, matched_frames(entry.owners)), stage.step);
+      return engine_->round(frame, nearest_first(frame, matched_frames(entry.owners)), stage.step);
     case Stage::Kind::kHandOut:
-      return engine->hand_out(frame);
+      return engine_->hand_out(frame);
   }
 }
 
 /// One pass of PatchMatch. Passes after the first one start from the map of the pass before and look at the near
 /// neighbours' maps of the pass before, never at newer ones: what comes out does not depend on the order of work.
-void Densifier::Impl::match(const View& reference, int pass) {
+void Pipeline::match(const View& reference, int pass) {
   const PlanEntry& entry = entry_of(reference);
-  if (pass == 0 && entry.use == KeyframeUse::kNoNeighbour) ++stats.keyframes_without_neighbour;
-  if (pass == 0 && entry.use == KeyframeUse::kNoRange) ++stats.keyframes_without_range;
+  if (pass == 0 && !part_) count_without_depth_map(entry.use);
   if (!entry.has_depth_map()) return;
   Engine::MatchTask task;
   task.reference = reference.frame.get();
@@ -162,73 +238,75 @@ void Densifier::Impl::match(const View& reference, int pass) {
     task.previous = frame_of(*entry.first_planes);
   }
   task.pass = pass;
-  task.last = pass == options.patchmatch.geometric_passes;
-  engine->match(task);
+  task.last = pass == options_.patchmatch.geometric_passes;
+  engine_->match(task);
 }
 
 /// The window in the order of the sequence, so that sums are rounded in one way.
-void Densifier::Impl::fuse(const View& reference) {
+void Pipeline::fuse(const View& reference) {
   std::vector<const Engine::Frame*> window = matched_frames(entry_of(reference).fusion);
   window.push_back(reference.frame.get());
   std::sort(window.begin(), window.end(),
-            [&](const Engine::Frame* a, const Engine::Frame* b) { return index_of.at(a->id) < index_of.at(b->id); });
+            [&](const Engine::Frame* a, const Engine::Frame* b) { return index_of_.at(a->id) < index_of_.at(b->id); });
   const auto current = std::find(window.begin(), window.end(), reference.frame.get());
-  engine->fuse(*reference.frame, window, static_cast<std::size_t>(current - window.begin()));
+  engine_->fuse(*reference.frame, window, static_cast<std::size_t>(current - window.begin()));
 }
 
 /// Lets go of what no stage will look at again.
-void Densifier::Impl::forget(bool last) {
-  std::int64_t keep = next.back();
-  for (std::size_t k = 0; k < kept.size(); ++k) {
-    const Lifetime& lifetime = schedule.lifetimes()[k];
+void Pipeline::forget(bool last) {
+  std::int64_t keep = progress_.next(schedule_.stages().size() - 1);
+  for (std::size_t k = 0; k < kept_.size(); ++k) {
+    const Lifetime& lifetime = schedule_.lifetimes()[k];
     std::int64_t until = end();
     for (const Lifetime::Reader& reader : lifetime.readers) {
-      const std::int64_t at = next[reader.stage];
+      const std::int64_t at = progress_.next(reader.stage);
       if (last && at == end()) continue;  // it is through
-      until = std::min(until, options.unordered ? 0 : at - reader.behind);
+      until = std::min(until, options_.unordered ? 0 : at - reader.behind);
     }
-    for (; kept[k] < until; ++kept[k]) {
-      View& released = view(kept[k]);
+    for (; kept_[k] < until; ++kept_[k]) {
+      View& released = view(kept_[k]);
       if (lifetime.artefact == Artefact::kLandmarks) released.keyframe.landmarks = {};
-      engine->release(*released.frame, lifetime.artefact);
+      engine_->release(*released.frame, lifetime.artefact);
     }
-    keep = std::min(keep, kept[k]);
+    keep = std::min(keep, kept_[k]);
   }
-  for (; first < keep; ++first) {
-    index_of.erase(views.front().keyframe.id);
-    views.pop_front();
+  for (; first_ < keep; ++first_) {
+    index_of_.erase(views_.front().keyframe.id);
+    views_.pop_front();
   }
-  const std::size_t needed = views.empty() ? places : views.front().place;
-  for (; dropped < needed && planner.complete() > 0; ++dropped) planner.drop(1);
+  const std::size_t needed = views_.empty() ? places_ : views_.front().place;
+  for (; dropped_ < needed && planner_.complete() > 0; ++dropped_) planner_.drop(1);
 }
+
+void Pipeline::count_without_depth_map(KeyframeUse use) {
+  if (use == KeyframeUse::kNoNeighbour) ++stats_.keyframes_without_neighbour;
+  if (use == KeyframeUse::kNoRange) ++stats_.keyframes_without_range;
+}
+
+struct Densifier::Impl : Pipeline {
+  using Pipeline::Pipeline;
+};
 
 Densifier::Densifier(const DensifierOptions& options, DensifierCallbacks callbacks) {
   options.validate();
-  impl_ = std::make_unique<Impl>(options, std::move(callbacks));
+  impl_ = std::make_unique<Impl>(options, std::nullopt, std::move(callbacks));
+}
+Densifier::Densifier(const DensifierOptions& options, const Plan& plan, const std::vector<std::int64_t>& ids,
+                     DensifierCallbacks callbacks) {
+  options.validate();
+  PlanPart part(plan, ids, options, callbacks.cloud != nullptr);
+  impl_ = std::make_unique<Impl>(options, std::move(part), std::move(callbacks));
 }
 Densifier::~Densifier() = default;
 Densifier::Densifier(Densifier&&) noexcept = default;
 Densifier& Densifier::operator=(Densifier&&) noexcept = default;
 
-bool Densifier::add(const Keyframe& keyframe) {
-  check_keyframe(keyframe);
-  if (impl_->ids.count(keyframe.id) != 0) {
-    throw InvalidInput("keyframe " + std::to_string(keyframe.id) + " was added before; expected each id once");
-  }
-  if (impl_->stopped()) return false;
-  DensifierOptions sized = impl_->options;
-  fill_in_size(sized, keyframe.image.width, keyframe.image.height);  // throws before anything has changed
-  return impl_->or_cancel([&] { return impl_->add(keyframe); });
-}
-
-void Densifier::flush() {
-  impl_->or_cancel([&] { impl_->flush(); });
-}
-
-void Densifier::cancel() noexcept { impl_->cancel.store(true, std::memory_order_relaxed); }
+bool Densifier::add(const Keyframe& keyframe) { return impl_->add(keyframe); }
+void Densifier::flush() { impl_->flush(); }
+void Densifier::cancel() noexcept { impl_->stop(); }
 bool Densifier::cancelled() const noexcept { return impl_->stopped(); }
-const DensifierStats& Densifier::stats() const { return impl_->stats; }
-const DensifierOptions& Densifier::options() const { return impl_->options; }
-const std::string& Densifier::backend() const { return impl_->backend; }
+const DensifierStats& Densifier::stats() const { return impl_->stats(); }
+const DensifierOptions& Densifier::options() const { return impl_->options(); }
+const std::string& Densifier::backend() const { return impl_->backend(); }
 
 }  // namespace pmsp

@@ -46,7 +46,8 @@ class Engine {
     std::int64_t id;
     RigidTransform cam_from_world;
     KeyframePose pose() const { return {cam_from_world, 1.0}; }
-    bool matched = false;  ///< has a depth map, if not of all passes
+    bool matched = false;   ///< has a depth map, if not of all passes
+    bool asked_for = true;  ///< its results are handed out; else it serves others only
   };
 
   struct MatchTask {

@@ -23,15 +23,18 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   keep(Artefact::kLandmarks, 0, {{0, 0}});
   keep(Artefact::kPlanes, stages_.front().lead, {{matched, reach.near}});
   const std::int64_t last_match = stages_[matched].lead;
+  std::vector<Lifetime::Reader> median{{filtered, reach.consistency}};
+  if (matched == 0 && options.init.warp_previous) median.push_back({0, 1});  // the only pass hands its planes on
   if (!points) {
     keep(Artefact::kColor, 0, {{matched, 0}});
-    keep(Artefact::kMedian, last_match, {{filtered, reach.consistency}});
+    keep(Artefact::kMedian, last_match, std::move(median));
     keep(Artefact::kFiltered, stages_[filtered].lead, {{filtered, 0}});
     return;
   }
   const std::size_t fused = add(Kind::kFuse, 0, {{filtered, reach.fusion}}, 0);
   keep(Artefact::kColor, 0, {{fused, reach.fusion}});
-  keep(Artefact::kMedian, last_match, {{filtered, reach.consistency}, {fused, reach.fusion}});
+  median.push_back({fused, reach.fusion});
+  keep(Artefact::kMedian, last_match, std::move(median));
   keep(Artefact::kFiltered, stages_[filtered].lead, {{fused, reach.fusion}});
   std::size_t decided = fused;
   if (options.free_space.enabled) {

@@ -64,7 +64,7 @@ class StageEngine final : public Engine {
         context_.stats.seconds_consistency, [&](Counts* counts) { on_.launch(stage, counts); },
         [&stats = context_.stats](const std::int64_t* numbers) { stats.pixels_after_consistency += numbers[1]; });
     if (context_.results.cloud && context_.options.free_space.enabled) find_sight(reference);
-    if (context_.results.filtered_depth) {
+    if (context_.results.filtered_depth && reference.asked_for) {
       hand_out_depths(reference, reference.median, reference.confidence.get(), context_.results.filtered_depth);
     }
   }
@@ -365,7 +365,9 @@ class StageEngine final : public Engine {
 
   /// Nobody else asks for the planes of the last pass.
   void finish_match(StageFrame& reference, const Planes& raw) {
-    if (context_.results.raw_depth) hand_out_depths(reference, raw, nullptr, context_.results.raw_depth);
+    if (context_.results.raw_depth && reference.asked_for) {
+      hand_out_depths(reference, raw, nullptr, context_.results.raw_depth);
+    }
     on_.counted(
         context_.stats.seconds_median, [&](Counts* counts) { reference.median = median_of(reference, raw, counts); },
         [&stats = context_.stats](const std::int64_t* numbers) {

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "pmsp/depth_map.h"
 #include "pmsp/keyframe.h"
@@ -13,7 +14,10 @@
 
 namespace pmsp {
 
-/// What happened to the pixels of all keyframes so far, stage by stage, and how long it took.
+struct Plan;  // pmsp/plan.h
+
+/// What happened to the pixels of all keyframes so far, stage by stage, and how long it took. Of a Densifier that runs
+/// part of a plan: of all that was worked on, the halo included; `points` are those handed out.
 struct DensifierStats {
   std::int64_t keyframes_added = 0;
   std::int64_t keyframes_accepted = 0;  ///< by the view filter
@@ -58,12 +62,27 @@ struct DensifierCallbacks {
 /// of threads.
 ///
 /// What a callback throws comes out of `add` or `flush`. After that, or when these throw anything but the InvalidInput
-/// that `add` names, the Densifier is as after `cancel`.
+/// that they name, the Densifier is as after `cancel`.
 class Densifier {
  public:
-  /// Throws InvalidOption; BackendUnavailable when `options.backend` or `options.simd` asks for more than this machine
-  /// or build has.
+  /// Makes the plan (see make_plan) while keyframes come. Throws InvalidOption; BackendUnavailable when
+  /// `options.backend` or `options.simd` asks for more than this machine or build has.
   Densifier(const DensifierOptions& options, DensifierCallbacks callbacks);
+
+  /// Runs part of a given plan: what the results of the keyframes `ids` depend on. Callbacks come for these only, in
+  /// the order of the plan, and give what a run of the whole plan gives, byte for byte, on the same backend. No ids, no
+  /// results. `add` takes the images of `halo(plan, ids, options, callbacks.cloud != nullptr)`, all of them, in the
+  /// order of the plan.
+  ///
+  /// `options`: those that the plan was made with; with another seed, backend, size or number of threads it fits, too.
+  /// Where images differ in size, give width and height: 0 follows the first one that comes. Throws InvalidInput where
+  /// the plan lacks one of `ids`, or makes no sense with these options: a keyframe is there twice, or names others that
+  /// are not there, lack what they should lend, are too many or lie too far away; a depth map lacks its neighbours or
+  /// depth range. Throws InvalidOption, BackendUnavailable, and InvalidOption as `halo` does unless `ids` name all
+  /// keyframes with a depth map.
+  Densifier(const DensifierOptions& options, const Plan& plan, const std::vector<std::int64_t>& ids,
+            DensifierCallbacks callbacks);
+
   ~Densifier();
   Densifier(Densifier&&) noexcept;
   Densifier& operator=(Densifier&&) noexcept;
@@ -73,10 +92,16 @@ class Densifier {
   /// Keyframe), or the id was added before: the Densifier then is as if the call had not been made. Throws DeviceError
   /// when the GPU fails, BackendUnavailable when only now, with sizes that follow the images, its memory turns out not
   /// to suffice.
+  ///
+  /// With a given plan: returns whether the results asked for depend on the keyframe's image. Others are counted, but
+  /// nothing else of them is looked at. Throws InvalidInput, too, when the plan has no such keyframe, or one that comes
+  /// before it in the plan and whose image is needed has not come.
   bool add(const Keyframe& keyframe);
 
   /// Finishes what waits in the windows: after it, every accepted keyframe that has a neighbour has had its callbacks.
-  /// More keyframes may follow; they start a new sequence. Throws DeviceError.
+  /// More keyframes may follow; they start a new sequence. Throws DeviceError. With a given plan, throws InvalidInput
+  /// when an image is missing that is needed, naming the first such keyframe: the Densifier then is as if the call had
+  /// not been made.
   void flush();
 
   /// Makes `add` or `flush` return early at the next safe point (between two iterations); may be called from any thread

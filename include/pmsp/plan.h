@@ -109,24 +109,29 @@ Plan make_plan(const std::vector<PlanKeyframe>& keyframes, const DensifierOption
 constexpr std::int64_t kViewBlock = 64;
 
 /// Everything that the points of some keyframes depend on, artefact by artefact, what belongs to these keyframes
-/// themselves included; ids in the order of the plan. P = `patchmatch.geometric_passes`.
+/// themselves included; ids in the order of the plan. P = `patchmatch.geometric_passes`, R = rounds of ownership (with
+/// `free_space.whole_mission` four, else two; none with `fusion.spacing_px` 0).
 ///
-/// points(i) need eligible points of i and, for ownership, of the owners of i, of the owners of these, and so on, as
-/// many times as there are rounds (with `free_space.whole_mission` four, else two). eligible(i) needs filtered planes
-/// of i and its fusion window, and the sight maps of its viewers; sight(i) filtered(i); filtered(i) planes P of the
-/// consistency window; planes p those of pass p - 1 of itself and its near neighbours, and images of all neighbours;
-/// planes 0 those images and planes 0 of `first_planes`.
+/// points(i) need round R of i; round r those before of i and of its owners; round 0, the eligible points, filtered
+/// planes of i and its fusion window, and the sight maps of its viewers; sight(i) filtered(i); filtered(i) planes P of
+/// the consistency window; planes p those of pass p - 1 of itself and its near neighbours, and images of all
+/// neighbours; planes 0 those images and planes 0 of `first_planes`.
+///
+/// So each of these sets is part of the next one: clouds, rounds from R to 0, filtered, planes from P to 0, images.
 struct Halo {
   std::vector<std::int64_t> clouds;               ///< those asked for that get points
-  std::vector<std::int64_t> eligible;             ///< points of pixels, without those that were looked through
+  std::vector<std::vector<std::int64_t>> rounds;  ///< standings of pixels' points after each round, 0 to R; 0 = those
+                                                  ///< that nobody has looked through
   std::vector<std::int64_t> sights;               ///< sight maps
   std::vector<std::int64_t> filtered;             ///< planes after the median and consistency filters
   std::vector<std::vector<std::int64_t>> planes;  ///< of each pass, 0 to P
   std::vector<std::int64_t> images;               ///< prepared images
 };
 
-/// `options`: those that the plan was made with. Throws InvalidOption where first planes form a chain without end
-/// (`init.warp_previous` with `init.chain_keyframes` 0), InvalidInput when the plan lacks one of `ids`.
-Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options);
+/// `options`: those that the plan was made with. `points`: false = what the filtered depth maps of `ids` depend on;
+/// `clouds`, `rounds` and `sights` then name nobody. Throws InvalidOption where first planes form a chain without end
+/// (`init.warp_previous` with `init.chain_keyframes` 0), InvalidInput when the plan lacks one of `ids`, or a keyframe
+/// that it names.
+Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points = true);
 
 }  // namespace pmsp

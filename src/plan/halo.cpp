@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include "plan/halo.h"
+
 #include <cstddef>
+#include <string>
 #include <unordered_map>
 
 #include "plan/reach.h"
 #include "pmsp/error.h"
-#include "pmsp/plan.h"
 
 namespace pmsp {
 namespace {
@@ -59,38 +61,43 @@ class HaloFinder {
 
 }  // namespace
 
-Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options) {
-  if (options.init.warp_previous && options.init.chain_keyframes == 0 && !options.unordered) {
-    throw InvalidOption(
-        "init.chain_keyframes is 0: planes are handed on from keyframe to keyframe through the whole flight, so that "
-        "every result depends on all keyframes before; expected 1 to 100000, or init.warp_previous off");
-  }
+void refuse_endless_chain(const DensifierOptions& options) {
+  if (!options.init.warp_previous || options.init.chain_keyframes != 0 || options.unordered) return;
+  throw InvalidOption(
+      "init.chain_keyframes is 0: planes are handed on from keyframe to keyframe through the whole flight, so that "
+      "every result depends on all keyframes before; expected 1 to 100000, or init.warp_previous off");
+}
+
+Halo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points) {
   const HaloFinder find(plan);
-  Set clouds = find.none();
+  Set asked = find.none();
   for (const std::int64_t id : ids) {
     const std::size_t i = find.index_of(id);
-    clouds[i] = plan.entries[i].has_depth_map();
+    asked[i] = plan.entries[i].has_depth_map();
   }
-  Set eligible = clouds;
-  for (int round = 0; round < ownership_rounds(options); ++round) {
-    const Set asking = eligible;
-    find.follow(asking, &PlanEntry::owners, eligible);
+  Halo result;
+  Set made = points ? asked : find.none();  // points
+  result.clouds = find.ids(made);
+  result.rounds.resize(static_cast<std::size_t>(ownership_rounds(options)) + 1);
+  for (std::size_t round = result.rounds.size() - 1; round > 0; --round) {
+    result.rounds[round] = find.ids(made);
+    const Set asking = made;
+    find.follow(asking, &PlanEntry::owners, made);
   }
+  result.rounds[0] = find.ids(made);
   Set sights = find.none();
-  if (options.free_space.enabled) find.follow(eligible, &PlanEntry::viewers, sights);
-  Set images = clouds;
-  find.follow(clouds, &PlanEntry::fusion, images);
-  Set filtered = eligible;  // and with them the clouds
+  if (options.free_space.enabled) find.follow(made, &PlanEntry::viewers, sights);
+  result.sights = find.ids(sights);
+  Set filtered = asked;
+  HaloFinder::add(filtered, made);
   HaloFinder::add(filtered, sights);
-  find.follow(eligible, &PlanEntry::fusion, filtered);
+  find.follow(made, &PlanEntry::fusion, filtered);
+  result.filtered = find.ids(filtered);
   Set planes = filtered;
   find.follow(filtered, &PlanEntry::consistency, planes);
-
-  Halo result{find.ids(clouds), find.ids(eligible), find.ids(sights), find.ids(filtered), {}, {}};
-  const int passes = options.patchmatch.geometric_passes;
-  result.planes.resize(static_cast<std::size_t>(passes) + 1);
-  for (int pass = passes; pass > 0; --pass) {
-    result.planes[static_cast<std::size_t>(pass)] = find.ids(planes);
+  result.planes.resize(static_cast<std::size_t>(options.patchmatch.geometric_passes) + 1);
+  for (std::size_t pass = result.planes.size() - 1; pass > 0; --pass) {
+    result.planes[pass] = find.ids(planes);
     Set lenders = find.none();
     find.follow(planes, &PlanEntry::near, lenders);
     find.each(lenders, [&](const PlanEntry& entry) {
@@ -99,15 +106,21 @@ Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const Densifie
   }
   find.each(planes, [&](const PlanEntry& entry) {
     for (auto source = entry.first_planes; source; source = plan.entries[find.index_of(*source)].first_planes) {
+      if (planes[find.index_of(*source)]) break;  // whose chain is followed on its own
       planes[find.index_of(*source)] = true;
     }
   });
   result.planes[0] = find.ids(planes);
-  HaloFinder::add(images, planes);  // every pass is among the first one's
+  Set images = planes;
   find.follow(planes, &PlanEntry::near, images);
   find.follow(planes, &PlanEntry::far, images);
   result.images = find.ids(images);
   return result;
+}
+
+Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points) {
+  refuse_endless_chain(options);
+  return find_halo(plan, ids, options, points);
 }
 
 }  // namespace pmsp

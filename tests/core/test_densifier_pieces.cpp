@@ -2,118 +2,127 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstdint>
-#include <map>
+#include <random>
 #include <vector>
 
-#include "core/recording.h"
-#include "pmsp/plan.h"
+#include "core/small_missions.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
 
 namespace {
 
-constexpr std::size_t kKeyframes = 40;
-constexpr std::size_t kPiece = 3;
+using Ids = std::vector<std::int64_t>;
 
-/// Short halos, so that pieces of a short flight have ends: one geometric pass, chains of three ids, few viewers.
-DensifierOptions local_options() {
-  DensifierOptions options = fast_options(kTinyWidth);
-  options.view_filter.enabled = false;  // a piece would begin its chain elsewhere
-  options.patchmatch.geometric_passes = 1;
-  options.init.chain_keyframes = 3;
-  options.consistency.window = options.fusion.window = 3;
-  options.consistency.min_views = 2;
-  options.free_space.history = 6;
-  options.free_space.views = 8;  // all of them: who is left out changes places in the sequence, and so the windows
-  return options;
-}
-
-/// Out and back through a room, with some ids missing, as culled keyframes leave them.
-const std::vector<Keyframe>& flight() {
-  static const synth::Mission kRoom = synth::empty_room(small_recipe(kTinyWidth, 10));
-  static const std::vector<Keyframe> kFlight = [] {
-    std::vector<Keyframe> keyframes;
-    std::int64_t id = -5;
-    for (std::size_t i = 0; i < kKeyframes; ++i) {
-      const std::size_t at = i % 18;
-      keyframes.push_back(synth::keyframe_of(kRoom, at < 10 ? at : 18 - at));
-      id += i % 7 == 3 ? 2 : 1;
-      keyframes.back().id = id;
-    }
-    return keyframes;
-  }();
-  return kFlight;
-}
-
-struct Results {
-  std::map<std::int64_t, DepthMap> raw, filtered;
-  std::map<std::int64_t, KeyframeCloud> clouds;
-};
-
-Results results_of(const std::vector<Keyframe>& keyframes, const DensifierOptions& options) {
-  Results results;
-  DensifierCallbacks callbacks;
-  callbacks.raw_depth = [&](const DepthMap& map) { results.raw.emplace(map.keyframe_id, map); };
-  callbacks.filtered_depth = [&](const DepthMap& map) { results.filtered.emplace(map.keyframe_id, map); };
-  callbacks.cloud = [&](const KeyframeCloud& cloud) { results.clouds.emplace(cloud.keyframe_id, cloud); };
-  Densifier densifier(options, callbacks);
-  for (const Keyframe& keyframe : keyframes) densifier.add(keyframe);
-  densifier.flush();
+ResultsById by_id(const Recording& recording) {
+  ResultsById results;
+  results.add(recording);
   return results;
 }
 
-Plan plan_of(const std::vector<Keyframe>& keyframes, const DensifierOptions& options) {
-  std::vector<PlanKeyframe> records;
-  for (const Keyframe& keyframe : keyframes) records.push_back(plan_keyframe(keyframe, options));
-  return make_plan(records, options);
+/// A mission, its plan, and what comes of the whole of it.
+struct Sample {
+  explicit Sample(SmallMission given)
+      : mission(std::move(given)), plan(plan_of(mission)), whole(by_id(whole_run(mission))) {
+    REQUIRE(whole.clouds.size() >= mission.keyframes.size() / 2);
+    REQUIRE(whole.points() > 0);
+  }
+
+  SmallMission mission;
+  Plan plan;
+  ResultsById whole;
+};
+
+/// Computes each piece with its halo only, in this order, and compares what they give together with the whole. Returns
+/// the images that were given.
+std::size_t check_pieces(const Sample& sample, const std::vector<Ids>& pieces) {
+  ResultsById merged;
+  std::size_t images = 0;
+  for (const Ids& ids : pieces) merged.add(run_part(sample.mission, sample.plan, ids, &images));
+  INFO(sample.mission.name << ", seed " << sample.mission.options.seed << ", " << pieces.size()
+                           << " pieces, the first of " << pieces.front().size() << " keyframes");
+  CHECK(difference(merged, sample.whole) == "");
+  return images;
 }
 
-/// Cuts the flight everywhere, or at every so many keyframes, and compares each piece with the whole flight.
-void check_pieces(const DensifierOptions& options, std::size_t every) {
-  const Results whole = results_of(flight(), options);
-  REQUIRE(whole.filtered.size() == kKeyframes);
-  const Plan plan = plan_of(flight(), options);
-  std::size_t left_out = 0;
-  std::size_t points = 0;
-  for (std::size_t first = 0; first + kPiece <= kKeyframes; first += every) {
-    std::vector<std::int64_t> ids;
-    for (std::size_t i = first; i < first + kPiece; ++i) ids.push_back(flight()[i].id);
-    const Halo needed = halo(plan, ids, options);
-    // Without gaps, since a piece's own plan counts places in the sequence.
-    std::vector<Keyframe> piece;
-    for (const Keyframe& keyframe : flight()) {
-      const bool inside = keyframe.id >= needed.images.front() && keyframe.id <= needed.images.back();
-      if (inside) piece.push_back(keyframe);
-    }
-    left_out += kKeyframes - piece.size();
-    const Results results = results_of(piece, options);
-    for (const std::int64_t id : ids) {
-      INFO("seed " << options.seed << ", piece from keyframe " << ids.front() << ", keyframe " << id);
-      CHECK(same(results.raw.at(id), whole.raw.at(id)));
-      CHECK(same(results.filtered.at(id), whole.filtered.at(id)));
-      CHECK(same(results.clouds.at(id), whole.clouds.at(id)));
-      points += whole.clouds.at(id).points.size();
-    }
+/// The mission dealt out at random: in stretches, or each keyframe by itself.
+std::vector<Ids> dealt_out(const Ids& ids, std::size_t pieces, bool stretches, std::mt19937& random) {
+  std::vector<Ids> result(pieces);
+  std::size_t piece = 0;
+  for (const std::int64_t id : ids) {
+    if (!stretches || random() % (ids.size() / pieces) == 0) piece = random() % pieces;
+    result[piece].push_back(id);
   }
-  CHECK(left_out > kKeyframes / 2);  // or nothing was cut
-  CHECK(points > 0);
+  for (Ids& part : result)
+    std::shuffle(part.begin(), part.end(), random);  // which order they are named in means nothing
+  return result;
 }
 
 }  // namespace
 
-TEST_CASE("results of a piece with its halo are those of the whole flight, wherever it is cut", "[densifier]") {
-  for (const std::uint64_t seed : {1U, 2U}) {
-    if (kSanitized && seed > 1) break;  // a sanitizer's errors do not depend on it
-    DensifierOptions options = local_options();
-    options.seed = seed;
-    check_pieces(options, kSanitized ? 17 : seed == 1 ? 1 : 5);
+TEST_CASE("a mission cut in two anywhere gives what it gives as a whole", "[densifier][pieces]") {
+  for (SmallMission& mission : small_missions()) {
+    const Sample sample(std::move(mission));
+    const Ids ids = ids_of(sample.mission.keyframes);
+    const std::size_t every = kSanitized ? 20 : sample.mission.name == "high" ? 5 : 1;
+    std::size_t left_out = 0;
+    for (std::size_t cut = kSanitized ? 4 : 0; cut <= ids.size(); cut += every) {
+      const auto at = ids.begin() + static_cast<std::ptrdiff_t>(cut);
+      left_out += 2 * ids.size() - check_pieces(sample, {Ids(at, ids.end()), Ids(ids.begin(), at)});
+    }
+    if (!kSanitized) CHECK(left_out > ids.size() * ids.size() / every / 4);  // or nothing was cut
   }
 }
 
-TEST_CASE("so they are where the whole mission is asked", "[densifier]") {
-  DensifierOptions options = local_options();
-  options.free_space.whole_mission = true;
-  options.free_space.history = 4;
-  check_pieces(options, kSanitized ? 23 : 3);
+// Many runs: too slow with sanitizers, which the tests around it do for.
+TEST_CASE("a mission dealt out at random gives what it gives as a whole", "[densifier][pieces]" PMSP_ACCURACY) {
+  for (const std::uint64_t seed : {2U, 3U}) {
+    std::mt19937 random(static_cast<std::uint32_t>(seed));
+    for (SmallMission& mission : small_missions(seed)) {
+      mission.options.threads = 1 + static_cast<int>(random() % 3);
+      const Sample sample(std::move(mission));
+      const Ids ids = ids_of(sample.mission.keyframes);
+      for (const bool stretches : {true, false}) check_pieces(sample, dealt_out(ids, 5, stretches, random));
+    }
+  }
+}
+
+TEST_CASE("one keyframe with its halo gives what the whole mission gives for it", "[densifier][pieces]") {
+  for (SmallMission& mission : small_missions()) {
+    const Sample sample(std::move(mission));
+    for (std::size_t i = 0; i < sample.mission.keyframes.size(); i += kSanitized ? 12 : 4) {
+      const std::int64_t id = sample.mission.keyframes[i].id;
+      const ResultsById part = by_id(run_part(sample.mission, sample.plan, {id}));
+      INFO(sample.mission.name << ", keyframe " << id);
+      CHECK(part.clouds.size() == sample.whole.clouds.count(id));
+      CHECK(part.raw.size() == sample.whole.raw.count(id));
+      CHECK(part.filtered.size() == sample.whole.filtered.count(id));
+      if (part.clouds.empty()) continue;
+      CHECK(same(part.raw.at(id), sample.whole.raw.at(id)));
+      CHECK(same(part.filtered.at(id), sample.whole.filtered.at(id)));
+      CHECK(same(part.clouds.at(id), sample.whole.clouds.at(id)));
+    }
+  }
+}
+
+TEST_CASE("depth maps of a piece need the images of their own halo only", "[densifier][pieces]") {
+  for (SmallMission& mission : small_missions()) {
+    const Sample sample(std::move(mission));
+    const Ids all = ids_of(sample.mission.keyframes);
+    const Ids ids(all.begin() + 2, all.begin() + 6);
+    const Ids images = halo(sample.plan, ids, sample.mission.options, false).images;
+    Recording recording;
+    DensifierCallbacks callbacks = recording.callbacks();
+    callbacks.cloud = nullptr;
+    Densifier densifier(sample.mission.options, sample.plan, ids, callbacks);
+    for (const Keyframe& keyframe : sample.mission.keyframes) {
+      if (std::find(images.begin(), images.end(), keyframe.id) != images.end()) CHECK(densifier.add(keyframe));
+    }
+    densifier.flush();
+    INFO(sample.mission.name);
+    if (!kSanitized) CHECK(images.size() < all.size());
+    REQUIRE(!recording.filtered.empty());
+    for (const DepthMap& map : recording.raw) CHECK(same(map, sample.whole.raw.at(map.keyframe_id)));
+    for (const DepthMap& map : recording.filtered) CHECK(same(map, sample.whole.filtered.at(map.keyframe_id)));
+  }
 }

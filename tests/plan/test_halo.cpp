@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <map>
 #include <set>
@@ -23,9 +24,14 @@ class Naive {
   void points(std::int64_t i) {
     if (!at(i).has_depth_map()) return;
     cloud(i);
-    decided(i, whole_ ? 4 : 2);
+    decided(i, static_cast<int>(rounds()));
   }
 
+  void depth_maps(std::int64_t i) {
+    if (at(i).has_depth_map()) filtered(i);
+  }
+
+  std::size_t rounds() const { return whole_ ? 4 : 2; }
   std::map<std::string, std::set<std::int64_t>> needed;
 
  private:
@@ -82,6 +88,20 @@ class Naive {
 
 std::set<std::int64_t> set_of(const std::vector<std::int64_t>& ids) { return {ids.begin(), ids.end()}; }
 
+/// Each set of a halo is part of the next one.
+void check_nested(const Halo& found) {
+  std::vector<std::vector<std::int64_t>> sets{found.clouds};
+  sets.insert(sets.end(), found.rounds.rbegin(), found.rounds.rend());
+  sets.push_back(found.filtered);
+  sets.insert(sets.end(), found.planes.rbegin(), found.planes.rend());
+  sets.push_back(found.images);
+  for (std::size_t k = 1; k < sets.size(); ++k) {
+    const std::set<std::int64_t> inner = set_of(sets[k - 1]);
+    const std::set<std::int64_t> outer = set_of(sets[k]);
+    CHECK(std::includes(outer.begin(), outer.end(), inner.begin(), inner.end()));
+  }
+}
+
 }  // namespace
 
 TEST_CASE("a halo is what the points need, nothing less and nothing more", "[plan][halo]") {
@@ -108,10 +128,14 @@ TEST_CASE("a halo is what the points need, nothing less and nothing more", "[pla
           for (const std::int64_t id : ids) naive.points(id);
           const Halo found = halo(plan, ids, options);
           CHECK(set_of(found.clouds) == naive.needed["cloud"]);
-          CHECK(set_of(found.eligible) == naive.needed["eligible"]);
+          REQUIRE(found.rounds.size() == naive.rounds() + 1);
+          for (std::size_t round = 0; round < found.rounds.size(); ++round) {
+            CHECK(set_of(found.rounds[round]) == naive.needed["round" + std::to_string(round)]);
+          }
           CHECK(set_of(found.sights) == naive.needed["sight"]);
           CHECK(set_of(found.filtered) == naive.needed["filtered"]);
           CHECK(set_of(found.images) == naive.needed["image"]);
+          check_nested(found);
           REQUIRE(found.planes.size() == static_cast<std::size_t>(options.patchmatch.geometric_passes) + 1);
           for (std::size_t pass = 0; pass < found.planes.size(); ++pass) {
             CHECK(set_of(found.planes[pass]) == naive.needed["planes" + std::to_string(pass)]);
@@ -120,6 +144,41 @@ TEST_CASE("a halo is what the points need, nothing less and nothing more", "[pla
       }
     }
   }
+}
+
+TEST_CASE("depth maps alone need less", "[plan][halo]") {
+  MissionRecipe recipe;
+  recipe.keyframes = 160;
+  for (const Quality quality : {Quality::kOnline, Quality::kNormal}) {
+    const DensifierOptions options = preset(quality);
+    const Plan plan = make_plan(corridor(recipe), options);
+    const std::vector<std::int64_t> ids{plan.entries[70].id, plan.entries[71].id};
+    REQUIRE(plan.entries[70].has_depth_map());
+    Naive naive(plan, options);
+    for (const std::int64_t id : ids) naive.depth_maps(id);
+    const Halo found = halo(plan, ids, options, false);
+    CHECK(found.clouds.empty());
+    CHECK(found.sights.empty());
+    CHECK(found.rounds == std::vector<std::vector<std::int64_t>>(naive.rounds() + 1));
+    CHECK(set_of(found.filtered) == naive.needed["filtered"]);
+    for (std::size_t pass = 0; pass < found.planes.size(); ++pass) {
+      CHECK(set_of(found.planes[pass]) == naive.needed["planes" + std::to_string(pass)]);
+    }
+    CHECK(set_of(found.images) == naive.needed["image"]);
+    CHECK(found.images.size() < halo(plan, ids, options).images.size());
+    check_nested(found);
+  }
+}
+
+TEST_CASE("the halo of a plan whose first planes go round in a circle has an end", "[plan][halo]") {
+  MissionRecipe recipe;
+  recipe.keyframes = 20;
+  const DensifierOptions options = preset(Quality::kOnline);
+  Plan plan = make_plan(corridor(recipe), options);
+  for (std::size_t i = 0; i < plan.entries.size(); ++i) {
+    plan.entries[i].first_planes = plan.entries[(i + 1) % plan.entries.size()].id;
+  }
+  CHECK(halo(plan, {plan.entries[3].id}, options).planes[0].size() == plan.entries.size());
 }
 
 TEST_CASE("the halo of a keyframe in a long flight is bounded", "[plan][halo]") {

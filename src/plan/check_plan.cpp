@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "plan/check_plan.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <sstream>
+#include <string>
+#include <unordered_map>
+#include <unordered_set>
+
+#include "ownership.h"
+#include "plan/reach.h"
+#include "pmsp/error.h"
+#include "pmsp/initialiser.h"
+
+namespace pmsp {
+namespace {
+
+constexpr const char* kOtherOptions = " with these options; was the plan made with others?";
+
+/// One of an entry's lists, and what make_plan puts into it.
+struct List {
+  const char* name;
+  std::vector<std::int64_t> PlanEntry::*ids;
+  int most;             ///< ids; valid options keep it within what the kernels have room for
+  std::int64_t before;  ///< used keyframes that it reaches back in a flight
+  std::int64_t after;
+  bool images_only;  ///< names keyframes without a depth map, too
+};
+
+std::vector<List> lists_of(const DensifierOptions& options) {
+  const PlanReach reach = plan_reach(options);
+  const int window = options.fusion.window - 1;
+  const int asked = std::min(kernels::kMaxViewers, window + options.free_space.views);
+  return {
+      {"near", &PlanEntry::near, options.patchmatch.neighbours, reach.near, reach.near, true},
+      {"far", &PlanEntry::far, options.patchmatch.revisits, reach.images_before, 0, true},
+      {"consistency", &PlanEntry::consistency, options.consistency.enabled ? options.consistency.window - 1 : 0,
+       reach.consistency, reach.consistency, false},
+      {"fusion", &PlanEntry::fusion, window, reach.fusion, reach.fusion, false},
+      {"viewers", &PlanEntry::viewers, options.free_space.enabled ? asked : window, reach.viewers_before,
+       reach.viewers_after, false},
+      {"owners", &PlanEntry::owners, asks_whole_mission(options) ? asked : window, reach.owners, reach.owners, false}};
+}
+
+class PlanChecker {
+ public:
+  PlanChecker(const Plan& plan, const DensifierOptions& options) : options_(options) {
+    std::int64_t place = 0;
+    for (const PlanEntry& entry : plan.entries) {
+      const bool is_new = entries_.emplace(entry.id, Placed{&entry, place}).second;
+      if (!is_new) refuse(entry, "is there twice; expected each id once");
+      if (entry.used()) ++place;
+    }
+  }
+
+  void check(const PlanEntry& entry, const std::vector<List>& lists) const {
+    for (const List& list : lists) check(entry, list);
+    if (entry.near.empty()) refuse(entry, "gets a depth map, but near names nobody; expected a keyframe at least");
+    if (entry.first_planes) check_first_planes(entry);
+    const DepthRange& range = entry.range;
+    if (range.min >= kMinDepth && range.max > range.min && range.max <= kMaxDepth) return;
+    std::ostringstream text;
+    text << "gets a depth map, but its range is " << range.min << " to " << range.max << "; expected " << kMinDepth
+         << " <= min < max <= " << kMaxDepth;
+    refuse(entry, text.str());
+  }
+
+ private:
+  struct Placed {
+    const PlanEntry* entry;
+    std::int64_t place;  ///< among the used keyframes
+  };
+
+  [[noreturn]] static void refuse(const PlanEntry& entry, const std::string& why) {
+    throw InvalidInput("the plan's keyframe " + std::to_string(entry.id) + " " + why);
+  }
+
+  /// How many used keyframes after `entry` the one lies that it names.
+  std::int64_t distance(const PlanEntry& entry, const std::string& list, std::int64_t id, bool images_only) const {
+    const auto found = entries_.find(id);
+    const std::string names = "names keyframe " + std::to_string(id) + " in " + list;
+    if (found == entries_.end()) refuse(entry, names + ", which the plan lacks");
+    if (id == entry.id) refuse(entry, names + ", itself");
+    const PlanEntry& named = *found->second.entry;
+    if (!(images_only ? named.used() : named.has_depth_map())) {
+      refuse(entry, names + (images_only ? ", which is not used" : ", which gets no depth map"));
+    }
+    return found->second.place - entries_.at(entry.id).place;
+  }
+
+  void check(const PlanEntry& entry, const List& list) const {
+    const std::vector<std::int64_t>& ids = entry.*list.ids;
+    if (ids.size() > static_cast<std::size_t>(list.most)) {
+      refuse(entry, "names " + std::to_string(ids.size()) + " keyframes in " + list.name + "; expected at most " +
+                        std::to_string(list.most) + kOtherOptions);
+    }
+    std::unordered_set<std::int64_t> before;
+    for (const std::int64_t id : ids) {
+      const std::int64_t away = distance(entry, list.name, id, list.images_only);
+      const std::string names = "names keyframe " + std::to_string(id) + " in " + list.name;
+      if (!before.insert(id).second) refuse(entry, names + " twice");
+      if (options_.unordered || (away >= -list.before && away <= list.after)) continue;
+      refuse(entry, names + ", " + std::to_string(std::abs(away)) + " used keyframes " +
+                        (away < 0 ? "before" : "after") + " it; expected at most " +
+                        std::to_string(away < 0 ? list.before : list.after) + kOtherOptions);
+    }
+  }
+
+  void check_first_planes(const PlanEntry& entry) const {
+    const std::int64_t id = *entry.first_planes;
+    const std::int64_t away = distance(entry, "first_planes", id, false);
+    if (options_.init.warp_previous && !options_.unordered && away == -1) return;
+    refuse(entry, "names keyframe " + std::to_string(id) + " in first_planes; expected " +
+                      (options_.init.warp_previous && !options_.unordered ? "the used keyframe before" : "nobody") +
+                      kOtherOptions);
+  }
+
+  const DensifierOptions& options_;
+  std::unordered_map<std::int64_t, Placed> entries_;  ///< by id
+};
+
+}  // namespace
+
+void check_plan(const Plan& plan, const DensifierOptions& options) {
+  const PlanChecker checker(plan, options);
+  const std::vector<List> lists = lists_of(options);
+  for (const PlanEntry& entry : plan.entries) {
+    if (entry.has_depth_map()) checker.check(entry, lists);
+  }
+}
+
+}  // namespace pmsp

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "plan/plan_part.h"
+
+#include <algorithm>
+#include <string>
+
+#include "plan/check_plan.h"
+#include "plan/halo.h"
+#include "pmsp/error.h"
+
+namespace pmsp {
+
+PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points)
+    : plan_(plan), ways_(plan.entries.size()) {
+  check_plan(plan, options);
+  for (std::size_t place = 0; place < plan.entries.size(); ++place) places_.emplace(plan.entries[place].id, place);
+  const Halo halo = find_halo(plan, ids, options, points);
+  for (const std::int64_t id : ids) ways_[place_of(id)].asked_for = true;
+  for (std::size_t place = 0; place < ways_.size(); ++place) {
+    if (entry(place).has_depth_map() && !ways_[place].asked_for) refuse_endless_chain(options);
+  }
+  const auto each = [&](const std::vector<std::int64_t>& named, const auto& mark) {
+    for (const std::int64_t id : named) mark(ways_[places_.at(id)]);
+  };
+  each(halo.images, [](Way& way) { way.takes_part = true; });
+  for (const auto& pass : halo.planes) each(pass, [](Way& way) { ++way.passes; });
+  each(halo.filtered, [](Way& way) { way.filtered = true; });
+  for (const auto& round : halo.rounds) each(round, [](Way& way) { ++way.rounds; });
+  for (std::size_t place = 0; place < ways_.size(); ++place) {
+    if (ways_[place].takes_part) taking_part_.push_back(place);
+  }
+}
+
+std::size_t PlanPart::place_of(std::int64_t id) const {
+  const auto found = places_.find(id);
+  if (found == places_.end()) throw InvalidInput("the plan has no keyframe " + std::to_string(id));
+  return found->second;
+}
+
+bool PlanPart::runs(const Stage& stage, std::size_t place) const {
+  const Way& way = ways_[place];
+  switch (stage.kind) {
+    case Stage::Kind::kMatch:
+      return stage.step < way.passes;
+    case Stage::Kind::kFilter:
+      return way.filtered;
+    case Stage::Kind::kFuse:
+    case Stage::Kind::kJudge:
+    case Stage::Kind::kRound:
+      return stage.step <= way.rounds;
+    case Stage::Kind::kHandOut:
+      break;
+  }
+  return way.asked_for;
+}
+
+}  // namespace pmsp

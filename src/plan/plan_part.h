@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+#include "pmsp/options.h"
+#include "pmsp/plan.h"
+#include "schedule.h"
+
+namespace pmsp {
+
+/// The part of a plan that the results of some keyframes depend on: which keyframes take part, and how far each of them
+/// goes. A keyframe's place is the index of its entry.
+class PlanPart {
+ public:
+  /// `options`: valid. `points`: false = depth maps only are wanted. Throws InvalidInput as check_plan does, or when
+  /// the plan lacks one of `ids`; InvalidOption where first planes form a chain without end and `ids` are not all.
+  PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points);
+
+  /// Throws InvalidInput when the plan lacks the keyframe.
+  std::size_t place_of(std::int64_t id) const;
+  const PlanEntry& entry(std::size_t place) const { return plan_.entries[place]; }
+
+  /// Places of the keyframes that take part, in the order of the plan.
+  const std::vector<std::size_t>& taking_part() const { return taking_part_; }
+  bool takes_part(std::size_t place) const { return ways_[place].takes_part; }
+  /// Whether the keyframe's results are asked for.
+  bool asks_for(std::size_t place) const { return ways_[place].asked_for; }
+  bool runs(const Stage& stage, std::size_t place) const;
+
+ private:
+  /// How far a keyframe goes.
+  struct Way {
+    bool takes_part = false;  ///< its image, if no more
+    int passes = 0;           ///< of PatchMatch
+    bool filtered = false;
+    int rounds = -1;  ///< of ownership; 0 = its points are made and judged only, -1 = not even that
+    bool asked_for = false;
+  };
+
+  Plan plan_;
+  std::unordered_map<std::int64_t, std::size_t> places_;  ///< by id
+  std::vector<Way> ways_;                                 ///< by place
+  std::vector<std::size_t> taking_part_;
+};
+
+}  // namespace pmsp

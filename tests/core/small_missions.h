@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/recording.h"
+#include "pmsp/plan.h"
+
+namespace pmsp::test {
+
+/// Keyframes of tiny images, and how they are computed.
+struct SmallMission {
+  std::string name;
+  DensifierOptions options;
+  std::vector<Keyframe> keyframes;  ///< their views point to images that stay
+};
+
+/// Out and back through a room, again and again. Some ids are missing, as after culling; some keyframes show what the
+/// one before shows, and one in the middle sees no landmarks. Each third keyframe has a mask.
+std::vector<Keyframe> small_flight(std::size_t count);
+
+/// The stages of a preset, with as many passes, neighbours, rounds and windows, on 32 x 16 pixels. Histories are short,
+/// so that parts of a short flight do not depend on all of it.
+DensifierOptions small_preset(Quality quality, std::uint64_t seed = 1);
+
+/// A flight with each preset but `paper`, and with `online` a set of photos and a flight without a view filter.
+std::vector<SmallMission> small_missions(std::uint64_t seed = 1);
+
+Plan plan_of(const SmallMission& mission);
+std::vector<std::int64_t> ids_of(const std::vector<Keyframe>& keyframes);
+
+/// What was handed out for each keyframe, whatever the order.
+struct ResultsById {
+  std::map<std::int64_t, DepthMap> raw, filtered;
+  std::map<std::int64_t, KeyframeCloud> clouds;
+
+  void add(const Recording& recording);
+  std::size_t points() const;
+  int repeated = 0;  ///< results of keyframes that had come before
+};
+
+/// What differs first; empty if nothing does.
+std::string difference(const ResultsById& a, const ResultsById& b);
+
+/// Of a Densifier that makes its own plan.
+Recording whole_run(const SmallMission& mission);
+
+/// Of one that runs the given plan for some keyframes and is given exactly the images that the halo names. `images`
+/// counts them.
+Recording run_part(const SmallMission& mission, const Plan& plan, const std::vector<std::int64_t>& ids,
+                   std::size_t* images = nullptr);
+
+}  // namespace pmsp::test

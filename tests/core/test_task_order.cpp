@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <optional>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "core/small_missions.h"
+#include "pipeline.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+/// How the next one of the tasks that are ready is chosen.
+enum class Choice { kRandom, kLastStage, kLastKeyframe, kRandomStage };
+
+class Chooser {
+ public:
+  Chooser(Choice how, std::uint32_t seed) : how_(how), random_(seed) {}
+
+  std::optional<Task> operator()(const std::vector<Task>& tasks) {
+    if (tasks.empty() || (!flushing && random_() % 8 == 0)) return std::nullopt;  // for later
+    most_ = std::max(most_, tasks.size());
+    switch (how_) {
+      case Choice::kRandom:
+        return tasks[random_() % tasks.size()];
+      case Choice::kLastStage:
+        return tasks.back();
+      case Choice::kLastKeyframe:
+        return *std::max_element(tasks.begin(), tasks.end(),
+                                 [](const Task& a, const Task& b) { return a.keyframe < b.keyframe; });
+      case Choice::kRandomStage:
+        break;
+    }
+    const std::size_t stage = tasks[random_() % tasks.size()].stage;
+    std::vector<Task> some;
+    for (const Task& task : tasks) {
+      if (task.stage == stage) some.push_back(task);
+    }
+    return some[random_() % some.size()];
+  }
+
+  bool flushing = false;
+  std::size_t most() const { return most_; }
+
+ private:
+  Choice how_;
+  std::mt19937 random_;
+  std::size_t most_ = 0;
+};
+
+/// Results of a mission whose tasks are run in another order; by the mission's plan, or by that of a part.
+ResultsById run_in_order_of(Chooser& chooser, const SmallMission& mission, std::optional<PlanPart> part) {
+  Recording recording;
+  chooser.flushing = false;
+  Pipeline pipeline(mission.options, std::move(part), recording.callbacks());
+  pipeline.choose = [&](const std::vector<Task>& tasks) { return chooser(tasks); };
+  for (const Keyframe& keyframe : mission.keyframes) pipeline.add(keyframe);
+  chooser.flushing = true;
+  pipeline.flush();
+  ResultsById results;
+  results.add(recording);
+  return results;
+}
+
+}  // namespace
+
+TEST_CASE("any order of the tasks that are ready gives the same bytes", "[densifier][order]") {
+  for (SmallMission& mission : small_missions()) {
+    ResultsById whole;
+    whole.add(whole_run(mission));
+    for (const Choice how : {Choice::kRandom, Choice::kLastStage, Choice::kLastKeyframe, Choice::kRandomStage}) {
+      for (std::uint32_t seed = 0; seed < (kSanitized ? 1 : 4); ++seed) {
+        if (kSanitized && how != Choice::kRandom) break;
+        if (seed > 0 && (how == Choice::kLastStage || how == Choice::kLastKeyframe)) break;
+        mission.options.threads = 1 + static_cast<int>(seed % 3);
+        Chooser chooser(how, seed);
+        INFO(mission.name << ", choice " << static_cast<int>(how) << ", seed " << seed);
+        CHECK(difference(run_in_order_of(chooser, mission, std::nullopt), whole) == "");
+        CHECK(chooser.most() > 2);  // there was something to choose from
+      }
+    }
+  }
+}
+
+TEST_CASE("so does any order of the tasks of a piece", "[densifier][order]") {
+  for (SmallMission& mission : small_missions()) {
+    const Plan plan = plan_of(mission);
+    const std::vector<std::int64_t> all = ids_of(mission.keyframes);
+    const std::vector<std::int64_t> ids(all.begin() + 2, all.begin() + 6);
+    ResultsById part;
+    part.add(run_part(mission, plan, ids));
+    for (std::uint32_t seed = 0; seed < (kSanitized ? 1 : 3); ++seed) {
+      Chooser chooser(Choice::kRandom, seed);
+      INFO(mission.name << ", seed " << seed);
+      CHECK(difference(run_in_order_of(chooser, mission, PlanPart(plan, ids, mission.options, true)), part) == "");
+    }
+  }
+}
+
+TEST_CASE("progress in any order ends where progress in order ends", "[densifier][order]") {
+  Progress progress(2);
+  for (const std::int64_t keyframe : {3, 1, 0, 4}) progress.mark(1, keyframe);
+  CHECK(progress.next(0) == 0);
+  CHECK(progress.next(1) == 2);
+  CHECK_FALSE(progress.done(1, 2));
+  CHECK((progress.done(1, 0) && progress.done(1, 1) && progress.done(1, 3) && progress.done(1, 4)));
+  progress.mark(1, 2);
+  CHECK(progress.next(1) == 5);
+  CHECK_FALSE(progress.done(1, 5));
+}
