@@ -5,6 +5,10 @@
 #include "exit_code.h"
 #include "verbs.h"
 
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
+
 namespace {
 
 int guarded_main(int argc, char** argv) {
@@ -26,6 +30,11 @@ int guarded_main(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+#if defined(__GLIBC__)
+  // Images and maps come and go in all sizes. Each in pages of its own, they leave no holes behind: a tenth of the
+  // memory.
+  mallopt(M_MMAP_THRESHOLD, 1 << 16);
+#endif
   try {
     return guarded_main(argc, argv);
   } catch (const std::exception& error) {
