@@ -89,7 +89,7 @@ bool Pipeline::take(const Keyframe& keyframe) {
 
 /// As far as it is known by now: used keyframes may turn out to get no depth map.
 KeyframeUse Pipeline::decide_use(const Keyframe& keyframe) {
-  if (planner_.add(plan_keyframe(keyframe, given_options_))) return KeyframeUse::kDepthMap;
+  if (planner_.add(plan_keyframe(keyframe, given_options_, &engine_->executor()))) return KeyframeUse::kDepthMap;
   return planner_.entries().empty() ? KeyframeUse::kNoLandmarks : planner_.entries().back().use;
 }
 

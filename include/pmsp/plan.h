@@ -21,7 +21,8 @@ struct SharpnessRecord {
 };
 
 /// `width`: of the depth maps, in whose pixels blur counts [px]; 0 = that of the image. Empty for an empty image.
-SharpnessRecord record_sharpness(const Keyframe& keyframe, int width);
+/// `executor`: whose threads share the work; nullptr = this thread alone.
+SharpnessRecord record_sharpness(const Keyframe& keyframe, int width, const Executor* executor = nullptr);
 
 /// What a plan is made from: a keyframe without its image.
 struct PlanKeyframe {
@@ -31,8 +32,10 @@ struct PlanKeyframe {
   SharpnessRecord sharpness;
 };
 
-/// Without image and mask; `sharpness` from the image where there is one and `options` look for blur.
-PlanKeyframe plan_keyframe(const Keyframe& keyframe, const DensifierOptions& options);
+/// Without image and mask; `sharpness` from the image where there is one and `options` look for blur. `executor`: as
+/// above.
+PlanKeyframe plan_keyframe(const Keyframe& keyframe, const DensifierOptions& options,
+                           const Executor* executor = nullptr);
 
 /// What a keyframe is used for, and if for nothing, why.
 enum class KeyframeUse {

@@ -51,15 +51,15 @@ bool operator==(const PlanEntry& a, const PlanEntry& b) {
          a.fusion == b.fusion && a.viewers == b.viewers && a.owners == b.owners;
 }
 
-SharpnessRecord record_sharpness(const Keyframe& keyframe, int width) {
+SharpnessRecord record_sharpness(const Keyframe& keyframe, int width, const Executor* executor) {
   if (keyframe.image.empty()) return {};
-  return {landmark_sharpness(keyframe, width > 0 ? width : keyframe.image.width)};
+  return {landmark_sharpness(keyframe, width > 0 ? width : keyframe.image.width, executor)};
 }
 
-PlanKeyframe plan_keyframe(const Keyframe& keyframe, const DensifierOptions& options) {
+PlanKeyframe plan_keyframe(const Keyframe& keyframe, const DensifierOptions& options, const Executor* executor) {
   PlanKeyframe result{keyframe.id, keyframe.cam_from_world, keyframe.landmarks, {}};
   if (options.view_filter.enabled && options.view_filter.min_sharpness > 0.0) {
-    result.sharpness = record_sharpness(keyframe, options.width > 0 ? options.width : 2 * options.height);
+    result.sharpness = record_sharpness(keyframe, options.width > 0 ? options.width : 2 * options.height, executor);
   }
   return result;
 }

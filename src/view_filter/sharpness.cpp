@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "cpu/executor_impl.h"
 #include "pmsp/camera.h"
 #include "random.h"
 #include "util/median.h"
@@ -94,11 +95,26 @@ std::optional<LandmarkSharpness> sharpness_of(std::int64_t id, const Patch& patc
 
 }  // namespace
 
-std::vector<LandmarkSharpness> landmark_sharpness(const Keyframe& keyframe, int width) {
+std::vector<LandmarkSharpness> landmark_sharpness(const Keyframe& keyframe, int width, const Executor* executor) {
+  constexpr std::size_t kPerTask = 16;
+  const std::vector<const Landmark*> landmarks = some_of(keyframe.landmarks);
+  std::vector<std::optional<LandmarkSharpness>> found(landmarks.size());
+  const auto find = [&](int task) {
+    const std::size_t first = static_cast<std::size_t>(task) * kPerTask;
+    for (std::size_t i = first; i < std::min(first + kPerTask, landmarks.size()); ++i) {
+      const Landmark& landmark = *landmarks[i];
+      const auto patch = patch_around(keyframe.image, keyframe.cam_from_world * landmark.position_world, width);
+      if (patch) found[i] = sharpness_of(landmark.id, *patch);
+    }
+  };
+  const int tasks = static_cast<int>((landmarks.size() + kPerTask - 1) / kPerTask);
+  if (executor != nullptr) {
+    executor->impl().pool.for_each(tasks, find);
+  } else {
+    for (int task = 0; task < tasks; ++task) find(task);
+  }
   std::vector<LandmarkSharpness> result;
-  for (const Landmark* landmark : some_of(keyframe.landmarks)) {
-    const auto patch = patch_around(keyframe.image, keyframe.cam_from_world * landmark->position_world, width);
-    const auto sharpness = patch ? sharpness_of(landmark->id, *patch) : std::nullopt;
+  for (const auto& sharpness : found) {
     if (sharpness) result.push_back(*sharpness);
   }
   std::sort(result.begin(), result.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
