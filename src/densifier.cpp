@@ -80,11 +80,13 @@ bool Pipeline::take(const Keyframe& keyframe) {
   ++(used ? stats_.keyframes_accepted : stats_.keyframes_rejected);
   if (use == KeyframeUse::kBlurred) ++stats_.keyframes_blurred;
   count_without_depth_map(use);
-  if (part_ ? !part_->takes_part(place) : !used) return false;
-  prepare(keyframe, place);
-  advance(false);
+  const bool taken = part_ ? part_->takes_part(place) : used;
+  if (taken) {
+    prepare(keyframe, place);
+    advance(false);
+  }
   engine_->deliver(false);
-  return true;
+  return taken;
 }
 
 /// As far as it is known by now: used keyframes may turn out to get no depth map.
@@ -129,10 +131,11 @@ void Pipeline::advance(bool last) {
   }
 }
 
+/// The last stage that has something to do, so that keyframes wait for others no longer than they must.
 std::optional<Task> Pipeline::next_task(bool last) {
   if (stopped()) return std::nullopt;
   if (choose) return choose(ready_tasks(last));
-  for (std::size_t stage = 0; stage < schedule_.stages().size(); ++stage) {
+  for (std::size_t stage = schedule_.stages().size(); stage-- > 0;) {
     const Task task{stage, progress_.next(stage)};
     if (task.keyframe < end() && is_ready(task, last)) return task;
   }

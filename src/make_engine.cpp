@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "make_engine.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "cpu/cpu_engine.h"
@@ -11,22 +12,27 @@
 namespace pmsp {
 namespace {
 
-/// Empty where the memory suffices, or as long as the size of the depth maps is not known. Takes the scratch folder
-/// from the options where nothing need be put aside.
-std::string why_too_small(const cuda::Device& device, DensifierOptions& options) {
+std::size_t memory_without_scratch(DensifierOptions options) {
+  options.scratch_folder.clear();
+  return cuda::memory_needed(options);
+}
+
+/// Empty where the memory suffices, or as long as the size of the depth maps is not known.
+std::string why_too_small(const cuda::Device& device, const DensifierOptions& options) {
   if (options.width == 0 || options.height == 0) return {};
-  DensifierOptions in_memory = options;
-  in_memory.scratch_folder.clear();
-  if (cuda::memory_needed(in_memory) <= device.free_bytes) {
-    options.scratch_folder.clear();
-    return {};
-  }
-  const std::size_t needed = cuda::memory_needed(options);
+  const std::size_t needed = std::min(cuda::memory_needed(options), memory_without_scratch(options));
   if (needed <= device.free_bytes) return {};
   return device.name + " has " + std::to_string(device.free_bytes >> 20U) + " MiB free, but " +
          std::to_string(options.width) + " x " + std::to_string(options.height) + " takes " +
          std::to_string(needed >> 20U) + " MiB" +
          (options.scratch_folder.empty() ? "; a scratch folder may help (scratch_folder)" : "");
+}
+
+/// Whether all that waits finds room on the device. Not so in a set: there all wait for all, and estimates are of
+/// flights.
+bool needs_no_scratch(const cuda::Device& device, const DensifierOptions& options) {
+  return options.width > 0 && options.height > 0 && !options.unordered &&
+         memory_without_scratch(options) <= device.free_bytes;
 }
 
 }  // namespace
@@ -43,6 +49,7 @@ std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptio
     why_not = device.why_not;
     if (why_not.empty()) why_not = why_too_small(device, options);
     if (why_not.empty()) {
+      if (needs_no_scratch(device, options)) options.scratch_folder.clear();
       options.backend = Backend::kCuda;
       description = "CUDA device " + std::to_string(options.device) + ", " + device.name;
       return cuda::make_engine(context, std::move(executor));

@@ -53,7 +53,7 @@ class Pipeline {
   const std::string& backend() const { return backend_; }
 
   /// For tests: chooses the next one of the tasks that may run, or nullopt to leave them for later. Not set: the first
-  /// one of the first stage.
+  /// one of the last stage that has any.
   std::function<std::optional<Task>(const std::vector<Task>&)> choose;
 
  private:

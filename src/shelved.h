@@ -28,6 +28,7 @@ class Shelved {
       array_ = std::move(array);
       return;
     }
+    if (count == 0) return;
     if (room_ == 0) begin_ = scratch_->take(room * sizeof(T));
     room_ = room;
     on_.save(array, count, *scratch_, begin_);

@@ -8,11 +8,10 @@
 #include <utility>
 #include <vector>
 
-#include "depth_image.h"
 #include "engine.h"
 #include "filters/filter_setup.h"
 #include "fusion/fusion_setup.h"
-#include "init/init_setup.h"
+#include "init.h"
 #include "patchmatch/match_setup.h"
 #include "plan/reach.h"
 #include "priors/prior_setup.h"
@@ -33,7 +32,8 @@ class StageEngine final : public Engine {
     [[maybe_unused]] const auto scope = on_.enter();
     const DensifierOptions& options = context_.options;
     on_.set_size(options.width, options.height);
-    if (!looks_ && options.patchmatch.plane_priors) looks_ = on_.upload(look_table({options.width, options.height}));
+    const bool priors = options.patchmatch.plane_priors && options.patchmatch.geometric_passes > 0;
+    if (!looks_ && priors) looks_ = on_.upload(look_table({options.width, options.height}));
     if (!scratch_ && !options.scratch_folder.empty()) scratch_ = std::make_unique<ScratchFile>(options.scratch_folder);
     return std::make_unique<StageFrame>(keyframe, on_.prepare(keyframe, context_.stats.seconds_prepare), on_,
                                         scratch_.get());
@@ -52,6 +52,7 @@ class StageEngine final : public Engine {
 
   void filter(Frame& frame, const std::vector<const Frame*>& others) override {
     [[maybe_unused]] const auto scope = on_.enter();
+    if (!on_.may_go_on()) return;
     StageFrame& reference = own(frame);
     reference.confidence = on_.template array<float>(pixels());
     auto stage = consistency_stage<Views>(on_.map(reference.median), on_.grid(), others.size(),
@@ -71,6 +72,7 @@ class StageEngine final : public Engine {
 
   void fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) override {
     [[maybe_unused]] const auto scope = on_.enter();
+    if (!on_.may_go_on()) return;
     StageFrame& reference = own(frame);
     const auto view = [&](const StageFrame& member) {
       const Relation to = relation(member.pose(), reference.pose());
@@ -106,6 +108,7 @@ class StageEngine final : public Engine {
 
   void judge(Frame& frame, const std::vector<const Frame*>& viewers) override {
     [[maybe_unused]] const auto scope = on_.enter();
+    if (!on_.may_go_on()) return;
     StageFrame& reference = own(frame);
     const auto surfels = reference.surfels.get();
     const auto details = reference.details.get();
@@ -136,6 +139,7 @@ class StageEngine final : public Engine {
 
   void round(Frame& frame, const std::vector<const Frame*>& others, int round) override {
     [[maybe_unused]] const auto scope = on_.enter();
+    if (!on_.may_go_on()) return;
     StageFrame& reference = own(frame);
     struct Held {
       Array<std::uint32_t> surfels;

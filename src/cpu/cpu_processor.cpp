@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <bitset>
-#include <cstring>
 
 #include "depth_image.h"
 #include "init/init_setup.h"

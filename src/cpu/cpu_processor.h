@@ -47,6 +47,7 @@ class CpuProcessor {
   using Planes = Array<float>;  ///< x, y, z and score of all pixels, one after the other
   using Counts = std::int64_t;
   using Pass = kernels::PatchMatchPass<Views>;
+  static constexpr int kMostCounts = 3;
   struct Prepared {
     std::optional<Panorama> panorama;
     Array<std::uint32_t> color;
@@ -101,6 +102,7 @@ class CpuProcessor {
 
   template <class Stage>
   void launch(const Stage& stage, Counts* counts) const {
+    static_assert(Stage::kCounts <= kMostCounts, "room for what is counted");
     const auto sums = executor_.impl().run(stage);
     if (counts != nullptr) std::copy(sums.begin(), sums.end(), counts);
   }
@@ -119,7 +121,7 @@ class CpuProcessor {
   }
   template <class Work, class Then>
   void counted(double& seconds, const Work& work, const Then& then) const {
-    std::array<Counts, 3> counts{};
+    std::array<Counts, kMostCounts> counts{};
     timed(seconds, [&] { work(counts.data()); });
     then(counts.data());
   }

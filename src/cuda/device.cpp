@@ -15,7 +15,7 @@ namespace {
 /// Of the largest images that are usual; those to come are not known when memory is asked for.
 constexpr std::size_t kCameraPixels = std::size_t{5760} * 2880;
 
-/// Of one keyframe (see CudaFrame); a cube map has 2 + 1 bytes a texel.
+/// Of one keyframe (see StageEngine); a cube map has 2 + 1 bytes a texel.
 std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::size_t pixels, std::size_t cube_side) {
   switch (artefact) {
     case Artefact::kImage:
@@ -92,7 +92,7 @@ std::size_t memory_needed(const DensifierOptions& options) {
     for (const Artefact artefact : {Artefact::kSight, Artefact::kSurfels}) {
       bytes -= static_cast<std::size_t>(schedule.keyframes_with(artefact)) * bytes_of(artefact, options, pixels, side);
     }
-    constexpr std::size_t kOfMost = 5;  // of a viewer: surfels and standings
+    constexpr std::size_t kOfMost = 6;  // of a viewer: sight, surfels and standings; a pool keeps each size apart
     bytes += (kernels::kMaxViewers * kOfMost + bytes_of(Artefact::kSurfels, options, 1, 0)) * pixels;
   }
   const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 1) * pixels;  // state, warped planes, keys, gray, masks

@@ -56,14 +56,21 @@ void* DeviceMemory::allocate(std::size_t bytes) {
 
 void* DevicePool::take(std::size_t bytes) {
   std::vector<void*>& free = free_[bytes];
-  if (free.empty()) return DeviceMemory::allocate(bytes);
+  if (free.empty()) {
+    void* data = nullptr;
+    if (cudaMalloc(&data, bytes) == cudaSuccess) return data;
+    cudaGetLastError();  // clears it
+    release();           // what lies idle in other sizes may do
+    return DeviceMemory::allocate(bytes);
+  }
   void* const data = free.back();
   free.pop_back();
   return data;
 }
-DevicePool::~DevicePool() {
-  for (const auto& [bytes, free] : free_) {
+void DevicePool::release() {
+  for (auto& [bytes, free] : free_) {
     for (void* data : free) DeviceMemory::free(data);
+    free.clear();
   }
 }
 

@@ -114,7 +114,6 @@ using PinnedArray = Owned<T, PinnedMemory>;
 /// Page-locks memory that someone else owns, for as long as it lives.
 class PinnedRange {
  public:
-  PinnedRange() = default;
   PinnedRange(void* data, std::size_t bytes);
   ~PinnedRange() { reset(); }
   PinnedRange(const PinnedRange&) = delete;
@@ -149,7 +148,7 @@ class CubeTexture {
 class DevicePool {
  public:
   DevicePool() = default;
-  ~DevicePool();
+  ~DevicePool() { release(); }
   DevicePool(const DevicePool&) = delete;
   DevicePool& operator=(const DevicePool&) = delete;
 
@@ -162,6 +161,7 @@ class DevicePool {
 
  private:
   void* take(std::size_t bytes);
+  void release();  ///< what nobody has
 
   std::map<std::size_t, std::vector<void*>> free_;  ///< by size
 };

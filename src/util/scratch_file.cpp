@@ -19,7 +19,7 @@ int open_nameless(const std::string& folder) {
   if (file >= 0 || errno == ENOENT || errno == EACCES || errno == ENOTDIR) return file;
 #endif
   std::string name = folder + "/.pmsp-XXXXXX";  // a file system without nameless files
-  const int named = ::mkstemp(name.data());
+  const int named = ::mkostemp(name.data(), O_CLOEXEC);
   if (named >= 0) ::unlink(name.c_str());
   return named;
 }

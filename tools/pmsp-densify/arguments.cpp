@@ -96,7 +96,7 @@ void add_outputs(CLI::App& app, Arguments& a) {
       ->type_name("FILE")
       ->group(group);
   app.add_option("--scratch", a.scratch,
-                 "Existing folder for what keyframes leave while they wait for their points' say (normal, high; 20 "
+                 "Existing folder for what keyframes leave while they wait for their points' say (normal, high; 17 "
                  "bytes a pixel of those that wait) [default that of the cloud]")
       ->type_name("DIR")
       ->group(group);
