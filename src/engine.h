@@ -33,9 +33,9 @@ struct EngineContext {
   const std::atomic<bool>& cancel;
 };
 
-/// Runs the stages, and holds what they work on, on one kind of processor. Work is asked for in an order
-/// that the schedule allows (src/densifier.cpp); results reach the callbacks and the statistics in that order. An
-/// engine serves one Densifier.
+/// Runs the stages, and holds what they work on, on one kind of processor. Work is asked for in an order that the
+/// schedule allows (src/densifier.cpp); results reach the callbacks and the statistics in that order. An engine serves
+/// one Densifier.
 class Engine {
  public:
   /// An accepted keyframe on its way through the stages. Must not outlive the engine.

@@ -20,7 +20,7 @@
 //   enter()                        called first in each piece of work; what it returns is kept until its end
 //   set_size(width, height)        of the depth maps, before anything else
 //   may_go_on()                    false after Densifier::cancel
-//   grid()
+//   grid()                         of the depth maps
 //   array<T>(count), planes(), keys()          made, the latter without keys
 //   map(planes), to(planes)                    views of planes; a map's is empty where there are none
 //   upload(values)                             of a vector, once for all

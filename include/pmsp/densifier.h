@@ -17,8 +17,8 @@ namespace pmsp {
 struct Plan;  // pmsp/plan.h
 
 /// What happened to the pixels of all keyframes so far, stage by stage, and how long it took. Of a Densifier that runs
-/// part of a plan: of all that was worked on, the halo included; `points` and
-/// `points_repeated` are of those handed out, `keyframes_*` of all that were added.
+/// part of a plan: of all that was worked on, the halo included; `points` and `points_repeated` are of those handed
+/// out, `keyframes_*` of all that were added.
 struct DensifierStats {
   std::int64_t keyframes_added = 0;
   std::int64_t keyframes_accepted = 0;  ///< by the view filter
@@ -72,8 +72,8 @@ class Densifier {
 
   /// Runs part of a given plan: what the results of the keyframes `ids` depend on. Callbacks come for these only, in
   /// the order of the plan, and give what a run of the whole plan gives, byte for byte, on the same backend. No ids, no
-  /// results. `add` takes the keyframes of `halo(plan, ids, options, callbacks.cloud != nullptr).images`, all of
-  /// them, in the order of the plan, with the poses and landmarks that the plan was made from.
+  /// results. `add` takes the keyframes of `halo(plan, ids, options, callbacks.cloud != nullptr).images`, all of them,
+  /// in the order of the plan, with the poses and landmarks that the plan was made from.
   ///
   /// `options`: those that the plan was made with; with another seed, backend, size or number of threads it fits, too.
   /// Where images differ in size, give width and height: 0 follows the first one that comes. Throws InvalidInput where
@@ -101,9 +101,8 @@ class Densifier {
 
   /// Finishes what waits in the windows: after it, every accepted keyframe that has a neighbour has had its callbacks.
   /// More keyframes may follow; they start a new sequence. Throws DeviceError, OutputError and
-  /// IoError, as `add`. With a given plan, throws InvalidInput
-  /// when an image is missing that is needed, naming the first such keyframe: the Densifier then is as if the call had
-  /// not been made.
+  /// IoError, as `add`. With a given plan, throws InvalidInput when an image is missing that is needed, naming the
+  /// first such keyframe: the Densifier then is as if the call had not been made.
   void flush();
 
   /// Makes `add` or `flush` return early at the next safe point (between two iterations); may be called from any thread

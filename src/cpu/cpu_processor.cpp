@@ -136,9 +136,8 @@ void CpuProcessor::own(const kernels::OwnershipRound& stage, Asked& asked) const
   for (const std::vector<std::uint32_t>& row : still) to = std::copy(row.begin(), row.end(), to);
 }
 
-void CpuProcessor::hand_out_depths(std::int64_t id, const RigidTransform& cam_from_world,
-                                   const kernels::PlaneMapView& map, const float* confidence,
-                                   const std::function<void(const DepthMap&)>& to) const {
+DepthMap CpuProcessor::depth_map(std::int64_t id, const RigidTransform& cam_from_world,
+                                 const kernels::PlaneMapView& map, const float* confidence) const {
   static_assert(sizeof(Eigen::Vector3f) == 3 * sizeof(float), "normals are written as numbers");
   DepthMap depths{id, cam_from_world, Image<float>(map.width, map.height),
                   Image<Eigen::Vector3f>(map.width, map.height, Eigen::Vector3f::Zero()),
@@ -146,7 +145,7 @@ void CpuProcessor::hand_out_depths(std::int64_t id, const RigidTransform& cam_fr
   launch(kernels::DepthImage<Views>{map, confidence, grid(), depths.depth.pixels().data(),
                                     depths.normal.pixels().data()->data(), depths.confidence.pixels().data()},
          nullptr);
-  to(depths);
+  return depths;
 }
 
 void CpuProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,

@@ -118,17 +118,6 @@ std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyfr
   return {points, static_cast<int>(count)};
 }
 
-void CudaProcessor::begin(Record& record) const {
-  PMSP_CUDA_CHECK(cudaMemsetAsync(record.device.get(), 0, sizeof(Counts), compute_.get()));
-  record.start.record(compute_);
-}
-
-void CudaProcessor::end(Record& record) const {
-  PMSP_CUDA_CHECK(
-      cudaMemcpyAsync(record.host.get(), record.device.get(), sizeof(Counts), cudaMemcpyDeviceToHost, compute_.get()));
-  record.end.record(compute_);
-}
-
 /// Depths, normals and confidences of the planes.
 void CudaProcessor::hand_out_depths(std::int64_t id, const RigidTransform& cam_from_world, const DevicePlanes& map,
                                     const float* confidence, std::function<void(const DepthMap&)> to) {
@@ -152,30 +141,29 @@ void CudaProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, Keyfr
     select_scratch_ = DeviceArray<unsigned char>(owned_scratch_bytes(static_cast<int>(pixels())));
   }
   const std::shared_ptr<PointsDownload> lent = clouds_.get(pixels());
-  const std::shared_ptr<Record> record = records_.get();
-  begin(*record);
-  owned_points({grid(), map, lent->points.get(), lent->pixels.get(), lent->agree.get(), record->device.get()->of},
-               select_scratch_.get(), select_scratch_.size(), compute_.get());
-  end(*record);
   ++clouds_out_;
-  expect([this, record, lent, cloud = std::move(cloud), &seconds, to = std::move(to)]() mutable {
-    --clouds_out_;
-    seconds += record->waited();
-    if (cancelled()) return;
-    const std::size_t count = record->host[0].of[0];
-    cloud.points.swap(cloud_.points);
-    cloud.pixels.swap(cloud_.pixels);
-    cloud.agree.swap(cloud_.agree);
-    cloud_ = std::move(cloud);
-    cloud_.points.resize(count);
-    cloud_.pixels.resize(count);
-    cloud_.agree.resize(count);
-    downloader_.download({{lent->points.get(), cloud_.points.data(), count * sizeof(DevicePoint)},
-                          {lent->pixels.get(), cloud_.pixels.data(), count * sizeof(std::uint32_t)},
-                          {lent->agree.get(), cloud_.agree.data(), count * sizeof(std::uint32_t)}},
-                         down_, executor_.impl().pool);
-    to(cloud_);
-  });
+  const auto select = [&](Counts* counts) {
+    owned_points({grid(), map, lent->points.get(), lent->pixels.get(), lent->agree.get(), counts->of},
+                 select_scratch_.get(), select_scratch_.size(), compute_.get());
+  };
+  counted(seconds, select,
+          [this, lent, cloud = std::move(cloud), to = std::move(to)](const std::int64_t* numbers) mutable {
+            --clouds_out_;
+            if (cancelled()) return;
+            const std::size_t count = static_cast<std::size_t>(numbers[0]);
+            cloud.points.swap(cloud_.points);
+            cloud.pixels.swap(cloud_.pixels);
+            cloud.agree.swap(cloud_.agree);
+            cloud_ = std::move(cloud);
+            cloud_.points.resize(count);
+            cloud_.pixels.resize(count);
+            cloud_.agree.resize(count);
+            downloader_.download({{lent->points.get(), cloud_.points.data(), count * sizeof(DevicePoint)},
+                                  {lent->pixels.get(), cloud_.pixels.data(), count * sizeof(std::uint32_t)},
+                                  {lent->agree.get(), cloud_.agree.data(), count * sizeof(std::uint32_t)}},
+                                 down_, executor_.impl().pool);
+            to(cloud_);
+          });
 }
 
 void CudaProcessor::copy_bytes(void* to, const void* from, std::size_t bytes, cudaMemcpyKind kind) const {

@@ -104,9 +104,12 @@ class CudaProcessor {
   template <class Work>
   void counted(double& seconds, const Work& work, std::function<void(const std::int64_t*)> then) {
     const std::shared_ptr<Record> record = records_.get();
-    begin(*record);
+    PMSP_CUDA_CHECK(cudaMemsetAsync(record->device.get(), 0, sizeof(Counts), compute_.get()));
+    record->start.record(compute_);
     work(record->device.get());
-    end(*record);
+    PMSP_CUDA_CHECK(cudaMemcpyAsync(record->host.get(), record->device.get(), sizeof(Counts), cudaMemcpyDeviceToHost,
+                                    compute_.get()));
+    record->end.record(compute_);
     expect([record, &seconds, then = std::move(then)] {
       seconds += record->waited();
       std::int64_t numbers[Counts::kMost];
@@ -164,8 +167,6 @@ class CudaProcessor {
   };
 
   void set_image_size(int width, int height);
-  void begin(Record& record) const;
-  void end(Record& record) const;
   void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
   void hand_out_first();
   MapDownload& free_download();

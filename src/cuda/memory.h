@@ -134,7 +134,6 @@ class CubeTexture {
   CubeTexture& operator=(const CubeTexture&) = delete;
   cudaTextureObject_t texture() const { return texture_; }
   cudaSurfaceObject_t surface() const { return surface_; }
-  int size() const { return size_; }
 
  private:
   int size_;

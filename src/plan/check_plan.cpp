@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdlib>
 #include <sstream>
 #include <string>
 #include <unordered_map>
@@ -76,15 +77,19 @@ class PlanChecker {
     throw InvalidInput("the plan's keyframe " + std::to_string(entry.id) + " " + why);
   }
 
+  [[noreturn]] static void refuse(const PlanEntry& entry, const char* list, std::int64_t named,
+                                  const std::string& why) {
+    refuse(entry, "names keyframe " + std::to_string(named) + " in " + list + why);
+  }
+
   /// How many used keyframes after `entry` the one lies that it names.
-  std::int64_t distance(const PlanEntry& entry, const std::string& list, std::int64_t id, bool images_only) const {
+  std::int64_t distance(const PlanEntry& entry, const char* list, std::int64_t id, bool images_only) const {
     const auto found = entries_.find(id);
-    const std::string names = "names keyframe " + std::to_string(id) + " in " + list;
-    if (found == entries_.end()) refuse(entry, names + ", which the plan lacks");
-    if (id == entry.id) refuse(entry, names + ", itself");
+    if (found == entries_.end()) refuse(entry, list, id, ", which the plan lacks");
+    if (id == entry.id) refuse(entry, list, id, ", itself");
     const PlanEntry& named = *found->second.entry;
     if (!(images_only ? named.used() : named.has_depth_map())) {
-      refuse(entry, names + (images_only ? ", which is not used" : ", which gets no depth map"));
+      refuse(entry, list, id, images_only ? ", which is not used" : ", which gets no depth map");
     }
     return found->second.place - entries_.at(entry.id).place;
   }
@@ -98,22 +103,21 @@ class PlanChecker {
     std::unordered_set<std::int64_t> before;
     for (const std::int64_t id : ids) {
       const std::int64_t away = distance(entry, list.name, id, list.images_only);
-      const std::string names = "names keyframe " + std::to_string(id) + " in " + list.name;
-      if (!before.insert(id).second) refuse(entry, names + " twice");
+      if (!before.insert(id).second) refuse(entry, list.name, id, " twice");
       if (options_.unordered || (away >= -list.before && away <= list.after)) continue;
-      refuse(entry, names + ", " + std::to_string(std::abs(away)) + " used keyframes " +
-                        (away < 0 ? "before" : "after") + " it; expected at most " +
-                        std::to_string(away < 0 ? list.before : list.after) + kOtherOptions);
+      refuse(entry, list.name, id,
+             ", " + std::to_string(std::abs(away)) + " used keyframes " + (away < 0 ? "before" : "after") +
+                 " it; expected at most " + std::to_string(away < 0 ? list.before : list.after) + kOtherOptions);
     }
   }
 
   void check_first_planes(const PlanEntry& entry) const {
     const std::int64_t id = *entry.first_planes;
     const std::int64_t away = distance(entry, "first_planes", id, false);
-    if (options_.init.warp_previous && !options_.unordered && away == -1) return;
-    refuse(entry, "names keyframe " + std::to_string(id) + " in first_planes; expected " +
-                      (options_.init.warp_previous && !options_.unordered ? "the used keyframe before" : "nobody") +
-                      kOtherOptions);
+    const bool warps = options_.init.warp_previous && !options_.unordered;
+    if (warps && away == -1) return;
+    refuse(entry, "first_planes", id,
+           std::string("; expected ") + (warps ? "the used keyframe before" : "nobody") + kOtherOptions);
   }
 
   const DensifierOptions& options_;

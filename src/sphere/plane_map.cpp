@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/plane_map.h"
 
-#include "cpu/executor_impl.h"
-#include "depth_image.h"
+#include "cpu/cpu_processor.h"
 #include "plane.h"
 #include "pmsp/error.h"
-#include "sphere/grid.h"
 #include "sphere/plane_views.h"
 #include "util/eigen_kernels.h"
 
@@ -17,15 +15,10 @@ DepthMap depth_map_of(const PlaneMap& planes, const Image<float>* confidence, co
   if (confidence != nullptr && (confidence->width() != width || confidence->height() != height)) {
     throw InvalidInput("depth_map_of: planes and confidences differ in size");
   }
-  static_assert(sizeof(Eigen::Vector3f) == 3 * sizeof(float), "normals are written as numbers");
-  const SphereGrid grid(width, height);
-  DepthMap map{planes.keyframe_id, planes.cam_from_world, Image<float>(width, height),
-               Image<Eigen::Vector3f>(width, height, Eigen::Vector3f::Zero()), Image<float>(width, height)};
-  if (planes.empty()) return map;
-  executor.impl().run(kernels::DepthImage<kernels::HostMachine>{
-      view_of(planes), confidence == nullptr ? nullptr : confidence->pixels().data(), grid.view(),
-      map.depth.pixels().data(), map.normal.pixels().data()->data(), map.confidence.pixels().data()});
-  return map;
+  if (planes.empty()) return {planes.keyframe_id, planes.cam_from_world, {}, {}, {}};
+  return CpuProcessor(executor, width, height)
+      .depth_map(planes.keyframe_id, planes.cam_from_world, view_of(planes),
+                 confidence == nullptr ? nullptr : confidence->pixels().data());
 }
 
 PlaneMap plane_map_of(const DepthMap& map, const Executor& executor) {

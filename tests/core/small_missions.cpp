@@ -103,6 +103,17 @@ std::vector<std::int64_t> ids_of(const std::vector<Keyframe>& keyframes) {
   return ids;
 }
 
+void fly_through(Densifier& densifier, const SmallMission& mission) {
+  for (const Keyframe& keyframe : mission.keyframes) densifier.add(keyframe);
+  densifier.flush();
+}
+
+ResultsById by_id(const Recording& recording) {
+  ResultsById results;
+  results.add(recording);
+  return results;
+}
+
 void ResultsById::add(const Recording& recording) {
   for (const DepthMap& map : recording.raw) repeated += raw.emplace(map.keyframe_id, map).second ? 0 : 1;
   for (const DepthMap& map : recording.filtered) repeated += filtered.emplace(map.keyframe_id, map).second ? 0 : 1;
@@ -128,8 +139,7 @@ std::string difference(const ResultsById& a, const ResultsById& b) {
 Recording whole_run(const SmallMission& mission) {
   Recording recording;
   Densifier densifier(mission.options, recording.callbacks());
-  for (const Keyframe& keyframe : mission.keyframes) densifier.add(keyframe);
-  densifier.flush();
+  fly_through(densifier, mission);
   return recording;
 }
 

@@ -30,6 +30,7 @@ DensifierOptions small_preset(Quality quality, std::uint64_t seed = 1);
 std::vector<SmallMission> small_missions(std::uint64_t seed = 1);
 
 Plan plan_of(const SmallMission& mission);
+void fly_through(Densifier& densifier, const SmallMission& mission);  ///< adds all keyframes and flushes
 std::vector<std::int64_t> ids_of(const std::vector<Keyframe>& keyframes);
 
 /// What was handed out for each keyframe, whatever the order.
@@ -41,6 +42,7 @@ struct ResultsById {
   std::size_t points() const;
   int repeated = 0;  ///< results of keyframes that had come before
 };
+ResultsById by_id(const Recording& recording);
 
 /// What differs first; empty if nothing does.
 std::string difference(const ResultsById& a, const ResultsById& b);

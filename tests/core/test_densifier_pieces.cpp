@@ -14,12 +14,6 @@ namespace {
 
 using Ids = std::vector<std::int64_t>;
 
-ResultsById by_id(const Recording& recording) {
-  ResultsById results;
-  results.add(recording);
-  return results;
-}
-
 /// A mission, its plan, and what comes of the whole of it.
 struct Sample {
   explicit Sample(SmallMission given)

@@ -41,12 +41,10 @@ std::vector<std::int64_t> counts(const DensifierStats& stats) {
 void check_whole(const SmallMission& mission) {
   Recording streamed;
   Densifier densifier(mission.options, streamed.callbacks());
-  for (const Keyframe& keyframe : mission.keyframes) densifier.add(keyframe);
-  densifier.flush();
+  fly_through(densifier, mission);
   Recording given;
   Densifier other(mission.options, plan_of(mission), ids_of(mission.keyframes), given.callbacks());
-  for (const Keyframe& keyframe : mission.keyframes) other.add(keyframe);
-  other.flush();
+  fly_through(other, mission);
   CHECK(difference(streamed, given).empty());
   CHECK(counts(densifier.stats()) == counts(other.stats()));
 }

@@ -61,17 +61,14 @@ ResultsById run_in_order_of(Chooser& chooser, const SmallMission& mission, std::
   for (const Keyframe& keyframe : mission.keyframes) pipeline.add(keyframe);
   chooser.flushing = true;
   pipeline.flush();
-  ResultsById results;
-  results.add(recording);
-  return results;
+  return by_id(recording);
 }
 
 }  // namespace
 
 TEST_CASE("any order of the tasks that are ready gives the same bytes", "[densifier][order]") {
   for (SmallMission& mission : small_missions()) {
-    ResultsById whole;
-    whole.add(whole_run(mission));
+    const ResultsById whole = by_id(whole_run(mission));
     for (const Choice how : {Choice::kRandom, Choice::kLastStage, Choice::kLastKeyframe, Choice::kRandomStage}) {
       for (std::uint32_t seed = 0; seed < (kSanitized ? 1 : 4); ++seed) {
         if (kSanitized && how != Choice::kRandom) break;
@@ -91,8 +88,7 @@ TEST_CASE("so does any order of the tasks of a piece", "[densifier][order]") {
     const Plan plan = plan_of(mission);
     const std::vector<std::int64_t> all = ids_of(mission.keyframes);
     const std::vector<std::int64_t> ids(all.begin() + 2, all.begin() + 6);
-    ResultsById part;
-    part.add(run_part(mission, plan, ids));
+    const ResultsById part = by_id(run_part(mission, plan, ids));
     for (std::uint32_t seed = 0; seed < (kSanitized ? 1 : 3); ++seed) {
       Chooser chooser(Choice::kRandom, seed);
       INFO(mission.name << ", seed " << seed);

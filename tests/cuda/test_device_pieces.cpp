@@ -15,18 +15,12 @@ namespace {
 
 using Ids = std::vector<std::int64_t>;
 
-ResultsById whole_of(const SmallMission& mission) {
-  ResultsById results;
-  results.add(whole_run(mission));
-  return results;
-}
-
 }  // namespace
 
 TEST_CASE("pieces of a mission give on the device what it gives as a whole", "[cuda][pieces]") {
   for (SmallMission& mission : small_missions()) {
     mission.options.backend = Backend::kCuda;
-    const ResultsById whole = whole_of(mission);
+    const ResultsById whole = by_id(whole_run(mission));
     const Plan plan = plan_of(mission);
     const Ids ids = ids_of(mission.keyframes);
     for (std::size_t cut = 1; cut < ids.size(); cut += 6) {
@@ -43,7 +37,7 @@ TEST_CASE("pieces of a mission give on the device what it gives as a whole", "[c
 TEST_CASE("any order of the tasks that are ready gives the same bytes on the device", "[cuda][pieces]") {
   for (SmallMission& mission : small_missions()) {
     mission.options.backend = Backend::kCuda;
-    const ResultsById whole = whole_of(mission);
+    const ResultsById whole = by_id(whole_run(mission));
     for (std::uint32_t seed = 0; seed < 3; ++seed) {
       std::mt19937 random(seed);
       Recording recording;
@@ -56,10 +50,8 @@ TEST_CASE("any order of the tasks that are ready gives the same bytes on the dev
       for (const Keyframe& keyframe : mission.keyframes) pipeline.add(keyframe);
       flushing = true;
       pipeline.flush();
-      ResultsById results;
-      results.add(recording);
       INFO(mission.name << ", seed " << seed);
-      CHECK(difference(results, whole) == "");
+      CHECK(difference(by_id(recording), whole) == "");
     }
   }
 }

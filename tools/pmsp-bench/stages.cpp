@@ -112,7 +112,7 @@ void cloud(benchmark::State& state, const Workload& workload, const Executor& ex
 const std::vector<Stage>& all_stages() {
   static const std::vector<Stage> kStages = {
       {"prepare", "resizing, gray values and cube map of one image (Panorama)", false, true, prepare},
-      {"sparse", "planes from landmarks (planes_from_landmarks; plain code on one thread)", false, false, sparse},
+      {"sparse", "planes from landmarks (planes_from_landmarks; plain code)", false, false, sparse},
       {"warp", "planes of the previous depth map, moved (warp_planes)", true, false, warp},
       {"init", "sparse and warp on the device", false, true, nullptr},
       {"patchmatch", "one depth map, all iterations (patchmatch)", true, true, match},
