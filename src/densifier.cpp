@@ -194,8 +194,10 @@ std::vector<const Engine::Frame*> Pipeline::matched_frames(const std::vector<std
 /// Who is near is the likeliest to own a place, and whoever owns it ends the question.
 std::vector<const Engine::Frame*> Pipeline::nearest_first(const Engine::Frame& reference,
                                                           std::vector<const Engine::Frame*> frames) {
-  const Eigen::Vector3d center = reference.cam_from_world.center();
-  const auto distance = [&](const Engine::Frame* frame) { return (frame->cam_from_world.center() - center).norm(); };
+  const Eigen::Vector3d center = reference.pose.cam_from_world.center();
+  const auto distance = [&](const Engine::Frame* frame) {
+    return (frame->pose.cam_from_world.center() - center).norm();
+  };
   std::stable_sort(frames.begin(), frames.end(),
                    [&](const Engine::Frame* a, const Engine::Frame* b) { return distance(a) < distance(b); });
   return frames;
@@ -236,7 +238,8 @@ void Pipeline::match(const View& reference, int pass) {
   for (const std::int64_t id : entry.near) task.neighbours.push_back(frame_of(id));
   for (const std::int64_t id : entry.far) task.neighbours.push_back(frame_of(id));
   task.near = entry.near.size();
-  task.range = entry.range;
+  const double scale = reference.keyframe.scale;
+  task.range = {entry.range.min / scale, entry.range.max / scale};
   if (pass == 0 && entry.first_planes && frame_of(*entry.first_planes)->matched) {
     task.previous = frame_of(*entry.first_planes);
   }

@@ -44,12 +44,18 @@ void check_keyframe(const Keyframe& keyframe) {
                        "cam_from_world is no rigid transform; expected an orthonormal rotation and a translation "
                        "within 1e12 scene units");
   }
+  check_scale(who, keyframe.scale);
   for (const Landmark& landmark : keyframe.landmarks) {
     if (!is_reasonable(landmark.position_world)) {
       throw InvalidInput(who + "landmark " + std::to_string(landmark.id) +
                          " is not at a finite position within 1e12 scene units");
     }
   }
+}
+
+void check_scale(const std::string& where, double scale) {
+  if (scale >= 1.0 / kMaxScale && scale <= kMaxScale) return;
+  throw InvalidInput(where + "the scale is " + std::to_string(scale) + "; expected 0.001 to 1000");
 }
 
 void fill_in_size(DensifierOptions& options, int image_width, int image_height) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <string>
+
 #include "pmsp/keyframe.h"
 #include "pmsp/options.h"
 
@@ -8,6 +10,9 @@ namespace pmsp {
 
 /// Throws InvalidInput, naming keyframe and field, unless image, mask, pose and landmarks are usable.
 void check_keyframe(const Keyframe& keyframe);
+
+/// Throws InvalidInput unless a keyframe's scale is usable. `where`: the first words of the text.
+void check_scale(const std::string& where, double scale);
 
 /// Replaces a width or height of 0 by what an image of this size stands for. Throws InvalidInput if that is no size of
 /// a depth map.

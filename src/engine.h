@@ -40,12 +40,11 @@ class Engine {
  public:
   /// An accepted keyframe on its way through the stages. Must not outlive the engine.
   struct Frame {
-    explicit Frame(const Keyframe& keyframe) : id(keyframe.id), cam_from_world(keyframe.cam_from_world) {}
+    explicit Frame(const Keyframe& keyframe) : id(keyframe.id), pose(keyframe.pose()) {}
     virtual ~Frame() = default;
 
     std::int64_t id;
-    RigidTransform cam_from_world;
-    KeyframePose pose() const { return {cam_from_world, 1.0}; }
+    KeyframePose pose;
     bool matched = false;   ///< has a depth map, if not of all passes
     bool asked_for = true;  ///< its results are handed out; else it serves others only
   };
@@ -55,7 +54,7 @@ class Engine {
     const Keyframe* keyframe = nullptr;  ///< the reference's, without image and mask
     std::vector<const Frame*> neighbours;
     std::size_t near = 0;  ///< the first so many of them lend their planes, too; the others their images only
-    DepthRange range;
+    DepthRange range;      ///< [reference's unit]
     const Frame* previous = nullptr;  ///< whose planes are warped into the reference; nullptr = none
     int pass = 0;                     ///< 0 = photometric; others look at the near neighbours' maps of the pass before
     bool last = true;                 ///< the map is complete: hand it out, median filter it

@@ -58,8 +58,7 @@ class StageEngine final : public Engine {
     auto stage = consistency_stage<Views>(on_.map(reference.median), on_.grid(), others.size(),
                                           context_.options.consistency, reference.confidence.get());
     for (std::size_t k = 0; k < others.size(); ++k) {
-      stage.others[k] = {on_.map(own(*others[k]).median),
-                         to_rigid(others[k]->cam_from_world * reference.cam_from_world.inverse())};
+      stage.others[k] = {on_.map(own(*others[k]).median), relation(others[k]->pose, reference.pose).other_from_first};
     }
     on_.counted(
         context_.stats.seconds_consistency, [&](Counts* counts) { on_.launch(stage, counts); },
@@ -75,7 +74,7 @@ class StageEngine final : public Engine {
     if (!on_.may_go_on()) return;
     StageFrame& reference = own(frame);
     const auto view = [&](const StageFrame& member) {
-      const Relation to = relation(member.pose(), reference.pose());
+      const Relation to = relation(member.pose, reference.pose);
       return kernels::FusionView<Views>{filtered(member), on_.color(member.image), to.other_from_first, to.zoom};
     };
     kernels::FusePixels<Views> stage{};
@@ -120,7 +119,7 @@ class StageEngine final : public Engine {
     stage.grid = on_.grid();
     for (const Frame* asked : viewers) {
       const StageFrame& viewer = own(*asked);
-      const Relation to = relation(viewer.pose(), reference.pose());
+      const Relation to = relation(viewer.pose, reference.pose);
       const float* const nearest = sights.emplace_back(viewer.nearest.get()).get();
       const float* const farthest = sights.emplace_back(viewer.farthest.get()).get();
       stage.viewers[stage.count++] = {{nearest, farthest, context_.options.width / kernels::kSightCell,
@@ -149,7 +148,7 @@ class StageEngine final : public Engine {
     const auto view = [&](const StageFrame& viewed) {
       const Held& its = held.emplace_back(Held{viewed.surfels.get(), viewed.standings[(round - 1) % 2].get()});
       return kernels::SurfelView{its.surfels.get(), its.standings.get(), context_.options.width,
-                                 context_.options.height, static_cast<float>(viewed.pose().scale)};
+                                 context_.options.height, static_cast<float>(viewed.pose.scale)};
     };
     auto standings = on_.template array<std::uint8_t>(pixels());
     kernels::OwnershipRound stage{};
@@ -157,7 +156,7 @@ class StageEngine final : public Engine {
     stage.grid = on_.grid();
     for (const Frame* asked : others) {
       const StageFrame& viewer = own(*asked);
-      const Relation to = relation(viewer.pose(), reference.pose());
+      const Relation to = relation(viewer.pose, reference.pose);
       stage.others[stage.count++] = {view(viewer), to.other_from_first, to.zoom, viewer.id < reference.id};
     }
     stage.first = round == 1;
@@ -178,8 +177,8 @@ class StageEngine final : public Engine {
     const auto agree = reference.agree.get();
     KeyframeCloud cloud;
     cloud.keyframe_id = reference.id;
-    cloud.cam_from_world = reference.pose().cam_from_world;
-    cloud.scale = reference.pose().scale;
+    cloud.cam_from_world = reference.pose.cam_from_world;
+    cloud.scale = reference.pose.scale;
     cloud.window_ids = reference.window_ids;
     on_.hand_out_points(
         {surfels.get(), details.get(), standings.get(), agree.get(), agree_bytes(context_.options.fusion)},
@@ -320,13 +319,12 @@ class StageEngine final : public Engine {
     pass.mask = on_.mask(reference.image);
     pass.matching = make_matching(on_.cubes(reference.image, sources.images).gray, options.patchmatch, options.width,
                                   task.range, options.seed, reference.id);
-    const RigidTransform world_from_ref = reference.cam_from_world.inverse();
     for (const Frame* frame : task.neighbours) {
       const StageFrame& neighbour = own(*frame);
       const bool lends_planes = task.pass > 0 && static_cast<std::size_t>(pass.matching.num_views) < task.near;
       const auto cubes = on_.cubes(neighbour.image, sources.images);
       pass.matching.views[pass.matching.num_views++] = {
-          cubes.gray, cubes.usable, to_rigid(neighbour.cam_from_world * world_from_ref),
+          cubes.gray, cubes.usable, relation(neighbour.pose, reference.pose).other_from_first,
           on_.map(lends_planes ? before(neighbour, task.pass) : Planes{})};
     }
   }
@@ -349,14 +347,18 @@ class StageEngine final : public Engine {
     const StageFrame& previous = own(*task.previous);
     sources.previous = previous.median ? previous.median : median_of(previous, previous.raws[0], nullptr);
     sources.warped_keys = on_.keys();
-    const RigidTransform moved = task.reference->cam_from_world * previous.cam_from_world.inverse();
     const Map map = on_.map(sources.previous);
-    on_.launch(
-        kernels::WarpPixels<Views, Keys>{
-            map, on_.grid(), to_rigid(moved), map.width, map.height, {sources.warped_keys.get()}},
-        nullptr);
-    pass.warped = on_.first_planes(
-        kernels::WarpedPlanes<Map>{sources.warped_keys.get(), map, to_rigid(moved.inverse())}, sources.warped);
+    on_.launch(kernels::WarpPixels<Views, Keys>{map,
+                                                on_.grid(),
+                                                relation(task.reference->pose, previous.pose).other_from_first,
+                                                map.width,
+                                                map.height,
+                                                {sources.warped_keys.get()}},
+               nullptr);
+    pass.warped =
+        on_.first_planes(kernels::WarpedPlanes<Map>{sources.warped_keys.get(), map,
+                                                    relation(previous.pose, task.reference->pose).other_from_first},
+                         sources.warped);
   }
 
   Planes median_of(const StageFrame& frame, const Planes& raw, Counts* counts) {
@@ -394,7 +396,7 @@ class StageEngine final : public Engine {
 
   void hand_out_depths(const StageFrame& frame, const Planes& planes, const float* confidence,
                        const std::function<void(const DepthMap&)>& to) {
-    on_.hand_out_depths(frame.id, frame.cam_from_world, on_.map(planes), confidence, to);
+    on_.hand_out_depths(frame.id, frame.pose, on_.map(planes), confidence, to);
   }
 
   kernels::FilteredMap<Map> filtered(const StageFrame& frame) const {

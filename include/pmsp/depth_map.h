@@ -15,13 +15,15 @@ namespace pmsp {
 struct DepthMap {
   std::int64_t keyframe_id = 0;
   RigidTransform cam_from_world;  ///< as it was when the keyframe was added
-  Image<float> depth;  ///< Euclidean distance from the camera centre along the bearing [scene units]; 0 = no estimate
+  Image<float> depth;  ///< Euclidean distance from the camera centre along the bearing [keyframe's unit]; 0 = no
+                       ///< estimate
   Image<Eigen::Vector3f> normal;  ///< unit, camera frame, facing the camera; (0, 0, 0) where depth is 0
   /// 0 (none) to 1; 0 where depth is 0. Straight from PatchMatch it is the photometric score (NCC), and it stays that
   /// where the consistency filter is off or has no other map to look at. After that filter it says how far the depth
   /// may be off: a confidence c stands for an expected relative error (median) of 0.5 % * (1 - c) / c, so 0.5 for 0.5
   /// %, 0.8 for 0.13 % and 0.1 for 4.5 %.
   Image<float> confidence;
+  double scale = 1.0;  ///< the keyframe's unit in scene units
 };
 
 }  // namespace pmsp

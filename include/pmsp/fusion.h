@@ -21,12 +21,6 @@
 /// that after a loop closure the last two can be asked again without matching.
 namespace pmsp {
 
-/// Where a keyframe is, and how long its unit of length is in the unit of the world.
-struct KeyframePose {
-  RigidTransform cam_from_world;  ///< translation in the world's unit
-  double scale = 1.0;             ///< > 0
-};
-
 /// A keyframe's map on its way through fusion; its images have one size.
 struct FusionMap {
   const PlaneMap* map = nullptr;             ///< its own pose is not looked at
@@ -51,7 +45,7 @@ struct SurfelMap {
 /// Makes a point of each pixel of `window[current]` whose confidence is at least `options.min_confidence`: depth,
 /// normal and colour are averages over the maps that agree, weighted with the inverse square of their expected errors
 /// (confidence, times the distance). `window`: 33 maps at most, of one size. Throws InvalidOption, and InvalidInput
-/// when sizes differ, something is missing, a scale is not above 0 or `current` is not in the window.
+/// when sizes differ, something is missing, a scale is out of range or `current` is not in the window.
 SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
                       const Executor& executor);
 

@@ -35,6 +35,11 @@ struct Keyframe {
   ImageView<const Rgb> image;          ///< even width from 16, even height from 8; only read during the call
                                        ///< that it is given to
   ImageView<const std::uint8_t> mask;  ///< 0 = ignore, any other = use; size of `image`; empty = use all
+
+  /// The unit of all that is made of the keyframe (planes, depths, points) in scene units, see KeyframePose. What is
+  /// given is in scene units all the same.
+  double scale = 1.0;
+  KeyframePose pose() const { return {cam_from_world, scale}; }
 };
 
 }  // namespace pmsp

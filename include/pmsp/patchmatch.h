@@ -17,7 +17,7 @@ namespace pmsp {
 /// A posed panorama. The pointers are not owned.
 struct PosedPanorama {
   const Panorama* panorama = nullptr;
-  RigidTransform cam_from_world;
+  KeyframePose pose;
 };
 
 /// What a depth map is made from. A first pass knows images only; in a further one, `start` and `neighbour_maps` are
@@ -26,11 +26,11 @@ struct MatchInput {
   std::int64_t keyframe_id = 0;  ///< names the random numbers
   PosedPanorama reference;
   std::vector<PosedPanorama> neighbours;  ///< 1 to 8, of the reference's size, from other places
-  DepthRange range;
-  const PlaneMap* landmarks = nullptr;  ///< planes to try besides the random ones, of the reference's size
-  const PlaneMap* warped = nullptr;     ///< likewise
-  int first_iteration = 0;              ///< iterations of the passes before
-  const PlaneMap* start = nullptr;      ///< the reference's own map; nullptr = random planes
+  DepthRange range;                       ///< [reference's unit]
+  const PlaneMap* landmarks = nullptr;    ///< planes to try besides the random ones, of the reference's size
+  const PlaneMap* warped = nullptr;       ///< likewise
+  int first_iteration = 0;                ///< iterations of the passes before
+  const PlaneMap* start = nullptr;        ///< the reference's own map; nullptr = random planes
   /// Planes of surfaces without texture (plane_priors), proposed and preferred there; nullptr = none.
   const PlaneMap* prior = nullptr;
   std::vector<const PlaneMap*> neighbour_maps = {};  ///< none, or one for each neighbour (nullptr or empty = not known)

@@ -61,7 +61,7 @@ struct PlanEntry {
   std::vector<std::int64_t> near;            ///< matched with; lend planes and images; the most useful first
   std::vector<std::int64_t> far;             ///< matched with besides; lend images and sight maps only
   std::optional<std::int64_t> first_planes;  ///< keyframe whose planes of the first pass are warped into this one
-  DepthRange range;                          ///< {0, 0} without landmarks
+  DepthRange range;                          ///< [scene units]; {0, 0} without landmarks
   std::vector<std::int64_t> consistency;     ///< whose planes the consistency filter compares
   std::vector<std::int64_t> fusion;          ///< whose points are joined with this keyframe's
   std::vector<std::int64_t> viewers;         ///< asked who has looked through its points

@@ -11,8 +11,9 @@
 namespace pmsp {
 
 /// A keyframe's geometry as the stages work on it: a plane for each pixel, the vector v with v . X = 1 for the points X
-/// of the plane, in the camera frame. The range along a unit bearing b is 1 / (v . b), the unit normal that faces the
-/// camera is -v / |v|. Zero = no plane. The images have one size, cover the whole sphere and are indexed (column, row).
+/// of the plane, in the camera frame and the keyframe's unit. The range along a unit bearing b is 1 / (v . b), the unit
+/// normal that faces the camera is -v / |v|. Zero = no plane. The images have one size, cover the whole sphere and are
+/// indexed (column, row).
 struct PlaneMap {
   PlaneMap() = default;
   /// Without planes.
@@ -24,6 +25,8 @@ struct PlaneMap {
 
   std::int64_t keyframe_id = 0;
   RigidTransform cam_from_world;  ///< as it was when the keyframe was added
+  double scale = 1.0;             ///< of the keyframe, likewise
+  KeyframePose pose() const { return {cam_from_world, scale}; }
   Image<float> x, y, z;
   Image<float> score;  ///< photometric (NCC), up to 1 and what priors add; 0 to 1 after the median filter
 };

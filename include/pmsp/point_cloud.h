@@ -28,6 +28,7 @@ struct KeyframeCloud {
   RigidTransform cam_from_world;  ///< as it was when the keyframe was added; translation in the world's unit
   std::vector<CloudPoint> points;
   double scale = 1.0;  ///< the unit of `points` in the world's unit, > 0
+  KeyframePose pose() const { return {cam_from_world, scale}; }
 
   /// Of each point the pixel of the keyframe's depth map that it stands for, row x width + column, ascending. With the
   /// keyframe's id a key that stays the same whatever happens to other points. Empty where nobody knows.
@@ -37,8 +38,8 @@ struct KeyframeCloud {
   std::vector<std::int64_t> window_ids;  ///< the other keyframes that the points were joined with, 32 at most
 };
 
-/// The cloud's points in world coordinates with the keyframe at `cam_from_world`: the cloud's own pose, or a newer one
-/// from a loop closure or a bundle adjustment. Positions are rounded to single precision.
-std::vector<CloudPoint> transform_points(const KeyframeCloud& cloud, const RigidTransform& cam_from_world);
+/// The cloud's points in world coordinates with the keyframe at `pose`: the cloud's own one, or a newer one from a loop
+/// closure or a bundle adjustment. Positions are rounded to single precision.
+std::vector<CloudPoint> transform_points(const KeyframeCloud& cloud, const KeyframePose& pose);
 
 }  // namespace pmsp

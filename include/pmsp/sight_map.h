@@ -15,8 +15,9 @@ namespace pmsp {
 struct SightMap {
   std::int64_t keyframe_id = 0;
   RigidTransform cam_from_world;  ///< as it was when the keyframe was added
-  Image<float> nearest;           ///< smallest depth in the cell [scene units]; 0 = none known
+  Image<float> nearest;           ///< smallest depth in the cell [keyframe's unit]; 0 = none known
   Image<float> farthest;          ///< largest depth
+  double scale = 1.0;             ///< the keyframe's unit in scene units
 };
 
 /// `map`, of even size; `confidence`: from the consistency filter, 0 = no depth.

@@ -25,4 +25,14 @@ struct RigidTransform {
   Eigen::Vector3d center() const { return -(rotation.transpose() * translation); }
 };
 
+/// How far a keyframe's unit of length may be from that of the world, either way.
+constexpr double kMaxScale = 1e3;
+
+/// Where a keyframe is, and how long its unit of length is in the unit of the world: a point X of its camera frame is
+/// at world_from_cam * (scale * X). A loop closure of a monocular SLAM changes both.
+struct KeyframePose {
+  RigidTransform cam_from_world;  ///< translation in the world's unit
+  double scale = 1.0;             ///< 1 / kMaxScale to kMaxScale
+};
+
 }  // namespace pmsp

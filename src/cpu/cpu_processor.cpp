@@ -136,12 +136,15 @@ void CpuProcessor::own(const kernels::OwnershipRound& stage, Asked& asked) const
   for (const std::vector<std::uint32_t>& row : still) to = std::copy(row.begin(), row.end(), to);
 }
 
-DepthMap CpuProcessor::depth_map(std::int64_t id, const RigidTransform& cam_from_world,
-                                 const kernels::PlaneMapView& map, const float* confidence) const {
+DepthMap CpuProcessor::depth_map(std::int64_t id, const KeyframePose& pose, const kernels::PlaneMapView& map,
+                                 const float* confidence) const {
   static_assert(sizeof(Eigen::Vector3f) == 3 * sizeof(float), "normals are written as numbers");
-  DepthMap depths{id, cam_from_world, Image<float>(map.width, map.height),
+  DepthMap depths{id,
+                  pose.cam_from_world,
+                  Image<float>(map.width, map.height),
                   Image<Eigen::Vector3f>(map.width, map.height, Eigen::Vector3f::Zero()),
-                  Image<float>(map.width, map.height)};
+                  Image<float>(map.width, map.height),
+                  pose.scale};
   launch(kernels::DepthImage<Views>{map, confidence, grid(), depths.depth.pixels().data(),
                                     depths.normal.pixels().data()->data(), depths.confidence.pixels().data()},
          nullptr);

@@ -126,11 +126,11 @@ class CpuProcessor {
     then(counts.data());
   }
 
-  DepthMap depth_map(std::int64_t id, const RigidTransform& cam_from_world, const kernels::PlaneMapView& map,
+  DepthMap depth_map(std::int64_t id, const KeyframePose& pose, const kernels::PlaneMapView& map,
                      const float* confidence) const;
-  void hand_out_depths(std::int64_t id, const RigidTransform& cam_from_world, const kernels::PlaneMapView& map,
+  void hand_out_depths(std::int64_t id, const KeyframePose& pose, const kernels::PlaneMapView& map,
                        const float* confidence, const std::function<void(const DepthMap&)>& to) const {
-    to(depth_map(id, cam_from_world, map, confidence));
+    to(depth_map(id, pose, map, confidence));
   }
   void hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
                        const std::function<void(const KeyframeCloud&)>& to) const;

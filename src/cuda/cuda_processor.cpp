@@ -119,7 +119,7 @@ std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyfr
 }
 
 /// Depths, normals and confidences of the planes.
-void CudaProcessor::hand_out_depths(std::int64_t id, const RigidTransform& cam_from_world, const DevicePlanes& map,
+void CudaProcessor::hand_out_depths(std::int64_t id, const KeyframePose& pose, const DevicePlanes& map,
                                     const float* confidence, std::function<void(const DepthMap&)> to) {
   MapDownload& download = free_download();
   launch(kernels::DepthImage<DeviceMachine>{map, confidence, grid(), download.depth(), download.normal(),
@@ -127,8 +127,8 @@ void CudaProcessor::hand_out_depths(std::int64_t id, const RigidTransform& cam_f
          nullptr);
   download.busy = true;
   download.start(compute_, down_);
-  expect([this, &download, id, cam_from_world, to = std::move(to)] {
-    const DepthMap& arrived = download.finish(id, cam_from_world);
+  expect([this, &download, id, pose, to = std::move(to)] {
+    const DepthMap& arrived = download.finish(id, pose);
     download.busy = false;  // nobody else can ask for it before `to` returns or throws
     if (!cancelled()) to(arrived);
   });

@@ -118,8 +118,8 @@ class CudaProcessor {
     });
   }
 
-  void hand_out_depths(std::int64_t id, const RigidTransform& cam_from_world, const DevicePlanes& map,
-                       const float* confidence, std::function<void(const DepthMap&)> to);
+  void hand_out_depths(std::int64_t id, const KeyframePose& pose, const DevicePlanes& map, const float* confidence,
+                       std::function<void(const DepthMap&)> to);
   void hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
                        std::function<void(const KeyframeCloud&)> to);
 

@@ -159,10 +159,11 @@ void MapDownload::start(const Stream& compute, const Stream& copies) {
   arrived_.record(copies);
 }
 
-const DepthMap& MapDownload::finish(std::int64_t id, const RigidTransform& cam_from_world) {
+const DepthMap& MapDownload::finish(std::int64_t id, const KeyframePose& pose) {
   arrived_.wait();
   map_.keyframe_id = id;
-  map_.cam_from_world = cam_from_world;
+  map_.cam_from_world = pose.cam_from_world;
+  map_.scale = pose.scale;
   return map_;
 }
 

@@ -84,8 +84,8 @@ class MapDownload {
   float* depth() const { return arrays_.get(); }  ///< what kernels fill
   float* normal() const { return arrays_.get() + size_; }
   float* confidence() const { return arrays_.get() + 4 * size_; }
-  void start(const Stream& compute, const Stream& copies);                        ///< after the kernels queued so far
-  const DepthMap& finish(std::int64_t id, const RigidTransform& cam_from_world);  ///< waits
+  void start(const Stream& compute, const Stream& copies);            ///< after the kernels queued so far
+  const DepthMap& finish(std::int64_t id, const KeyframePose& pose);  ///< waits
 
   bool busy = false;
 

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "cpu/executor_impl.h"
+#include "densifier_checks.h"
 #include "filters/filter_setup.h"
 #include "pmsp/error.h"
 #include "pmsp/filters.h"
@@ -19,13 +20,15 @@ Image<float> consistency_filter(const PlaneMap& map, const std::vector<const Pla
     throw InvalidInput("consistency_filter: " + std::to_string(others.size()) + " other maps; expected at most " +
                        std::to_string(kernels::kMaxCompared));
   }
+  check_scale("consistency_filter: ", map.scale);
   const SphereGrid grid(map.width(), map.height());
   Image<float> confidence(map.width(), map.height());
   auto stage = consistency_stage<kernels::HostMachine>(view_of(map), grid.view(), others.size(), options,
                                                        confidence.pixels().data());
   for (std::size_t k = 0; k < others.size(); ++k) {
     if (!same_size(*others[k], map)) throw InvalidInput("consistency_filter: the maps differ in size");
-    stage.others[k] = {view_of(*others[k]), to_rigid(others[k]->cam_from_world * map.cam_from_world.inverse())};
+    check_scale("consistency_filter: ", others[k]->scale);
+    stage.others[k] = {view_of(*others[k]), relation(others[k]->pose(), map.pose()).other_from_first};
   }
   const auto counts = executor.impl().run(stage);
   if (stats != nullptr) *stats = {counts[0], counts[1]};

@@ -13,6 +13,7 @@ PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, 
   PlaneMap filtered(map.width(), map.height());
   filtered.keyframe_id = map.keyframe_id;
   filtered.cam_from_world = map.cam_from_world;
+  filtered.scale = map.scale;
   const SphereGrid grid(map.width(), map.height());
   const auto counts = executor.impl().run(
       median_stage<kernels::HostMachine>(view_of(map), grid.view(), {nullptr}, options, arrays_of(filtered)));

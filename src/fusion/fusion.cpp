@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/fusion.h"
 
-#include <cmath>
 #include <string>
 #include <utility>
 
 #include "cpu/cpu_processor.h"
+#include "densifier_checks.h"
 #include "fusion/fusion_setup.h"
 #include "pmsp/error.h"
 #include "sphere/grid.h"
@@ -14,13 +14,6 @@
 
 namespace pmsp {
 namespace {
-
-void check_scale(const char* stage, const KeyframePose& pose) {
-  if (!(pose.scale > 0.0) || !std::isfinite(pose.scale)) {
-    throw InvalidInput(std::string(stage) + ": a keyframe's scale is " + std::to_string(pose.scale) +
-                       "; expected more than 0");
-  }
-}
 
 void check_count(const char* stage, std::size_t count) {
   if (count <= static_cast<std::size_t>(kernels::kMaxViewers)) return;
@@ -39,12 +32,12 @@ void check(const std::vector<FusionMap>& window, std::size_t current) {
     if (!same_size(*input.map, first) || !same_size(*input.color, first) || !same_size(*input.confidence, first)) {
       throw InvalidInput("fuse_pixels: planes, confidences and colours differ in size");
     }
-    check_scale("fuse_pixels", input.pose);
+    check_scale("fuse_pixels: ", input.pose.scale);
   }
 }
 
 void check_surfels(const char* stage, const SurfelsFrom& points) {
-  check_scale(stage, points.pose);
+  check_scale(std::string(stage) + ": ", points.pose.scale);
   if (points.map == nullptr || points.standings == nullptr) {
     throw InvalidInput(std::string(stage) + ": a keyframe lacks its points or their standings");
   }
@@ -100,7 +93,7 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
 Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
                           const FreeSpaceOptions& options, const Executor& executor) {
   options.validate();
-  check_scale("judge", pose);
+  check_scale("judge: ", pose.scale);
   const int width = map.surfels.width();
   const int height = map.surfels.height();
   check_count("judge", viewers.size());
@@ -119,7 +112,7 @@ Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const 
     if (2 * nearest.width() != width || 2 * nearest.height() != height) {
       throw InvalidInput("judge: maps differ in size");
     }
-    check_scale("judge", viewer.pose);
+    check_scale("judge: ", viewer.pose.scale);
     const Relation to = relation(viewer.pose, pose);
     stage.viewers[stage.count++] = {
         {nearest.pixels().data(), viewer.sight->farthest.pixels().data(), nearest.width(), nearest.height()},

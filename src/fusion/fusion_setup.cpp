@@ -3,8 +3,6 @@
 
 #include <cmath>
 
-#include "util/eigen_kernels.h"
-
 namespace pmsp {
 namespace {
 
@@ -13,14 +11,6 @@ float min_cos_normals(const FusionOptions& options) {
 }
 
 }  // namespace
-
-Relation relation(const KeyframePose& other, const KeyframePose& first) {
-  const double zoom = first.scale / other.scale;
-  RigidTransform transform = other.cam_from_world * first.cam_from_world.inverse();
-  transform.rotation *= zoom;
-  transform.translation /= other.scale;
-  return {to_rigid(transform), static_cast<float>(zoom)};
-}
 
 kernels::FusionLimits fusion_limits(const FusionOptions& options) {
   return {static_cast<float>(options.max_relative_depth), min_cos_normals(options),

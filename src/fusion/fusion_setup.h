@@ -10,13 +10,6 @@
 // What the kernels of fusion are given, on every machine.
 namespace pmsp {
 
-/// A keyframe's place as another one's kernels take it.
-struct Relation {
-  kernels::Rigid other_from_first;
-  float zoom;
-};
-Relation relation(const KeyframePose& other, const KeyframePose& first);
-
 /// Bytes for each pixel that say which other maps of a whole window agree.
 inline int agree_bytes(const FusionOptions& options) { return (options.window - 1 + 7) / 8; }
 

@@ -13,7 +13,8 @@ SightMap sight_map(const PlaneMap& map, const Image<float>& confidence, const Ex
   const int width = map.width() / kernels::kSightCell;
   const int height = map.height() / kernels::kSightCell;
   const SphereGrid grid(map.width(), map.height());
-  SightMap sight{map.keyframe_id, map.cam_from_world, Image<float>(width, height), Image<float>(width, height)};
+  SightMap sight{map.keyframe_id, map.cam_from_world, Image<float>(width, height), Image<float>(width, height),
+                 map.scale};
   executor.impl().run(kernels::FindSight<kernels::HostMachine>{
       view_of(map, confidence), grid.view(), sight.nearest.pixels().data(), sight.farthest.pixels().data()});
   return sight;

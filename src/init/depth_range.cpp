@@ -9,7 +9,7 @@ DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options) {
   std::vector<double> ranges;
   ranges.reserve(keyframe.landmarks.size());
   for (const Landmark& landmark : keyframe.landmarks) {
-    const double range = (keyframe.cam_from_world * landmark.position_world).norm();
+    const double range = (keyframe.cam_from_world * landmark.position_world).norm() / keyframe.scale;
     if (is_usable_depth(range)) ranges.push_back(range);
   }
   if (ranges.empty()) return {};

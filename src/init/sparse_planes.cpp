@@ -15,6 +15,7 @@ PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, 
   PlaneMap planes(width, height);
   planes.keyframe_id = keyframe.id;
   planes.cam_from_world = keyframe.cam_from_world;
+  planes.scale = keyframe.scale;
   on.launch(
       kernels::PlanesOfKeys<HostMachine, kernels::LandmarkPlanes>{
           {keys.get(), points.get()}, on.grid(), arrays_of(planes)},

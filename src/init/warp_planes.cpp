@@ -1,27 +1,35 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "cpu/cpu_processor.h"
+#include "densifier_checks.h"
 #include "pmsp/initialiser.h"
 #include "sphere/plane_views.h"
 #include "util/eigen_kernels.h"
 
 namespace pmsp {
 
-PlaneMap warp_planes(const PlaneMap& previous, const RigidTransform& cam_from_world, int width, int height,
+PlaneMap warp_planes(const PlaneMap& previous, const KeyframePose& pose, int width, int height,
                      const Executor& executor) {
   using kernels::HostMachine;
+  check_scale("warp_planes: ", previous.scale);
+  check_scale("warp_planes: ", pose.scale);
   const SphereGrid from(previous.width(), previous.height());
   const CpuProcessor on(executor, width, height);
-  const RigidTransform moved = cam_from_world * previous.cam_from_world.inverse();
   const auto keys = on.keys();
-  on.launch(
-      kernels::WarpPixels<HostMachine, HostKeys>{
-          view_of(previous), from.view(), to_rigid(moved), width, height, {keys.get()}},
-      nullptr);
+  on.launch(kernels::WarpPixels<HostMachine, HostKeys>{view_of(previous),
+                                                       from.view(),
+                                                       relation(pose, previous.pose()).other_from_first,
+                                                       width,
+                                                       height,
+                                                       {keys.get()}},
+            nullptr);
   PlaneMap planes(width, height);
-  planes.cam_from_world = cam_from_world;
+  planes.cam_from_world = pose.cam_from_world;
+  planes.scale = pose.scale;
   on.launch(
       kernels::PlanesOfKeys<HostMachine, kernels::WarpedPlanes<kernels::PlaneMapView>>{
-          {keys.get(), view_of(previous), to_rigid(moved.inverse())}, on.grid(), arrays_of(planes)},
+          {keys.get(), view_of(previous), relation(previous.pose(), pose).other_from_first},
+          on.grid(),
+          arrays_of(planes)},
       nullptr);
   return planes;
 }

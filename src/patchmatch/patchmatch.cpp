@@ -5,6 +5,7 @@
 #include <string>
 
 #include "cpu/cpu_processor.h"
+#include "densifier_checks.h"
 #include "patchmatch/match_setup.h"
 #include "pmsp/error.h"
 #include "sphere/panorama_data.h"
@@ -24,6 +25,7 @@ void check_map(const PlaneMap* map, const char* what, const Panorama& reference)
 void check(const MatchInput& input, const PatchMatchOptions& options) {
   options.validate();
   if (input.reference.panorama == nullptr) throw InvalidInput("patchmatch: no reference panorama");
+  check_scale("patchmatch: ", input.reference.pose.scale);
   const int width = input.reference.panorama->width();
   const int height = input.reference.panorama->height();
   const std::size_t count = input.neighbours.size();
@@ -36,6 +38,7 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
         neighbour.panorama->height() != height) {
       throw InvalidInput("patchmatch: a neighbour is missing or not of the reference's size");
     }
+    check_scale("patchmatch: ", neighbour.pose.scale);
   }
   if (!input.neighbour_maps.empty() && input.neighbour_maps.size() != count) {
     throw InvalidInput("patchmatch: " + std::to_string(input.neighbour_maps.size()) + " depth maps of " +
@@ -62,7 +65,8 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
     throw InvalidInput(text.str());
   }
   for (const PosedPanorama& neighbour : input.neighbours) {
-    const double distance = (neighbour.cam_from_world.center() - input.reference.cam_from_world.center()).norm();
+    const double distance =
+        (neighbour.pose.cam_from_world.center() - input.reference.pose.cam_from_world.center()).norm();
     if (!(distance <= 4e12)) throw InvalidInput("patchmatch: a neighbour is more than 4e12 scene units away");
   }
 }
@@ -78,12 +82,11 @@ Pass pass_for(const MatchInput& input, const PatchMatchOptions& options, std::ui
   Pass pass{};
   pass.matching =
       make_matching(reference.data().gray.view(), options, reference.width(), input.range, seed, input.keyframe_id);
-  const RigidTransform world_from_ref = input.reference.cam_from_world.inverse();
   for (std::size_t i = 0; i < input.neighbours.size(); ++i) {
     const PosedPanorama& neighbour = input.neighbours[i];
     const Panorama::Data& data = neighbour.panorama->data();
     pass.matching.views[i] = {data.gray.view(), data.matchable.view(),
-                              to_rigid(neighbour.cam_from_world * world_from_ref),
+                              relation(neighbour.pose, input.reference.pose).other_from_first,
                               view_of_given(input.neighbour_maps.empty() ? nullptr : input.neighbour_maps[i])};
   }
   pass.matching.num_views = static_cast<int>(input.neighbours.size());
@@ -115,7 +118,8 @@ PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   if (cancelled()) return {};
   PlaneMap map(pass.grid.width, pass.grid.height);
   map.keyframe_id = input.keyframe_id;
-  map.cam_from_world = input.reference.cam_from_world;
+  map.cam_from_world = input.reference.pose.cam_from_world;
+  map.scale = input.reference.pose.scale;
   on.launch(kernels::ReorderPlanes<kernels::HostMachine>{on.map(state), arrays_of(map), true}, nullptr);
   return map;
 }

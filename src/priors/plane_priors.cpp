@@ -17,6 +17,7 @@ PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const Depth
   PlaneMap priors(map.width(), map.height());
   priors.keyframe_id = map.keyframe_id;
   priors.cam_from_world = map.cam_from_world;
+  priors.scale = map.scale;
   find_plane_priors(on, on.upload(look_table({map.width(), map.height()})), view_of(map), panorama.data().gray.view(),
                     plane_limits(options, range), options, arrays_of(priors));
   return priors;

@@ -15,9 +15,9 @@ DepthMap depth_map_of(const PlaneMap& planes, const Image<float>* confidence, co
   if (confidence != nullptr && (confidence->width() != width || confidence->height() != height)) {
     throw InvalidInput("depth_map_of: planes and confidences differ in size");
   }
-  if (planes.empty()) return {planes.keyframe_id, planes.cam_from_world, {}, {}, {}};
+  if (planes.empty()) return {planes.keyframe_id, planes.cam_from_world, {}, {}, {}, planes.scale};
   return CpuProcessor(executor, width, height)
-      .depth_map(planes.keyframe_id, planes.cam_from_world, view_of(planes),
+      .depth_map(planes.keyframe_id, planes.pose(), view_of(planes),
                  confidence == nullptr ? nullptr : confidence->pixels().data());
 }
 
@@ -32,6 +32,7 @@ PlaneMap plane_map_of(const DepthMap& map, const Executor& executor) {
   PlaneMap planes(width, height);
   planes.keyframe_id = map.keyframe_id;
   planes.cam_from_world = map.cam_from_world;
+  planes.scale = map.scale;
   const kernels::PlaneArrays to = arrays_of(planes);
   executor.impl().pool.for_each(height, [&](int y) {
     for (int x = 0; x < width; ++x) {

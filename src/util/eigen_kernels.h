@@ -15,6 +15,19 @@ inline kernels::Rigid to_rigid(const RigidTransform& transform) {
   return result;
 }
 
+/// A keyframe's place as another one's kernels take it.
+struct Relation {
+  kernels::Rigid other_from_first;  ///< from the first one's unit of length into the other's: the rotation times `zoom`
+  float zoom;                       ///< the first one's scale over the other's
+};
+inline Relation relation(const KeyframePose& other, const KeyframePose& first) {
+  const double zoom = first.scale / other.scale;
+  RigidTransform transform = other.cam_from_world * first.cam_from_world.inverse();
+  transform.rotation *= zoom;
+  transform.translation /= other.scale;
+  return {to_rigid(transform), static_cast<float>(zoom)};
+}
+
 inline kernels::Vec3<float> to_vec3(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
 inline Eigen::Vector3f to_eigen(const kernels::Vec3<float>& v) { return {v.x, v.y, v.z}; }
 

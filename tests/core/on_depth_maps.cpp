@@ -51,9 +51,9 @@ PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const Dep
   return image_of(plane_priors(plane_map_of(map, executor), panorama, range, options, executor));
 }
 
-PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_world, int width, int height,
+PlaneImage warp_planes(const DepthMap& previous, const KeyframePose& pose, int width, int height,
                        const Executor& executor) {
-  return image_of(warp_planes(plane_map_of(previous, executor), cam_from_world, width, height, executor));
+  return image_of(warp_planes(plane_map_of(previous, executor), pose, width, height, executor));
 }
 
 SurfelMap fuse_pixels(const std::vector<FusedDepth>& window, std::size_t current, const FusionOptions& options,

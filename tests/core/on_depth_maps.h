@@ -29,7 +29,7 @@ void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& other
 SightMap sight_map(const DepthMap& map, const Executor& executor);
 PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const DepthRange& range,
                         const PatchMatchOptions& options, const Executor& executor);
-PlaneImage warp_planes(const DepthMap& previous, const RigidTransform& cam_from_world, int width, int height,
+PlaneImage warp_planes(const DepthMap& previous, const KeyframePose& pose, int width, int height,
                        const Executor& executor);
 
 struct FusedDepth {

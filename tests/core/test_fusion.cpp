@@ -238,12 +238,11 @@ TEST_CASE("points go into the world by the pose that is given", "[fusion]") {
   RigidTransform cam_from_world;
   cam_from_world.rotation << 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0;
   cam_from_world.translation = {10.0, 20.0, 30.0};
-  const std::vector<CloudPoint> world = transform_points(cloud, cam_from_world);
+  const std::vector<CloudPoint> world = transform_points(cloud, {cam_from_world});
   REQUIRE(world.size() == 1);
   CHECK((cam_from_world * world[0].position.cast<double>() - Eigen::Vector3d(1.0, 2.0, 3.0)).norm() < 1e-5);
   CHECK((world[0].normal - Eigen::Vector3f(1.0F, 0.0F, 0.0F)).norm() < 1e-6F);
   CHECK(world[0].views == 4);
-  cloud.scale = 2.0;
-  const std::vector<CloudPoint> longer = transform_points(cloud, cam_from_world);
+  const std::vector<CloudPoint> longer = transform_points(cloud, {cam_from_world, 2.0});
   CHECK((cam_from_world * longer[0].position.cast<double>() - Eigen::Vector3d(2.0, 4.0, 6.0)).norm() < 1e-5);
 }

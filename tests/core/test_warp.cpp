@@ -66,7 +66,7 @@ DepthMap map_from(const synth::RenderedView& view, const RigidTransform& cam_fro
 
 /// At the map's own size.
 PlaneImage warped(const DepthMap& map, const RigidTransform& cam_from_world, const Executor& executor) {
-  return warp_planes(map, cam_from_world, map.depth.width(), map.depth.height(), executor);
+  return warp_planes(map, {cam_from_world}, map.depth.width(), map.depth.height(), executor);
 }
 
 }  // namespace

@@ -28,7 +28,7 @@ void sparse(benchmark::State& state, const Workload& workload, const Executor& e
 void warp(benchmark::State& state, const Workload& workload, const Executor& executor) {
   const PlaneMap& previous = workload.median[workload.current - 1];
   while (state.KeepRunning()) {
-    const PlaneMap planes = warp_planes(previous, workload.keyframes[workload.current].cam_from_world, previous.width(),
+    const PlaneMap planes = warp_planes(previous, workload.keyframes[workload.current].pose(), previous.width(),
                                         previous.height(), executor);
     benchmark::DoNotOptimize(planes.x.pixels().data());
   }

@@ -44,9 +44,7 @@ void make_maps(Workload& workload, const Executor& executor) {
 
 void make_match_input(Workload& workload, const Executor& executor) {
   const std::size_t current = workload.current;
-  const auto posed = [&](std::size_t i) {
-    return PosedPanorama{&workload.panoramas[i], workload.keyframes[i].cam_from_world};
-  };
+  const auto posed = [&](std::size_t i) { return PosedPanorama{&workload.panoramas[i], workload.keyframes[i].pose()}; };
   workload.match.keyframe_id = workload.keyframes[current].id;
   workload.match.reference = posed(current);
   const int count = workload.options.patchmatch.neighbours;
@@ -56,7 +54,7 @@ void make_match_input(Workload& workload, const Executor& executor) {
   workload.match.range = depth_range(workload.keyframes[current], workload.options.init);
   workload.sparse = planes_from_landmarks(workload.keyframes[current], workload.options.width, workload.options.height,
                                           workload.options.init, executor);
-  workload.warped = warp_planes(workload.median[current - 1], workload.keyframes[current].cam_from_world,
+  workload.warped = warp_planes(workload.median[current - 1], workload.keyframes[current].pose(),
                                 workload.options.width, workload.options.height, executor);
   workload.match.landmarks = &workload.sparse;
   workload.match.warped = &workload.warped;
