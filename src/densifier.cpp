@@ -30,7 +30,7 @@ Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, 
       callbacks_.cloud(cloud);
     };
   }
-  engine_ = make_engine({options_, results_, stats_, cancel_}, options_, backend_);
+  engine_ = make_engine({options_, results_, stats_, cancel_, image_again_}, options_, backend_);
 }
 
 bool Pipeline::add(const Keyframe& keyframe) {
@@ -50,6 +50,26 @@ bool Pipeline::add(const Keyframe& keyframe) {
 void Pipeline::flush() {
   if (part_ && !stopped()) check_all_there();
   or_stop([&] { finish(); });
+}
+
+void Pipeline::run(const KeyframeSource& keyframes) {
+  if (!part_) throw InvalidInput("run: there is no plan that says which keyframes to ask for; expected a given plan");
+  or_stop([&] {
+    image_again_ = [&](std::int64_t id) { return pull(keyframes, id); };
+    while (!stopped() && taken_ < part_->taking_part().size()) {
+      add(pull(keyframes, part_->entry(part_->taking_part()[taken_]).id));
+    }
+    flush();
+  });
+  image_again_ = nullptr;
+}
+
+Keyframe Pipeline::pull(const KeyframeSource& keyframes, std::int64_t id) {
+  Keyframe keyframe = keyframes(id);
+  check_keyframe(keyframe);
+  if (keyframe.id == id) return keyframe;
+  throw InvalidInput("keyframe " + std::to_string(id) + " was asked for, keyframe " + std::to_string(keyframe.id) +
+                     " came");
 }
 
 /// Whether the keyframe can take part. Of a given plan, those that do come in its order.
@@ -113,7 +133,7 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
     fill_in_size(options_, keyframe.image.width, keyframe.image.height);
     options_.backend = given_options_.backend;
     options_.scratch_folder = given_options_.scratch_folder;
-    engine_ = make_engine({options_, results_, stats_, cancel_}, options_, backend_);
+    engine_ = make_engine({options_, results_, stats_, cancel_, image_again_}, options_, backend_);
   }
   index_of_[keyframe.id] = end();
   views_.push_back({keyframe, engine_->prepare(keyframe), place});
@@ -309,6 +329,7 @@ Densifier& Densifier::operator=(Densifier&&) noexcept = default;
 
 bool Densifier::add(const Keyframe& keyframe) { return impl_->add(keyframe); }
 void Densifier::flush() { impl_->flush(); }
+void Densifier::run(const KeyframeSource& keyframes) { impl_->run(keyframes); }
 void Densifier::cancel() noexcept { impl_->stop(); }
 bool Densifier::cancelled() const noexcept { return impl_->stopped(); }
 const DensifierStats& Densifier::stats() const { return impl_->stats(); }

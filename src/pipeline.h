@@ -46,6 +46,7 @@ class Pipeline {
   /// As those of the Densifier.
   bool add(const Keyframe& keyframe);
   void flush();
+  void run(const KeyframeSource& keyframes);
   void stop() noexcept { cancel_.store(true, std::memory_order_relaxed); }
   bool stopped() const noexcept { return cancel_.load(std::memory_order_relaxed); }
   const DensifierStats& stats() const { return stats_; }
@@ -92,6 +93,7 @@ class Pipeline {
   bool is_ready(const Task& task, bool last);
   bool is_planned(const Task& task);
   std::size_t planned_for(Stage::Kind kind) const;
+  static Keyframe pull(const KeyframeSource& keyframes, std::int64_t id);
   void run(const Stage& stage, std::int64_t i);
   void match(const View& reference, int pass);
   void fuse(const View& reference);
@@ -107,6 +109,7 @@ class Pipeline {
   const std::optional<PlanPart> part_;  ///< in place of what the planner makes
   DensifierStats stats_;
   std::atomic<bool> cancel_{false};
+  KeyframeSource image_again_;  ///< set during `run`
   std::set<std::int64_t> ids_;
   std::string backend_;             ///< the one in force, and why
   std::unique_ptr<Engine> engine_;  ///< before the views, whose frames must not outlive it

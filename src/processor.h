@@ -12,8 +12,9 @@
 //
 //   Views                          types of the views that its stages take (kernels/stage.h)
 //   Keys                           keys of pixels, for the stages of kernels/init.h
-//   Prepared                       a keyframe's prepared image
-//   Unpacked                       images that `cubes` had to unpack; they stay valid as long as it
+//   Cubes                          an image to be matched with; `gray` in it is empty where there is none
+//   Prepared                       a keyframe's image: cubes, and of the depth map's pixels colours and mask
+//   kPacks                         whether packed cubes take less memory
 //   Planes                         an array of planes and scores, as a map or in checkerboard order
 //   Counts                         numbers of pixels that a stage counts
 //
@@ -21,12 +22,12 @@
 //   set_size(width, height)        of the depth maps, before anything else
 //   may_go_on()                    false after Densifier::cancel
 //   grid()                         of the depth maps
-//   array<T>(count), planes(), keys()          made, the latter without keys
+//   array<T>(count), planes(), keys()          made, the latter without keys; planes have plane_numbers() elements
 //   map(planes), to(planes)                    views of planes; a map's is empty where there are none
 //   upload(values)                             of a vector, once for all
 //   prepare(keyframe, seconds)                 the keyframe's image
-//   cubes(image, unpacked), color(image), mask(image)   views of it
-//   pack(image), release_cubes(image), release_color(image)
+//   gray(cubes), usable(cubes), color(colors), mask(colors, mask)   views of it
+//   pack(cubes), packed_size(cubes), unpack(packed, size)           cubes as one array, and back
 //   landmarks(keyframe)            the landmarks that make planes, and their number
 //   first_planes(source, planes)   view of the planes that keys stand for; they may be put into `planes`
 //   launch(stage, counts)          runs a stage over all its pixels; `counts`: nullptr = not wanted

@@ -35,47 +35,72 @@ class StageEngine final : public Engine {
     const bool priors = options.patchmatch.plane_priors && options.patchmatch.geometric_passes > 0;
     if (!looks_ && priors) looks_ = on_.upload(look_table({options.width, options.height}));
     if (!scratch_ && !options.scratch_folder.empty()) scratch_ = std::make_unique<ScratchFile>(options.scratch_folder);
-    return std::make_unique<StageFrame>(keyframe, on_.prepare(keyframe, context_.stats.seconds_prepare), on_,
-                                        scratch_.get());
+    auto frame = std::make_unique<StageFrame>(keyframe, on_, scratch_.get(), options.unordered);
+    typename Processor::Prepared prepared = on_.prepare(keyframe, context_.stats.seconds_prepare);
+    frame->cubes = std::move(prepared.cubes);
+    frame->color.put(std::move(prepared.color), pixels());
+    if (prepared.mask) frame->mask.put(std::move(prepared.mask), pixels());
+    if (options.unordered && (scratch_ || context_.image_again)) put_away(*frame);
+    return frame;
   }
 
   void match(const MatchTask& task) override {
     [[maybe_unused]] const auto scope = on_.enter();
     if (!on_.may_go_on()) return;
     StageFrame& reference = own(*task.reference);
-    Planes& raw = reference.raws[task.pass % 2];
-    if (!raw) raw = on_.planes();
+    auto& passed_on = reference.raws[task.pass % 2];
+    passed_on.reset();
+    Planes raw = on_.planes();
     run_pass(task, raw);
     reference.matched = !cancelled();
-    if (reference.matched && task.last) finish_match(reference, std::exchange(raw, {}));
+    if (!reference.matched) return;
+    if (task.last) {
+      finish_match(reference, raw);
+    } else {
+      passed_on.put(std::move(raw), on_.plane_numbers());
+    }
   }
 
   void filter(Frame& frame, const std::vector<const Frame*>& others) override {
     [[maybe_unused]] const auto scope = on_.enter();
     if (!on_.may_go_on()) return;
     StageFrame& reference = own(frame);
-    reference.confidence = on_.template array<float>(pixels());
-    auto stage = consistency_stage<Views>(on_.map(reference.median), on_.grid(), others.size(),
-                                          context_.options.consistency, reference.confidence.get());
+    const Planes planes = reference.median.get();
+    auto confidence = on_.template array<float>(pixels());
+    auto stage = consistency_stage<Views>(on_.map(planes), on_.grid(), others.size(), context_.options.consistency,
+                                          confidence.get());
+    std::vector<Planes> held;
     for (std::size_t k = 0; k < others.size(); ++k) {
-      stage.others[k] = {on_.map(own(*others[k]).median), relation(others[k]->pose, reference.pose).other_from_first};
+      held.push_back(own(*others[k]).median.get());
+      stage.others[k] = {on_.map(held.back()), relation(others[k]->pose, reference.pose).other_from_first};
     }
     on_.counted(
         context_.stats.seconds_consistency, [&](Counts* counts) { on_.launch(stage, counts); },
         [&stats = context_.stats](const std::int64_t* numbers) { stats.pixels_after_consistency += numbers[1]; });
-    if (context_.results.cloud && context_.options.free_space.enabled) find_sight(reference);
-    if (context_.results.filtered_depth && reference.asked_for) {
-      hand_out_depths(reference, reference.median, reference.confidence.get(), context_.results.filtered_depth);
+    if (context_.results.cloud && context_.options.free_space.enabled) {
+      find_sight(reference, filtered(planes, confidence));
     }
+    if (context_.results.filtered_depth && reference.asked_for) {
+      hand_out_depths(reference, planes, confidence.get(), context_.results.filtered_depth);
+    }
+    reference.confidence.put(std::move(confidence), pixels());
   }
 
   void fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) override {
     [[maybe_unused]] const auto scope = on_.enter();
     if (!on_.may_go_on()) return;
     StageFrame& reference = own(frame);
+    struct Held {
+      Planes planes;
+      Array<float> confidence;
+      Array<Color> color;
+    };
+    std::vector<Held> held;  // as long as the stage looks at them
     const auto view = [&](const StageFrame& member) {
       const Relation to = relation(member.pose, reference.pose);
-      return kernels::FusionView<Views>{filtered(member), on_.color(member.image), to.other_from_first, to.zoom};
+      const Held& its = held.emplace_back(Held{member.median.get(), member.confidence.get(), member.color.get()});
+      return kernels::FusionView<Views>{filtered(its.planes, its.confidence), on_.color(its.color), to.other_from_first,
+                                        to.zoom};
     };
     kernels::FusePixels<Views> stage{};
     stage.grid = on_.grid();
@@ -193,18 +218,20 @@ class StageEngine final : public Engine {
     StageFrame& done = own(frame);
     switch (artefact) {
       case Artefact::kImage:
-        if (context_.options.patchmatch.revisits > 0) on_.pack(done.image);
+        if (context_.options.patchmatch.revisits > 0 && done.cubes.gray) put_away(done);
         break;
       case Artefact::kFarImage:
-        on_.release_cubes(done.image);
+        done.cubes = {};
+        done.packed.reset();
         break;
       case Artefact::kColor:
-        on_.release_color(done.image);
+        done.color.reset();
+        done.mask.reset();
         break;
       case Artefact::kLandmarks:
         break;
       case Artefact::kPlanes:
-        for (Planes& raw : done.raws) raw.reset();
+        for (auto& raw : done.raws) raw.reset();
         break;
       case Artefact::kMedian:
         done.median.reset();
@@ -236,14 +263,22 @@ class StageEngine final : public Engine {
   using Map = typename Views::Map;
   using Keys = typename Processor::Keys;
   using Planes = typename Processor::Planes;
+  using Color = typename Processor::Color;
+  using Cubes = typename Processor::Cubes;
   using Counts = typename Processor::Counts;
   using Pass = kernels::PatchMatchPass<Views>;
 
   /// What a keyframe leaves behind for others.
   struct StageFrame : Frame {
-    StageFrame(const Keyframe& keyframe, typename Processor::Prepared prepared, Processor& on, ScratchFile* scratch)
+    /// `scratch`: nullptr = all waits in memory. `all`: whether what flights keep for a few keyframes waits there, too.
+    StageFrame(const Keyframe& keyframe, Processor& on, ScratchFile* scratch, bool all)
         : Frame(keyframe),
-          image(std::move(prepared)),
+          packed(on, scratch),
+          color(on, all ? scratch : nullptr),
+          mask(on, all ? scratch : nullptr),
+          raws{{on, all ? scratch : nullptr}, {on, all ? scratch : nullptr}},
+          median(on, all ? scratch : nullptr),
+          confidence(on, all ? scratch : nullptr),
           nearest(on, scratch),
           farthest(on, scratch),
           surfels(on, scratch),
@@ -255,10 +290,14 @@ class StageEngine final : public Engine {
     template <class T>
     using Waiting = Shelved<Processor, T>;
 
-    typename Processor::Prepared image;
-    Planes raws[2];                           ///< after the last even and the last odd pass of PatchMatch
-    Planes median;                            ///< after the last pass and the median filter
-    Array<float> confidence;                  ///< after the consistency filter; 0 = no depth
+    using Plane = typename Planes::element_type;
+    Cubes cubes;                              ///< matched with; none while they are put away
+    Waiting<std::uint16_t> packed;            ///< those that are, where they cannot be asked for again
+    Waiting<Color> color;                     ///< of the depth map's pixels
+    Waiting<std::uint8_t> mask;               ///< there, too; none: see Processor::mask
+    Waiting<Plane> raws[2];                   ///< after the last even and the last odd pass of PatchMatch
+    Waiting<Plane> median;                    ///< after the last pass and the median filter
+    Waiting<float> confidence;                ///< after the consistency filter; 0 = no depth
     Waiting<float> nearest, farthest;         ///< see SightMap
     Waiting<std::uint32_t> surfels, details;  ///< see SurfelMap
     Waiting<std::uint8_t> agree;              ///< there, too
@@ -272,7 +311,12 @@ class StageEngine final : public Engine {
 
   /// What a pass's views point into.
   struct Sources {
-    typename Processor::Unpacked images;
+    Cubes reference;
+    std::vector<Cubes> neighbours;
+    std::vector<Planes> maps;
+    Planes before;  ///< the reference's own map of the pass before
+    Array<Color> color;
+    Array<std::uint8_t> mask;
     Array<kernels::SparsePoint> points;
     Array<std::uint64_t> landmark_keys, warped_keys;
     Planes landmarks, previous, warped, priors;
@@ -283,14 +327,15 @@ class StageEngine final : public Engine {
     const StageFrame& reference = own(*task.reference);
     Pass pass{};
     Sources sources;
+    fetch(task, sources);
     on_.timed(stats.seconds_init, [&] {
       look_around(task, pass, sources);
       if (task.pass == 0) {
         propose_first_planes(task, pass, sources);
       } else if (context_.options.patchmatch.plane_priors) {
         sources.priors = on_.planes();
-        find_plane_priors(on_, looks_, on_.map(before(reference, task.pass)), pass.matching.reference,
-                          pass.matching.limits, context_.options.patchmatch, on_.to(sources.priors));
+        find_plane_priors(on_, looks_, on_.map(sources.before), pass.matching.reference, pass.matching.limits,
+                          context_.options.patchmatch, on_.to(sources.priors));
         pass.priors = on_.map(sources.priors);
       }
     });
@@ -300,7 +345,7 @@ class StageEngine final : public Engine {
       if (task.pass == 0) {
         on_.start(pass);
       } else {
-        on_.launch(kernels::ReorderPlanes<Views>{on_.map(before(reference, task.pass)), pass.state, false}, nullptr);
+        on_.launch(kernels::ReorderPlanes<Views>{on_.map(sources.before), pass.state, false}, nullptr);
       }
       run_iterations(on_, pass, iterations_of(context_.options.patchmatch, task.pass), task.pass > 0,
                      [&] { return cancelled(); });
@@ -309,23 +354,48 @@ class StageEngine final : public Engine {
   }
 
   /// A keyframe's map of the pass before.
-  static const Planes& before(const StageFrame& frame, int pass) { return frame.raws[(pass - 1) % 2]; }
+  static Planes before(const StageFrame& frame, int pass) { return frame.raws[(pass - 1) % 2].get(); }
 
   /// The images and maps that a pass compares.
-  void look_around(const MatchTask& task, Pass& pass, Sources& sources) {
+  void fetch(const MatchTask& task, Sources& sources) {
+    const StageFrame& reference = own(*task.reference);
+    sources.reference = cubes_of(reference);
+    sources.color = reference.color.get();
+    sources.mask = reference.mask.get();
+    if (task.pass > 0) sources.before = before(reference, task.pass);
+    for (const Frame* frame : task.neighbours) {
+      const StageFrame& neighbour = own(*frame);
+      const bool lends_planes = task.pass > 0 && sources.maps.size() < task.near;
+      sources.neighbours.push_back(cubes_of(neighbour));
+      sources.maps.push_back(lends_planes ? before(neighbour, task.pass) : Planes{});
+    }
+  }
+
+  Cubes cubes_of(const StageFrame& frame) {
+    if (frame.cubes.gray) return frame.cubes;
+    if (frame.packed.count() > 0) return on_.unpack(frame.packed.get(), frame.packed.count());
+    return on_.prepare(context_.image_again(frame.id), context_.stats.seconds_prepare).cubes;
+  }
+
+  /// Lets a keyframe's cubes go where they take less memory, or none.
+  void put_away(StageFrame& frame) {
+    if (!context_.image_again && !scratch_ && !Processor::kPacks) return;
+    if (!context_.image_again) frame.packed.put(on_.pack(frame.cubes), on_.packed_size(frame.cubes));
+    frame.cubes = {};
+  }
+
+  void look_around(const MatchTask& task, Pass& pass, const Sources& sources) {
     const DensifierOptions& options = context_.options;
     const StageFrame& reference = own(*task.reference);
     pass.grid = on_.grid();
-    pass.mask = on_.mask(reference.image);
-    pass.matching = make_matching(on_.cubes(reference.image, sources.images).gray, options.patchmatch, options.width,
-                                  task.range, options.seed, reference.id);
-    for (const Frame* frame : task.neighbours) {
-      const StageFrame& neighbour = own(*frame);
-      const bool lends_planes = task.pass > 0 && static_cast<std::size_t>(pass.matching.num_views) < task.near;
-      const auto cubes = on_.cubes(neighbour.image, sources.images);
+    pass.mask = on_.mask(sources.color, sources.mask);
+    pass.matching = make_matching(on_.gray(sources.reference), options.patchmatch, options.width, task.range,
+                                  options.seed, reference.id);
+    for (std::size_t i = 0; i < task.neighbours.size(); ++i) {
+      const Cubes& cubes = sources.neighbours[i];
       pass.matching.views[pass.matching.num_views++] = {
-          cubes.gray, cubes.usable, relation(neighbour.pose, reference.pose).other_from_first,
-          on_.map(lends_planes ? before(neighbour, task.pass) : Planes{})};
+          on_.gray(cubes), on_.usable(cubes), relation(task.neighbours[i]->pose, reference.pose).other_from_first,
+          on_.map(sources.maps[i])};
     }
   }
 
@@ -345,7 +415,8 @@ class StageEngine final : public Engine {
     }
     if (task.previous == nullptr) return;
     const StageFrame& previous = own(*task.previous);
-    sources.previous = previous.median ? previous.median : median_of(previous, previous.raws[0], nullptr);
+    sources.previous =
+        previous.median.count() > 0 ? previous.median.get() : median_of(previous, previous.raws[0].get(), nullptr);
     sources.warped_keys = on_.keys();
     const Map map = on_.map(sources.previous);
     on_.launch(kernels::WarpPixels<Views, Keys>{map,
@@ -363,8 +434,10 @@ class StageEngine final : public Engine {
 
   Planes median_of(const StageFrame& frame, const Planes& raw, Counts* counts) {
     Planes filtered = on_.planes();
+    const Array<Color> color = frame.color.get();
+    const Array<std::uint8_t> mask = frame.mask.get();
     on_.launch(
-        median_stage<Views>(on_.map(raw), on_.grid(), on_.mask(frame.image), context_.options.median, on_.to(filtered)),
+        median_stage<Views>(on_.map(raw), on_.grid(), on_.mask(color, mask), context_.options.median, on_.to(filtered)),
         counts);
     return filtered;
   }
@@ -374,21 +447,23 @@ class StageEngine final : public Engine {
     if (context_.results.raw_depth && reference.asked_for) {
       hand_out_depths(reference, raw, nullptr, context_.results.raw_depth);
     }
+    Planes median;
     on_.counted(
-        context_.stats.seconds_median, [&](Counts* counts) { reference.median = median_of(reference, raw, counts); },
+        context_.stats.seconds_median, [&](Counts* counts) { median = median_of(reference, raw, counts); },
         [&stats = context_.stats](const std::int64_t* numbers) {
           ++stats.depth_maps;
           stats.pixels += numbers[0];
           stats.pixels_matched += numbers[1];
           stats.pixels_after_median += numbers[2];
         });
+    reference.median.put(std::move(median), on_.plane_numbers());
   }
 
-  void find_sight(StageFrame& frame) {
+  void find_sight(StageFrame& frame, const kernels::FilteredMap<Map>& map) {
     auto nearest = on_.template array<float>(cells());
     auto farthest = on_.template array<float>(cells());
     on_.timed(context_.stats.seconds_free_space, [&] {
-      on_.launch(kernels::FindSight<Views>{filtered(frame), on_.grid(), nearest.get(), farthest.get()}, nullptr);
+      on_.launch(kernels::FindSight<Views>{map, on_.grid(), nearest.get(), farthest.get()}, nullptr);
     });
     frame.nearest.put(std::move(nearest), cells());
     frame.farthest.put(std::move(farthest), cells());
@@ -399,8 +474,8 @@ class StageEngine final : public Engine {
     on_.hand_out_depths(frame.id, frame.pose, on_.map(planes), confidence, to);
   }
 
-  kernels::FilteredMap<Map> filtered(const StageFrame& frame) const {
-    return {on_.map(frame.median), frame.confidence.get(), context_.options.width, context_.options.height};
+  kernels::FilteredMap<Map> filtered(const Planes& planes, const Array<float>& confidence) const {
+    return {on_.map(planes), confidence.get(), context_.options.width, context_.options.height};
   }
   std::size_t pixels() const {
     return static_cast<std::size_t>(context_.options.width) * static_cast<std::size_t>(context_.options.height);

@@ -54,6 +54,9 @@ struct DensifierCallbacks {
   std::function<void(const KeyframeCloud&)> cloud;      ///< a keyframe's share of the cloud; once for each depth map
 };
 
+/// Gives a keyframe by its id. What its views point to stays until the next call, or until `run` returns.
+using KeyframeSource = std::function<Keyframe(std::int64_t id)>;
+
 /// Turns keyframes into dense points, one keyframe at a time, holding a small window of them:
 /// PatchMatch-Stereo-Panorama (Surmann, Thurow, Slomma 2022) from images to points. Keyframes come in the order of
 /// flight.
@@ -105,8 +108,16 @@ class Densifier {
   /// first such keyframe: the Densifier then is as if the call had not been made.
   void flush();
 
-  /// Makes `add` or `flush` return early at the next safe point (between two iterations); may be called from any thread
-  /// or a signal handler. Results that were handed out stay valid; nothing more is handed out, and no more is taken.
+  /// Runs a given plan to its end: asks for the keyframes that it needs, one at a time and in the order of the plan, in
+  /// place of `add`, and flushes. It asks for one again, for its image only, where this is looked at later: by who
+  /// passes the place again, and in unordered sets by each that is matched with it. So images take no memory meanwhile.
+  /// An id stands for the same keyframe each time. Throws what `add`, `flush` and `keyframes` throw; InvalidInput, too,
+  /// when there is no given plan, or another keyframe comes than was asked for.
+  void run(const KeyframeSource& keyframes);
+
+  /// Makes `add`, `flush` or `run` return early at the next safe point (between two iterations); may be called from any
+  /// thread or a signal handler. Results that were handed out stay valid; nothing more is handed out, and no more is
+  /// taken.
   void cancel() noexcept;
   bool cancelled() const noexcept;
 

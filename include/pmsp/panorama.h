@@ -29,30 +29,14 @@ class Panorama {
   /// Colours, `width` x `height`.
   const Image<Rgb>& color() const;
 
-  /// Hands the colours over, for a panorama that is only matched with from now on. It keeps its size.
-  Image<Rgb> take_color();
-
-  /// Frees what is matched with, for a panorama whose colours only are asked for from now on.
-  void release_gray();
-
-  /// Keeps what is matched with in a quarter of the memory, for a panorama that is rarely matched with from now on:
-  /// only by way of `unpacked`.
-  void pack_gray();
-  bool packed() const;
-  /// What is matched with, without the colours.
-  Panorama unpacked(const Executor& executor) const;
-
   /// 255 where a depth is wanted, 0 where the mask forbids it (a pixel that covers any masked pixel is masked); `width`
   /// x `height`; empty without a mask.
   const Image<std::uint8_t>& usable() const;
-  void release_usable();
 
   struct Data;
   const Data& data() const { return *data_; }  ///< for the stages
 
  private:
-  Panorama();
-
   std::unique_ptr<Data> data_;
 };
 

@@ -7,6 +7,7 @@
 #include "depth_image.h"
 #include "init/init_setup.h"
 #include "pmsp/error.h"
+#include "sphere/panorama_data.h"
 #include "util/eigen_kernels.h"
 
 namespace pmsp {
@@ -67,26 +68,35 @@ kernels::PlaneArrays CpuProcessor::to(const Planes& planes) const {
 
 CpuProcessor::Prepared CpuProcessor::prepare(const Keyframe& keyframe, double& seconds) const {
   const Stopwatch watch(seconds);
+  Panorama::Data data = prepare_panorama(keyframe.image, keyframe.mask, grid_->width(), grid_->height(), executor_);
   Prepared image;
-  image.panorama.emplace(keyframe.image, keyframe.mask, grid_->width(), grid_->height(), executor_);
-  image.color = color_words(image.panorama->take_color(), executor_);
+  image.cubes.gray = std::make_shared<CubeMap>(std::move(data.gray));
+  image.color = color_words(data.color, executor_);
+  if (data.usable.empty()) return image;
+  image.cubes.usable = std::make_shared<CubeMap>(std::move(data.matchable));
+  image.mask = upload(data.usable.pixels());
   return image;
 }
 
-CpuProcessor::Cubes CpuProcessor::cubes(const Prepared& image, Unpacked& unpacked) const {
-  const Panorama* panorama = &*image.panorama;
-  if (panorama->packed()) panorama = &unpacked.emplace_back(panorama->unpacked(executor_));
-  return {panorama->data().gray.view(), panorama->data().matchable.view()};
+std::size_t CpuProcessor::packed_size(const Cubes& cubes) const {
+  return (cubes.usable ? 2 : 1) * node_count(cubes.gray->size);
 }
 
-kernels::ByteMask CpuProcessor::mask(const Prepared& image) const {
-  const auto& usable = image.panorama->usable();
-  return {usable.empty() ? nullptr : usable.pixels().data()};
+Array<std::uint16_t> CpuProcessor::pack(const Cubes& cubes) const {
+  const Array<std::uint16_t> packed = array<std::uint16_t>(packed_size(cubes));
+  write_nodes(*cubes.gray, packed.get());
+  if (cubes.usable) write_nodes(*cubes.usable, packed.get() + node_count(cubes.gray->size));
+  return packed;
 }
 
-void CpuProcessor::release_color(Prepared& image) const {
-  image.color.reset();
-  image.panorama->release_usable();
+CpuProcessor::Cubes CpuProcessor::unpack(const Array<std::uint16_t>& packed, std::size_t size) const {
+  const int side = cube_size_for(grid_->width());
+  const auto unpacked = [&](const std::uint16_t* nodes) {
+    return std::make_shared<CubeMap>(cube_of_nodes(nodes, side, executor_.impl().pool));
+  };
+  Cubes cubes{unpacked(packed.get()), nullptr};
+  if (size > node_count(side)) cubes.usable = unpacked(packed.get() + node_count(side));
+  return cubes;
 }
 
 std::pair<Array<kernels::SparsePoint>, int> CpuProcessor::landmarks(const Keyframe& keyframe) const {

@@ -3,8 +3,8 @@
 
 #include <array>
 #include <cstdint>
-#include <deque>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -13,10 +13,9 @@
 #include "engine.h"
 #include "fused_point.h"
 #include "init.h"
-#include "pmsp/panorama.h"
 #include "processor.h"
+#include "sphere/cube_map.h"
 #include "sphere/grid.h"
-#include "sphere/panorama_data.h"
 #include "util/scratch_file.h"
 #include "util/stopwatch.h"
 
@@ -45,17 +44,19 @@ class CpuProcessor {
   using Views = kernels::HostMachine;
   using Keys = HostKeys;
   using Planes = Array<float>;  ///< x, y, z and score of all pixels, one after the other
+  using Color = std::uint32_t;
   using Counts = std::int64_t;
   using Pass = kernels::PatchMatchPass<Views>;
   static constexpr int kMostCounts = 3;
-  struct Prepared {
-    std::optional<Panorama> panorama;
-    Array<std::uint32_t> color;
-  };
-  using Unpacked = std::deque<Panorama>;
   struct Cubes {
-    kernels::CubeView gray, usable;
+    std::shared_ptr<const CubeMap> gray, usable;
   };
+  struct Prepared {
+    Cubes cubes;
+    Array<Color> color;
+    Array<std::uint8_t> mask;
+  };
+  static constexpr bool kPacks = true;
 
   CpuProcessor(const EngineContext& context, const Executor& executor)
       : cancel_(&context.cancel), executor_(executor) {}
@@ -73,7 +74,8 @@ class CpuProcessor {
   Array<T> array(std::size_t count) const {
     return Array<T>(new T[count]);
   }
-  Planes planes() const { return array<float>(4 * grid_->size()); }
+  Planes planes() const { return array<float>(plane_numbers()); }
+  std::size_t plane_numbers() const { return 4 * grid_->size(); }
   Array<std::uint64_t> keys() const;
   kernels::PlaneMapView map(const Planes& planes) const;
   kernels::PlaneArrays to(const Planes& planes) const;
@@ -85,12 +87,15 @@ class CpuProcessor {
   }
 
   Prepared prepare(const Keyframe& keyframe, double& seconds) const;
-  Cubes cubes(const Prepared& image, Unpacked& unpacked) const;
-  const std::uint32_t* color(const Prepared& image) const { return image.color.get(); }
-  kernels::ByteMask mask(const Prepared& image) const;
-  void pack(Prepared& image) const { image.panorama->pack_gray(); }
-  void release_cubes(Prepared& image) const { image.panorama->release_gray(); }
-  void release_color(Prepared& image) const;
+  kernels::CubeView gray(const Cubes& cubes) const { return cubes.gray->view(); }
+  kernels::CubeView usable(const Cubes& cubes) const {
+    return cubes.usable ? cubes.usable->view() : kernels::CubeView{};
+  }
+  std::size_t packed_size(const Cubes& cubes) const;
+  Array<std::uint16_t> pack(const Cubes& cubes) const;
+  Cubes unpack(const Array<std::uint16_t>& packed, std::size_t size) const;
+  const std::uint32_t* color(const Array<Color>& color) const { return color.get(); }
+  kernels::ByteMask mask(const Array<Color>& /*color*/, const Array<std::uint8_t>& mask) const { return {mask.get()}; }
 
   std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe) const;
   template <class Source>

@@ -70,14 +70,14 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
   set_image_size(image.width, image.height);
   ThreadPool& pool = executor_.impl().pool;
   const int size = cube_size_for(grid().width);
-  Prepared prepared{array<uchar4>(pixels()), grays_.get(size, kGrayBits), nullptr};
+  Prepared prepared{{grays_.get(size, kGrayBits), nullptr}, array<Color>(pixels()), nullptr};
   ResizeArgs args{};
   args.image = images_.upload(image.data, 3 * static_cast<std::size_t>(image.width),
                               3 * static_cast<std::size_t>(image.stride), image.height, up_, compute_, pool);
   if (!mask.empty()) {
     args.mask = masks_.upload(mask.data, static_cast<std::size_t>(mask.width), static_cast<std::size_t>(mask.stride),
                               mask.height, up_, compute_, pool);
-    prepared.usable = usables_.get(size, kUsableBits);
+    prepared.cubes.usable = usables_.get(size, kUsableBits);
     if (eroded_.empty()) eroded_ = DeviceArray<unsigned char>(pixels());
   }
   args.source_width = image.width;
@@ -92,18 +92,37 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
     const cudaStream_t stream = compute_.get();
     resize(args, stream);
     equalize_rows(gray_.get(), equalized_.get(), args.width, args.height, stream);
-    fill_cube(equalized_.get(), args.width, args.height, {size, prepared.gray->surface()}, stream);
+    fill_cube(equalized_.get(), args.width, args.height, {size, prepared.cubes.gray->surface()}, stream);
     if (mask.empty()) return;
     fill_usable_cube(args.color, args.width, args.height, kPatchReachPx, eroded_.get(),
-                     {size, prepared.usable->surface()}, stream);
+                     {size, prepared.cubes.usable->surface()}, stream);
   });
   images_.consumed(compute_);
   if (!mask.empty()) masks_.consumed(compute_);
   return prepared;
 }
 
-CudaProcessor::Cubes CudaProcessor::cubes(const Prepared& image, Unpacked& /*unpacked*/) const {
-  return {{image.gray->texture()}, {image.usable ? image.usable->texture() : 0}};
+/// Two bytes a texel of the image, one of the mask.
+std::size_t CudaProcessor::packed_size(const Cubes& cubes) const {
+  const std::size_t texels = cubes.gray->texels();
+  return cubes.usable ? texels + texels / 2 : texels;
+}
+
+Array<std::uint16_t> CudaProcessor::pack(const Cubes& cubes) {
+  const Array<std::uint16_t> packed = array<std::uint16_t>(packed_size(cubes));
+  cubes.gray->copy_to(packed.get(), compute_);
+  if (cubes.usable) cubes.usable->copy_to(packed.get() + cubes.gray->texels(), compute_);
+  return packed;
+}
+
+CudaProcessor::Cubes CudaProcessor::unpack(const Array<std::uint16_t>& packed, std::size_t size) {
+  const int side = cube_size_for(grid().width);
+  Cubes cubes{grays_.get(side, kGrayBits), nullptr};
+  cubes.gray->copy_from(packed.get(), compute_);
+  if (size == cubes.gray->texels()) return cubes;
+  cubes.usable = usables_.get(side, kUsableBits);
+  cubes.usable->copy_from(packed.get() + cubes.gray->texels(), compute_);
+  return cubes;
 }
 
 std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyframe& keyframe) {
@@ -151,18 +170,7 @@ void CudaProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, Keyfr
             --clouds_out_;
             if (cancelled()) return;
             const std::size_t count = static_cast<std::size_t>(numbers[0]);
-            cloud.points.swap(cloud_.points);
-            cloud.pixels.swap(cloud_.pixels);
-            cloud.agree.swap(cloud_.agree);
-            cloud_ = std::move(cloud);
-            cloud_.points.resize(count);
-            cloud_.pixels.resize(count);
-            cloud_.agree.resize(count);
-            downloader_.download({{lent->points.get(), cloud_.points.data(), count * sizeof(DevicePoint)},
-                                  {lent->pixels.get(), cloud_.pixels.data(), count * sizeof(std::uint32_t)},
-                                  {lent->agree.get(), cloud_.agree.data(), count * sizeof(std::uint32_t)}},
-                                 down_, executor_.impl().pool);
-            to(cloud_);
+            to(cloud_.fetch(std::move(cloud), lent->points.get(), lent->pixels.get(), lent->agree.get(), count, down_));
           });
 }
 

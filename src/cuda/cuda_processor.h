@@ -28,15 +28,16 @@ class CudaProcessor {
   using Keys = DeviceKeys;
   using Planes = Array<float4>;
   using Counts = cuda::Counts;
-  struct Prepared {
-    Array<uchar4> color;  ///< w = 255 where a depth is wanted, else 0
-    std::shared_ptr<CubeTexture> gray;
-    std::shared_ptr<CubeTexture> usable;  ///< none without a mask
-  };
-  struct Unpacked {};
+  using Color = uchar4;  ///< w = 255 where a depth is wanted, else 0
   struct Cubes {
-    TextureCube gray, usable;
+    std::shared_ptr<CubeTexture> gray, usable;
   };
+  struct Prepared {
+    Cubes cubes;
+    Array<Color> color;
+    Array<std::uint8_t> mask;  ///< none
+  };
+  static constexpr bool kPacks = false;
 
   CudaProcessor(const EngineContext& context, const Executor& executor);
   ~CudaProcessor();
@@ -52,7 +53,8 @@ class CudaProcessor {
   Array<T> array(std::size_t count) {
     return memory_.get<T>(count);
   }
-  Planes planes() { return array<float4>(pixels()); }
+  Planes planes() { return array<float4>(plane_numbers()); }
+  std::size_t plane_numbers() const { return pixels(); }
   Array<std::uint64_t> keys();
   DevicePlanes map(const Planes& planes) const { return {planes.get(), grid().width, grid().height}; }
   DevicePlaneArray to(const Planes& planes) const { return {planes.get()}; }
@@ -64,14 +66,15 @@ class CudaProcessor {
   }
 
   Prepared prepare(const Keyframe& keyframe, double& seconds);
-  Cubes cubes(const Prepared& image, Unpacked& /*unpacked*/) const;
-  const std::uint32_t* color(const Prepared& image) const {
-    return reinterpret_cast<const std::uint32_t*>(image.color.get());
+  TextureCube gray(const Cubes& cubes) const { return {cubes.gray->texture()}; }
+  TextureCube usable(const Cubes& cubes) const { return {cubes.usable ? cubes.usable->texture() : 0}; }
+  std::size_t packed_size(const Cubes& cubes) const;
+  Array<std::uint16_t> pack(const Cubes& cubes);
+  Cubes unpack(const Array<std::uint16_t>& packed, std::size_t size);
+  const std::uint32_t* color(const Array<Color>& color) const {
+    return reinterpret_cast<const std::uint32_t*>(color.get());
   }
-  ColorMask mask(const Prepared& image) const { return {image.color.get()}; }
-  void pack(Prepared& /*image*/) const {}
-  void release_cubes(Prepared& image) const { image.gray = image.usable = nullptr; }
-  void release_color(Prepared& image) const { image.color.reset(); }
+  ColorMask mask(const Array<Color>& color, const Array<std::uint8_t>& /*mask*/) const { return {color.get()}; }
 
   std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe);
   /// Kernels look keys up.
@@ -186,7 +189,6 @@ class CudaProcessor {
   int image_width_ = 0;
   int image_height_ = 0;
   Uploader images_, masks_;
-  Downloader downloader_;
   DeviceArray<float> gray_, equalized_;
   DeviceArray<unsigned char> eroded_;
   PinnedArray<kernels::SparsePoint> points_host_;
@@ -200,7 +202,7 @@ class CudaProcessor {
   std::vector<std::unique_ptr<MapDownload>> downloads_;
   std::deque<Pending> pending_;
   std::vector<unsigned char> host_;  ///< on its way to or from a scratch file
-  KeyframeCloud cloud_;              ///< handed out last; its memory is used again
+  CloudDownload cloud_;              ///< handed out last
   std::size_t clouds_out_ = 0;
   std::int64_t round_ = 0;
 };

@@ -92,6 +92,10 @@ std::size_t memory_needed(const DensifierOptions& options) {
     for (const Artefact artefact : {Artefact::kSight, Artefact::kSurfels}) {
       bytes -= static_cast<std::size_t>(schedule.keyframes_with(artefact)) * bytes_of(artefact, options, pixels, side);
     }
+    const std::int64_t far_only =
+        schedule.keyframes_with(Artefact::kFarImage) - schedule.keyframes_with(Artefact::kImage);
+    const std::int64_t unpacked = std::min<std::int64_t>(far_only, kernels::kMaxViews);
+    bytes -= static_cast<std::size_t>(far_only - unpacked) * bytes_of(Artefact::kFarImage, options, pixels, side);
     constexpr std::size_t kOfMost = 6;  // of a viewer: sight, surfels and standings; a pool keeps each size apart
     bytes += (kernels::kMaxViewers * kOfMost + bytes_of(Artefact::kSurfels, options, 1, 0)) * pixels;
   }

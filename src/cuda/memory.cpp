@@ -89,11 +89,11 @@ void PinnedRange::reset() {
   data_ = nullptr;
 }
 
-CubeTexture::CubeTexture(int size, int bits) : size_(size) {
+CubeTexture::CubeTexture(int size, int bits)
+    : side_(static_cast<std::size_t>(size)), texel_bytes_(static_cast<std::size_t>(bits) / 8) {
   const cudaChannelFormatDesc format{bits, 0, 0, 0, cudaChannelFormatKindUnsigned};
-  const std::size_t side = static_cast<std::size_t>(size);
   PMSP_CUDA_CHECK(
-      cudaMalloc3DArray(&array_, &format, cudaExtent{side, side, 6}, cudaArrayCubemap | cudaArraySurfaceLoadStore));
+      cudaMalloc3DArray(&array_, &format, cudaExtent{side_, side_, 6}, cudaArrayCubemap | cudaArraySurfaceLoadStore));
   cudaResourceDesc resource{};
   resource.resType = cudaResourceTypeArray;
   resource.res.array.array = array_;
@@ -117,6 +117,24 @@ CubeTexture::~CubeTexture() {
   cudaDestroySurfaceObject(surface_);
   cudaDestroyTextureObject(texture_);
   cudaFreeArray(array_);
+}
+
+void CubeTexture::copy_to(void* data, const Stream& stream) const {
+  cudaMemcpy3DParms copy{};
+  copy.srcArray = array_;
+  copy.dstPtr = {data, side_ * texel_bytes_, side_, side_};
+  copy.extent = {side_, side_, 6};
+  copy.kind = cudaMemcpyDeviceToDevice;
+  PMSP_CUDA_CHECK(cudaMemcpy3DAsync(&copy, stream.get()));
+}
+
+void CubeTexture::copy_from(const void* data, const Stream& stream) {
+  cudaMemcpy3DParms copy{};
+  copy.srcPtr = {const_cast<void*>(data), side_ * texel_bytes_, side_, side_};
+  copy.dstArray = array_;
+  copy.extent = {side_, side_, 6};
+  copy.kind = cudaMemcpyDeviceToDevice;
+  PMSP_CUDA_CHECK(cudaMemcpy3DAsync(&copy, stream.get()));
 }
 
 }  // namespace pmsp::cuda

@@ -134,9 +134,15 @@ class CubeTexture {
   CubeTexture& operator=(const CubeTexture&) = delete;
   cudaTextureObject_t texture() const { return texture_; }
   cudaSurfaceObject_t surface() const { return surface_; }
+  std::size_t texels() const { return 6 * side_ * side_; }
+
+  /// All texels, row by row and face by face, to or from other device memory.
+  void copy_to(void* data, const Stream& stream) const;
+  void copy_from(const void* data, const Stream& stream);
 
  private:
-  int size_;
+  std::size_t side_;
+  std::size_t texel_bytes_;
   cudaArray_t array_ = nullptr;
   cudaTextureObject_t texture_ = 0;
   cudaSurfaceObject_t surface_ = 0;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 #include <vector>
 
 #include "sphere/area_resize.h"
@@ -16,6 +17,22 @@ namespace {
 template <class T>
 void copy_up(T* to, const T* from, std::size_t count, const Stream& stream) {
   PMSP_CUDA_CHECK(cudaMemcpyAsync(to, from, count * sizeof(T), cudaMemcpyHostToDevice, stream.get()));
+}
+
+/// `pinned`: the memory of `to`. It grows by a quarter more than is asked for, since locking pages takes time.
+template <class T, class From>
+void copy_down(std::vector<T>& to, const From* from, std::size_t count, std::optional<PinnedRange>& pinned,
+               const Stream& stream) {
+  static_assert(sizeof(T) == sizeof(From), "copied as it is");
+  if (to.capacity() < count) {
+    pinned.reset();
+    to = {};
+    to.reserve(count + count / 4);
+    pinned.emplace(to.data(), to.capacity() * sizeof(T));
+  }
+  to.resize(count);
+  if (count == 0) return;
+  PMSP_CUDA_CHECK(cudaMemcpyAsync(to.data(), from, count * sizeof(T), cudaMemcpyDeviceToHost, stream.get()));
 }
 
 }  // namespace
@@ -82,59 +99,18 @@ const unsigned char* Uploader::upload(const void* data, std::size_t row_bytes, s
   return slot.device.get();
 }
 
-void Downloader::download(const std::vector<Part>& parts, const Stream& copies, ThreadPool& pool) {
-  constexpr std::size_t kPiece = std::size_t{4} << 20U;
-  constexpr std::size_t kPerTask = std::size_t{1} << 18U;
-  std::vector<std::vector<Part>> pieces;  // what is on its way at once
-  std::size_t room = 0;
-  for (const Part& part : parts) {
-    for (std::size_t done = 0; done < part.bytes;) {
-      if (room == 0) {
-        pieces.emplace_back();
-        room = kPiece;
-      }
-      const std::size_t bytes = std::min(part.bytes - done, room);
-      pieces.back().push_back(
-          {static_cast<const char*>(part.device) + done, static_cast<char*>(part.host) + done, bytes});
-      done += bytes;
-      room -= bytes;
-    }
-  }
-  const auto start = [&](std::size_t i) {
-    Slot& slot = slots_[i % 2];
-    if (slot.host.empty()) slot.host = PinnedArray<unsigned char>(kPiece);
-    unsigned char* to = slot.host.get();
-    for (const Part& part : pieces[i]) {
-      PMSP_CUDA_CHECK(cudaMemcpyAsync(to, part.device, part.bytes, cudaMemcpyDeviceToHost, copies.get()));
-      to += part.bytes;
-    }
-    slot.arrived.record(copies);
-  };
-  struct Task {
-    const unsigned char* from;
-    unsigned char* to;
-    std::size_t bytes;
-  };
-  std::vector<Task> tasks;
-  if (!pieces.empty()) start(0);
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    if (i + 1 < pieces.size()) start(i + 1);
-    const Slot& slot = slots_[i % 2];
-    const unsigned char* from = slot.host.get();
-    tasks.clear();
-    for (const Part& part : pieces[i]) {
-      for (std::size_t done = 0; done < part.bytes; done += kPerTask) {
-        tasks.push_back(
-            {from + done, static_cast<unsigned char*>(part.host) + done, std::min(kPerTask, part.bytes - done)});
-      }
-      from += part.bytes;
-    }
-    slot.arrived.wait();
-    pool.for_each(static_cast<int>(tasks.size()), [&](int k) {
-      const Task& task = tasks[static_cast<std::size_t>(k)];
-      std::memcpy(task.to, task.from, task.bytes);
-    });
-  }
+const KeyframeCloud& CloudDownload::fetch(KeyframeCloud head, const DevicePoint* points, const unsigned int* pixels,
+                                          const std::uint32_t* agree, std::size_t count, const Stream& copies) {
+  head.points.swap(cloud_.points);
+  head.pixels.swap(cloud_.pixels);
+  head.agree.swap(cloud_.agree);
+  cloud_ = std::move(head);
+  copy_down(cloud_.points, points, count, pinned_[0], copies);
+  copy_down(cloud_.pixels, pixels, count, pinned_[1], copies);
+  copy_down(cloud_.agree, agree, count, pinned_[2], copies);
+  arrived_.record(copies);
+  arrived_.wait();
+  return cloud_;
 }
 
 MapDownload::MapDownload(int width, int height)

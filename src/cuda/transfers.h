@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <optional>
-#include <vector>
 
 #include "cuda/launch.h"
 #include "cuda/memory.h"
 #include "pmsp/depth_map.h"
+#include "pmsp/point_cloud.h"
 #include "util/thread_pool.h"
 
 // What lies in device memory for a whole flight, and what travels between host and device. `stream`: of the kernels
@@ -57,24 +59,18 @@ class Uploader {
   std::size_t current_ = 0;
 };
 
-/// Bytes on their way down into memory that is not page-locked, piece by piece through some that is: while one piece is
-/// on its way, the threads take over the one before.
-class Downloader {
+/// Clouds on their way down, one at a time. Their memory is page-locked, so that copies go straight into it, and used
+/// again for the next one.
+class CloudDownload {
  public:
-  struct Part {
-    const void* device;
-    void* host;
-    std::size_t bytes;
-  };
-  /// Copies all parts on `copies`, and waits.
-  void download(const std::vector<Part>& parts, const Stream& copies, ThreadPool& pool);
+  /// `head`: all but the points. Copies these on `copies`, and waits. What it returns stays until the next call.
+  const KeyframeCloud& fetch(KeyframeCloud head, const DevicePoint* points, const unsigned int* pixels,
+                             const std::uint32_t* agree, std::size_t count, const Stream& copies);
 
  private:
-  struct Slot {
-    PinnedArray<unsigned char> host;
-    Event arrived;
-  };
-  Slot slots_[2];
+  KeyframeCloud cloud_;
+  std::optional<PinnedRange> pinned_[3];
+  Event arrived_;
 };
 
 /// A depth map on its way down. The host's images are page-locked, so that copies go straight into them.

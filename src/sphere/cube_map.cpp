@@ -34,31 +34,11 @@ Vec3<float> node_direction(int face, int i, int j, int size) {
   return face_direction(at.face_start, node_coordinate(snapped(at.u), size), node_coordinate(snapped(at.v), size));
 }
 
-/// The 2 x 2 quads of a cube's nodes.
-CubeMap quads_of(const std::vector<std::uint16_t>& values, int size, ThreadPool& pool) {
-  const int nodes = size + 2;
-  CubeMap cube;
-  cube.size = size;
-  const int side = size + 1;
-  cube.quads.resize(static_cast<std::size_t>(6 * side) * static_cast<std::size_t>(side));
-  pool.for_each(6 * side, [&](int line) {
-    const std::size_t first = static_cast<std::size_t>(line / side * nodes + line % side);
-    const std::uint16_t* upper = &values[first * static_cast<std::size_t>(nodes)];
-    const std::uint16_t* lower = upper + nodes;
-    std::uint64_t* quads = &cube.quads[static_cast<std::size_t>(line) * static_cast<std::size_t>(side)];
-    for (int i = 0; i < side; ++i) {
-      quads[i] = static_cast<std::uint64_t>(upper[i]) | static_cast<std::uint64_t>(upper[i + 1]) << 16U |
-                 static_cast<std::uint64_t>(lower[i]) << 32U | static_cast<std::uint64_t>(lower[i + 1]) << 48U;
-    }
-  });
-  return cube;
-}
-
 /// Fills a cube from a function of direction.
 template <class Function>
 CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
   const int nodes = size + 2;
-  std::vector<std::uint16_t> values(static_cast<std::size_t>(6 * nodes) * static_cast<std::size_t>(nodes));
+  std::vector<std::uint16_t> values(node_count(size));
   pool.for_each(6 * nodes, [&](int line) {
     const int face = line / nodes;
     std::uint16_t* row = &values[static_cast<std::size_t>(line) * static_cast<std::size_t>(nodes)];
@@ -76,7 +56,7 @@ CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
       }
     }
   });
-  return quads_of(values, size, pool);
+  return cube_of_nodes(values.data(), size, pool);
 }
 
 /// 0 wherever a pixel of the image is 0 within `radius_px` (pixels at the equator), 255 elsewhere.
@@ -107,24 +87,41 @@ kernels::CubeView CubeMap::view() const {
   return {quads.empty() ? nullptr : quads.data(), 0.5F * static_cast<float>(size), size + 1, (size + 1) * (size + 1)};
 }
 
-void CubeMap::pack() {
-  if (quads.empty()) return;
-  const std::size_t side = static_cast<std::size_t>(size) + 1;
+std::size_t node_count(int size) {
+  const std::size_t side = static_cast<std::size_t>(size) + 2;
+  return 6 * side * side;
+}
+
+void write_nodes(const CubeMap& cube, std::uint16_t* to) {
+  const std::size_t side = static_cast<std::size_t>(cube.size) + 1;
   for (std::size_t face = 0; face < 6; ++face) {
     for (std::size_t j = 0; j <= side; ++j) {
       const bool last_row = j == side;
-      const std::uint64_t* const row = &quads[(face * side + (last_row ? j - 1 : j)) * side];
+      const std::uint64_t* const row = &cube.quads[(face * side + (last_row ? j - 1 : j)) * side];
       const unsigned shift = last_row ? 32U : 0U;
-      for (std::size_t i = 0; i < side; ++i) nodes.push_back(static_cast<std::uint16_t>(row[i] >> shift));
-      nodes.push_back(static_cast<std::uint16_t>(row[side - 1] >> (shift + 16U)));
+      for (std::size_t i = 0; i < side; ++i) *to++ = static_cast<std::uint16_t>(row[i] >> shift);
+      *to++ = static_cast<std::uint16_t>(row[side - 1] >> (shift + 16U));
     }
   }
-  quads = {};
 }
 
-CubeMap CubeMap::unpacked(ThreadPool& pool) const {
-  if (nodes.empty()) return {};
-  return quads_of(nodes, size, pool);
+CubeMap cube_of_nodes(const std::uint16_t* all, int size, ThreadPool& pool) {
+  const int nodes = size + 2;
+  CubeMap cube;
+  cube.size = size;
+  const int side = size + 1;
+  cube.quads.resize(static_cast<std::size_t>(6 * side) * static_cast<std::size_t>(side));
+  pool.for_each(6 * side, [&](int line) {
+    const std::size_t first = static_cast<std::size_t>(line / side * nodes + line % side);
+    const std::uint16_t* upper = all + first * static_cast<std::size_t>(nodes);
+    const std::uint16_t* lower = upper + nodes;
+    std::uint64_t* quads = &cube.quads[static_cast<std::size_t>(line) * static_cast<std::size_t>(side)];
+    for (int i = 0; i < side; ++i) {
+      quads[i] = static_cast<std::uint64_t>(upper[i]) | static_cast<std::uint64_t>(upper[i + 1]) << 16U |
+                 static_cast<std::uint64_t>(lower[i]) << 32U | static_cast<std::uint64_t>(lower[i + 1]) << 48U;
+    }
+  });
+  return cube;
 }
 
 int cube_size_for(int width) { return std::max(8, 2 * static_cast<int>(std::lround(width / (2.0 * kernels::kPi)))); }

@@ -10,18 +10,18 @@
 
 namespace pmsp {
 
-/// Owns the six faces that a kernels::CubeView reads (layout there), or, packed, the nodes that they are made of, in a
-/// quarter of the memory.
+/// Owns the six faces that a kernels::CubeView reads (layout there).
 struct CubeMap {
   int size = 0;
   std::vector<std::uint64_t> quads;
-  std::vector<std::uint16_t> nodes;  ///< [face][size + 2][size + 2], where packed
 
-  bool packed() const { return !nodes.empty(); }
-  void pack();
-  CubeMap unpacked(ThreadPool& pool) const;
-  kernels::CubeView view() const;  ///< of one that is not packed
+  kernels::CubeView view() const;
 };
+
+/// A cube map in a quarter of the memory: the nodes that its quads are made of, [face][size + 2][size + 2].
+std::size_t node_count(int size);
+void write_nodes(const CubeMap& cube, std::uint16_t* to);
+CubeMap cube_of_nodes(const std::uint16_t* nodes, int size, ThreadPool& pool);
 
 /// Faces as fine at their centres as an equirectangular image of this width is at the equator.
 int cube_size_for(int width);

@@ -55,34 +55,37 @@ void equalize_rows(Image<float>& gray, ThreadPool& pool) {
 
 }  // namespace
 
-Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
-                   const Executor& executor)
-    : data_(std::make_unique<Data>()) {
+Panorama::Data prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
+                                const Executor& executor) {
   check(image, mask, width, height);
   ThreadPool& pool = executor.impl().pool;
   const Image<Eigen::Vector3f> resized = area_resize(image, width, height, pool);
-  data_->width = width;
-  data_->height = height;
-  data_->color = Image<Rgb>(width, height);
+  Panorama::Data data;
+  data.width = width;
+  data.height = height;
+  data.color = Image<Rgb>(width, height);
   Image<float> gray(width, height);
   const Eigen::Vector3f luma(0.299F, 0.587F, 0.114F);  // ITU-R BT.601
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const Eigen::Vector3f& value = resized(x, y);
       const auto byte = [](float v) { return static_cast<std::uint8_t>(std::min(v + 0.5F, 255.0F)); };
-      data_->color(x, y) = {byte(value.x()), byte(value.y()), byte(value.z())};
+      data.color(x, y) = {byte(value.x()), byte(value.y()), byte(value.z())};
       gray(x, y) = luma.dot(value);
     }
   }
   equalize_rows(gray, pool);
   const int size = cube_size_for(width);
-  data_->gray = make_cube_map(gray, size, pool);
-  if (mask.empty()) return;
-  data_->usable = shrink_mask(mask, width, height);
-  data_->matchable = make_usable_cube(data_->usable, size, kPatchReachPx, pool);
+  data.gray = make_cube_map(gray, size, pool);
+  if (mask.empty()) return data;
+  data.usable = shrink_mask(mask, width, height);
+  data.matchable = make_usable_cube(data.usable, size, kPatchReachPx, pool);
+  return data;
 }
 
-Panorama::Panorama() : data_(std::make_unique<Data>()) {}
+Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
+                   const Executor& executor)
+    : data_(std::make_unique<Data>(prepare_panorama(image, mask, width, height, executor))) {}
 Panorama::~Panorama() = default;
 Panorama::Panorama(Panorama&&) noexcept = default;
 Panorama& Panorama::operator=(Panorama&&) noexcept = default;
@@ -90,22 +93,6 @@ Panorama& Panorama::operator=(Panorama&&) noexcept = default;
 int Panorama::width() const { return data_->width; }
 int Panorama::height() const { return data_->height; }
 const Image<Rgb>& Panorama::color() const { return data_->color; }
-Image<Rgb> Panorama::take_color() { return std::exchange(data_->color, {}); }
-void Panorama::release_gray() { data_->gray = data_->matchable = {}; }
-void Panorama::pack_gray() {
-  data_->gray.pack();
-  data_->matchable.pack();
-}
-bool Panorama::packed() const { return data_->gray.packed(); }
-Panorama Panorama::unpacked(const Executor& executor) const {
-  Panorama result;
-  result.data_->width = data_->width;
-  result.data_->height = data_->height;
-  result.data_->gray = data_->gray.unpacked(executor.impl().pool);
-  result.data_->matchable = data_->matchable.unpacked(executor.impl().pool);
-  return result;
-}
 const Image<std::uint8_t>& Panorama::usable() const { return data_->usable; }
-void Panorama::release_usable() { data_->usable = {}; }
 
 }  // namespace pmsp

@@ -22,4 +22,8 @@ struct Panorama::Data {
   CubeMap matchable;  ///< where neighbours may be sampled; empty without a mask
 };
 
+/// As Panorama's constructor.
+Panorama::Data prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
+                                const Executor& executor);
+
 }  // namespace pmsp

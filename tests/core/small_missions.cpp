@@ -2,6 +2,7 @@
 #include "core/small_missions.h"
 
 #include <algorithm>
+#include <cmath>
 #include <unordered_set>
 #include <utility>
 
@@ -34,6 +35,16 @@ std::string first_difference(const char* what, const std::map<std::int64_t, Resu
     if (!same(result, other->second)) return std::string(what) + " " + std::to_string(id);
   }
   return a.size() == b.size() ? std::string() : std::string("more of ") + what;
+}
+
+void to_world(DepthMap& map) {
+  for (float& depth : map.depth.pixels()) depth *= static_cast<float>(map.scale);
+  map.scale = 1.0;
+}
+
+void to_world(KeyframeCloud& cloud) {
+  for (CloudPoint& point : cloud.points) point.position *= static_cast<float>(cloud.scale);
+  cloud.scale = 1.0;
 }
 
 }  // namespace
@@ -101,6 +112,24 @@ std::vector<std::int64_t> ids_of(const std::vector<Keyframe>& keyframes) {
   std::vector<std::int64_t> ids;
   for (const Keyframe& keyframe : keyframes) ids.push_back(keyframe.id);
   return ids;
+}
+
+Keyframe keyframe_of(const SmallMission& mission, std::int64_t id) {
+  return *std::find_if(mission.keyframes.begin(), mission.keyframes.end(),
+                       [&](const Keyframe& keyframe) { return keyframe.id == id; });
+}
+
+void give_scales(SmallMission& mission) {
+  for (std::size_t i = 0; i < mission.keyframes.size(); ++i) {
+    mission.keyframes[i].scale = std::ldexp(1.0, static_cast<int>(i % 5) - 2);
+  }
+}
+
+ResultsById in_scene_units(ResultsById results) {
+  for (auto& [id, map] : results.raw) to_world(map);
+  for (auto& [id, map] : results.filtered) to_world(map);
+  for (auto& [id, cloud] : results.clouds) to_world(cloud);
+  return results;
 }
 
 void fly_through(Densifier& densifier, const SmallMission& mission) {

@@ -32,6 +32,10 @@ std::vector<SmallMission> small_missions(std::uint64_t seed = 1);
 Plan plan_of(const SmallMission& mission);
 void fly_through(Densifier& densifier, const SmallMission& mission);  ///< adds all keyframes and flushes
 std::vector<std::int64_t> ids_of(const std::vector<Keyframe>& keyframes);
+Keyframe keyframe_of(const SmallMission& mission, std::int64_t id);
+
+/// Gives keyframes units of their own, by powers of two, by which nothing is rounded.
+void give_scales(SmallMission& mission);
 
 /// What was handed out for each keyframe, whatever the order.
 struct ResultsById {
@@ -43,6 +47,7 @@ struct ResultsById {
   int repeated = 0;  ///< results of keyframes that had come before
 };
 ResultsById by_id(const Recording& recording);
+ResultsById in_scene_units(ResultsById results);
 
 /// What differs first; empty if nothing does.
 std::string difference(const ResultsById& a, const ResultsById& b);

@@ -11,6 +11,7 @@
 #include "cuda/transfers.h"
 #include "fusion/fusion_setup.h"
 #include "pmsp/fusion.h"
+#include "util/eigen_kernels.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

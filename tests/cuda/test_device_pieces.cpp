@@ -7,6 +7,7 @@
 
 #include "core/small_missions.h"
 #include "pipeline.h"
+#include "support/temp_dir.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -53,5 +54,32 @@ TEST_CASE("any order of the tasks that are ready gives the same bytes on the dev
       INFO(mission.name << ", seed " << seed);
       CHECK(difference(by_id(recording), whole) == "");
     }
+  }
+}
+
+TEST_CASE("photos whose images are asked for again, or wait in a scratch folder, give the same on the device",
+          "[cuda][pieces]") {
+  const pmsp_test::TempDir dir;
+  for (SmallMission& mission : small_missions()) {
+    if (!mission.options.unordered && mission.options.patchmatch.revisits == 0) continue;
+    mission.options.backend = Backend::kCuda;
+    INFO(mission.name);
+    const ResultsById expected = by_id(whole_run(mission));
+    Recording recording;
+    Densifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
+    densifier.run([&](std::int64_t id) { return keyframe_of(mission, id); });
+    CHECK(difference(by_id(recording), expected) == "");
+    mission.options.scratch_folder = dir.path().string();  // flights do without it where the device suffices
+    CHECK(difference(by_id(whole_run(mission)), expected) == "");
+  }
+}
+
+TEST_CASE("keyframes with units of their own give the same surfaces on the device", "[cuda][pieces]") {
+  for (SmallMission& mission : small_missions()) {
+    mission.options.backend = Backend::kCuda;
+    const ResultsById plain = by_id(whole_run(mission));
+    give_scales(mission);
+    INFO(mission.name);
+    CHECK(difference(in_scene_units(by_id(whole_run(mission))), plain) == "");
   }
 }

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cstdint>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "core/small_missions.h"
+#include "pmsp/error.h"
+#include "support/temp_dir.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+using Catch::Contains;
+
+namespace {
+
+using Ids = std::vector<std::int64_t>;
+
+/// Gives the keyframes of a mission by id. All lie in the same memory, so that an image is gone with the next one.
+class Source {
+ public:
+  explicit Source(const SmallMission& mission) : mission_(mission) {}
+
+  Keyframe operator()(std::int64_t id) {
+    ++asked[id];
+    Keyframe keyframe = keyframe_of(mission_, id);
+    keyframe.image = copy(keyframe.image, image_);
+    if (!keyframe.mask.empty()) keyframe.mask = copy(keyframe.mask, mask_);
+    return keyframe;
+  }
+
+  std::map<std::int64_t, int> asked;  ///< how often for whom
+
+ private:
+  template <class T>
+  static ImageView<const T> copy(const ImageView<const T>& from, Image<T>& to) {
+    if (to.empty()) to = Image<T>(from.width, from.height);
+    for (int y = 0; y < from.height; ++y) std::copy_n(from.data + y * from.stride, from.width, to.row(y));
+    return to.view();
+  }
+
+  const SmallMission& mission_;
+  Image<Rgb> image_;
+  Image<std::uint8_t> mask_;
+};
+
+/// What comes of asking for the keyframes. Checks who was asked for.
+ResultsById run_by_asking(const SmallMission& mission, const Plan& plan, const Ids& ids, int& again) {
+  Source source(mission);
+  Recording recording;
+  Densifier densifier(mission.options, plan, ids, recording.callbacks());
+  densifier.run([&](std::int64_t id) { return source(id); });
+  Ids came;
+  for (const auto& [id, times] : source.asked) {
+    came.push_back(id);
+    again += times - 1;
+  }
+  Ids expected = halo(plan, ids, mission.options).images;
+  std::sort(expected.begin(), expected.end());
+  CHECK(came == expected);
+  return by_id(recording);
+}
+
+bool has_far_links(const Plan& plan) {
+  return std::any_of(plan.entries.begin(), plan.entries.end(),
+                     [](const PlanEntry& entry) { return !entry.far.empty(); });
+}
+
+SmallMission flight(Quality quality) { return {"", small_preset(quality), small_flight(16)}; }
+
+}  // namespace
+
+TEST_CASE("keyframes that are asked for give what those give that are handed over", "[densifier][source]") {
+  bool asked_again = false;
+  for (const SmallMission& mission : small_missions()) {
+    const Plan plan = plan_of(mission);
+    const Ids ids = ids_of(mission.keyframes);
+    INFO(mission.name);
+    int again = 0;
+    CHECK(difference(run_by_asking(mission, plan, ids, again), by_id(whole_run(mission))) == "");
+    CHECK((again > 0) == (mission.options.unordered || has_far_links(plan)));
+    asked_again = asked_again || has_far_links(plan);
+    const Ids part(ids.begin() + 3, ids.begin() + 7);
+    CHECK(difference(run_by_asking(mission, plan, part, again), by_id(run_part(mission, plan, part))) == "");
+  }
+  CHECK(asked_again);
+}
+
+TEST_CASE("what waits in a scratch folder comes back as it was", "[densifier][source]") {
+  const pmsp_test::TempDir dir;
+  for (SmallMission& mission : small_missions()) {
+    const ResultsById expected = by_id(whole_run(mission));
+    mission.options.scratch_folder = dir.path().string();
+    INFO(mission.name);
+    CHECK(difference(by_id(whole_run(mission)), expected) == "");
+    const Plan plan = plan_of(mission);
+    int again = 0;
+    CHECK(difference(run_by_asking(mission, plan, ids_of(mission.keyframes), again), expected) == "");
+  }
+}
+
+TEST_CASE("a given plan goes on by itself after keyframes were handed over", "[densifier][source]") {
+  const SmallMission mission = flight(Quality::kNormal);
+  Source source(mission);
+  Recording recording;
+  Densifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
+  for (std::size_t i = 0; i < 5; ++i) densifier.add(mission.keyframes[i]);
+  densifier.run([&](std::int64_t id) { return source(id); });
+  CHECK(difference(by_id(recording), by_id(whole_run(mission))) == "");
+}
+
+TEST_CASE("keyframes that cannot be had end the run, by name", "[densifier][source]") {
+  const SmallMission mission = flight(Quality::kNormal);
+  const Plan plan = plan_of(mission);
+  Source source(mission);
+  const auto run = [&](const KeyframeSource& keyframes) {
+    Densifier densifier(mission.options, plan, ids_of(mission.keyframes), {});
+    try {
+      densifier.run(keyframes);
+    } catch (...) {
+      CHECK(densifier.cancelled());
+      throw;
+    }
+  };
+  const std::int64_t second = mission.keyframes[1].id;
+  CHECK_THROWS_WITH(run([&](std::int64_t id) { return source(id == second ? id + 1 : id); }),
+                    Contains("keyframe " + std::to_string(second) + " was asked for"));
+  CHECK_THROWS_WITH(run([&](std::int64_t id) {
+                      if (id == second) throw std::runtime_error("the disk is gone");
+                      return source(id);
+                    }),
+                    "the disk is gone");
+  CHECK_THROWS_AS(run([&](std::int64_t id) {
+                    Keyframe keyframe = source(id);
+                    if (source.asked[id] > 1) keyframe.image = {};
+                    return keyframe;
+                  }),
+                  InvalidInput);
+  Densifier densifier(mission.options, {});
+  CHECK_THROWS_WITH(densifier.run([&](std::int64_t id) { return source(id); }), Contains("given plan"));
+}
