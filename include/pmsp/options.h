@@ -159,8 +159,9 @@ struct DensifierOptions {
   int threads = 0;          ///< 1 to 1024; 0 = one for each CPU that the process may use
   Simd simd = Simd::kAuto;  ///< kAuto takes the widest that this machine has
   /// An existing folder for what keyframes leave while they wait for their points' say (for long with
-  /// `free_space.whole_mission`), about 17 bytes a pixel of those that wait; "" = in memory. With CUDA it is used only
-  /// where they would not find room on the device. It changes no byte of the result.
+  /// `free_space.whole_mission`), about 17 bytes a pixel of those that wait, for the images of places that may be
+  /// passed again (2.5 bytes a pixel), and in unordered sets for all that waits; "" = in memory. With CUDA it is used
+  /// for sets, and for flights that would not find room on the device. It changes no byte of the result.
   std::string scratch_folder;
   bool unordered = false;  ///< keyframes are a set, such as photo captures: their order means nothing (see make_plan)
   ViewFilterOptions view_filter;
