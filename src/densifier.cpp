@@ -54,22 +54,26 @@ void Pipeline::flush() {
 
 void Pipeline::run(const KeyframeSource& keyframes) {
   if (!part_) throw InvalidInput("run: there is no plan that says which keyframes to ask for; expected a given plan");
+  if (!keyframes) throw InvalidInput("run: there is nobody to ask for keyframes");
+  const auto pull = [&](std::int64_t id) {
+    Keyframe keyframe = keyframes(id);
+    if (keyframe.id == id || stopped()) return keyframe;
+    throw InvalidInput("keyframe " + std::to_string(id) + " was asked for, keyframe " + std::to_string(keyframe.id) +
+                       " came");
+  };
+  const auto forget = [this](void*) { image_again_ = nullptr; };
+  const std::unique_ptr<void, decltype(forget)> at_the_end(this, forget);
+  image_again_ = [&](std::int64_t id) {
+    Keyframe keyframe = pull(id);
+    if (!stopped()) check_keyframe(keyframe);
+    return keyframe;
+  };
   or_stop([&] {
-    image_again_ = [&](std::int64_t id) { return pull(keyframes, id); };
     while (!stopped() && taken_ < part_->taking_part().size()) {
-      add(pull(keyframes, part_->entry(part_->taking_part()[taken_]).id));
+      add(pull(part_->entry(part_->taking_part()[taken_]).id));
     }
     flush();
   });
-  image_again_ = nullptr;
-}
-
-Keyframe Pipeline::pull(const KeyframeSource& keyframes, std::int64_t id) {
-  Keyframe keyframe = keyframes(id);
-  check_keyframe(keyframe);
-  if (keyframe.id == id) return keyframe;
-  throw InvalidInput("keyframe " + std::to_string(id) + " was asked for, keyframe " + std::to_string(keyframe.id) +
-                     " came");
 }
 
 /// Whether the keyframe can take part. Of a given plan, those that do come in its order.
@@ -259,7 +263,9 @@ void Pipeline::match(const View& reference, int pass) {
   for (const std::int64_t id : entry.far) task.neighbours.push_back(frame_of(id));
   task.near = entry.near.size();
   const double scale = reference.keyframe.scale;
-  task.range = {entry.range.min / scale, entry.range.max / scale};
+  task.range = {std::clamp(entry.range.min / scale, kMinDepth, kMaxDepth),
+                std::clamp(entry.range.max / scale, kMinDepth, kMaxDepth)};
+  if (!(task.range.max > task.range.min)) return;
   if (pass == 0 && entry.first_planes && frame_of(*entry.first_planes)->matched) {
     task.previous = frame_of(*entry.first_planes);
   }
@@ -291,7 +297,7 @@ void Pipeline::forget(bool last) {
     }
     for (; kept_[k] < until; ++kept_[k]) {
       View& released = view(kept_[k]);
-      if (lifetime.artefact == Artefact::kLandmarks) released.keyframe.landmarks = {};
+      if (lifetime.artefact == Artefact::kLandmarks) std::vector<Landmark>().swap(released.keyframe.landmarks);
       engine_->release(*released.frame, lifetime.artefact);
     }
     keep = std::min(keep, kept_[k]);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 #include <string>
 
 #include <Eigen/LU>
@@ -55,7 +56,10 @@ void check_keyframe(const Keyframe& keyframe) {
 
 void check_scale(const std::string& where, double scale) {
   if (scale >= 1.0 / kMaxScale && scale <= kMaxScale) return;
-  throw InvalidInput(where + "the scale is " + std::to_string(scale) + "; expected 0.001 to 1000");
+  std::ostringstream text;
+  text << where << "the scale is " << scale << "; expected " << 1.0 / kMaxScale << " to " << kMaxScale
+       << ": give the world a unit nearer to that of the keyframes";
+  throw InvalidInput(text.str());
 }
 
 void fill_in_size(DensifierOptions& options, int image_width, int image_height) {

@@ -8,7 +8,7 @@
 
 namespace pmsp {
 
-/// Throws InvalidInput, naming keyframe and field, unless image, mask, pose and landmarks are usable.
+/// Throws InvalidInput, naming keyframe and field, unless image, mask, pose, scale and landmarks are usable.
 void check_keyframe(const Keyframe& keyframe);
 
 /// Throws InvalidInput unless a keyframe's scale is usable. `where`: the first words of the text.

@@ -93,7 +93,7 @@ class Pipeline {
   bool is_ready(const Task& task, bool last);
   bool is_planned(const Task& task);
   std::size_t planned_for(Stage::Kind kind) const;
-  static Keyframe pull(const KeyframeSource& keyframes, std::int64_t id);
+
   void run(const Stage& stage, std::int64_t i);
   void match(const View& reference, int pass);
   void fuse(const View& reference);

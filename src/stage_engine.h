@@ -215,6 +215,7 @@ class StageEngine final : public Engine {
   }
 
   void release(Frame& frame, Artefact artefact) override {
+    [[maybe_unused]] const auto scope = on_.enter();
     StageFrame& done = own(frame);
     switch (artefact) {
       case Artefact::kImage:
@@ -309,14 +310,24 @@ class StageEngine final : public Engine {
   static StageFrame& own(Frame& frame) { return static_cast<StageFrame&>(frame); }
   static const StageFrame& own(const Frame& frame) { return static_cast<const StageFrame&>(frame); }
 
+  /// Where a keyframe's mask is, as long as a stage looks at it.
+  struct HeldMask {
+    Array<Color> color;  ///< on processors that keep the mask in it
+    Array<std::uint8_t> mask;
+  };
+  static HeldMask mask_of(const StageFrame& frame) {
+    if constexpr (Processor::kMaskInColor) return {frame.color.get(), nullptr};
+    return {nullptr, frame.mask.get()};
+  }
+  typename Views::Mask view_of(const HeldMask& held) const { return on_.mask(held.color, held.mask); }
+
   /// What a pass's views point into.
   struct Sources {
     Cubes reference;
     std::vector<Cubes> neighbours;
     std::vector<Planes> maps;
     Planes before;  ///< the reference's own map of the pass before
-    Array<Color> color;
-    Array<std::uint8_t> mask;
+    HeldMask mask;
     Array<kernels::SparsePoint> points;
     Array<std::uint64_t> landmark_keys, warped_keys;
     Planes landmarks, previous, warped, priors;
@@ -324,10 +335,10 @@ class StageEngine final : public Engine {
 
   void run_pass(const MatchTask& task, const Planes& result) {
     DensifierStats& stats = context_.stats;
-    const StageFrame& reference = own(*task.reference);
     Pass pass{};
     Sources sources;
     fetch(task, sources);
+    if (cancelled()) return;
     on_.timed(stats.seconds_init, [&] {
       look_around(task, pass, sources);
       if (task.pass == 0) {
@@ -360,10 +371,10 @@ class StageEngine final : public Engine {
   void fetch(const MatchTask& task, Sources& sources) {
     const StageFrame& reference = own(*task.reference);
     sources.reference = cubes_of(reference);
-    sources.color = reference.color.get();
-    sources.mask = reference.mask.get();
+    sources.mask = mask_of(reference);
     if (task.pass > 0) sources.before = before(reference, task.pass);
     for (const Frame* frame : task.neighbours) {
+      if (cancelled()) return;
       const StageFrame& neighbour = own(*frame);
       const bool lends_planes = task.pass > 0 && sources.maps.size() < task.near;
       sources.neighbours.push_back(cubes_of(neighbour));
@@ -371,24 +382,35 @@ class StageEngine final : public Engine {
     }
   }
 
+  /// None after cancel.
   Cubes cubes_of(const StageFrame& frame) {
     if (frame.cubes.gray) return frame.cubes;
-    if (frame.packed.count() > 0) return on_.unpack(frame.packed.get(), frame.packed.count());
-    return on_.prepare(context_.image_again(frame.id), context_.stats.seconds_prepare).cubes;
+    if (frame.packed.count() > 0) {
+      Cubes cubes;
+      on_.timed(context_.stats.seconds_prepare, [&] { cubes = on_.unpack(frame.packed.get(), frame.packed.count()); });
+      return cubes;
+    }
+    const auto ask = [&] {
+      [[maybe_unused]] const auto scope = on_.enter();  // whoever answers may leave it
+      return context_.image_again(frame.id);
+    };
+    const Keyframe again = ask();
+    if (cancelled()) return {};
+    return on_.prepare(again, context_.stats.seconds_prepare).cubes;
   }
 
   /// Lets a keyframe's cubes go where they take less memory, or none.
   void put_away(StageFrame& frame) {
-    if (!context_.image_again && !scratch_ && !Processor::kPacks) return;
-    if (!context_.image_again) frame.packed.put(on_.pack(frame.cubes), on_.packed_size(frame.cubes));
-    frame.cubes = {};
+    const bool packs = scratch_ || (Processor::kPacks && !context_.image_again);
+    if (packs) frame.packed.put(on_.pack(frame.cubes), on_.packed_size(frame.cubes));
+    if (packs || context_.image_again) frame.cubes = {};
   }
 
   void look_around(const MatchTask& task, Pass& pass, const Sources& sources) {
     const DensifierOptions& options = context_.options;
     const StageFrame& reference = own(*task.reference);
     pass.grid = on_.grid();
-    pass.mask = on_.mask(sources.color, sources.mask);
+    pass.mask = view_of(sources.mask);
     pass.matching = make_matching(on_.gray(sources.reference), options.patchmatch, options.width, task.range,
                                   options.seed, reference.id);
     for (std::size_t i = 0; i < task.neighbours.size(); ++i) {
@@ -434,11 +456,9 @@ class StageEngine final : public Engine {
 
   Planes median_of(const StageFrame& frame, const Planes& raw, Counts* counts) {
     Planes filtered = on_.planes();
-    const Array<Color> color = frame.color.get();
-    const Array<std::uint8_t> mask = frame.mask.get();
-    on_.launch(
-        median_stage<Views>(on_.map(raw), on_.grid(), on_.mask(color, mask), context_.options.median, on_.to(filtered)),
-        counts);
+    const HeldMask mask = mask_of(frame);
+    on_.launch(median_stage<Views>(on_.map(raw), on_.grid(), view_of(mask), context_.options.median, on_.to(filtered)),
+               counts);
     return filtered;
   }
 

@@ -46,15 +46,16 @@ struct DensifierStats {
 };
 
 /// Receives results as soon as they are final. Members that are not set are not called, and what only they need is not
-/// computed. All calls come from inside `add` and `flush`, on the thread that called them, in the order in which the
-/// keyframes were added. They may call `cancel` and what is const of their Densifier, nothing else.
+/// computed. All calls come from inside `add`, `flush` and `run`, on the thread that called them, in the order in which
+/// the keyframes were added. They may call `cancel` and what is const of their Densifier, nothing else.
 struct DensifierCallbacks {
   std::function<void(const DepthMap&)> raw_depth;       ///< straight from PatchMatch
   std::function<void(const DepthMap&)> filtered_depth;  ///< after the median and consistency filters
   std::function<void(const KeyframeCloud&)> cloud;      ///< a keyframe's share of the cloud; once for each depth map
 };
 
-/// Gives a keyframe by its id. What its views point to stays until the next call, or until `run` returns.
+/// Gives a keyframe by its id. What its views point to stays until the next call, or until `run` returns. May call what
+/// callbacks may; after `cancel` it may return anything.
 using KeyframeSource = std::function<Keyframe(std::int64_t id)>;
 
 /// Turns keyframes into dense points, one keyframe at a time, holding a small window of them:
@@ -65,8 +66,8 @@ using KeyframeSource = std::function<Keyframe(std::int64_t id)>;
 /// once. Results depend on input, seed and backend (plain CPU code, CPU with AVX2 or AVX-512, CUDA), not on the number
 /// of threads.
 ///
-/// What a callback throws comes out of `add` or `flush`. After that, or when these throw anything but the InvalidInput
-/// that they name, the Densifier is as after `cancel`.
+/// What a callback throws comes out of `add`, `flush` or `run`. After that, or when these throw anything but the
+/// InvalidInput that leaves all as it was, the Densifier is as after `cancel`.
 class Densifier {
  public:
   /// Makes the plan (see make_plan) while keyframes come. Throws InvalidOption; BackendUnavailable when
@@ -109,10 +110,12 @@ class Densifier {
   void flush();
 
   /// Runs a given plan to its end: asks for the keyframes that it needs, one at a time and in the order of the plan, in
-  /// place of `add`, and flushes. It asks for one again, for its image only, where this is looked at later: by who
-  /// passes the place again, and in unordered sets by each that is matched with it. So images take no memory meanwhile.
-  /// An id stands for the same keyframe each time. Throws what `add`, `flush` and `keyframes` throw; InvalidInput, too,
-  /// when there is no given plan, or another keyframe comes than was asked for.
+  /// place of `add`, and flushes. Without a scratch folder it asks again for images that are looked at later, so that
+  /// they take no memory meanwhile: in each pass over who passes the place again, and in unordered sets in each pass
+  /// over the keyframe itself and over each that is matched with it. An id stands for the same keyframe each time.
+  /// Throws InvalidInput when there is no given plan, and all is as it was; else what `add`, `flush` and `keyframes`
+  /// throw, and InvalidInput when another keyframe comes than was asked for: after any of these the Densifier is as
+  /// after `cancel`.
   void run(const KeyframeSource& keyframes);
 
   /// Makes `add`, `flush` or `run` return early at the next safe point (between two iterations); may be called from any

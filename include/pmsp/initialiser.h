@@ -9,7 +9,7 @@
 namespace pmsp {
 
 /// Depths that single precision bears, in squares and products of three: what lies nearer or farther is passed over
-/// [scene units].
+/// [keyframe's unit].
 constexpr double kMinDepth = 1e-6;
 constexpr double kMaxDepth = 1e6;
 inline bool is_usable_depth(double depth) { return depth >= kMinDepth && depth <= kMaxDepth; }

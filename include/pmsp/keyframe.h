@@ -36,8 +36,8 @@ struct Keyframe {
                                        ///< that it is given to
   ImageView<const std::uint8_t> mask;  ///< 0 = ignore, any other = use; size of `image`; empty = use all
 
-  /// The unit of all that is made of the keyframe (planes, depths, points) in scene units, see KeyframePose. What is
-  /// given is in scene units all the same.
+  /// The unit of all that is made of the keyframe (planes, depths, points) in scene units, 1 / kMaxScale to kMaxScale,
+  /// see KeyframePose. What is given is in scene units all the same.
   double scale = 1.0;
   KeyframePose pose() const { return {cam_from_world, scale}; }
 };

@@ -13,7 +13,7 @@ namespace pmsp {
 
 /// One point of a dense cloud.
 struct CloudPoint {
-  Eigen::Vector3f position = Eigen::Vector3f::Zero();  ///< [scene units], frame as the owner says
+  Eigen::Vector3f position = Eigen::Vector3f::Zero();  ///< frame and unit as the owner says
   Eigen::Vector3f normal = Eigen::Vector3f::Zero();    ///< unit, facing the camera, same frame as `position`
   Rgb color;
   std::uint8_t views = 0;   ///< number of keyframes whose depth maps agree on the point, saturating at 255
@@ -27,7 +27,7 @@ struct KeyframeCloud {
   std::int64_t keyframe_id = 0;
   RigidTransform cam_from_world;  ///< as it was when the keyframe was added; translation in the world's unit
   std::vector<CloudPoint> points;
-  double scale = 1.0;  ///< the unit of `points` in the world's unit, > 0
+  double scale = 1.0;  ///< the unit of `points` in the world's unit, see KeyframePose
   KeyframePose pose() const { return {cam_from_world, scale}; }
 
   /// Of each point the pixel of the keyframe's depth map that it stands for, row x width + column, ascending. With the

@@ -57,6 +57,7 @@ class CpuProcessor {
     Array<std::uint8_t> mask;
   };
   static constexpr bool kPacks = true;
+  static constexpr bool kMaskInColor = false;
 
   CpuProcessor(const EngineContext& context, const Executor& executor)
       : cancel_(&context.cancel), executor_(executor) {}

@@ -38,6 +38,7 @@ class CudaProcessor {
     Array<std::uint8_t> mask;  ///< none
   };
   static constexpr bool kPacks = false;
+  static constexpr bool kMaskInColor = true;
 
   CudaProcessor(const EngineContext& context, const Executor& executor);
   ~CudaProcessor();

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "pmsp/error.h"
 #include "sphere/area_resize.h"
 #include "sphere/grid.h"
 
@@ -19,16 +20,21 @@ void copy_up(T* to, const T* from, std::size_t count, const Stream& stream) {
   PMSP_CUDA_CHECK(cudaMemcpyAsync(to, from, count * sizeof(T), cudaMemcpyHostToDevice, stream.get()));
 }
 
-/// `pinned`: the memory of `to`. It grows by a quarter more than is asked for, since locking pages takes time.
+/// `pinned`: the memory of `to`. It grows by a quarter more than is asked for, since locking pages takes time; where
+/// the host refuses that, the copy takes longer.
 template <class T, class From>
 void copy_down(std::vector<T>& to, const From* from, std::size_t count, std::optional<PinnedRange>& pinned,
                const Stream& stream) {
   static_assert(sizeof(T) == sizeof(From), "copied as it is");
   if (to.capacity() < count) {
     pinned.reset();
-    to = {};
+    to = std::vector<T>();
     to.reserve(count + count / 4);
-    pinned.emplace(to.data(), to.capacity() * sizeof(T));
+    try {
+      pinned.emplace(to.data(), to.capacity() * sizeof(T));
+    } catch (const DeviceError&) {
+      cudaGetLastError();  // clears it
+    }
   }
   to.resize(count);
   if (count == 0) return;

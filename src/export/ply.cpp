@@ -57,10 +57,11 @@ struct PlyWriter::Impl {
     file.write(header);
   }
 
-  void add(const CloudPoint& point, const RigidTransform& world_from_cam, const Eigen::Matrix3f& rotation) {
+  void add(const CloudPoint& point, double scale, const RigidTransform& world_from_cam,
+           const Eigen::Matrix3f& rotation) {
     char record[64];
     char* at = record;
-    const Eigen::Vector3d position = world_from_cam * point.position.cast<double>();
+    const Eigen::Vector3d position = world_from_cam * (scale * point.position.cast<double>());
     const Eigen::Vector3f normal = rotation * point.normal;
     for (int i = 0; i < 3; ++i) {
       at = double_positions ? put(at, position[i]) : put(at, static_cast<float>(position[i]));
@@ -88,11 +89,11 @@ PlyWriter::PlyWriter(const std::filesystem::path& path, const Options& options)
 
 PlyWriter::~PlyWriter() = default;
 
-void PlyWriter::add(const KeyframeCloud& cloud) {
+void PlyWriter::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   if (impl_->finished) throw OutputError(impl_->name + ": points added after the file was finished");
-  const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
+  const RigidTransform world_from_cam = pose.cam_from_world.inverse();
   const Eigen::Matrix3f rotation = world_from_cam.rotation.cast<float>();
-  for (const CloudPoint& point : cloud.points) impl_->add(point, world_from_cam, rotation);
+  for (const CloudPoint& point : cloud.points) impl_->add(point, pose.scale, world_from_cam, rotation);
 }
 
 std::int64_t PlyWriter::points() const { return impl_->points; }

@@ -15,7 +15,7 @@ inline std::size_t sparse_points(const Keyframe& keyframe, int width, int height
   std::size_t count = 0;
   for (const Landmark& landmark : keyframe.landmarks) {
     const Eigen::Vector3d p = keyframe.cam_from_world * landmark.position_world;
-    if (!is_usable_depth(p.norm())) continue;
+    if (!is_usable_depth(p.norm() / keyframe.scale)) continue;
     const Eigen::Vector2f at = pixel_from_bearing(p, width, height).cast<float>();
     const Eigen::Vector3f plane = (keyframe.scale / p.squaredNorm() * p).cast<float>();
     to[count++] = {at.x(), at.y(), {plane.x(), plane.y(), plane.z()}};

@@ -180,7 +180,9 @@ void Planner::choose_viewers_of(std::int64_t i) {
 
 /// Lets go of what no later keyframe looks at.
 void Planner::forget() {
-  for (; next_clear_ < next_match_ - reach_.near; ++next_clear_) node(next_clear_).keyframe.landmarks = {};
+  for (; next_clear_ < next_match_ - reach_.near; ++next_clear_) {
+    std::vector<Landmark>().swap(node(next_clear_).keyframe.landmarks);
+  }
   const std::int64_t windows = std::max(reach_.viewers_before, reach_.windows);
   const std::int64_t keep = std::min({next_clear_, next_viewers_ - windows, next_match_ - reach_.images_before});
   for (; first_ < keep; ++first_) nodes_.pop_front();

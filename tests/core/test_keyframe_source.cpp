@@ -99,6 +99,7 @@ TEST_CASE("what waits in a scratch folder comes back as it was", "[densifier][so
     const Plan plan = plan_of(mission);
     int again = 0;
     CHECK(difference(run_by_asking(mission, plan, ids_of(mission.keyframes), again), expected) == "");
+    CHECK(again == 0);
   }
 }
 
@@ -133,12 +134,57 @@ TEST_CASE("keyframes that cannot be had end the run, by name", "[densifier][sour
                       return source(id);
                     }),
                     "the disk is gone");
-  CHECK_THROWS_AS(run([&](std::int64_t id) {
-                    Keyframe keyframe = source(id);
-                    if (source.asked[id] > 1) keyframe.image = {};
-                    return keyframe;
-                  }),
-                  InvalidInput);
   Densifier densifier(mission.options, {});
   CHECK_THROWS_WITH(densifier.run([&](std::int64_t id) { return source(id); }), Contains("given plan"));
+  CHECK_FALSE(densifier.cancelled());
+  Densifier given(mission.options, plan, ids_of(mission.keyframes), {});
+  CHECK_THROWS_WITH(given.run(nullptr), Contains("nobody"));
+  CHECK_FALSE(given.cancelled());
+}
+
+TEST_CASE("an image that cannot be had a second time ends the run, and cancel does so without a word",
+          "[densifier][source]") {
+  for (const SmallMission& mission : small_missions()) {
+    if (!mission.options.unordered) continue;
+    for (const bool cancel : {false, true}) {
+      Source source(mission);
+      Recording recording;
+      Densifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
+      int again = 0;
+      const auto run = [&] {
+        densifier.run([&](std::int64_t id) {
+          Keyframe keyframe = source(id);
+          if (source.asked[id] == 1 || ++again < 9) return keyframe;
+          if (cancel) densifier.cancel();
+          return Keyframe();
+        });
+      };
+      if (cancel) {
+        CHECK_NOTHROW(run());
+      } else {
+        CHECK_THROWS_AS(run(), InvalidInput);
+      }
+      CHECK(again == 9);  // nobody was asked after that
+      CHECK(densifier.cancelled());
+      CHECK(recording.clouds.empty());
+      CHECK_NOTHROW(densifier.run([&](std::int64_t id) { return source(id); }));
+    }
+  }
+}
+
+TEST_CASE("a run counts what a flight counts, and a second one has nothing to do", "[densifier][source]") {
+  SmallMission mission = flight(Quality::kHigh);
+  mission.options.width = 0;  // that of the images
+  mission.options.height = 0;
+  Recording pushed;
+  Densifier pushes(mission.options, plan_of(mission), ids_of(mission.keyframes), pushed.callbacks());
+  fly_through(pushes, mission);
+  Source source(mission);
+  Recording pulled;
+  Densifier pulls(mission.options, plan_of(mission), ids_of(mission.keyframes), pulled.callbacks());
+  for (int i = 0; i < 2; ++i) pulls.run([&](std::int64_t id) { return source(id); });
+  CHECK(difference(by_id(pulled), by_id(pushed)) == "");
+  CHECK(pulls.stats().keyframes_accepted == pushes.stats().keyframes_accepted);
+  CHECK(pulls.stats().points_repeated == pushes.stats().points_repeated);
+  CHECK(pulls.stats().points == pushes.stats().points);
 }

@@ -49,6 +49,28 @@ std::string header(const std::string& format, const std::string& rest) {
 
 }  // namespace
 
+TEST_CASE("a cloud is written at its own pose and scale, or at those that are given") {
+  const TempDir dir;
+  KeyframeCloud cloud = sample_cloud(3);
+  cloud.scale = 2.0;
+  KeyframePose moved = cloud.pose();
+  moved.cam_from_world.translation += Eigen::Vector3d(1.0, 2.0, 3.0);
+  moved.scale = 0.5;
+  PlyWriter::Options options;
+  options.double_positions = true;
+  PlyWriter writer(dir / "c.ply", options);
+  writer.add(cloud);
+  writer.add(cloud, moved);
+  writer.finish();
+  const PlyCloud read = read_ply(dir / "c.ply");
+  REQUIRE(read.positions.size() == 6);
+  for (std::size_t i = 0; i < 6; ++i) {
+    const KeyframePose& pose = i < 3 ? cloud.pose() : moved;
+    const Eigen::Vector3d in_camera = pose.cam_from_world * read.positions[i];
+    CHECK((in_camera - pose.scale * cloud.points[i % 3].position.cast<double>()).norm() < 1e-9);
+  }
+}
+
 TEST_CASE("a cloud survives writing and reading, in world coordinates") {
   const TempDir dir;
   const KeyframeCloud cloud = sample_cloud(300);

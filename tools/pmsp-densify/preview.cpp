@@ -168,7 +168,7 @@ void Preview::add_points(const KeyframeCloud& cloud) {
   const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
   for (const CloudPoint& point : cloud.points) {
     ViewPoint kept;
-    kept.position = (world_from_cam * point.position.cast<double>()).cast<float>();
+    kept.position = (world_from_cam * (cloud.scale * point.position.cast<double>())).cast<float>();
     const Eigen::Vector3f normal = world_from_cam.rotation.cast<float>() * point.normal;
     kept.normal = (normal.cwiseMax(-1.0F).cwiseMin(1.0F) * 127.0F).cast<std::int8_t>();
     kept.color = point.color;

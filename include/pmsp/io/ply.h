@@ -28,8 +28,10 @@ class PlyWriter {
   PlyWriter(const std::filesystem::path& path, const Options& options);
   ~PlyWriter();
 
-  /// Appends the points in world coordinates, by the cloud's own pose. Throws OutputError (disk full).
-  void add(const KeyframeCloud& cloud);
+  /// Appends the points in world coordinates with the keyframe at `pose`: the cloud's own one, or a newer one. Throws
+  /// OutputError (disk full).
+  void add(const KeyframeCloud& cloud, const KeyframePose& pose);
+  void add(const KeyframeCloud& cloud) { add(cloud, cloud.pose()); }
 
   std::int64_t points() const;
 
