@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "live/scale_recovery.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+namespace pmsp {
+namespace {
+
+/// Ratios of lengths after and before, as logarithms.
+struct Ratio {
+  double log;
+  double weight;
+};
+
+/// What a keyframe's scale has changed by.
+struct Estimate {
+  double log;
+  double error;  ///< standard deviation, of `log`
+};
+
+constexpr std::size_t kFewestBaselines = 3;
+constexpr std::size_t kFewestLandmarks = 12;
+/// No estimate is better than this, however many ratios agree: poses within one neighbourhood are off together.
+constexpr double kLeastError = 1e-3;
+/// Estimates that differ by more than so many errors contradict each other.
+constexpr double kContradiction = 3.0;
+/// A change that is no more than so many errors is none.
+constexpr double kSignificant = 3.0;
+/// Of a normal distribution, over the median of its absolute deviations.
+constexpr double kDeviationOverMedian = 1.4826;
+/// Standard error of a median, over that of a mean.
+constexpr double kMedianOverMean = 1.2533;
+
+double weighted_median(std::vector<Ratio>& ratios) {
+  std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.log < b.log; });
+  double half = 0.0;
+  for (const Ratio& ratio : ratios) half += 0.5 * ratio.weight;
+  for (const Ratio& ratio : ratios) {
+    half -= ratio.weight;
+    if (half <= 0.0) return ratio.log;
+  }
+  return ratios.back().log;
+}
+
+std::optional<Estimate> robust_mean(std::vector<Ratio> ratios, std::size_t fewest) {
+  if (ratios.size() < fewest) return std::nullopt;
+  const double middle = weighted_median(ratios);
+  double sum = 0.0;
+  double squares = 0.0;
+  for (const Ratio& ratio : ratios) {
+    sum += ratio.weight;
+    squares += ratio.weight * ratio.weight;
+  }
+  std::vector<Ratio> deviations;
+  deviations.reserve(ratios.size());
+  for (const Ratio& ratio : ratios) deviations.push_back({std::abs(ratio.log - middle), ratio.weight});
+  const double deviation = kDeviationOverMedian * weighted_median(deviations);
+  const double independent = sum * sum / squares;  // ratios of equal weight that would say as much
+  return Estimate{middle, kLeastError + kMedianOverMean * deviation / std::sqrt(independent)};
+}
+
+/// The longer a baseline, the less of it is noise.
+std::optional<Estimate> from_baselines(const std::vector<MovedKeyframe>& keyframes, std::size_t i) {
+  const Eigen::Vector3d before = keyframes[i].before.cam_from_world.center();
+  const Eigen::Vector3d after = keyframes[i].after.center();
+  std::vector<Ratio> ratios;
+  const std::size_t end = std::min(keyframes.size(), i + kScaleReach + 1);
+  for (std::size_t k = i > kScaleReach ? i - kScaleReach : 0; k < end; ++k) {
+    if (k == i) continue;
+    const double length = (keyframes[k].before.cam_from_world.center() - before).norm();
+    const double now = (keyframes[k].after.center() - after).norm();
+    if (length > 0.0 && now > 0.0) ratios.push_back({std::log(now / length), length * length});
+  }
+  return robust_mean(std::move(ratios), kFewestBaselines);
+}
+
+std::optional<Estimate> from_landmarks(const MovedKeyframe& keyframe) {
+  std::vector<Ratio> ratios;
+  const std::size_t count = std::min(keyframe.ranges_before.size(), keyframe.ranges_after.size());
+  for (std::size_t k = 0; k < count; ++k) {
+    const double length = keyframe.ranges_before[k];
+    const double now = keyframe.ranges_after[k];
+    if (length > 0.0 && now > 0.0) ratios.push_back({std::log(now / length), 1.0});
+  }
+  return robust_mean(std::move(ratios), kFewestLandmarks);
+}
+
+bool contradict(const Estimate& a, const Estimate& b) {
+  return std::abs(a.log - b.log) > kContradiction * std::hypot(a.error, b.error);
+}
+
+Estimate mean(const Estimate& a, const Estimate& b) {
+  const double weight_a = 1.0 / (a.error * a.error);
+  const double weight_b = 1.0 / (b.error * b.error);
+  return {(weight_a * a.log + weight_b * b.log) / (weight_a + weight_b), 1.0 / std::sqrt(weight_a + weight_b)};
+}
+
+/// What is told of a keyframe before those around are heard.
+struct Told {
+  std::optional<Estimate> baselines, landmarks;
+
+  /// Where nothing contradicts it.
+  std::optional<Estimate> agreed() const {
+    if (!baselines) return landmarks;
+    if (!landmarks) return baselines;
+    if (contradict(*baselines, *landmarks)) return std::nullopt;
+    return mean(*baselines, *landmarks);
+  }
+};
+
+/// The middle one of what is agreed on around a keyframe; nullopt where there is nothing.
+std::optional<Estimate> around(const std::vector<Told>& told, std::size_t i) {
+  std::vector<Ratio> logs;
+  const std::size_t end = std::min(told.size(), i + kScaleReach + 1);
+  for (std::size_t k = i > kScaleReach ? i - kScaleReach : 0; k < end; ++k) {
+    const std::optional<Estimate> agreed = told[k].agreed();
+    if (k != i && agreed) logs.push_back({agreed->log, 1.0 / (agreed->error * agreed->error)});
+  }
+  return robust_mean(std::move(logs), 1);
+}
+
+std::optional<Estimate> decide(const std::vector<Told>& told, std::size_t i) {
+  const std::optional<Estimate> agreed = told[i].agreed();
+  if (agreed) return agreed;
+  const std::optional<Estimate> others = around(told, i);
+  if (!told[i].baselines) return others;  // nothing is told of it
+  if (!others) return told[i].baselines;
+  const double of_baselines = std::abs(told[i].baselines->log - others->log);
+  const double of_landmarks = std::abs(told[i].landmarks->log - others->log);
+  return of_landmarks < of_baselines ? told[i].landmarks : told[i].baselines;
+}
+
+}  // namespace
+
+std::vector<double> recover_scales(const std::vector<MovedKeyframe>& keyframes) {
+  std::vector<Told> told(keyframes.size());
+  for (std::size_t i = 0; i < keyframes.size(); ++i) {
+    told[i] = {from_baselines(keyframes, i), from_landmarks(keyframes[i])};
+  }
+  std::vector<double> scales;
+  scales.reserve(keyframes.size());
+  for (std::size_t i = 0; i < keyframes.size(); ++i) {
+    const std::optional<Estimate> change = decide(told, i);
+    const bool significant = change && std::abs(change->log) > kSignificant * change->error;
+    const double scale = keyframes[i].before.scale * (significant ? std::exp(change->log) : 1.0);
+    scales.push_back(std::clamp(scale, 1.0 / kMaxScale, kMaxScale));
+  }
+  return scales;
+}
+
+}  // namespace pmsp
