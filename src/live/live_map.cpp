@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "live/live_map.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace pmsp {
+namespace {
+
+bool same(const KeyframePose& a, const KeyframePose& b) {
+  return a.scale == b.scale && a.cam_from_world.rotation == b.cam_from_world.rotation &&
+         a.cam_from_world.translation == b.cam_from_world.translation;
+}
+
+}  // namespace
+
+void LiveMap::publish(LiveMove place, std::shared_ptr<const KeyframeCloud> cloud, bool preliminary) {
+  std::shared_ptr<const KeyframeCloud> replaced;  // freed outside the lock
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++version_;
+  Entry& entry = entries_[place.keyframe_id];
+  replaced = std::move(entry.cloud.cloud);
+  if (!replaced) entry.there_since = version_;
+  const bool moved = !replaced || !same(entry.cloud.pose, place.pose) || entry.cloud.map_id != place.map_id;
+  const LiveVersion pose_since = moved ? version_ : entry.cloud.pose_since;
+  entry.cloud = {place.keyframe_id, place.map_id, place.pose, std::move(cloud), preliminary, version_, pose_since};
+}
+
+void LiveMap::move(const std::vector<LiveMove>& places) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const LiveVersion next = version_ + 1;
+  for (const LiveMove& place : places) {
+    const auto found = entries_.find(place.keyframe_id);
+    if (found == entries_.end()) continue;
+    LiveCloud& cloud = found->second.cloud;
+    if (same(cloud.pose, place.pose) && cloud.map_id == place.map_id) continue;
+    cloud.pose = place.pose;
+    cloud.map_id = place.map_id;
+    cloud.pose_since = next;
+    version_ = next;
+  }
+}
+
+void LiveMap::remove(const std::vector<std::int64_t>& keyframe_ids) {
+  std::vector<Entry> gone;  // freed outside the lock
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const LiveVersion next = version_ + 1;
+  for (const std::int64_t id : keyframe_ids) {
+    const auto found = entries_.find(id);
+    if (found == entries_.end()) continue;
+    gone.push_back(std::move(found->second));
+    entries_.erase(found);
+    gone_[id].push_back({gone.back().there_since, next});
+    version_ = next;
+  }
+}
+
+void LiveMap::reset() {
+  std::map<std::int64_t, Entry> gone;  // freed outside the lock
+  const std::lock_guard<std::mutex> lock(mutex_);
+  gone.swap(entries_);
+  gone_.clear();
+  began_ = ++version_;
+}
+
+std::shared_ptr<const LiveSnapshot> LiveMap::snapshot() const {
+  std::shared_ptr<const LiveSnapshot> outdated;  // freed outside the lock
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (snapshot_ && snapshot_->version == version_) return snapshot_;
+  auto made = std::make_shared<LiveSnapshot>();
+  made->version = version_;
+  made->clouds.reserve(entries_.size());
+  for (const auto& [id, entry] : entries_) made->clouds.push_back(entry.cloud);
+  outdated = std::exchange(snapshot_, std::move(made));
+  return snapshot_;
+}
+
+LiveChanges LiveMap::changes_since(LiveVersion since) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  LiveChanges changes;
+  changes.from = std::min(since, version_);
+  changes.to = version_;
+  changes.reset = changes.from < began_;
+  for (const auto& [id, entry] : entries_) {
+    const LiveCloud& cloud = entry.cloud;
+    if (changes.reset || entry.there_since > changes.from) {
+      const bool replaced = !changes.reset && was_there(id, changes.from);  // removed, and there again
+      (replaced ? changes.replaced : changes.added).push_back(cloud);
+    } else if (cloud.cloud_since > changes.from) {
+      changes.replaced.push_back(cloud);
+    } else if (cloud.pose_since > changes.from) {
+      changes.moved.push_back(cloud);
+    }
+  }
+  if (changes.reset) return changes;
+  for (const auto& [id, stays] : gone_) {
+    if (entries_.count(id) == 0 && was_there(id, changes.from)) changes.removed.push_back(id);
+  }
+  return changes;
+}
+
+/// Whether a keyframe that has been removed since was there at a version.
+bool LiveMap::was_there(std::int64_t id, LiveVersion at) const {
+  const auto gone = gone_.find(id);
+  if (gone == gone_.end()) return false;
+  return std::any_of(gone->second.begin(), gone->second.end(),
+                     [&](const Stay& stay) { return stay.since <= at && at < stay.until; });
+}
+
+}  // namespace pmsp
