@@ -61,8 +61,11 @@ void Pipeline::run(const KeyframeSource& keyframes) {
     throw InvalidInput("keyframe " + std::to_string(id) + " was asked for, keyframe " + std::to_string(keyframe.id) +
                        " came");
   };
-  const auto forget = [this](void*) { image_again_ = nullptr; };
-  const std::unique_ptr<void, decltype(forget)> at_the_end(this, forget);
+  struct UntilTheEnd {
+    KeyframeSource& source;
+    ~UntilTheEnd() { source = nullptr; }
+  };
+  const UntilTheEnd asking{image_again_};
   image_again_ = [&](std::int64_t id) {
     Keyframe keyframe = pull(id);
     if (!stopped()) check_keyframe(keyframe);

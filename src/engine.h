@@ -32,7 +32,7 @@ struct EngineContext {
   DensifierStats& stats;
   const std::atomic<bool>& cancel;
   /// Gives a keyframe's image again that has been prepared before. Not set: what is needed of it is kept.
-  const std::function<Keyframe(std::int64_t id)>& image_again;
+  const KeyframeSource& image_again;
 };
 
 /// Runs the stages, and holds what they work on, on one kind of processor. Work is asked for in an order that the

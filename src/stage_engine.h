@@ -35,7 +35,8 @@ class StageEngine final : public Engine {
     const bool priors = options.patchmatch.plane_priors && options.patchmatch.geometric_passes > 0;
     if (!looks_ && priors) looks_ = on_.upload(look_table({options.width, options.height}));
     if (!scratch_ && !options.scratch_folder.empty()) scratch_ = std::make_unique<ScratchFile>(options.scratch_folder);
-    auto frame = std::make_unique<StageFrame>(keyframe, on_, scratch_.get(), options.unordered);
+    auto frame =
+        std::make_unique<StageFrame>(keyframe, on_, scratch_.get(), options.unordered ? scratch_.get() : nullptr);
     typename Processor::Prepared prepared = on_.prepare(keyframe, context_.stats.seconds_prepare);
     frame->cubes = std::move(prepared.cubes);
     frame->color.put(std::move(prepared.color), pixels());
@@ -271,15 +272,15 @@ class StageEngine final : public Engine {
 
   /// What a keyframe leaves behind for others.
   struct StageFrame : Frame {
-    /// `scratch`: nullptr = all waits in memory. `all`: whether what flights keep for a few keyframes waits there, too.
-    StageFrame(const Keyframe& keyframe, Processor& on, ScratchFile* scratch, bool all)
+    /// `scratch`: for what waits long; `brief`: for what flights keep for a few keyframes only; nullptr = in memory.
+    StageFrame(const Keyframe& keyframe, Processor& on, ScratchFile* scratch, ScratchFile* brief)
         : Frame(keyframe),
           packed(on, scratch),
-          color(on, all ? scratch : nullptr),
-          mask(on, all ? scratch : nullptr),
-          raws{{on, all ? scratch : nullptr}, {on, all ? scratch : nullptr}},
-          median(on, all ? scratch : nullptr),
-          confidence(on, all ? scratch : nullptr),
+          color(on, brief),
+          mask(on, brief),
+          raws{{on, brief}, {on, brief}},
+          median(on, brief),
+          confidence(on, brief),
           nearest(on, scratch),
           farthest(on, scratch),
           surfels(on, scratch),

@@ -34,6 +34,15 @@ constexpr double kDeviationOverMedian = 1.4826;
 /// Standard error of a median, over that of a mean.
 constexpr double kMedianOverMean = 1.2533;
 
+/// Calls `look(k)` for the keyframes around number i of `count`.
+template <class Look>
+void for_each_around(std::size_t count, std::size_t i, const Look& look) {
+  const std::size_t end = std::min(count, i + kScaleReach + 1);
+  for (std::size_t k = i > kScaleReach ? i - kScaleReach : 0; k < end; ++k) {
+    if (k != i) look(k);
+  }
+}
+
 double weighted_median(std::vector<Ratio>& ratios) {
   std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.log < b.log; });
   double half = 0.0;
@@ -67,13 +76,11 @@ std::optional<Estimate> from_baselines(const std::vector<MovedKeyframe>& keyfram
   const Eigen::Vector3d before = keyframes[i].before.cam_from_world.center();
   const Eigen::Vector3d after = keyframes[i].after.center();
   std::vector<Ratio> ratios;
-  const std::size_t end = std::min(keyframes.size(), i + kScaleReach + 1);
-  for (std::size_t k = i > kScaleReach ? i - kScaleReach : 0; k < end; ++k) {
-    if (k == i) continue;
+  for_each_around(keyframes.size(), i, [&](std::size_t k) {
     const double length = (keyframes[k].before.cam_from_world.center() - before).norm();
     const double now = (keyframes[k].after.center() - after).norm();
     if (length > 0.0 && now > 0.0) ratios.push_back({std::log(now / length), length * length});
-  }
+  });
   return robust_mean(std::move(ratios), kFewestBaselines);
 }
 
@@ -114,11 +121,10 @@ struct Told {
 /// The middle one of what is agreed on around a keyframe; nullopt where there is nothing.
 std::optional<Estimate> around(const std::vector<Told>& told, std::size_t i) {
   std::vector<Ratio> logs;
-  const std::size_t end = std::min(told.size(), i + kScaleReach + 1);
-  for (std::size_t k = i > kScaleReach ? i - kScaleReach : 0; k < end; ++k) {
+  for_each_around(told.size(), i, [&](std::size_t k) {
     const std::optional<Estimate> agreed = told[k].agreed();
-    if (k != i && agreed) logs.push_back({agreed->log, 1.0 / (agreed->error * agreed->error)});
-  }
+    if (agreed) logs.push_back({agreed->log, 1.0 / (agreed->error * agreed->error)});
+  });
   return robust_mean(std::move(logs), 1);
 }
 
