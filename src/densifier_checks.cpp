@@ -37,20 +37,26 @@ void check_keyframe(const Keyframe& keyframe) {
     throw InvalidInput(who + "the mask is " + size_text(mask.width, mask.height) + ", the image " +
                        size_text(image.width, image.height) + "; expected equal sizes");
   }
-  const Eigen::Matrix3d& r = keyframe.cam_from_world.rotation;
+  check_pose(who, keyframe.cam_from_world);
+  check_scale(who, keyframe.scale);
+  check_landmarks(who, keyframe.landmarks);
+}
+
+void check_pose(const std::string& where, const RigidTransform& cam_from_world) {
+  const Eigen::Matrix3d& r = cam_from_world.rotation;
   const bool rotation =
       r.allFinite() && (r * r.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-3 && r.determinant() > 0;
-  if (!rotation || !is_reasonable(keyframe.cam_from_world.translation)) {
-    throw InvalidInput(who +
-                       "cam_from_world is no rigid transform; expected an orthonormal rotation and a translation "
-                       "within 1e12 scene units");
-  }
-  check_scale(who, keyframe.scale);
-  for (const Landmark& landmark : keyframe.landmarks) {
-    if (!is_reasonable(landmark.position_world)) {
-      throw InvalidInput(who + "landmark " + std::to_string(landmark.id) +
-                         " is not at a finite position within 1e12 scene units");
-    }
+  if (rotation && is_reasonable(cam_from_world.translation)) return;
+  throw InvalidInput(where +
+                     "cam_from_world is no rigid transform; expected an orthonormal rotation and a translation "
+                     "within 1e12 scene units");
+}
+
+void check_landmarks(const std::string& where, const std::vector<Landmark>& landmarks) {
+  for (const Landmark& landmark : landmarks) {
+    if (is_reasonable(landmark.position_world)) continue;
+    throw InvalidInput(where + "landmark " + std::to_string(landmark.id) +
+                       " is not at a finite position within 1e12 scene units");
   }
 }
 

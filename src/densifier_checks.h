@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "pmsp/keyframe.h"
 #include "pmsp/options.h"
@@ -13,6 +14,10 @@ void check_keyframe(const Keyframe& keyframe);
 
 /// Throws InvalidInput unless a keyframe's scale is usable. `where`: the first words of the text.
 void check_scale(const std::string& where, double scale);
+
+/// Throw InvalidInput unless usable. `where`: the first words of the text.
+void check_pose(const std::string& where, const RigidTransform& cam_from_world);
+void check_landmarks(const std::string& where, const std::vector<Landmark>& landmarks);
 
 /// Replaces a width or height of 0 by what an image of this size stands for. Throws InvalidInput if that is no size of
 /// a depth map.

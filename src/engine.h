@@ -58,8 +58,10 @@ class Engine {
     std::size_t near = 0;  ///< the first so many of them lend their planes, too; the others their images only
     DepthRange range;      ///< [reference's unit]
     const Frame* previous = nullptr;  ///< whose planes are warped into the reference; nullptr = none
-    int pass = 0;                     ///< 0 = photometric; others look at the near neighbours' maps of the pass before
-    bool last = true;                 ///< the map is complete: hand it out, median filter it
+    /// 0 = photometric; others start from the map of the pass before and look at the near neighbours' ones. Of those
+    /// that are through with their passes, that is the one that they have.
+    int pass = 0;
+    bool last = true;  ///< the map is complete: hand it out, median filter it
   };
 
   virtual ~Engine() = default;
@@ -77,7 +79,8 @@ class Engine {
   /// itself (all matched and filtered).
   virtual void fuse(Frame& reference, const std::vector<const Frame*>& window, std::size_t current) = 0;
 
-  /// Which of them nobody of the viewers has looked through; those (all filtered) keep their sight maps.
+  /// Which of them nobody of the viewers has looked through; those (all filtered) keep their sight maps. May be asked
+  /// again, and what follows with it.
   virtual void judge(Frame& reference, const std::vector<const Frame*>& viewers) = 0;
 
   /// Round 1, 2, ... of ownership among the points that are left. `others` are through the round before; some are

@@ -103,6 +103,7 @@ class StageEngine final : public Engine {
       return kernels::FusionView<Views>{filtered(its.planes, its.confidence), on_.color(its.color), to.other_from_first,
                                         to.zoom};
     };
+    reference.window_ids.clear();
     kernels::FusePixels<Views> stage{};
     stage.grid = on_.grid();
     stage.limits = fusion_limits(context_.options.fusion);
@@ -160,6 +161,7 @@ class StageEngine final : public Engine {
         context_.stats.seconds_free_space, [&](Counts* counts) { on_.launch(stage, counts); },
         [eligible = reference.eligible](const std::int64_t* numbers) { *eligible = numbers[0]; });
     reference.standings[0].put(std::move(standings), pixels());
+    reference.asked.reset();  // of a time when all of this was asked before
   }
 
   void round(Frame& frame, const std::vector<const Frame*>& others, int round) override {
@@ -365,8 +367,11 @@ class StageEngine final : public Engine {
     });
   }
 
-  /// A keyframe's map of the pass before.
-  static Planes before(const StageFrame& frame, int pass) { return frame.raws[(pass - 1) % 2].get(); }
+  /// A keyframe's map of the pass before; of one that is through with its passes, the one that it has.
+  static Planes before(const StageFrame& frame, int pass) {
+    const auto& raw = frame.raws[(pass - 1) % 2];
+    return raw.count() > 0 ? raw.get() : frame.median.get();
+  }
 
   /// The images and maps that a pass compares.
   void fetch(const MatchTask& task, Sources& sources) {

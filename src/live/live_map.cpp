@@ -63,6 +63,11 @@ void LiveMap::reset() {
   began_ = ++version_;
 }
 
+LiveVersion LiveMap::version() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return version_;
+}
+
 std::shared_ptr<const LiveSnapshot> LiveMap::snapshot() const {
   std::shared_ptr<const LiveSnapshot> outdated;  // freed outside the lock
   const std::lock_guard<std::mutex> lock(mutex_);

@@ -33,6 +33,8 @@ class LiveMap {
   /// Ids may begin again.
   void reset();
 
+  LiveVersion version() const;
+
   /// The same object as long as nothing changes.
   std::shared_ptr<const LiveSnapshot> snapshot() const;
 

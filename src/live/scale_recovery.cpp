@@ -71,17 +71,48 @@ std::optional<Estimate> robust_mean(std::vector<Ratio> ratios, std::size_t fewes
   return Estimate{middle, kLeastError + kMedianOverMean * deviation / std::sqrt(independent)};
 }
 
-/// The longer a baseline, the less of it is noise.
+/// The slope of ratios over their places: the middle one of those between any two.
+double robust_slope(const std::vector<Ratio>& ratios, const std::vector<double>& places) {
+  std::vector<Ratio> slopes;
+  for (std::size_t a = 0; a < ratios.size(); ++a) {
+    for (std::size_t b = 0; b < a; ++b) {
+      const double apart = places[a] - places[b];
+      slopes.push_back({(ratios[a].log - ratios[b].log) / apart, ratios[a].weight * ratios[b].weight * apart * apart});
+    }
+  }
+  return slopes.empty() ? 0.0 : weighted_median(slopes);
+}
+
+/// The longer a baseline, the less of it is noise. Where the scale drifts along the flight, a baseline has that of its
+/// middle: what it tells is drawn back along the drift to the keyframe, which at the ends of a flight, and where it
+/// turns, is not in the middle of its baselines.
 std::optional<Estimate> from_baselines(const std::vector<MovedKeyframe>& keyframes, std::size_t i) {
   const Eigen::Vector3d before = keyframes[i].before.cam_from_world.center();
   const Eigen::Vector3d after = keyframes[i].after.center();
   std::vector<Ratio> ratios;
+  std::vector<double> places;
   for_each_around(keyframes.size(), i, [&](std::size_t k) {
     const double length = (keyframes[k].before.cam_from_world.center() - before).norm();
     const double now = (keyframes[k].after.center() - after).norm();
-    if (length > 0.0 && now > 0.0) ratios.push_back({std::log(now / length), length * length});
+    if (!(length > 0.0) || !(now > 0.0)) return;
+    ratios.push_back({std::log(now / length), length * length});
+    places.push_back(static_cast<double>(k) - static_cast<double>(i));
   });
-  return robust_mean(std::move(ratios), kFewestBaselines);
+  if (ratios.size() < kFewestBaselines) return std::nullopt;
+  const double drift = robust_slope(ratios, places);
+  double lever = 0.0;  // how far the keyframe is from the middle of its baselines, over their spread
+  double sum = 0.0;
+  double squares = 0.0;
+  for (std::size_t k = 0; k < ratios.size(); ++k) {
+    lever += ratios[k].weight * places[k];
+    squares += ratios[k].weight * places[k] * places[k];
+    sum += ratios[k].weight;
+    ratios[k].log -= drift * places[k];
+  }
+  lever /= std::sqrt(std::max(sum * squares - lever * lever, 1e-12 * sum * sum));
+  std::optional<Estimate> estimate = robust_mean(std::move(ratios), kFewestBaselines);
+  if (estimate) estimate->error *= std::sqrt(1.0 + lever * lever);
+  return estimate;
 }
 
 std::optional<Estimate> from_landmarks(const MovedKeyframe& keyframe) {

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "pmsp/image.h"
+#include "pmsp/keyframe.h"
+#include "pmsp/live_snapshot.h"
+#include "pmsp/options.h"
+
+namespace pmsp {
+
+enum class PixelFormat { kRgb, kBgr, kGray };  ///< 3, 3 and 1 bytes a pixel
+
+/// A keyframe's image that the caller and the LiveDensifier own together. Nobody may write to it any more.
+struct LiveImage {
+  std::shared_ptr<const void> owner;  ///< keeps the pixels alive; let go of when they are no longer needed
+  const std::uint8_t* data = nullptr;
+  int width = 0;              ///< [px], even, 16 or more
+  int height = 0;             ///< [px], even, 8 or more
+  std::ptrdiff_t stride = 0;  ///< bytes from one row to the next; 0 = rows follow one another without a gap
+  PixelFormat format = PixelFormat::kRgb;
+};
+
+/// A keyframe as a SLAM knows it at the moment. Frames and units as in Keyframe.
+struct LiveKeyframe {
+  std::int64_t id = 0;
+  RigidTransform cam_from_world;
+  std::vector<Landmark> landmarks;  ///< that it observes; where none are given again, the last ones stay
+  LiveImage image;                  ///< of a keyframe that is new; of others not looked at
+  std::int64_t map_id = 0;          ///< the SLAM's map, where it has several: keyframes of two maps never meet
+};
+
+struct LiveOptions {
+  /// Size, quality, seed, backend. With `free_space.whole_mission` points of a place that several keyframes see are
+  /// made by one of them, wherever these are; else only neighbours are asked, and keyframes that a loop closure brings
+  /// together.
+  /// `unordered`, `pipelined`, `scratch_folder` and far neighbours do not apply.
+  DensifierOptions densifier = preset(Quality::kOnline);
+  /// Of the worker threads, on Linux, 0 to 19, as of the command `nice`; 19: they run only where a core is idle. More
+  /// than 0: on a GPU, at the lowest priority.
+  int nice = 19;
+  bool previews = true;  ///< preliminary points at half the size, as soon as the next keyframe has come
+  int memory_mib = 2048;  ///< for all that is kept of keyframes besides their points, 1 to 1000000; on a GPU, there
+  int max_waiting = 100;  ///< keyframes that wait for their first depth map, 4 to 100000; those needed least are left out
+  /// A keyframe is used when this many newer ones have come, 0 to 1000, and it has moved by no more than `ripe_move` of
+  /// its median distance from its landmarks since the last one came; or when `ripe_at_latest` have come.
+  int ripe_after = 3;
+  int ripe_at_latest = 8;
+  double ripe_move = 0.002;
+  /// Keyframes are matched again when their poses relative to their neighbours have moved what they see by more than
+  /// this, 0.001 to 100 [px of the depth map]: with a tenth of the depth between neighbours, 0.02 px of 640 are two
+  /// thousandths of the depth.
+  double max_move_px = 0.02;
+  std::shared_ptr<const Image<std::uint8_t>> mask;  ///< of all keyframes, as Keyframe::mask; null = none
+
+  /// Throws InvalidOption.
+  void validate() const;
+};
+
+/// What has happened since the beginning, resets included.
+struct LiveStats {
+  std::int64_t added = 0;
+  std::int64_t erased = 0;
+  std::int64_t resets = 0;
+  std::int64_t used = 0;              ///< by the view filter
+  std::int64_t not_needed = 0;        ///< left out by the view filter, or since the place has been seen often enough
+  std::int64_t left_out_late = 0;     ///< left out because the work fell behind
+  std::int64_t previews = 0;          ///< preliminary clouds
+  std::int64_t previews_late = 0;     ///< not made any more because the work fell behind
+  std::int64_t passes = 0;            ///< of PatchMatch, for final points
+  std::int64_t matched_again = 0;     ///< because poses had moved
+  std::int64_t clouds = 0;            ///< final ones that were published, each version counts
+  std::int64_t rescaled = 0;          ///< times that a keyframe's scale has changed
+  std::int64_t images_dropped = 0;    ///< for memory: these keyframes are not matched again
+  std::int64_t keyframes_frozen = 0;  ///< for memory: their points are only moved from now on
+  std::int64_t errors = 0;            ///< keyframes that failed, and callbacks that threw
+  std::string last_error;
+  std::int64_t memory_mib = 0;  ///< kept at the moment
+};
+
+/// What is still to be done at the moment.
+struct LiveBacklog {
+  std::int64_t unripe = 0;    ///< keyframes whose poses and landmarks are waited for
+  std::int64_t waiting = 0;   ///< used ones without final points
+  std::int64_t refining = 0;  ///< used ones whose final points will become better yet
+  bool idle = true;           ///< nothing can be done before something comes
+};
+
+/// Called on a worker thread. They may call any member of the LiveDensifier but `wait` and the destructor; what they
+/// throw is counted as an error.
+struct LiveCallbacks {
+  std::function<void(LiveVersion)> changed;          ///< there are new points
+  std::function<void(const std::string&)> on_error;  ///< what went wrong, and with what
+};
+
+/// Makes the dense map of a running SLAM, and keeps it true while the SLAM moves, adds and removes keyframes.
+///
+/// Work is done by threads of its own, at low priority. All members may be called from any thread, return at once and
+/// hold no lock of the caller's; what `update`, `sync`, `erase` and `reset` say about places holds in each snapshot
+/// that is taken after they have returned. Results depend on when what has come, and how fast the machine is.
+///
+/// When it falls behind, keyframes get fewer passes first; then those are left out that show least that others do not.
+/// What was saved is made up for when there is time. A SLAM that moves keyframes by similarities and tells no scale
+/// need not: it is found from baselines and landmarks.
+class LiveDensifier {
+ public:
+  /// Throws InvalidOption, BackendUnavailable, DeviceError.
+  explicit LiveDensifier(const LiveOptions& options, LiveCallbacks callbacks = {});
+  ~LiveDensifier();  ///< stops whatever is being done
+  LiveDensifier(const LiveDensifier&) = delete;
+  LiveDensifier& operator=(const LiveDensifier&) = delete;
+
+  /// A new keyframe, with its image; ids grow. One that is there already is taken for an update. Throws InvalidInput,
+  /// as Densifier::add, and nothing has changed.
+  void add(LiveKeyframe keyframe);
+
+  /// Poses, map ids and, where given, landmarks as they are now. Keyframes that are not known are passed over. Throws
+  /// InvalidInput, and nothing has changed.
+  void update(const std::vector<LiveKeyframe>& keyframes);
+
+  /// All keyframes as they are now, for a SLAM that can only be polled: what has moved is updated, what is new and has
+  /// an image is added, what is not there any more is erased. Throws InvalidInput, and nothing has changed.
+  void sync(const std::vector<LiveKeyframe>& keyframes);
+
+  /// Their points go; where a neighbour has seen the place, its own ones come back. Unknown ids are passed over.
+  void erase(const std::vector<std::int64_t>& ids);
+
+  void reset();   ///< all is gone; ids may begin again
+  void pause();   ///< no new work is begun; places are followed all the same
+  void resume();
+  void finish();  ///< no keyframe comes for now: none waits for newer ones. The next `add` takes it back
+
+  /// Waits until nothing is left to do, at most so long. Returns whether that is so.
+  bool wait(std::chrono::milliseconds at_most) const;
+
+  std::shared_ptr<const LiveSnapshot> snapshot() const;
+  LiveChanges changes_since(LiveVersion version) const;
+  LiveStats stats() const;
+  LiveBacklog backlog() const;
+  const std::string& backend() const;  ///< see Densifier::backend
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace pmsp

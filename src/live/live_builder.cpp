@@ -1,0 +1,610 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "live/live_builder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "densifier_checks.h"
+#include "make_engine.h"
+#include "plan/choices.h"
+#include "plan/reach.h"
+
+namespace pmsp {
+namespace {
+
+/// Poses that have moved what is seen by less than this let points be [px].
+constexpr double kQueryTolerance = 0.1;
+/// Keyframes that have moved against each other by more than this since they were first shown saw one place as two [px].
+constexpr double kReunion = 1.0;
+/// Keyframes that have moved by this many times the tolerance are matched anew.
+constexpr double kAnew = 5.0;
+/// Points are made at these numbers of passes, and at the full one.
+constexpr int kLevels[] = {2, 3};
+/// While no more keyframes than these lack passes, each gets all of them at once.
+constexpr std::size_t kShortQueue = 6;
+/// Points are made for so many keyframes together: those at the borders of a group are looked at twice.
+constexpr std::size_t kGroup = 8;
+/// Keyframes beyond the fusion window are asked about so many together.
+constexpr std::size_t kWideGroup = 64;
+constexpr std::size_t kWideFewest = 16;
+
+DensifierOptions suitable(DensifierOptions options) {
+  options.unordered = false;
+  options.pipelined = false;
+  options.scratch_folder.clear();
+  options.patchmatch.revisits = 0;
+  options.free_space.whole_mission = false;
+  return options;
+}
+
+}  // namespace
+
+LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& cancel, Publish publish,
+                         OnError on_error)
+    : options_(options),
+      densifier_(suitable(options.densifier)),
+      full_(densifier_.patchmatch.geometric_passes + 1),
+      asks_all_(asks_whole_mission(options.densifier)),
+      publish_(std::move(publish)),
+      on_error_(std::move(on_error)),
+      cancel_(cancel) {
+  results_.cloud = [this](const KeyframeCloud& cloud) {
+    ++stats_.clouds;
+    publish_(cloud, false);
+  };
+  engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
+  if (options_.previews) {
+    preview_ = std::make_unique<LivePreview>(options_, cancel_, [this](const KeyframeCloud& cloud) {
+      const LiveNode* const node = find(cloud.keyframe_id);
+      if (node == nullptr || node->shown > 0) return;
+      ++stats_.previews;
+      publish_(cloud, true);
+    });
+  }
+}
+
+void LiveBuilder::set_size(int image_width, int image_height) {
+  fill_in_size(densifier_, image_width, image_height);
+  densifier_.backend = options_.densifier.backend;
+  engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
+}
+
+LiveNode* LiveBuilder::find(std::int64_t id) {
+  const auto found = nodes_.find(id);
+  return found == nodes_.end() ? nullptr : &found->second;
+}
+const LiveNode* LiveBuilder::find(std::int64_t id) const {
+  const auto found = nodes_.find(id);
+  return found == nodes_.end() ? nullptr : &found->second;
+}
+
+/// Of a used one, in its flight.
+std::size_t LiveBuilder::place_of(const LiveNode& node) const {
+  const Flight& flight = flights_.at(node.map_id);
+  return static_cast<std::size_t>(std::lower_bound(flight.begin(), flight.end(), node.id) - flight.begin());
+}
+
+/// Used keyframes of the same flight up to `reach` before and after, itself included, in order. `with_depth`: those
+/// only that have a depth map.
+std::vector<LiveNode*> LiveBuilder::around(const LiveNode& node, std::size_t reach, bool with_depth) {
+  const Flight& flight = flights_.at(node.map_id);
+  const std::size_t place = place_of(node);
+  std::vector<LiveNode*> result;
+  for (std::size_t i = place > reach ? place - reach : 0; i < std::min(flight.size(), place + reach + 1); ++i) {
+    LiveNode& other = nodes_.at(flight[i]);
+    if (with_depth && (other.planes_made == 0 || !other.frame)) continue;
+    result.push_back(&other);
+  }
+  return result;
+}
+
+std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& ids) {
+  std::vector<LiveNode*> result;
+  for (const std::int64_t id : ids) {
+    LiveNode* const node = find(id);
+    if (node != nullptr && node->planes_made != 0 && node->frame) result.push_back(node);
+  }
+  return result;
+}
+
+// ---- what is told ----
+
+void LiveBuilder::add(const LiveKeyframe& keyframe) {
+  finishing_ = false;
+  for (const std::int64_t id : undecided_) {
+    LiveNode& node = nodes_.at(id);
+    if (node.map_id != keyframe.map_id) continue;
+    ++node.newer;
+    const Eigen::Vector3d center = node.pose.cam_from_world.center();
+    node.still = (center - node.center).norm() <= options_.ripe_move * node.range * node.pose.scale;
+    node.center = center;
+  }
+  LiveNode& node = nodes_[keyframe.id];
+  node.id = keyframe.id;
+  node.map_id = keyframe.map_id;
+  node.pose = {keyframe.cam_from_world, 1.0};
+  node.center = node.pose.cam_from_world.center();
+  node.image = keyframe.image;
+  node.take_landmarks(keyframe.landmarks, keyframe.cam_from_world);
+  undecided_.insert(keyframe.id);
+  if (preview_) preview_->add(keyframe.id);
+}
+
+void LiveBuilder::see(std::int64_t id, const std::vector<Landmark>& landmarks,
+                      const RigidTransform& cam_from_world) {
+  LiveNode* const node = find(id);
+  if (node != nullptr && node->passes == 0 && (node->used || !node->decided)) {
+    node->take_landmarks(landmarks, cam_from_world);
+  }
+}
+
+void LiveBuilder::move(const std::vector<LiveMove>& places) {
+  for (const LiveMove& place : places) {
+    LiveNode* const node = find(place.keyframe_id);
+    if (node == nullptr) continue;
+    node->pose = place.pose;
+    if (node->frame) node->frame->pose = place.pose;
+    moved_ = true;
+    if (node->map_id == place.map_id) continue;
+    if (node->used) {
+      Flight& from = flights_[node->map_id];
+      from.erase(std::lower_bound(from.begin(), from.end(), node->id));
+      Flight& to = flights_[place.map_id];
+      to.insert(std::lower_bound(to.begin(), to.end(), node->id), node->id);
+      node->points_due = true;
+    }
+    node->map_id = place.map_id;
+  }
+}
+
+void LiveBuilder::erase(std::int64_t id) {
+  LiveNode* const node = find(id);
+  if (node == nullptr) return;
+  if (preview_) preview_->erase(id);
+  undecided_.erase(id);
+  if (node->used) planes_changed(*node);
+  leave_out(*node);
+  nodes_.erase(id);
+  for (auto& [other_id, other] : nodes_) {
+    const auto names = [&](const std::vector<std::int64_t>& ids) {
+      return std::find(ids.begin(), ids.end(), id) != ids.end();
+    };
+    if (other.shown > 0 && (names(other.owners) || names(other.viewers))) other.points_due = true;
+  }
+}
+
+// ---- what is done ----
+
+bool LiveBuilder::work() {
+  if (preview_ && preview_->work(nodes_)) return true;
+  if (decide() || link() || leave_out_late()) return true;
+  look_for_moves();
+  return show(false) || match() || match_again() || show(true) || show_wide();
+}
+
+/// Depth maps around that are compared or joined with this one's.
+void LiveBuilder::planes_changed(const LiveNode& node) {
+  const PlanReach reach = plan_reach(densifier_);
+  const std::size_t most = static_cast<std::size_t>(reach.consistency + reach.fusion);
+  for (LiveNode* other : around(node, most, true)) other->points_due = true;
+}
+
+LiveInput LiveBuilder::input(const LiveNode& other, const LiveNode& own, std::uint64_t made) const {
+  return {other.id, made, other.pose, own.pose};
+}
+
+/// Whether something else went in, or the same from elsewhere.
+bool LiveBuilder::is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const {
+  if (then.size() != now.size()) return true;
+  for (std::size_t i = 0; i < then.size(); ++i) {
+    if (then[i].id != now[i].id || then[i].made != now[i].made) return true;
+    if (moved_px(then[i], now[i].other, now[i].own, node.range, densifier_.width) > kQueryTolerance) return true;
+  }
+  return false;
+}
+
+/// What poses have done to depth maps and points.
+void LiveBuilder::look_for_moves() {
+  if (!moved_) return;
+  moved_ = false;
+  for (auto& [id, node] : nodes_) {
+    if (!node.frame || node.planes_made == 0) continue;
+    const auto furthest = [&, &node = node](const LiveInputs& inputs) {
+      double most = 0.0;
+      for (const LiveInput& then : inputs) {
+        const LiveNode* const other = find(then.id);
+        if (other == nullptr) continue;
+        most = std::max(most, moved_px(then, other->pose, node.pose, node.range, densifier_.width));
+      }
+      return most;
+    };
+    const double moved = furthest(node.matched);
+    if (moved > options_.max_move_px) node.moved_px = moved;
+    if (node.shown == 0) continue;
+    if (std::max(furthest(node.fused), furthest(node.judged)) > kQueryTolerance) {
+      node.points_due = true;
+      node.wide_due = node.wide_due || asks_all_;
+    }
+    const LiveInput in_world{id, 0, KeyframePose{}, node.first_pose};
+    const bool far = moved_px(in_world, KeyframePose{}, node.pose, node.range, densifier_.width) > kReunion;
+    if (far && !node.wide) node.wide_due = true;
+  }
+}
+
+// ---- depth maps ----
+
+bool LiveBuilder::can_match(const LiveNode& node) const {
+  if (!node.has_depth || !node.has_image || !node.frame) return false;
+  return std::any_of(node.near.begin(), node.near.end(), [&](std::int64_t id) {
+    const LiveNode* const near = find(id);
+    return near != nullptr && near->has_image && near->map_id == node.map_id;
+  });
+}
+
+std::vector<LiveNode*> LiveBuilder::neighbours_of(const LiveNode& node) {
+  std::vector<LiveNode*> result;
+  for (const std::int64_t id : node.near) {
+    LiveNode* const near = find(id);
+    if (near != nullptr && near->has_image && near->map_id == node.map_id) result.push_back(near);
+  }
+  return result;
+}
+
+/// The highest of the levels that it has reached, 0 = none. Who cannot go on has reached all.
+int LiveBuilder::level_of(const LiveNode& node) const {
+  if (node.passes >= goal(node)) return full_;
+  int level = 0;
+  for (const int passes : kLevels) {
+    if (node.passes >= passes) level = passes;
+  }
+  return level;
+}
+
+/// The next pass of the keyframe that needs one most: the first one, while few wait; else one of those that have had
+/// the fewest, so that all have something soon. It waits until its neighbours have had the pass before. What is matched
+/// anew has points by now, and comes last.
+bool LiveBuilder::match() {
+  std::vector<LiveNode*> candidates;
+  for (const auto& [map_id, flight] : flights_) {
+    for (const std::int64_t id : flight) {
+      LiveNode& node = nodes_.at(id);
+      if (node.passes >= full_ || !can_match(node)) continue;
+      candidates.push_back(&node);
+    }
+  }
+  const bool all_at_once = candidates.size() <= kShortQueue;
+  LiveNode* best = nullptr;
+  for (LiveNode* node : candidates) {
+    const bool ready = node->passes == 0 || [&] {
+      const std::vector<LiveNode*> near = neighbours_of(*node);
+      return std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
+        return (other->linked || finishing_) ? other->passes >= std::min(node->passes, goal(*other)) : false;
+      });
+    }();
+    if (!ready) continue;
+    const auto urgency = [&](const LiveNode& of) { return (all_at_once ? 0 : level_of(of)) + (of.anew ? full_ : 0); };
+    if (best == nullptr || urgency(*node) < urgency(*best)) best = node;
+  }
+  if (best == nullptr) return false;
+  match(*best);
+  return true;
+}
+
+/// Of the keyframes whose neighbours have moved, the one where it is worst. After a large move all passes are done anew;
+/// else one that looks at images alone, and one that looks at maps, too.
+bool LiveBuilder::match_again() {
+  LiveNode* worst = nullptr;
+  for (auto& [id, node] : nodes_) {
+    if (!can_match(node) || (node.moved_px == 0.0 && node.again == 0)) continue;
+    if (node.again > 0) return match(node), true;
+    if (worst == nullptr || node.moved_px > worst->moved_px) worst = &node;
+  }
+  if (worst == nullptr) return false;
+  ++stats_.matched_again;
+  if (worst->moved_px > kAnew * options_.max_move_px) {
+    worst->passes = 0;
+    worst->anew = true;
+  }
+  match(*worst);
+  return true;
+}
+
+void LiveBuilder::match(LiveNode& node) {
+  const Keyframe keyframe = node.keyframe();
+  Engine::MatchTask task;
+  task.reference = node.frame.get();
+  task.keyframe = &keyframe;
+  LiveInputs inputs;
+  for (const LiveNode* near : neighbours_of(node)) {
+    task.neighbours.push_back(near->frame.get());
+    inputs.push_back(input(*near, node, near->planes_made));
+  }
+  // Maps of before a move agree with each other, and would hold a keyframe where it was.
+  const bool photometric = node.passes == 0 || node.moved_px > 0.0;
+  task.near = photometric ? 0 : task.neighbours.size();
+  task.range = node.depths;
+  if (node.passes == 0 && densifier_.init.warp_previous) {
+    const std::size_t place = place_of(node);
+    const Flight& flight = flights_.at(node.map_id);
+    const LiveNode* const previous = place > 0 ? find(flight[place - 1]) : nullptr;
+    if (previous != nullptr && previous->planes_made != 0 && previous->frame) task.previous = previous->frame.get();
+  }
+  task.pass = std::min(node.passes, std::max(1, full_ - 1));
+  engine_->match(task);
+  if (!node.frame->matched) return;  // cancelled
+  ++stats_.passes;
+  node.again = photometric && node.passes > 0 ? 1 : std::max(0, node.again - 1);
+  node.passes = std::min(node.passes + 1, full_);
+  node.planes_made = ++results_made_;
+  if (photometric) {
+    node.matched = std::move(inputs);
+    node.moved_px = 0.0;
+  }
+  planes_changed(node);
+}
+
+void LiveBuilder::filter(LiveNode& node) {
+  std::vector<const Engine::Frame*> others;
+  LiveInputs inputs{input(node, node, node.planes_made)};
+  for (const LiveNode* other : around(node, static_cast<std::size_t>(plan_reach(densifier_).consistency), true)) {
+    if (other == &node) continue;
+    others.push_back(other->frame.get());
+    inputs.push_back(input(*other, node, other->planes_made));
+  }
+  if (node.filtered_made != 0 && !is_outdated(node, node.filtered, inputs)) return;
+  engine_->filter(*node.frame, others);
+  node.filtered = std::move(inputs);
+  node.filtered_made = ++results_made_;
+}
+
+void LiveBuilder::fuse(LiveNode& node) {
+  const std::vector<LiveNode*> window =
+      around(node, static_cast<std::size_t>(plan_reach(densifier_).fusion), true);
+  LiveInputs inputs;
+  std::vector<const Engine::Frame*> frames;
+  for (LiveNode* other : window) {
+    filter(*other);
+    inputs.push_back(input(*other, node, other->filtered_made));
+    frames.push_back(other->frame.get());
+  }
+  if (node.fused_made != 0 && !is_outdated(node, node.fused, inputs)) return;
+  const auto current = std::find(window.begin(), window.end(), &node);
+  engine_->fuse(*node.frame, frames, static_cast<std::size_t>(current - window.begin()));
+  node.fused = std::move(inputs);
+  node.fused_made = ++results_made_;
+}
+
+// ---- points ----
+
+/// The highest level that it has reached together with all keyframes whose depth maps its points are made from, but
+/// for those that cannot go on; 0 = none, or it is not known yet which these are.
+int LiveBuilder::shared_level_of(const LiveNode& node) const {
+  if (!node.frame || node.planes_made == 0) return 0;
+  const PlanReach reach = plan_reach(densifier_);
+  const std::size_t most = static_cast<std::size_t>(reach.consistency + reach.fusion);
+  const Flight& flight = flights_.at(node.map_id);
+  const std::size_t place = place_of(node);
+  if (!finishing_ && place + most >= flight.size()) return 0;
+  int level = level_of(node);
+  for (std::size_t i = place > most ? place - most : 0; i < std::min(flight.size(), place + most + 1); ++i) {
+    const LiveNode& other = nodes_.at(flight[i]);
+    if (!other.linked) return 0;
+    if (other.has_depth) level = std::min(level, level_of(other));
+  }
+  return level;
+}
+
+/// Points of some keyframes that have reached another level, or, `because_moved`, that have not but are due.
+bool LiveBuilder::show(bool because_moved) {
+  std::vector<LiveNode*> nodes;
+  std::size_t matching = 0;
+  for (const auto& [map_id, flight] : flights_) {
+    for (const std::int64_t id : flight) {
+      LiveNode& node = nodes_.at(id);
+      matching += goal(node) > node.passes ? 1 : 0;
+      if (nodes.size() == kGroup || (because_moved && !node.points_due)) continue;
+      const int level = shared_level_of(node);
+      if (because_moved ? level >= std::max(node.shown, 1) : level > node.shown) nodes.push_back(&node);
+    }
+  }
+  if (nodes.empty()) return false;
+  // While few wait, each level follows the one before at once.
+  const bool soon_better = matching > 0 && matching <= kShortQueue && !because_moved;
+  if (soon_better) {
+    const auto gets_better = [&](const LiveNode* node) { return shared_level_of(*node) < full_; };
+    nodes.erase(std::remove_if(nodes.begin(), nodes.end(), gets_better), nodes.end());
+    if (nodes.empty()) return false;
+  }
+  for (LiveNode* node : nodes) node->wide_due = node->wide_due || asks_all_;
+  show(nodes);
+  return true;
+}
+
+/// Keyframes beyond the fusion window are asked about points, too, many together.
+bool LiveBuilder::show_wide() {
+  if (densifier_.fusion.spacing_px == 0.0) return false;
+  std::vector<LiveNode*> nodes;
+  for (auto& [id, node] : nodes_) {
+    if (nodes.size() < kWideGroup && node.wide_due && node.shown > 0 && shared_level_of(node) >= node.shown) nodes.push_back(&node);
+  }
+  if (nodes.empty() || (!finishing_ && nodes.size() < kWideFewest)) return false;
+  for (LiveNode* node : nodes) {
+    node->wide = true;
+    node->wide_due = false;
+    ask_around(*node);
+  }
+  show(nodes);
+  return true;
+}
+
+/// Who is asked about a keyframe's points: the fusion window, and of those within reach besides some on all sides.
+/// Points of one place may stay where keyframes beyond the window see it, too, as with `online`; but not those that a
+/// loop closure has put on top of each other.
+void LiveBuilder::ask_around(LiveNode& node) {
+  std::vector<std::int64_t> window;
+  for (const LiveNode* other : around(node, static_cast<std::size_t>(plan_reach(densifier_).fusion), true)) {
+    if (other != &node) window.push_back(other->id);
+  }
+  const Eigen::Vector3d center = node.pose.cam_from_world.center();
+  std::vector<ViewerCandidate> candidates;
+  for (const std::int64_t id : flights_.at(node.map_id)) {
+    const LiveNode& other = nodes_.at(id);
+    if (&other == &node || other.planes_made == 0 || !other.frame) continue;
+    candidates.push_back({id, (other.pose.cam_from_world.center() - center).norm()});
+  }
+  PlanKeyframe known;
+  known.id = node.id;
+  known.cam_from_world = node.pose.cam_from_world;
+  known.landmarks = node.keyframe().landmarks;
+  const PlanNode plan_node(std::move(known), 0, false);
+  const auto choose = [&](const std::vector<std::int64_t>& before) {
+    return choose_viewers(plan_node, window, candidates, densifier_.free_space.views, &before);
+  };
+  node.viewers = densifier_.free_space.enabled ? choose(node.viewers) : std::vector<std::int64_t>{};
+  if (!asks_all_) {
+    const auto stays_apart = [&](const ViewerCandidate& candidate) {
+      const LiveNode& other = nodes_.at(candidate.id);
+      const bool in_window = std::find(window.begin(), window.end(), candidate.id) != window.end();
+      const LiveInput then{other.id, 0, other.first_pose, node.first_pose};
+      return !in_window && (other.shown == 0 || node.shown == 0 ||
+                            moved_px(then, other.pose, node.pose, node.range, densifier_.width) <= kReunion);
+    };
+    candidates.erase(std::remove_if(candidates.begin(), candidates.end(), stays_apart), candidates.end());
+  }
+  node.owners = node.wide ? choose(node.owners) : window;
+}
+
+/// Makes and publishes their points. Rounds of ownership need those of the keyframes around up to the round before.
+void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
+  const int rounds = ownership_rounds(densifier_);
+  for (LiveNode* node : nodes) {
+    if (!node->wide) ask_around(*node);
+  }
+  std::vector<std::vector<LiveNode*>> levels{nodes};  // those that are asked in the last round, the one before, ...
+  std::set<std::int64_t> there;
+  for (const LiveNode* node : nodes) there.insert(node->id);
+  for (int round = 0; round < rounds; ++round) {
+    std::vector<LiveNode*> more = levels.back();
+    for (const LiveNode* node : levels.back()) {
+      for (LiveNode* owner : with_depth(node->owners)) {
+        if (!there.insert(owner->id).second) continue;
+        if (owner->owners.empty()) ask_around(*owner);
+        more.push_back(owner);
+      }
+    }
+    levels.push_back(std::move(more));
+  }
+  for (LiveNode* node : levels.back()) fuse(*node);
+  for (LiveNode* node : levels.back()) {
+    std::vector<const Engine::Frame*> viewers;
+    for (LiveNode* viewer : with_depth(node->viewers)) {
+      if (viewer->filtered_made == 0) filter(*viewer);
+      viewers.push_back(viewer->frame.get());
+    }
+    engine_->judge(*node->frame, viewers);
+  }
+  for (int round = 1; round <= rounds; ++round) {
+    for (LiveNode* node : levels[static_cast<std::size_t>(rounds - round)]) {
+      std::vector<LiveNode*> owners = with_depth(node->owners);
+      const Eigen::Vector3d center = node->pose.cam_from_world.center();
+      const auto distance = [&](const LiveNode* owner) { return (owner->pose.cam_from_world.center() - center).norm(); };
+      std::stable_sort(owners.begin(), owners.end(),
+                       [&](const LiveNode* a, const LiveNode* b) { return distance(a) < distance(b); });
+      std::vector<const Engine::Frame*> frames;
+      for (const LiveNode* owner : owners) frames.push_back(owner->frame.get());
+      engine_->round(*node->frame, frames, round);
+    }
+  }
+  for (LiveNode* node : nodes) {
+    if (cancel_.load(std::memory_order_relaxed)) return;
+    engine_->hand_out(*node->frame);
+    if (node->shown == 0) node->first_pose = node->pose;
+    node->shown = shared_level_of(*node);
+    node->points_due = false;
+    node->anew = node->anew && node->shown < full_;
+    node->judged.clear();
+    for (const std::vector<std::int64_t>* ids : {&node->viewers, &node->owners}) {
+      for (const LiveNode* other : with_depth(*ids)) node->judged.push_back(input(*other, *node, 0));
+    }
+  }
+  engine_->deliver(true);
+}
+
+// ---- memory ----
+
+/// What a keyframe's image takes, and the rest of it.
+std::size_t LiveBuilder::bytes_of_image() const {
+  constexpr std::size_t kImagePixel = 6;
+  return kImagePixel * static_cast<std::size_t>(densifier_.width) * static_cast<std::size_t>(densifier_.height);
+}
+std::size_t LiveBuilder::bytes_of_results() const {
+  constexpr std::size_t kResultPixel = 42;  // planes 16, confidence 4, colour 4, mask 1, sights 1, points 13, open 3
+  return kResultPixel * static_cast<std::size_t>(densifier_.width) * static_cast<std::size_t>(densifier_.height);
+}
+
+std::size_t LiveBuilder::bytes() const {
+  std::size_t bytes = preview_ ? preview_->bytes() : 0;
+  for (const auto& [id, node] : nodes_) {
+    if (node.image.data != nullptr) {
+      bytes += static_cast<std::size_t>(node.image.height) * static_cast<std::size_t>(node.image.width) * 3;
+    }
+    if (node.has_image) bytes += bytes_of_image();
+    if (node.frame) bytes += bytes_of_results();
+  }
+  return bytes;
+}
+
+/// For one keyframe more: images go first, then all else, of those that have their points and are farthest away.
+void LiveBuilder::make_room() {
+  const std::size_t most = static_cast<std::size_t>(options_.memory_mib) << 20U;
+  std::size_t now = bytes() + bytes_of_image() + bytes_of_results();
+  if (now <= most || nodes_.empty()) return;
+  const Eigen::Vector3d center = nodes_.rbegin()->second.pose.cam_from_world.center();
+  std::vector<std::pair<double, LiveNode*>> order;  // farthest first
+  for (auto& [id, node] : nodes_) {
+    if (!node.frame || node.shown == 0) continue;
+    order.emplace_back(-(node.pose.cam_from_world.center() - center).norm(), &node);
+  }
+  std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
+    return a.first != b.first ? a.first < b.first : a.second->id < b.second->id;
+  });
+  for (const auto& [distance, node] : order) {
+    if (now <= most) return;
+    if (!node->has_image) continue;
+    engine_->release(*node->frame, Artefact::kFarImage);
+    node->has_image = false;
+    ++stats_.images_dropped;
+    now -= bytes_of_image();
+  }
+  for (const auto& [distance, node] : order) {
+    if (now <= most) return;
+    node->frame.reset();
+    node->points_due = node->wide_due = false;
+    ++stats_.keyframes_frozen;
+    now -= bytes_of_results();
+  }
+}
+
+LiveBacklog LiveBuilder::backlog() const {
+  LiveBacklog backlog;
+  backlog.unripe = static_cast<std::int64_t>(undecided_.size());
+  for (const auto& [id, node] : nodes_) {
+    if (!node.used || (node.linked && !node.has_depth)) continue;
+    if (node.shown == 0) {
+      ++backlog.waiting;
+    } else if (node.frame && (goal(node) > node.passes || node.points_due || node.moved_px > 0.0 || node.again > 0)) {
+      ++backlog.refining;
+    }
+  }
+  return backlog;
+}
+
+LiveStats LiveBuilder::stats() const {
+  LiveStats stats = stats_;
+  if (preview_) stats.previews_late = preview_->late();
+  stats.memory_mib = static_cast<std::int64_t>(bytes() >> 20U);
+  return stats;
+}
+
+}  // namespace pmsp

@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "engine.h"
+#include "live/live_map.h"
+#include "live/live_node.h"
+#include "live/live_preview.h"
+#include "pmsp/live.h"
+
+namespace pmsp {
+
+/// What a LiveDensifier's worker does, one piece of work at a time: which keyframes are used and what they are matched
+/// with, passes of PatchMatch, points, and all of this again where something has changed. One thread only.
+///
+/// A keyframe's passes look at the newest maps of its neighbours, not at those of the pass before: so any pass can
+/// follow any other, and one that is done again because poses have moved is a pass like others. What goes into a
+/// result is recorded with it; what has changed since makes it due again.
+class LiveBuilder {
+ public:
+  /// Takes points. `preliminary`: of a preview.
+  using Publish = std::function<void(const KeyframeCloud& cloud, bool preliminary)>;
+
+  /// Takes what is wrong with a keyframe that is left out for it.
+  using OnError = std::function<void(const std::string&)>;
+
+  /// `cancel` makes work return early; nothing may be asked of the builder after that. Throws as the LiveDensifier.
+  LiveBuilder(const LiveOptions& options, const std::atomic<bool>& cancel, Publish publish, OnError on_error);
+
+  void add(const LiveKeyframe& keyframe);
+  void move(const std::vector<LiveMove>& places);
+  void see(std::int64_t id, const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
+  void erase(std::int64_t id);
+  void finish() { finishing_ = true; }
+
+  /// Does the next piece of work. Returns whether there was any.
+  bool work();
+
+  LiveBacklog backlog() const;
+  LiveStats stats() const;  ///< what is counted here
+  const std::string& backend() const { return backend_; }
+
+ private:
+  using Flight = std::vector<std::int64_t>;
+
+  // Which are used (live_choices.cpp).
+  bool is_ripe(const LiveNode& node) const;
+  bool decide();
+  bool is_crowded(const LiveNode& node) const;
+  bool is_wanted(LiveNode& node, const Keyframe& keyframe);
+  void use(LiveNode& node, const Keyframe& keyframe);
+  void leave_out(LiveNode& node);
+  bool leave_out_late();
+  bool link();
+  void link(LiveNode& node);
+
+  // Depth maps.
+  bool can_match(const LiveNode& node) const;
+  int goal(const LiveNode& node) const { return can_match(node) ? full_ : node.passes; }
+  std::vector<LiveNode*> neighbours_of(const LiveNode& node);
+  bool match();
+  bool match_again();
+  void match(LiveNode& node);
+  void filter(LiveNode& node);
+  void fuse(LiveNode& node);
+
+  // Points.
+  int level_of(const LiveNode& node) const;
+  int shared_level_of(const LiveNode& node) const;
+  bool show(bool because_moved);
+  bool show_wide();
+  void show(const std::vector<LiveNode*>& nodes);
+  void ask_around(LiveNode& node);
+  std::vector<LiveNode*> with_depth(const std::vector<std::int64_t>& ids);
+
+  // What changes.
+  void look_for_moves();
+  void planes_changed(const LiveNode& node);
+  bool is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const;
+  LiveInput input(const LiveNode& other, const LiveNode& own, std::uint64_t made) const;
+
+  // Memory.
+  void set_size(int image_width, int image_height);
+  void make_room();
+  std::size_t bytes_of_image() const;
+  std::size_t bytes_of_results() const;
+  std::size_t bytes() const;
+
+  LiveNode* find(std::int64_t id);
+  const LiveNode* find(std::int64_t id) const;
+  std::size_t place_of(const LiveNode& node) const;
+  std::vector<LiveNode*> around(const LiveNode& node, std::size_t reach, bool with_depth);
+
+  LiveOptions options_;
+  DensifierOptions densifier_;  ///< in force
+  const int full_;       ///< passes of a finished depth map
+  const bool asks_all_;  ///< keyframes beyond the fusion window may make the point of a place in any case
+  Publish publish_;
+  OnError on_error_;
+  EngineResults results_;
+  DensifierStats engine_stats_;
+  KeyframeSource image_again_;  ///< never set
+  std::string backend_;
+  std::unique_ptr<Engine> engine_;  ///< before the nodes, whose frames must not outlive it
+  std::unique_ptr<LivePreview> preview_;
+  std::map<std::int64_t, LiveNode> nodes_;
+  std::map<std::int64_t, Flight> flights_;  ///< ids of used ones in order, by map
+  std::set<std::int64_t> undecided_;        ///< ids
+  const std::atomic<bool>& cancel_;
+  std::uint64_t results_made_ = 0;
+  bool finishing_ = false;
+  bool moved_ = false;  ///< since moves were last looked for
+  LiveStats stats_;
+};
+
+}  // namespace pmsp

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <iterator>
+#include <limits>
+#include <utility>
+
+#include "live/live_builder.h"
+#include "live/live_image.h"
+#include "patchmatch/neighbours.h"
+#include "pmsp/error.h"
+#include "pmsp/initialiser.h"
+#include "view_filter/view_chain.h"
+
+// Which keyframes of a live mission are used, and what they are matched with.
+namespace pmsp {
+namespace {
+
+/// Keyframes within this share of the median range of a keyframe's landmarks see what it sees.
+constexpr double kCrowd = 0.15;
+/// So many used ones there are enough.
+constexpr int kEnough = 12;
+/// Used keyframes that sharpness is compared with.
+constexpr std::size_t kSharpnessReach = 5;
+
+}  // namespace
+
+bool LiveBuilder::is_ripe(const LiveNode& node) const {
+  if (finishing_ || node.newer >= options_.ripe_at_latest) return true;
+  return node.newer >= options_.ripe_after && (node.still || options_.ripe_after == 0);
+}
+
+/// Takes the first keyframe of a map that waits, if it is ripe.
+bool LiveBuilder::decide() {
+  std::set<std::int64_t> maps;  // whose first one waits on
+  for (const std::int64_t id : undecided_) {
+    LiveNode& node = nodes_.at(id);
+    if (maps.count(node.map_id) != 0) continue;
+    if (!is_ripe(node)) {
+      maps.insert(node.map_id);
+      continue;
+    }
+    undecided_.erase(id);
+    node.decided = true;
+    Image<Rgb> converted;
+    Keyframe keyframe = node.keyframe();
+    keyframe.image = rgb_view(node.image, converted);
+    if (options_.mask) keyframe.mask = options_.mask->view();
+    try {
+      if (!is_crowded(node) && is_wanted(node, keyframe)) {
+        use(node, keyframe);
+        return true;
+      }
+      ++stats_.not_needed;
+    } catch (const InvalidInput& error) {
+      on_error_(error.what());
+    }
+    leave_out(node);
+    return true;
+  }
+  return false;
+}
+
+/// Whether the place has been seen often enough: however long a flight stays in one room, what is kept of it is
+/// bounded.
+bool LiveBuilder::is_crowded(const LiveNode& node) const {
+  const auto flight = flights_.find(node.map_id);
+  if (flight == flights_.end()) return false;
+  const Eigen::Vector3d center = node.pose.cam_from_world.center();
+  const double reach = kCrowd * node.range * node.pose.scale;
+  return std::count_if(flight->second.begin(), flight->second.end(), [&](std::int64_t id) {
+           return (nodes_.at(id).pose.cam_from_world.center() - center).norm() <= reach;
+         }) >= kEnough;
+}
+
+/// What the view filter says of it and the used ones before, all where they are now.
+bool LiveBuilder::is_wanted(LiveNode& node, const Keyframe& keyframe) {
+  node.sharpness = plan_keyframe(keyframe, densifier_, &engine_->executor()).sharpness;
+  const Flight& flight = flights_[node.map_id];
+  const auto next = std::lower_bound(flight.begin(), flight.end(), node.id);
+  if (!densifier_.view_filter.enabled || next == flight.begin()) return true;
+  const LiveNode& newest = nodes_.at(*std::prev(next));
+  ViewChain chain(densifier_.view_filter);
+  const Keyframe newest_keyframe = newest.keyframe();
+  chain.add(newest_keyframe.landmarks, newest_keyframe.cam_from_world.center());
+  const ViewChain::Verdict verdict = chain.compare(keyframe.landmarks, keyframe.cam_from_world.center());
+  if (verdict.use != KeyframeUse::kDepthMap) return false;
+  if (!verdict.dispensable || densifier_.view_filter.min_sharpness == 0.0) return true;
+  const std::size_t count = std::min<std::size_t>(kSharpnessReach, static_cast<std::size_t>(next - flight.begin()));
+  for (auto at = next - static_cast<std::ptrdiff_t>(count); at != next; ++at) {
+    const SharpnessRecord& record = nodes_.at(*at).sharpness;
+    if (!record.landmarks.empty()) chain.add_sharpness(record.landmarks);
+  }
+  return !chain.is_blurred(node.sharpness.landmarks);
+}
+
+void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
+  if (densifier_.width == 0 || densifier_.height == 0) set_size(node.image.width, node.image.height);
+  make_room();
+  node.frame = engine_->prepare(keyframe);
+  node.used = true;
+  node.has_image = true;
+  node.image = {};
+  ++stats_.used;
+  Flight& flight = flights_[node.map_id];
+  flight.insert(std::lower_bound(flight.begin(), flight.end(), node.id), node.id);
+}
+
+/// Nothing is kept of it but its place.
+void LiveBuilder::leave_out(LiveNode& node) {
+  if (node.used) {
+    const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
+    for (LiveNode* other : around(node, reach, false)) {  // they choose others
+      if (other->passes == 0) other->linked = other->has_depth = false;
+    }
+    Flight& flight = flights_[node.map_id];
+    flight.erase(std::lower_bound(flight.begin(), flight.end(), node.id));
+  }
+  node.used = node.has_image = node.has_depth = false;
+  node.frame.reset();
+  node.image = {};
+  node.sharpness = {};
+  node.near.clear();
+  std::vector<Landmark>().swap(node.seen);
+}
+
+/// Of keyframes that wait for their first depth map, lets go of the one whose neighbours in the flight are nearest to
+/// each other, where too many wait.
+bool LiveBuilder::leave_out_late() {
+  int waiting = 0;
+  LiveNode* least = nullptr;
+  double least_gap = std::numeric_limits<double>::infinity();
+  for (const auto& [map_id, flight] : flights_) {
+    for (std::size_t i = 0; i < flight.size(); ++i) {
+      LiveNode& node = nodes_.at(flight[i]);
+      if (node.passes > 0 || (node.linked && !node.has_depth)) continue;
+      ++waiting;
+      if (i == 0 || i + 1 == flight.size()) continue;
+      const Eigen::Vector3d before = nodes_.at(flight[i - 1]).pose.cam_from_world.center();
+      const Eigen::Vector3d after = nodes_.at(flight[i + 1]).pose.cam_from_world.center();
+      const double gap = (after - before).norm() / std::max(node.range * node.pose.scale, 1e-12);
+      if (gap < least_gap) {
+        least_gap = gap;
+        least = &node;
+      }
+    }
+  }
+  if (waiting <= options_.max_waiting || least == nullptr) return false;
+  ++stats_.left_out_late;
+  leave_out(*least);
+  return true;
+}
+
+/// Chooses neighbours for the first keyframe of which all that could be are there.
+bool LiveBuilder::link() {
+  const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
+  for (const auto& [map_id, flight] : flights_) {
+    for (std::size_t i = 0; i < flight.size(); ++i) {
+      LiveNode& node = nodes_.at(flight[i]);
+      if (node.linked) continue;
+      if (i + reach >= flight.size() && !finishing_) break;
+      link(node);
+      return true;
+    }
+  }
+  return false;
+}
+
+void LiveBuilder::link(LiveNode& node) {
+  const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
+  std::vector<Keyframe> keyframes;
+  std::size_t own = 0;
+  for (const LiveNode* around : this->around(node, reach, false)) {
+    if (around != &node && !around->has_image) continue;
+    if (around == &node) own = keyframes.size();
+    keyframes.push_back(around->keyframe());
+  }
+  std::vector<const Keyframe*> sequence;
+  for (const Keyframe& keyframe : keyframes) sequence.push_back(&keyframe);
+  node.near.clear();
+  for (const std::size_t k : choose_neighbours(sequence, own, densifier_.patchmatch.neighbours)) {
+    node.near.push_back(sequence[k]->id);
+  }
+  node.depths = depth_range(keyframes[own], densifier_.init);
+  node.linked = true;
+  node.has_depth = !node.near.empty() && node.depths.max > node.depths.min;
+}
+
+}  // namespace pmsp

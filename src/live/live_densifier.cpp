@@ -1,0 +1,412 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <iterator>
+#include <mutex>
+#include <set>
+#include <sstream>
+#include <thread>
+#include <utility>
+
+#include "densifier_checks.h"
+#include "live/live_builder.h"
+#include "live/live_image.h"
+#include "live/live_map.h"
+#include "live/live_tracker.h"
+#include "pmsp/error.h"
+#include "util/low_priority.h"
+
+namespace pmsp {
+namespace {
+
+template <class T>
+void check(const char* name, T value, T low, T high) {
+  if (value >= low && value <= high) return;
+  std::ostringstream text;
+  text << name << " is " << value << "; expected " << low << " to " << high;
+  throw InvalidOption(text.str());
+}
+
+void check_place(const LiveKeyframe& keyframe) {
+  check_pose("keyframe " + std::to_string(keyframe.id) + ": ", keyframe.cam_from_world);
+  check_landmarks("keyframe " + std::to_string(keyframe.id) + ": ", keyframe.landmarks);
+}
+
+}  // namespace
+
+void LiveOptions::validate() const {
+  densifier.validate();
+  check("nice", nice, 0, 19);
+  check("memory_mib", memory_mib, 1, 1000000);
+  check("max_waiting", max_waiting, 4, 100000);
+  check("ripe_after", ripe_after, 0, 1000);
+  check("ripe_at_latest", ripe_at_latest, ripe_after, 1000);
+  check("ripe_move", ripe_move, 0.0, 1.0);
+  check("max_move_px", max_move_px, 0.001, 100.0);
+}
+
+/// Callers say where keyframes are, and the map shows it, under one short lock; what the worker has to know of it waits
+/// in a queue. The worker looks at nothing else of the callers'.
+struct LiveDensifier::Impl {
+  Impl(const LiveOptions& options, LiveCallbacks callbacks) : options_(options), callbacks_(std::move(callbacks)) {
+    options_.validate();
+    if (options_.mask && options_.mask->empty()) options_.mask.reset();
+    std::exception_ptr failed;
+    bool begun = false;
+    worker_ = std::thread([&] {
+      std::unique_ptr<LiveBuilder> builder;
+      std::exception_ptr why;
+      try {
+        run_at_low_priority(options_.nice);
+        builder = make_builder(0);
+      } catch (...) {
+        why = std::current_exception();
+      }
+      {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        failed = why;
+        begun = true;
+        if (builder) backend_ = builder->backend();
+      }
+      changed_.notify_all();
+      if (builder) work(std::move(builder));
+    });
+    {
+      std::unique_lock<std::mutex> lock(mutex_);
+      changed_.wait(lock, [&] { return begun; });
+    }
+    if (!failed) return;
+    worker_.join();
+    std::rethrow_exception(failed);
+  }
+
+  ~Impl() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      stop_ = true;
+      cancel_.store(true, std::memory_order_relaxed);
+    }
+    changed_.notify_all();
+    worker_.join();
+  }
+
+  // ---- callers ----
+
+  void add(LiveKeyframe keyframe) {
+    check_new(keyframe);
+    tell([&] { arrive(std::move(keyframe)); });
+  }
+
+  void update(const std::vector<LiveKeyframe>& keyframes) {
+    for (const LiveKeyframe& keyframe : keyframes) check_place(keyframe);
+    tell([&] {
+      std::vector<const LiveKeyframe*> all;
+      all.reserve(keyframes.size());
+      for (const LiveKeyframe& keyframe : keyframes) all.push_back(&keyframe);
+      move(all);
+    });
+  }
+
+  void sync(const std::vector<LiveKeyframe>& keyframes) {
+    std::set<std::int64_t> there;
+    for (const LiveKeyframe& keyframe : keyframes) {
+      if (!there.insert(keyframe.id).second) {
+        throw InvalidInput("sync: keyframe " + std::to_string(keyframe.id) + " is there twice");
+      }
+      check_place(keyframe);
+      if (keyframe.image.data != nullptr) check_image(keyframe.id, keyframe.image);
+    }
+    tell([&] {
+      std::vector<std::int64_t> gone;
+      for (const std::int64_t id : tracker_.ids()) {
+        if (there.count(id) == 0) gone.push_back(id);
+      }
+      erase_known(gone);
+      std::vector<const LiveKeyframe*> known;
+      std::vector<const LiveKeyframe*> fresh;
+      for (const LiveKeyframe& keyframe : keyframes) {
+        if (tracker_.knows(keyframe.id)) {
+          known.push_back(&keyframe);
+        } else if (keyframe.image.data != nullptr) {
+          fresh.push_back(&keyframe);
+        }
+      }
+      move(known);
+      std::sort(fresh.begin(), fresh.end(), [](const auto* a, const auto* b) { return a->id < b->id; });
+      for (const LiveKeyframe* keyframe : fresh) arrive(*keyframe);
+    });
+  }
+
+  void erase(const std::vector<std::int64_t>& ids) {
+    tell([&] { erase_known(ids); });
+  }
+
+  void reset() {
+    tell([&] {
+      ++stats_.resets;
+      ++generation_;
+      tracker_.reset();
+      map_.reset();
+      queue_.clear();
+      queued_images_ = 0;
+      cancel_.store(true, std::memory_order_relaxed);  // what is being done is for nothing
+    });
+  }
+
+  void finish() {
+    tell([&] { queue_.emplace_back([](LiveBuilder& builder) { builder.finish(); }); });
+  }
+
+  void set_paused(bool paused) {
+    tell([&] { paused_ = paused; });
+  }
+
+  bool wait(std::chrono::milliseconds at_most) const {
+    std::unique_lock<std::mutex> lock(mutex_);
+    return changed_.wait_for(lock, at_most, [&] { return is_idle() || failed_; }) && is_idle();
+  }
+
+  LiveStats stats() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    LiveStats stats = sum(stats_, worker_stats_);
+    stats.rescaled = tracker_.rescaled();
+    return stats;
+  }
+
+  LiveBacklog backlog() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    LiveBacklog backlog = backlog_;
+    backlog.unripe += queued_images_;
+    backlog.idle = is_idle();
+    return backlog;
+  }
+
+  const LiveMap& map() const { return map_; }
+  const std::string& backend() const { return backend_; }
+
+ private:
+  template <class Change>
+  void tell(const Change& change) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      change();
+      idle_ = false;
+    }
+    changed_.notify_all();
+  }
+
+  void check_new(const LiveKeyframe& keyframe) const {
+    check_place(keyframe);
+    check_image(keyframe.id, keyframe.image);
+    const auto& mask = options_.mask;
+    if (mask && (mask->width() != keyframe.image.width || mask->height() != keyframe.image.height)) {
+      throw InvalidInput("keyframe " + std::to_string(keyframe.id) + ": the image is " +
+                         std::to_string(keyframe.image.width) + " x " + std::to_string(keyframe.image.height) +
+                         ", the mask " + std::to_string(mask->width()) + " x " + std::to_string(mask->height()) +
+                         "; expected equal sizes");
+    }
+  }
+
+  // Under the lock.
+
+  void arrive(LiveKeyframe keyframe) {
+    if (tracker_.knows(keyframe.id)) return move({&keyframe});
+    ++stats_.added;
+    ++queued_images_;
+    tracker_.add(keyframe);
+    queue_.emplace_back([keyframe = std::move(keyframe)](LiveBuilder& builder) { builder.add(keyframe); });
+  }
+
+  void move(const std::vector<const LiveKeyframe*>& keyframes) {
+    std::vector<LiveMove> moved = tracker_.move(keyframes);
+    if (!moved.empty()) {
+      map_.move(moved);
+      queue_.emplace_back([moved = std::move(moved)](LiveBuilder& builder) { builder.move(moved); });
+    }
+    for (const LiveKeyframe* keyframe : keyframes) {
+      if (keyframe->landmarks.empty() || !tracker_.knows(keyframe->id)) continue;
+      queue_.emplace_back([id = keyframe->id, landmarks = keyframe->landmarks, pose = keyframe->cam_from_world](
+                              LiveBuilder& builder) { builder.see(id, landmarks, pose); });
+    }
+  }
+
+  void erase_known(const std::vector<std::int64_t>& ids) {
+    for (const std::int64_t id : ids) {
+      if (!tracker_.knows(id)) continue;
+      ++stats_.erased;
+      tracker_.erase(id);
+      queue_.emplace_back([id](LiveBuilder& builder) { builder.erase(id); });
+    }
+    map_.remove(ids);
+  }
+
+  bool is_idle() const { return idle_ && queue_.empty(); }
+
+  static LiveStats sum(LiveStats a, const LiveStats& b) {
+    for (const auto member : {&LiveStats::used, &LiveStats::not_needed, &LiveStats::left_out_late, &LiveStats::previews,
+                              &LiveStats::previews_late, &LiveStats::passes, &LiveStats::matched_again,
+                              &LiveStats::clouds, &LiveStats::images_dropped, &LiveStats::keyframes_frozen,
+                              &LiveStats::errors}) {
+      a.*member += b.*member;
+    }
+    a.memory_mib = b.memory_mib;
+    return a;
+  }
+
+  // ---- the worker ----
+
+  std::unique_ptr<LiveBuilder> make_builder(std::uint64_t generation) {
+    return std::make_unique<LiveBuilder>(
+        options_, cancel_,
+        [this, generation](const KeyframeCloud& cloud, bool preliminary) { publish(generation, cloud, preliminary); },
+        [this](const std::string& what) { report(what); });
+  }
+
+  void publish(std::uint64_t generation, const KeyframeCloud& cloud, bool preliminary) {
+    auto copy = std::make_shared<const KeyframeCloud>(cloud);
+    LiveVersion version = 0;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (generation != generation_ || !tracker_.knows(cloud.keyframe_id)) return;
+      map_.publish(tracker_.place_of(cloud.keyframe_id), std::move(copy), preliminary);
+      version = map_.version();
+    }
+    if (callbacks_.changed) call([&] { callbacks_.changed(version); });
+  }
+
+  /// What callbacks throw is theirs.
+  template <class Call>
+  void call(const Call& call) {
+    try {
+      call();
+    } catch (const std::exception& error) {
+      count_error(std::string("a callback has thrown: ") + error.what());
+    } catch (...) {
+      count_error("a callback has thrown");
+    }
+  }
+
+  void count_error(const std::string& text) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    ++stats_.errors;
+    stats_.last_error = text;
+  }
+
+  void report(const std::string& text) {
+    count_error(text);
+    if (callbacks_.on_error) call([&] { callbacks_.on_error(text); });
+  }
+
+  void work(std::unique_ptr<LiveBuilder> builder) {
+    std::uint64_t generation = 0;
+    while (true) {
+      std::deque<std::function<void(LiveBuilder&)>> told;
+      bool begin_anew = false;
+      bool paused = false;
+      {
+        std::unique_lock<std::mutex> lock(mutex_);
+        changed_.wait(lock, [&] { return stop_ || generation != generation_ || !queue_.empty() || (!idle_ && !paused_); });
+        if (stop_) return;
+        begin_anew = generation != generation_;
+        generation = generation_;
+        cancel_.store(false, std::memory_order_relaxed);
+        told.swap(queue_);
+        queued_images_ = 0;
+        if (begin_anew) stats_ = sum(stats_, worker_stats_);
+        if (begin_anew) worker_stats_ = {};
+        paused = paused_;
+      }
+      try {
+        if (begin_anew) {
+          builder.reset();  // before the next one, for its memory
+          builder = make_builder(generation);
+        }
+        for (const auto& tell : told) tell(*builder);
+        told.clear();
+        const bool busy = !paused && builder->work();
+        after(*builder, !busy && !paused);
+      } catch (const std::exception& error) {
+        if (!go_on_after(error, builder, generation)) return;
+      }
+    }
+  }
+
+  void after(const LiveBuilder& builder, bool idle) {
+    const LiveStats stats = builder.stats();
+    const LiveBacklog backlog = builder.backlog();
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      worker_stats_ = stats;
+      backlog_ = backlog;
+      idle_ = idle && queue_.empty();
+    }
+    if (idle) changed_.notify_all();
+  }
+
+  /// The keyframes are gone with what was made of them, but for the points that are published. Returns whether those
+  /// that come may be worked on.
+  bool go_on_after(const std::exception& error, std::unique_ptr<LiveBuilder>& builder, std::uint64_t generation) {
+    report(error.what());
+    try {
+      builder.reset();
+      builder = make_builder(generation);
+      const std::lock_guard<std::mutex> lock(mutex_);
+      stats_ = sum(stats_, worker_stats_);
+      worker_stats_ = {};
+      idle_ = false;
+      return true;
+    } catch (const std::exception& again) {
+      report(again.what());
+    }
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      failed_ = true;
+    }
+    changed_.notify_all();
+    return false;
+  }
+
+  LiveOptions options_;
+  const LiveCallbacks callbacks_;
+  mutable std::mutex mutex_;
+  mutable std::condition_variable changed_;
+  LiveTracker tracker_;
+  LiveMap map_;
+  std::deque<std::function<void(LiveBuilder&)>> queue_;  ///< what the worker has to know
+  std::int64_t queued_images_ = 0;
+  std::uint64_t generation_ = 0;  ///< resets
+  bool paused_ = false;
+  bool idle_ = true;
+  bool stop_ = false;
+  bool failed_ = false;
+  std::atomic<bool> cancel_{false};
+  LiveStats stats_;         ///< without those of the present builder
+  LiveStats worker_stats_;  ///< these
+  LiveBacklog backlog_;
+  std::string backend_;
+  std::thread worker_;
+};
+
+LiveDensifier::LiveDensifier(const LiveOptions& options, LiveCallbacks callbacks)
+    : impl_(std::make_unique<Impl>(options, std::move(callbacks))) {}
+LiveDensifier::~LiveDensifier() = default;
+
+void LiveDensifier::add(LiveKeyframe keyframe) { impl_->add(std::move(keyframe)); }
+void LiveDensifier::update(const std::vector<LiveKeyframe>& keyframes) { impl_->update(keyframes); }
+void LiveDensifier::sync(const std::vector<LiveKeyframe>& keyframes) { impl_->sync(keyframes); }
+void LiveDensifier::erase(const std::vector<std::int64_t>& ids) { impl_->erase(ids); }
+void LiveDensifier::reset() { impl_->reset(); }
+void LiveDensifier::pause() { impl_->set_paused(true); }
+void LiveDensifier::resume() { impl_->set_paused(false); }
+void LiveDensifier::finish() { impl_->finish(); }
+bool LiveDensifier::wait(std::chrono::milliseconds at_most) const { return impl_->wait(at_most); }
+std::shared_ptr<const LiveSnapshot> LiveDensifier::snapshot() const { return impl_->map().snapshot(); }
+LiveChanges LiveDensifier::changes_since(LiveVersion version) const { return impl_->map().changes_since(version); }
+LiveStats LiveDensifier::stats() const { return impl_->stats(); }
+LiveBacklog LiveDensifier::backlog() const { return impl_->backlog(); }
+const std::string& LiveDensifier::backend() const { return impl_->backend(); }
+
+}  // namespace pmsp

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "pmsp/image.h"
+#include "pmsp/live.h"
+
+namespace pmsp {
+
+/// The image as red, green and blue: a view of its own pixels where they are that already, else of `converted`.
+ImageView<const Rgb> rgb_view(const LiveImage& image, Image<Rgb>& converted);
+
+/// Throws InvalidInput, naming the keyframe, unless there are pixels, rows do not overlap and sizes are as expected.
+void check_image(std::int64_t keyframe_id, const LiveImage& image);
+
+}  // namespace pmsp

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "engine.h"
+#include "pmsp/initialiser.h"
+#include "pmsp/live.h"
+#include "pmsp/plan.h"
+
+namespace pmsp {
+
+/// What a stage looked at: a keyframe, which of its results, and where both keyframes were then.
+struct LiveInput {
+  std::int64_t id;
+  std::uint64_t made;
+  KeyframePose other, own;
+};
+using LiveInputs = std::vector<LiveInput>;
+
+/// By how much what a keyframe sees has moved in another one since then [px of `width`], for what lies at `range`
+/// [keyframe's unit]. `other`, `own`: where both are now.
+double moved_px(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range, int width);
+
+/// A keyframe of a live mission, from its arrival to its removal.
+struct LiveNode {
+  std::int64_t id = 0;
+  std::int64_t map_id = 0;
+  KeyframePose pose;
+  LiveImage image;             ///< until it is prepared, or not needed
+  std::vector<Landmark> seen;  ///< positions in the camera's frame and unit: they go with the pose
+  double range = 0.0;          ///< median distance of these; 0 = there are none
+
+  // Ripeness.
+  int newer = 0;                                       ///< keyframes that have come since
+  bool still = false;                                  ///< it hardly moved while the last one of them came
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();    ///< when that one came
+
+  // Decided once it is ripe.
+  bool decided = false;
+  bool used = false;
+  SharpnessRecord sharpness;
+
+  // Of used ones.
+  std::unique_ptr<Engine::Frame> frame;  ///< gone when it is frozen
+  bool has_image = false;                ///< it can be matched with
+  bool linked = false;                   ///< `near` and `depths` are known
+  std::vector<std::int64_t> near;        ///< ids; some may have been erased since
+  DepthRange depths;                     ///< [keyframe's unit]
+  bool has_depth = false;                ///< it gets a depth map
+  int passes = 0;                        ///< of PatchMatch that it has been through
+  double moved_px = 0.0;                 ///< by how much neighbours have moved since `matched`, where that is too much
+  int again = 0;                         ///< further passes that it needs for that
+  bool anew = false;                     ///< all passes are done again
+  std::uint64_t planes_made = 0;         ///< numbers of results; newer ones are higher, 0 = there is none
+  std::uint64_t filtered_made = 0;
+  std::uint64_t fused_made = 0;
+  LiveInputs matched;                    ///< what the last pass looked at that looked at images alone
+  LiveInputs filtered, fused, judged;    ///< what went into these, and into the points
+  std::vector<std::int64_t> viewers, owners;    ///< asked about its points
+  KeyframePose first_pose;                      ///< when its points were first shown
+  int shown = 0;                                ///< passes that its points had; 0 = it has none
+  bool points_due = false;                      ///< something has changed for them since
+  bool wide = false;                            ///< keyframes beyond the fusion window were asked about them
+  bool wide_due = false;                        ///< should be
+
+  bool waits() const { return used && has_depth && shown == 0; }
+  /// With landmarks in the world, as the pose is now; without image.
+  Keyframe keyframe() const;
+  void take_landmarks(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
+};
+
+}  // namespace pmsp

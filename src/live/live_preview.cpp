@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "live/live_preview.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <iterator>
+#include <utility>
+
+#include "live/live_image.h"
+#include "make_engine.h"
+#include "patchmatch/neighbours.h"
+
+namespace pmsp {
+namespace {
+
+constexpr int kLargestWidth = 640;
+constexpr int kNeighbours = 2;
+/// Keyframes that are kept: those that the next preview may look at.
+constexpr std::size_t kKept = 5;
+/// A preview of a keyframe that came longer ago is not worth its time.
+constexpr std::chrono::milliseconds kLate{3000};
+
+DensifierOptions preview_options(const DensifierOptions& final) {
+  DensifierOptions options = final;
+  const double shape = final.width > 0 && final.height > 0 ? static_cast<double>(final.height) / final.width : 0.5;
+  options.width = final.width > 0 ? std::min(final.width / 2, kLargestWidth) : kLargestWidth;
+  options.width = std::max(32, options.width / 2 * 2);
+  options.height = std::max(16, static_cast<int>(options.width * shape) / 2 * 2);
+  options.unordered = false;
+  options.pipelined = false;
+  options.scratch_folder.clear();
+  options.patchmatch.neighbours = kNeighbours;
+  options.patchmatch.revisits = 0;
+  options.patchmatch.geometric_passes = 0;
+  options.patchmatch.plane_priors = false;
+  options.consistency.max_relative_depth = std::max(0.03, final.consistency.max_relative_depth);
+  options.fusion.window = 1;
+  options.fusion.spacing_px = 0.0;
+  options.free_space.enabled = false;
+  return options;
+}
+
+}  // namespace
+
+LivePreview::LivePreview(const LiveOptions& options, const std::atomic<bool>& cancel,
+                         std::function<void(const KeyframeCloud&)> publish)
+    : options_(preview_options(options.densifier)), mask_(options.mask), publish_(std::move(publish)), cancel_(cancel) {
+  results_.cloud = publish_;
+  engine_ = make_engine({options_, results_, stats_, cancel_, image_again_}, options_, backend_);
+}
+
+void LivePreview::add(std::int64_t id) { arrived_.push_back({id, Clock::now()}); }
+
+void LivePreview::erase(std::int64_t id) {
+  entries_.erase(id);
+  arrived_.erase(std::remove_if(arrived_.begin(), arrived_.end(), [&](const Arrival& one) { return one.id == id; }),
+                 arrived_.end());
+}
+
+bool LivePreview::work(const Nodes& nodes) {
+  while (!arrived_.empty()) {
+    const Arrival newest = arrived_.back();
+    arrived_.pop_back();
+    const auto tolerable = Clock::now() - kLate;
+    const auto late = std::partition(arrived_.begin(), arrived_.end(),
+                                     [&](const Arrival& arrival) { return arrival.at >= tolerable; });
+    late_ += std::distance(late, arrived_.end());
+    arrived_.erase(late, arrived_.end());
+    std::sort(arrived_.begin(), arrived_.end(), [](const Arrival& a, const Arrival& b) { return a.at < b.at; });
+    if (make(nodes, newest.id)) return true;
+  }
+  return false;
+}
+
+bool LivePreview::prepare(const LiveNode& node) {
+  Entry& entry = entries_[node.id];
+  if (!entry.frame && node.image.data != nullptr) {
+    Image<Rgb> converted;
+    Keyframe keyframe = node.keyframe();
+    keyframe.image = rgb_view(node.image, converted);
+    if (mask_) keyframe.mask = mask_->view();
+    entry.frame = engine_->prepare(keyframe);
+  }
+  if (!entry.frame) return false;
+  entry.frame->pose = node.pose;
+  return true;
+}
+
+/// The preview of the keyframe before the newest one: it lies between the two that it is matched with. Returns whether
+/// there was anything to do.
+bool LivePreview::make(const Nodes& nodes, std::int64_t newest) {
+  const auto last = nodes.find(newest);
+  if (last == nodes.end() || !prepare(last->second)) return false;
+  std::vector<const LiveNode*> around{&last->second};  // newest first
+  for (auto at = last; at != nodes.begin() && around.size() < kKept - 1;) {
+    --at;
+    if (at->second.map_id != last->second.map_id) continue;
+    const bool known = entries_.count(at->first) != 0 || around.size() == 1;
+    if (known && prepare(at->second)) around.push_back(&at->second);
+  }
+  for (auto at = entries_.begin(); at != entries_.end() && entries_.size() > kKept;) {
+    const bool wanted = std::any_of(around.begin(), around.end(), [&](const LiveNode* node) { return node->id == at->first; });
+    at = wanted ? std::next(at) : entries_.erase(at);
+  }
+  if (around.size() < 2) return true;
+  std::reverse(around.begin(), around.end());
+  const std::size_t own = around.size() - 2;
+  const LiveNode& node = *around[own];
+  if (node.shown > 0 || entries_.at(node.id).frame->matched) return true;
+
+  std::vector<Keyframe> keyframes;
+  std::vector<const Keyframe*> sequence;
+  for (const LiveNode* each : around) keyframes.push_back(each->keyframe());
+  for (const Keyframe& keyframe : keyframes) sequence.push_back(&keyframe);
+  Engine::MatchTask task;
+  task.reference = entries_.at(node.id).frame.get();
+  task.keyframe = sequence[own];
+  for (const std::size_t k : choose_neighbours(sequence, own, kNeighbours)) {
+    task.neighbours.push_back(entries_.at(sequence[k]->id).frame.get());
+  }
+  task.near = task.neighbours.size();
+  task.range = depth_range(keyframes[own], options_.init);
+  if (task.neighbours.empty() || !(task.range.max > task.range.min)) return true;
+  std::vector<const Engine::Frame*> others;
+  for (std::size_t i = 0; i < own; ++i) {
+    const Engine::Frame* const frame = entries_.at(around[i]->id).frame.get();
+    if (frame->matched) others.push_back(frame);
+  }
+  if (!others.empty()) task.previous = others.back();
+  engine_->match(task);
+  if (!task.reference->matched || others.empty()) return true;  // cancelled, or nobody to compare it with
+  engine_->filter(*task.reference, others);
+  engine_->fuse(*task.reference, {task.reference}, 0);
+  if (cancel_.load(std::memory_order_relaxed)) return true;
+  engine_->hand_out(*task.reference);
+  engine_->deliver(true);
+  return true;
+}
+
+std::size_t LivePreview::bytes() const {
+  constexpr std::size_t kPixel = 48;
+  return kPixel * entries_.size() * static_cast<std::size_t>(options_.width) *
+         static_cast<std::size_t>(options_.height);
+}
+
+}  // namespace pmsp

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "engine.h"
+#include "live/live_node.h"
+
+namespace pmsp {
+
+/// Preliminary points: one pass of PatchMatch at half the size for each keyframe, as soon as the next one has come,
+/// with poses as they are then. Nothing of it goes into final points. One thread only.
+class LivePreview {
+ public:
+  using Nodes = std::map<std::int64_t, LiveNode>;
+
+  LivePreview(const LiveOptions& options, const std::atomic<bool>& cancel,
+              std::function<void(const KeyframeCloud&)> publish);
+
+  void add(std::int64_t id);
+  void erase(std::int64_t id);
+
+  /// Makes the preview that is wanted most. Returns whether there was any.
+  bool work(const Nodes& nodes);
+
+  std::int64_t late() const { return late_; }
+  std::size_t bytes() const;
+
+ private:
+  struct Entry {
+    std::unique_ptr<Engine::Frame> frame;
+  };
+  using Clock = std::chrono::steady_clock;
+  struct Arrival {
+    std::int64_t id;
+    Clock::time_point at;
+  };
+
+  bool make(const Nodes& nodes, std::int64_t newest);
+  bool prepare(const LiveNode& node);
+
+  DensifierOptions options_;
+  std::shared_ptr<const Image<std::uint8_t>> mask_;
+  std::function<void(const KeyframeCloud&)> publish_;
+  EngineResults results_;
+  DensifierStats stats_;
+  KeyframeSource image_again_;  ///< never set
+  std::string backend_;
+  std::unique_ptr<Engine> engine_;  ///< before the frames, which must not outlive it
+  std::map<std::int64_t, Entry> entries_;  ///< of the newest keyframes
+  std::vector<Arrival> arrived_;
+  const std::atomic<bool>& cancel_;
+  std::int64_t late_ = 0;
+};
+
+}  // namespace pmsp

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "live/live_tracker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <utility>
+
+#include "live/scale_recovery.h"
+
+namespace pmsp {
+namespace {
+
+/// Landmarks that are remembered of a keyframe: enough for a median.
+constexpr std::size_t kLandmarks = 64;
+
+/// Whoever has moved by more than this share of the range of its landmarks is no longer where scales were agreed on.
+constexpr double kFar = 0.02;
+
+bool same(const RigidTransform& a, const RigidTransform& b) {
+  return a.rotation == b.rotation && a.translation == b.translation;
+}
+
+}  // namespace
+
+LiveMove LiveTracker::place_of(std::int64_t id) const {
+  const Track& track = tracks_.at(id);
+  return {id, track.now, track.map_id};
+}
+
+std::vector<std::int64_t> LiveTracker::ids() const {
+  std::vector<std::int64_t> ids;
+  ids.reserve(tracks_.size());
+  for (const auto& [id, track] : tracks_) ids.push_back(id);
+  return ids;
+}
+
+/// Of landmarks spread evenly over the list.
+std::vector<LiveTracker::Range> LiveTracker::ranges_of(const std::vector<Landmark>& landmarks,
+                                                       const RigidTransform& cam_from_world) {
+  std::vector<Range> ranges;
+  const Eigen::Vector3d center = cam_from_world.center();
+  const std::size_t step = std::max<std::size_t>(1, landmarks.size() / kLandmarks);
+  for (std::size_t i = 0; i < landmarks.size(); i += step) {
+    ranges.push_back({landmarks[i].id, (landmarks[i].position_world - center).norm()});
+  }
+  std::sort(ranges.begin(), ranges.end(), [](const Range& a, const Range& b) { return a.landmark < b.landmark; });
+  return ranges;
+}
+
+void LiveTracker::add(const LiveKeyframe& keyframe) {
+  Track& track = tracks_[keyframe.id];
+  track.now = track.agreed = {keyframe.cam_from_world, 1.0};
+  track.map_id = keyframe.map_id;
+  track.ranges = track.agreed_ranges = ranges_of(keyframe.landmarks, keyframe.cam_from_world);
+}
+
+std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& keyframes) {
+  std::map<std::int64_t, LiveMove> changed;
+  for (const LiveKeyframe* keyframe : keyframes) {
+    const auto found = tracks_.find(keyframe->id);
+    if (found == tracks_.end()) continue;
+    Track& track = found->second;
+    if (same(track.now.cam_from_world, keyframe->cam_from_world) && track.map_id == keyframe->map_id) continue;
+    track.now.cam_from_world = keyframe->cam_from_world;
+    track.map_id = keyframe->map_id;
+    if (!keyframe->landmarks.empty()) {
+      // The same landmarks where they are still there.
+      std::vector<Range> seen;
+      const Eigen::Vector3d center = keyframe->cam_from_world.center();
+      for (const Landmark& landmark : keyframe->landmarks) {
+        const auto at = std::lower_bound(track.agreed_ranges.begin(), track.agreed_ranges.end(), landmark.id,
+                                         [](const Range& range, std::int64_t id) { return range.landmark < id; });
+        if (at == track.agreed_ranges.end() || at->landmark != landmark.id) continue;
+        seen.push_back({landmark.id, (landmark.position_world - center).norm()});
+      }
+      std::sort(seen.begin(), seen.end(), [](const Range& a, const Range& b) { return a.landmark < b.landmark; });
+      track.ranges = seen.size() * 2 >= track.agreed_ranges.size()
+                         ? std::move(seen)
+                         : ranges_of(keyframe->landmarks, keyframe->cam_from_world);
+    }
+    changed[found->first] = {found->first, track.now, track.map_id};
+  }
+  if (changed.empty()) return {};
+  std::map<std::int64_t, std::vector<Tracks::iterator>> flights;  // by map
+  std::map<std::int64_t, std::set<std::size_t>> moved;
+  for (auto at = tracks_.begin(); at != tracks_.end(); ++at) {
+    std::vector<Tracks::iterator>& flight = flights[at->second.map_id];
+    if (changed.count(at->first) != 0) moved[at->second.map_id].insert(flight.size());
+    flight.push_back(at);
+  }
+  for (const auto& [map_id, numbers] : moved) recover(flights[map_id], numbers, changed);
+  std::vector<LiveMove> result;
+  result.reserve(changed.size());
+  for (auto& [id, place] : changed) result.push_back(place);
+  return result;
+}
+
+/// Whether the keyframe is no longer near the place where scales were agreed on.
+bool LiveTracker::has_left(const Track& track) {
+  double range = 0.0;
+  for (const Range& known : track.agreed_ranges) range += known.range;
+  if (track.agreed_ranges.empty() || !(range > 0.0)) return true;
+  range /= static_cast<double>(track.agreed_ranges.size());
+  return (track.now.cam_from_world.center() - track.agreed.cam_from_world.center()).norm() > kFar * range;
+}
+
+/// Scales of those that have moved, and of those around, whose baselines have changed, too. `flight`: all keyframes of
+/// a map; `moved`: their numbers there.
+void LiveTracker::recover(const std::vector<Tracks::iterator>& flight, const std::set<std::size_t>& moved,
+                          std::map<std::int64_t, LiveMove>& changed) {
+  constexpr std::size_t kReach = 2 * kScaleReach;
+  for (auto first = moved.begin(); first != moved.end();) {
+    auto last = first;  // of a stretch whose surroundings meet
+    while (std::next(last) != moved.end() && *std::next(last) <= *last + 2 * kReach) ++last;
+    const std::size_t begin = *first > kReach ? *first - kReach : 0;
+    const std::size_t end = std::min(flight.size(), *last + kReach + 1);
+    first = std::next(last);
+    const std::size_t from = begin > kReach ? begin - kReach : 0;  // looked at
+    const std::size_t to = std::min(flight.size(), end + kReach);
+    std::vector<MovedKeyframe> keyframes;
+    keyframes.reserve(to - from);
+    for (std::size_t i = from; i < to; ++i) {
+      const Track& track = flight[i]->second;
+      MovedKeyframe& keyframe = keyframes.emplace_back();
+      keyframe.before = track.agreed;
+      keyframe.after = track.now.cam_from_world;
+      auto then = track.agreed_ranges.begin();
+      for (const Range& now : track.ranges) {
+        while (then != track.agreed_ranges.end() && then->landmark < now.landmark) ++then;
+        if (then == track.agreed_ranges.end() || then->landmark != now.landmark) continue;
+        keyframe.ranges_before.push_back(then->range);
+        keyframe.ranges_after.push_back(now.range);
+      }
+    }
+    const std::vector<double> scales = recover_scales(keyframes);
+    bool far = false;
+    for (std::size_t i = begin; i < end; ++i) {
+      Track& track = flight[i]->second;
+      far = far || has_left(track);
+      const double scale = scales[i - from];
+      if (scale == track.now.scale) continue;
+      track.now.scale = scale;
+      far = true;
+      ++rescaled_;
+      changed[flight[i]->first] = {flight[i]->first, track.now, track.map_id};
+    }
+    if (!far) continue;
+    for (std::size_t i = begin; i < end; ++i) {
+      Track& track = flight[i]->second;
+      track.agreed = track.now;
+      track.agreed_ranges = track.ranges;
+    }
+  }
+}
+
+}  // namespace pmsp

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "pmsp/live.h"
+#include "support/mission.h"
+
+namespace pmsp::test {
+
+/// A mission's keyframe as a SLAM hands it over; its pixels stay as long as the mission.
+LiveKeyframe live_keyframe(const synth::Mission& mission, std::size_t index);
+std::vector<LiveKeyframe> live_keyframes(const synth::Mission& mission);
+
+/// The online preset on small images, without previews, so that results do not depend on time.
+LiveOptions small_live(int width);
+
+/// How good the final points of a snapshot are.
+struct LiveFigures {
+  std::size_t clouds = 0;
+  std::size_t points = 0;
+  double covered = 0.0;    ///< points for each pixel of the keyframes that have some
+  double right = 0.0;      ///< share within 2 % of the true range, poses and scales included
+  double misplaced = 0.0;  ///< median distance of points from the true surface, relative to the range
+};
+
+/// Depth maps and images of `mission` have one size.
+LiveFigures figures(const LiveSnapshot& snapshot, const synth::Mission& mission);
+
+/// Whether the final points are the same, byte for byte.
+bool same_points(const LiveSnapshot& a, const LiveSnapshot& b);
+
+}  // namespace pmsp::test

@@ -1,0 +1,523 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <random>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "fake_slam.h"
+#include "core/helpers.h"
+#include "live/live_missions.h"
+#include "pmsp/densifier.h"
+#include "pmsp/error.h"
+#include "pmsp/live.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+using std::chrono::milliseconds;
+
+namespace {
+
+constexpr milliseconds kLong{std::chrono::minutes(30)};
+constexpr int kWidth = kSanitized ? 32 : 128;
+constexpr int kKeyframes = kSanitized ? 8 : 13;
+
+const synth::Mission& room() {
+  static const synth::Mission kRoom = synth::textured_room(small_recipe(kWidth, kKeyframes));
+  return kRoom;
+}
+
+/// All keyframes at once; nothing is worked on before all is known.
+std::shared_ptr<const LiveSnapshot> at_once(const std::vector<LiveKeyframe>& keyframes, const LiveOptions& options) {
+  LiveDensifier live(options);
+  live.pause();
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  live.resume();
+  REQUIRE(live.wait(kLong));
+  CHECK(live.stats().errors == 0);
+  return live.snapshot();
+}
+
+std::vector<std::int64_t> ids_of(const LiveSnapshot& snapshot) {
+  std::vector<std::int64_t> ids;
+  for (const LiveCloud& cloud : snapshot.clouds) ids.push_back(cloud.keyframe_id);
+  return ids;
+}
+
+/// A fake SLAM's keyframes, one after the other, each worked on before the next one comes; then the loop is closed.
+std::shared_ptr<const LiveSnapshot> played(FakeSlam slam, const LiveOptions& options, LiveStats* stats = nullptr) {
+  LiveDensifier live(options);
+  for (std::size_t k = 0; k < slam.size(); ++k) {
+    live.add(slam.next());
+    live.update(slam.moved());
+    REQUIRE(live.wait(kLong));
+  }
+  live.update(slam.closed());
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  if (stats != nullptr) *stats = live.stats();
+  return live.snapshot();
+}
+
+}  // namespace
+
+TEST_CASE("A live flight ends with points as good as those of a Densifier", PMSP_ACCURACY) {
+  const LiveOptions options = small_live(kWidth);
+  const LiveFigures live = figures(*at_once(live_keyframes(room()), options), room());
+  LiveSnapshot offline;
+  DensifierCallbacks callbacks;
+  callbacks.cloud = [&](const KeyframeCloud& cloud) {
+    LiveCloud each;
+    each.keyframe_id = cloud.keyframe_id;
+    each.pose = cloud.pose();
+    each.cloud = std::make_shared<KeyframeCloud>(cloud);
+    offline.clouds.push_back(each);
+  };
+  Densifier densifier(options.densifier, callbacks);
+  for (std::size_t i = 0; i < room().frames.size(); ++i) densifier.add(synth::keyframe_of(room(), i));
+  densifier.flush();
+  const LiveFigures expected = figures(offline, room());
+  CAPTURE(live.covered, expected.covered, live.right, expected.right, live.misplaced, expected.misplaced);
+  CHECK(live.clouds == expected.clouds);
+  CHECK(live.covered > expected.covered - 0.02);
+  CHECK(live.right > expected.right - 0.005);
+}
+
+TEST_CASE("What is done when all is known from the start does not depend on time, threads or pixel formats") {
+  LiveOptions options = small_live(kWidth);
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  const auto first = at_once(keyframes, options);
+  REQUIRE(first->clouds.size() >= 5);
+  options.densifier.threads = 1;
+  CHECK(same_points(*first, *at_once(keyframes, options)));
+  std::vector<LiveKeyframe> bgr;
+  for (const LiveKeyframe& keyframe : keyframes) {
+    const LiveImage& image = keyframe.image;
+    const std::ptrdiff_t stride = 3 * image.width + 5;
+    auto pixels = std::make_shared<std::vector<std::uint8_t>>(static_cast<std::size_t>(stride * image.height));
+    for (int y = 0; y < image.height; ++y) {
+      for (int x = 0; x < 3 * image.width; ++x) {
+        (*pixels)[static_cast<std::size_t>(y * stride + x)] = image.data[y * 3 * image.width + x / 3 * 3 + 2 - x % 3];
+      }
+    }
+    bgr.push_back(keyframe);
+    bgr.back().image = {pixels, pixels->data(), image.width, image.height, stride, PixelFormat::kBgr};
+  }
+  CHECK(same_points(*first, *at_once(bgr, options)));
+}
+
+TEST_CASE("Images are let go of when they are no longer needed") {
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  std::vector<std::weak_ptr<const void>> images;
+  for (LiveKeyframe& keyframe : keyframes) {
+    auto owner = std::make_shared<std::vector<std::uint8_t>>(keyframe.image.data,
+                                                             keyframe.image.data + 3 * kWidth * (kWidth / 2));
+    keyframe.image.data = owner->data();
+    keyframe.image.owner = owner;
+    images.push_back(owner);
+  }
+  LiveDensifier live(small_live(kWidth));
+  for (LiveKeyframe& keyframe : keyframes) live.add(std::move(keyframe));
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  for (const auto& image : images) CHECK(image.expired());
+}
+
+TEST_CASE("Keyframes that converge as a SLAM's do are as good in the end as if they had never moved", PMSP_ACCURACY) {
+  const LiveOptions options = small_live(kWidth);
+  const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0, 0.0), options), room());
+  LiveStats stats;
+  const LiveFigures moved = figures(*played(FakeSlam(live_keyframes(room()), 0.0), options, &stats), room());
+  CAPTURE(moved.covered, still.covered, moved.right, still.right, moved.misplaced, still.misplaced, stats.matched_again);
+  CHECK(moved.clouds == still.clouds);
+  CHECK(moved.right > still.right - 0.01);
+  CHECK(moved.covered > still.covered - 0.02);
+}
+
+TEST_CASE("A loop closure moves, turns and scales what was seen before it", PMSP_ACCURACY) {
+  const LiveOptions options = small_live(kWidth);
+  const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0), options), room());
+  for (const double drift : {0.1, -0.15}) {
+    LiveStats stats;
+    const auto snapshot = played(FakeSlam(live_keyframes(room()), drift), options, &stats);
+    const LiveFigures closed = figures(*snapshot, room());
+    CAPTURE(drift, closed.covered, still.covered, closed.right, still.right, closed.misplaced, still.misplaced);
+    CHECK(closed.clouds == still.clouds);
+    CHECK(closed.right > still.right - 0.02);
+    CHECK(closed.covered > still.covered - 0.03);
+    CHECK(closed.misplaced < 0.01);
+    CHECK(stats.rescaled > 0);
+    CHECK(std::any_of(snapshot->clouds.begin(), snapshot->clouds.end(),
+                      [](const LiveCloud& cloud) { return std::abs(cloud.pose.scale - 1.0) > 0.02; }));
+  }
+}
+
+TEST_CASE("Snapshots show what update, erase and reset have said when these return") {
+  LiveDensifier live(small_live(kWidth));
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  const auto before = live.snapshot();
+  REQUIRE(before->clouds.size() >= 4);
+  for (LiveKeyframe& keyframe : keyframes) keyframe.cam_from_world.translation += Eigen::Vector3d(0.0, 1e-4, 0.0);
+  live.update(keyframes);
+  const auto moved = live.snapshot();
+  for (const LiveCloud& cloud : moved->clouds) {
+    const auto keyframe = std::find_if(keyframes.begin(), keyframes.end(),
+                                       [&](const LiveKeyframe& each) { return each.id == cloud.keyframe_id; });
+    CHECK(cloud.pose.cam_from_world.translation == keyframe->cam_from_world.translation);
+  }
+  const std::int64_t id = before->clouds[2].keyframe_id;
+  live.erase({id, 12345});
+  const std::vector<std::int64_t> left = ids_of(*live.snapshot());
+  CHECK(std::count(left.begin(), left.end(), id) == 0);
+  CHECK(left.size() == before->clouds.size() - 1);
+  CHECK(live.stats().erased == 1);
+  live.reset();
+  CHECK(live.snapshot()->clouds.empty());
+  CHECK(live.changes_since(before->version).reset);
+  CHECK(before->clouds.size() >= 4);  // still there for who holds it
+}
+
+TEST_CASE("Of a removed keyframe's points a neighbour takes those that it has seen, too") {
+  LiveOptions options = small_live(kWidth);
+  LiveDensifier live(options);
+  for (const LiveKeyframe& keyframe : live_keyframes(room())) live.add(keyframe);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  const auto before = live.snapshot();
+  const std::size_t middle = before->clouds.size() / 2;
+  const std::int64_t id = before->clouds[middle].keyframe_id;
+  live.erase({id});
+  REQUIRE(live.wait(kLong));
+  const auto after = live.snapshot();
+  std::size_t back = 0;
+  for (const LiveCloud& cloud : after->clouds) {
+    const auto then = std::find_if(before->clouds.begin(), before->clouds.end(),
+                                   [&](const LiveCloud& each) { return each.keyframe_id == cloud.keyframe_id; });
+    const std::set<std::uint32_t> known(then->cloud->pixels.begin(), then->cloud->pixels.end());
+    for (const std::uint32_t pixel : cloud.cloud->pixels) back += known.count(pixel) == 0 ? 1 : 0;
+  }
+  CHECK(back > before->clouds[middle].cloud->points.size() / 20);
+  for (const LiveCloud& cloud : after->clouds) {
+    const auto& ids = cloud.cloud->window_ids;
+    CHECK(std::count(ids.begin(), ids.end(), id) == 0);
+  }
+}
+
+TEST_CASE("After a reset ids may begin again, and nothing of before comes back") {
+  LiveDensifier live(small_live(kWidth));
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  for (int round = 0; round < 3; ++round) {
+    for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+    if (round < 2) live.reset();  // in the midst of work
+  }
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  CHECK(live.stats().resets == 2);
+  CHECK(live.stats().added == 3 * static_cast<std::int64_t>(keyframes.size()));
+  const auto snapshot = live.snapshot();
+  LiveOptions options = small_live(kWidth);
+  CHECK(ids_of(*snapshot) == ids_of(*at_once(keyframes, options)));
+}
+
+TEST_CASE("sync finds what is new, moved and gone") {
+  LiveDensifier live(small_live(kWidth));
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  std::vector<LiveKeyframe> some(keyframes.begin(), keyframes.end() - 1);
+  live.sync(some);
+  LiveKeyframe without_image = keyframes.back();
+  without_image.image = {};
+  some.push_back(without_image);
+  live.sync(some);
+  CHECK(live.stats().added == static_cast<std::int64_t>(keyframes.size()) - 1);
+  live.sync(keyframes);
+  CHECK(live.stats().added == static_cast<std::int64_t>(keyframes.size()));
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  const LiveVersion settled = live.snapshot()->version;
+  live.sync(keyframes);
+  CHECK(live.snapshot()->version == settled);  // nothing has changed
+  keyframes.erase(keyframes.begin() + 3);
+  keyframes[4].cam_from_world.translation.x() += 0.001;
+  live.sync(keyframes);
+  const LiveChanges changes = live.changes_since(settled);
+  CHECK(changes.removed.size() <= 1);
+  CHECK(live.stats().erased == 1);
+  keyframes.push_back(keyframes.back());
+  CHECK_THROWS_AS(live.sync(keyframes), InvalidInput);
+}
+
+TEST_CASE("Keyframes of two maps do not meet until the maps are merged") {
+  LiveOptions options = small_live(kWidth);
+  LiveDensifier live(options);
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  const std::size_t half = keyframes.size() / 2;
+  for (std::size_t i = half; i < keyframes.size(); ++i) keyframes[i].map_id = 7;
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  const std::int64_t border = keyframes[half].id;
+  for (const LiveCloud& cloud : live.snapshot()->clouds) {
+    for (const std::int64_t id : cloud.cloud->window_ids) CHECK((id < border) == (cloud.keyframe_id < border));
+    CHECK(cloud.map_id == (cloud.keyframe_id < border ? 0 : 7));
+  }
+  for (LiveKeyframe& keyframe : keyframes) keyframe.map_id = 0;
+  live.update(keyframes);
+  for (const LiveCloud& cloud : live.snapshot()->clouds) CHECK(cloud.map_id == 0);
+  REQUIRE(live.wait(kLong));
+  bool met = false;
+  for (const LiveCloud& cloud : live.snapshot()->clouds) {
+    for (const std::int64_t id : cloud.cloud->window_ids) met = met || (id < border) != (cloud.keyframe_id < border);
+  }
+  CHECK(met);
+}
+
+TEST_CASE("Preliminary points come with the keyframes after theirs, and give way to final ones") {
+  LiveOptions options = small_live(kSanitized ? 64 : kWidth);
+  options.previews = true;
+  LiveDensifier live(options);
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  std::set<std::int64_t> previewed;
+  for (std::size_t i = 0; i < 6; ++i) {
+    live.add(keyframes[i]);
+    REQUIRE(live.wait(kLong));
+  }
+  const auto early = live.snapshot();
+  REQUIRE(early->clouds.size() >= 3);
+  for (const LiveCloud& cloud : early->clouds) CHECK(cloud.preliminary);
+  CHECK(live.stats().previews >= 3);
+  for (std::size_t i = 6; i < keyframes.size(); ++i) live.add(keyframes[i]);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  const LiveStats stats = live.stats();
+  CAPTURE(stats.used, stats.not_needed, stats.clouds, stats.passes, stats.last_error, live.backlog().waiting);
+  CHECK(stats.errors == 0);
+  options.previews = false;
+  const auto without = at_once(keyframes, options);
+  for (const LiveCloud& cloud : live.snapshot()->clouds) {
+    const std::vector<std::int64_t> final = ids_of(*without);
+    CHECK(cloud.preliminary == (std::count(final.begin(), final.end(), cloud.keyframe_id) == 0));
+  }
+}
+
+TEST_CASE("When too many keyframes wait, those between near neighbours are left out") {
+  LiveOptions options = small_live(32);
+  options.max_waiting = 4;
+  LiveDensifier live(options);
+  live.pause();
+  for (const LiveKeyframe& keyframe : live_keyframes(room())) live.add(keyframe);
+  live.finish();
+  live.resume();
+  REQUIRE(live.wait(kLong));
+  const LiveStats stats = live.stats();
+  CHECK(stats.left_out_late >= stats.used - 5);
+  CHECK(stats.left_out_late > 0);
+  CHECK(live.snapshot()->clouds.size() >= 2);
+}
+
+TEST_CASE("A place that has been seen often enough takes no more memory") {
+  LiveOptions options = small_live(32);
+  options.densifier.view_filter.enabled = false;
+  options.densifier.patchmatch.geometric_passes = 1;
+  LiveDensifier live(options);
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  std::int64_t used[2] = {0, 0};
+  std::int64_t id = 0;
+  constexpr int kRounds = kSanitized ? 30 : 60;
+  for (int round = 0; round < kRounds; ++round) {  // to and fro
+    for (std::size_t i = 0; i < keyframes.size(); ++i) {
+      LiveKeyframe keyframe = keyframes[round % 2 == 0 ? i : keyframes.size() - 1 - i];
+      keyframe.id = id++;
+      live.add(keyframe);
+    }
+    REQUIRE(live.wait(kLong));
+    used[2 * (round + 1) > kRounds ? 1 : 0] = live.stats().used;
+  }
+  CHECK(used[1] == used[0]);
+  CHECK(live.stats().errors == 0);
+}
+
+TEST_CASE("What is kept stays within the memory that is allowed") {
+  LiveOptions options = small_live(width_of_any(128));
+  options.memory_mib = kSanitized ? 1 : 3;
+  options.densifier.patchmatch.geometric_passes = 1;
+  LiveDensifier live(options);
+  for (const LiveKeyframe& keyframe : live_keyframes(room())) {
+    live.add(keyframe);
+    REQUIRE(live.wait(kLong));
+    CHECK(live.stats().memory_mib <= options.memory_mib);
+  }
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  if (!kSanitized) CHECK(live.stats().images_dropped > 0);
+  CHECK(live.snapshot()->clouds.size() >= 4);
+}
+
+TEST_CASE("What callbacks throw is counted, and changes nothing") {
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  std::atomic<int> calls{0};
+  LiveCallbacks callbacks;
+  callbacks.changed = [&](LiveVersion) {
+    ++calls;
+    if (calls % 2 == 0) throw std::runtime_error("no room on the screen");
+    throw 5;
+  };
+  callbacks.on_error = [](const std::string&) { throw std::runtime_error("nor for errors"); };
+  LiveDensifier live(small_live(kWidth), callbacks);
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  CHECK(calls > 1);
+  const LiveStats stats = live.stats();
+  CHECK(stats.errors == calls);
+  CHECK(stats.last_error.find("callback") != std::string::npos);
+  CHECK(ids_of(*live.snapshot()) == ids_of(*at_once(keyframes, small_live(kWidth))));
+}
+
+TEST_CASE("A keyframe that cannot be used is reported; the others go on") {
+  std::vector<std::string> errors;
+  LiveCallbacks callbacks;
+  callbacks.on_error = [&](const std::string& text) { errors.push_back(text); };
+  LiveOptions options = small_live(kWidth);
+  options.densifier.width = 0;
+  options.densifier.height = 0;
+  LiveDensifier live(options, callbacks);
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  LiveKeyframe small = keyframes[0];
+  small.id = -5;
+  small.image.height = 8;  // no size of a depth map follows from it
+  small.image.width = 16;
+  live.add(small);
+  REQUIRE_NOTHROW(live.add(keyframes[0]));
+  for (std::size_t i = 1; i < keyframes.size(); ++i) live.add(keyframes[i]);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  REQUIRE(errors.size() == 1);
+  CHECK(errors[0].find("16 x 8") != std::string::npos);
+  CHECK(live.stats().errors == 1);
+  CHECK(live.snapshot()->clouds.size() >= 4);
+}
+
+TEST_CASE("Input and options that make no sense are refused, and change nothing") {
+  LiveOptions options = small_live(kWidth);
+  LiveDensifier live(options);
+  const LiveKeyframe good = live_keyframe(room(), 0);
+  const auto refused = [&](const char* what, auto&& spoil) {
+    LiveKeyframe bad = good;
+    spoil(bad);
+    CAPTURE(what);
+    CHECK_THROWS_AS(live.add(bad), InvalidInput);
+  };
+  refused("no image", [](LiveKeyframe& k) { k.image = {}; });
+  refused("no owner", [](LiveKeyframe& k) { k.image.owner.reset(); });
+  refused("odd width", [](LiveKeyframe& k) { k.image.width = 31; });
+  refused("rows overlap", [](LiveKeyframe& k) { k.image.stride = 5; });
+  refused("no rotation", [](LiveKeyframe& k) { k.cam_from_world.rotation *= 2.0; });
+  refused("not finite", [](LiveKeyframe& k) { k.cam_from_world.translation.x() = std::nan(""); });
+  refused("landmark", [](LiveKeyframe& k) { k.landmarks.push_back({1, {0.0, 0.0, INFINITY}}); });
+  CHECK(live.stats().added == 0);
+  LiveKeyframe bad = good;
+  bad.cam_from_world.rotation *= 2.0;
+  CHECK_THROWS_AS(live.update({good, bad}), InvalidInput);
+  CHECK_THROWS_AS(live.sync({good, bad}), InvalidInput);
+  CHECK(live.stats().added == 0);
+  options.ripe_at_latest = 2;
+  CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);
+  options = small_live(kWidth);
+  options.densifier.patchmatch.neighbours = 0;
+  CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);
+  options = small_live(kWidth);
+  options.mask = std::make_shared<Image<std::uint8_t>>(16, 8, 255);
+  LiveDensifier masked(options);
+  CHECK_THROWS_AS(masked.add(good), InvalidInput);
+}
+
+TEST_CASE("Any thread may call anything at any time; a LiveDensifier ends in the midst of work") {
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  LiveOptions options = small_live(32);
+  options.previews = true;
+  options.densifier.patchmatch.geometric_passes = 1;
+  const auto stress = [&](std::uint32_t seed) {
+    LiveDensifier live(options);
+    std::atomic<std::int64_t> next{0};
+    const auto caller = [&](std::uint32_t number) {
+      std::mt19937 random(seed * 100 + number);
+      LiveVersion seen = 0;
+      for (int i = 0; i < 150; ++i) {
+        const std::int64_t id = next;
+        switch (random() % 10) {
+          case 0:
+          case 1:
+          case 2: {
+            LiveKeyframe keyframe = keyframes[static_cast<std::size_t>(id) % keyframes.size()];
+            keyframe.id = next++;
+            keyframe.map_id = static_cast<std::int64_t>(random() % 8 == 0);
+            live.add(keyframe);
+            break;
+          }
+          case 3:
+          case 4: {
+            std::vector<LiveKeyframe> moved;
+            for (std::int64_t k = std::max<std::int64_t>(0, id - 20); k < id; ++k) {
+              moved.push_back(keyframes[static_cast<std::size_t>(k) % keyframes.size()]);
+              moved.back().id = k;
+              moved.back().image = {};
+              moved.back().cam_from_world.translation.x() += 1e-3 * static_cast<double>(random() % 10);
+            }
+            live.update(moved);
+            break;
+          }
+          case 5:
+            live.erase({static_cast<std::int64_t>(random() % static_cast<std::uint32_t>(id + 1))});
+            break;
+          case 6:
+            if (random() % 20 == 0) live.reset();
+            if (random() % 4 == 0) live.finish();
+            break;
+          case 7:
+            live.pause();
+            live.resume();
+            break;
+          case 8: {
+            const auto snapshot = live.snapshot();
+            for (const LiveCloud& cloud : snapshot->clouds) {
+              if (cloud.cloud->keyframe_id != cloud.keyframe_id) throw std::runtime_error("another keyframe's points");
+            }
+            break;
+          }
+          default: {
+            const LiveChanges changes = live.changes_since(seen);
+            seen = changes.to;
+            (void)live.stats();
+            (void)live.backlog();
+            break;
+          }
+        }
+        if (random() % 8 == 0) std::this_thread::sleep_for(std::chrono::microseconds(random() % 3000));
+      }
+    };
+    std::vector<std::thread> callers;
+    for (std::uint32_t number = 0; number < 4; ++number) callers.emplace_back(caller, number);
+    for (std::thread& thread : callers) thread.join();
+    CHECK(live.stats().errors == 0);
+    if (seed % 2 == 0) {
+      live.finish();
+      CHECK(live.wait(kLong));
+    }
+  };
+  std::thread other([&] { stress(2); });  // two at once
+  stress(1);
+  stress(3);
+  other.join();
+}
