@@ -55,9 +55,9 @@ struct LiveOptions {
   int ripe_at_latest = 8;
   double ripe_move = 0.002;
   /// Keyframes are matched again when their poses relative to their neighbours have moved what they see by more than
-  /// this, 0.001 to 100 [px of the depth map]: with a tenth of the depth between neighbours, 0.02 px of 640 are two
+  /// this, 0.001 to 100 [px of the depth map]: where neighbours are a tenth of the depth away, 0.04 px of 640 are four
   /// thousandths of the depth.
-  double max_move_px = 0.02;
+  double max_move_px = 0.04;
   std::shared_ptr<const Image<std::uint8_t>> mask;  ///< of all keyframes, as Keyframe::mask; null = none
 
   /// Throws InvalidOption.

@@ -17,8 +17,6 @@ namespace {
 constexpr double kQueryTolerance = 0.1;
 /// Keyframes that have moved against each other by more than this since they were first shown saw one place as two [px].
 constexpr double kReunion = 1.0;
-/// Keyframes that have moved by this many times the tolerance are matched anew.
-constexpr double kAnew = 5.0;
 /// Points are made at these numbers of passes, and at the full one.
 constexpr int kLevels[] = {2, 3};
 /// While no more keyframes than these lack passes, each gets all of them at once.
@@ -291,21 +289,17 @@ bool LiveBuilder::match() {
   return true;
 }
 
-/// Of the keyframes whose neighbours have moved, the one where it is worst. After a large move all passes are done anew;
-/// else one that looks at images alone, and one that looks at maps, too.
+/// Of the keyframes that have all their passes and whose neighbours have moved, the one where it is worst is matched
+/// anew.
 bool LiveBuilder::match_again() {
   LiveNode* worst = nullptr;
   for (auto& [id, node] : nodes_) {
-    if (!can_match(node) || (node.moved_px == 0.0 && node.again == 0)) continue;
-    if (node.again > 0) return match(node), true;
-    if (worst == nullptr || node.moved_px > worst->moved_px) worst = &node;
+    if (node.moved_px > 0.0 && can_match(node) && (worst == nullptr || node.moved_px > worst->moved_px)) worst = &node;
   }
   if (worst == nullptr) return false;
   ++stats_.matched_again;
-  if (worst->moved_px > kAnew * options_.max_move_px) {
-    worst->passes = 0;
-    worst->anew = true;
-  }
+  worst->passes = 0;
+  worst->anew = true;
   match(*worst);
   return true;
 }
@@ -320,8 +314,10 @@ void LiveBuilder::match(LiveNode& node) {
     task.neighbours.push_back(near->frame.get());
     inputs.push_back(input(*near, node, near->planes_made));
   }
-  // Maps of before a move agree with each other, and would hold a keyframe where it was.
-  const bool photometric = node.passes == 0 || node.moved_px > 0.0;
+  // Maps of before a move agree with each other, and would hold a keyframe where it was: a pass that looks at images
+  // alone comes in between.
+  const bool in_between = node.passes > 0 && node.moved_px > 0.0 && !node.had_in_between;
+  const bool photometric = node.passes == 0 || in_between;
   task.near = photometric ? 0 : task.neighbours.size();
   task.range = node.depths;
   if (node.passes == 0 && densifier_.init.warp_previous) {
@@ -334,8 +330,8 @@ void LiveBuilder::match(LiveNode& node) {
   engine_->match(task);
   if (!node.frame->matched) return;  // cancelled
   ++stats_.passes;
-  node.again = photometric && node.passes > 0 ? 1 : std::max(0, node.again - 1);
-  node.passes = std::min(node.passes + 1, full_);
+  node.had_in_between = in_between;
+  if (!in_between) ++node.passes;
   node.planes_made = ++results_made_;
   if (photometric) {
     node.matched = std::move(inputs);
@@ -593,7 +589,7 @@ LiveBacklog LiveBuilder::backlog() const {
     if (!node.used || (node.linked && !node.has_depth)) continue;
     if (node.shown == 0) {
       ++backlog.waiting;
-    } else if (node.frame && (goal(node) > node.passes || node.points_due || node.moved_px > 0.0 || node.again > 0)) {
+    } else if (node.frame && (goal(node) > node.passes || node.points_due || node.moved_px > 0.0)) {
       ++backlog.refining;
     }
   }
