@@ -132,7 +132,7 @@ void LiveBuilder::add(const LiveKeyframe& keyframe) {
 void LiveBuilder::see(std::int64_t id, const std::vector<Landmark>& landmarks,
                       const RigidTransform& cam_from_world) {
   LiveNode* const node = find(id);
-  if (node != nullptr && node->passes == 0 && (node->used || !node->decided)) {
+  if (node != nullptr && node->passes == 0) {
     node->take_landmarks(landmarks, cam_from_world);
   }
 }
@@ -162,8 +162,7 @@ void LiveBuilder::erase(std::int64_t id) {
   if (preview_) preview_->erase(id);
   undecided_.erase(id);
   if (node->used) planes_changed(*node);
-  leave_out(*node);
-  nodes_.erase(id);
+  leave_out(id);
   for (auto& [other_id, other] : nodes_) {
     const auto names = [&](const std::vector<std::int64_t>& ids) {
       return std::find(ids.begin(), ids.end(), id) != ids.end();

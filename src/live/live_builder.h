@@ -9,6 +9,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine.h"
@@ -45,6 +46,9 @@ class LiveBuilder {
   /// Does the next piece of work. Returns whether there was any.
   bool work();
 
+  /// Keyframes that have been left out or erased since the last call.
+  std::vector<std::int64_t> take_left_out() { return std::exchange(left_out_, {}); }
+
   LiveBacklog backlog() const;
   LiveStats stats() const;  ///< what is counted here
   const std::string& backend() const { return backend_; }
@@ -58,7 +62,7 @@ class LiveBuilder {
   bool is_crowded(const LiveNode& node) const;
   bool is_wanted(LiveNode& node, const Keyframe& keyframe);
   void use(LiveNode& node, const Keyframe& keyframe);
-  void leave_out(LiveNode& node);
+  void leave_out(std::int64_t id);
   bool leave_out_late();
   bool link();
   void link(LiveNode& node);
@@ -112,10 +116,11 @@ class LiveBuilder {
   std::string backend_;
   std::unique_ptr<Engine> engine_;  ///< before the nodes, whose frames must not outlive it
   std::unique_ptr<LivePreview> preview_;
-  std::map<std::int64_t, LiveNode> nodes_;
+  std::map<std::int64_t, LiveNode> nodes_;  ///< that wait for a decision, or are used
   std::map<std::int64_t, Flight> flights_;  ///< ids of used ones in order, by map
   std::set<std::int64_t> undecided_;        ///< ids
   const std::atomic<bool>& cancel_;
+  std::vector<std::int64_t> left_out_;
   std::uint64_t results_made_ = 0;
   bool finishing_ = false;
   bool moved_ = false;  ///< since moves were last looked for

@@ -40,7 +40,6 @@ bool LiveBuilder::decide() {
       continue;
     }
     undecided_.erase(id);
-    node.decided = true;
     Image<Rgb> converted;
     Keyframe keyframe = node.keyframe();
     keyframe.image = rgb_view(node.image, converted);
@@ -54,7 +53,7 @@ bool LiveBuilder::decide() {
     } catch (const InvalidInput& error) {
       on_error_(error.what());
     }
-    leave_out(node);
+    leave_out(id);
     return true;
   }
   return false;
@@ -105,8 +104,9 @@ void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
   flight.insert(std::lower_bound(flight.begin(), flight.end(), node.id), node.id);
 }
 
-/// Nothing is kept of it but its place.
-void LiveBuilder::leave_out(LiveNode& node) {
+/// Nothing is kept of it.
+void LiveBuilder::leave_out(std::int64_t id) {
+  LiveNode& node = nodes_.at(id);
   if (node.used) {
     const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
     for (LiveNode* other : around(node, reach, false)) {  // they choose others
@@ -115,19 +115,15 @@ void LiveBuilder::leave_out(LiveNode& node) {
     Flight& flight = flights_[node.map_id];
     flight.erase(std::lower_bound(flight.begin(), flight.end(), node.id));
   }
-  node.used = node.has_image = node.has_depth = false;
-  node.frame.reset();
-  node.image = {};
-  node.sharpness = {};
-  node.near.clear();
-  std::vector<Landmark>().swap(node.seen);
+  left_out_.push_back(id);
+  nodes_.erase(id);
 }
 
 /// Of keyframes that wait for their first depth map, lets go of the one whose neighbours in the flight are nearest to
 /// each other, where too many wait.
 bool LiveBuilder::leave_out_late() {
   int waiting = 0;
-  LiveNode* least = nullptr;
+  std::int64_t least = 0;
   double least_gap = std::numeric_limits<double>::infinity();
   for (const auto& [map_id, flight] : flights_) {
     for (std::size_t i = 0; i < flight.size(); ++i) {
@@ -140,13 +136,13 @@ bool LiveBuilder::leave_out_late() {
       const double gap = (after - before).norm() / std::max(node.range * node.pose.scale, 1e-12);
       if (gap < least_gap) {
         least_gap = gap;
-        least = &node;
+        least = node.id;
       }
     }
   }
-  if (waiting <= options_.max_waiting || least == nullptr) return false;
+  if (waiting <= options_.max_waiting || least_gap == std::numeric_limits<double>::infinity()) return false;
   ++stats_.left_out_late;
-  leave_out(*least);
+  leave_out(least);
   return true;
 }
 

@@ -30,6 +30,9 @@ void check(const char* name, T value, T low, T high) {
   throw InvalidOption(text.str());
 }
 
+/// Landmarks of keyframes before the last so many of a map are no longer needed: they are matched.
+constexpr std::size_t kUnmatched = 128;
+
 void check_place(const LiveKeyframe& keyframe) {
   check_pose("keyframe " + std::to_string(keyframe.id) + ": ", keyframe.cam_from_world);
   check_landmarks("keyframe " + std::to_string(keyframe.id) + ": ", keyframe.landmarks);
@@ -227,7 +230,7 @@ struct LiveDensifier::Impl {
       queue_.emplace_back([moved = std::move(moved)](LiveBuilder& builder) { builder.move(moved); });
     }
     for (const LiveKeyframe* keyframe : keyframes) {
-      if (keyframe->landmarks.empty() || !tracker_.knows(keyframe->id)) continue;
+      if (keyframe->landmarks.empty() || !tracker_.is_recent(keyframe->id, kUnmatched)) continue;
       queue_.emplace_back([id = keyframe->id, landmarks = keyframe->landmarks, pose = keyframe->cam_from_world](
                               LiveBuilder& builder) { builder.see(id, landmarks, pose); });
     }
@@ -334,11 +337,13 @@ struct LiveDensifier::Impl {
     }
   }
 
-  void after(const LiveBuilder& builder, bool idle) {
+  void after(LiveBuilder& builder, bool idle) {
     const LiveStats stats = builder.stats();
     const LiveBacklog backlog = builder.backlog();
+    const std::vector<std::int64_t> left_out = builder.take_left_out();
     {
       const std::lock_guard<std::mutex> lock(mutex_);
+      for (const std::int64_t id : left_out) tracker_.forget_landmarks(id);
       worker_stats_ = stats;
       backlog_ = backlog;
       idle_ = idle && queue_.empty();

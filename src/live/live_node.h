@@ -40,8 +40,7 @@ struct LiveNode {
   bool still = false;                                  ///< it hardly moved while the last one of them came
   Eigen::Vector3d center = Eigen::Vector3d::Zero();    ///< when that one came
 
-  // Decided once it is ripe.
-  bool decided = false;
+  // Decided when it is ripe.
   bool used = false;
   SharpnessRecord sharpness;
 

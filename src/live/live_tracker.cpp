@@ -2,6 +2,7 @@
 #include "live/live_tracker.h"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <iterator>
 #include <utility>
@@ -12,7 +13,7 @@ namespace pmsp {
 namespace {
 
 /// Landmarks that are remembered of a keyframe: enough for a median.
-constexpr std::size_t kLandmarks = 64;
+constexpr std::size_t kLandmarks = 48;
 
 /// Whoever has moved by more than this share of the range of its landmarks is no longer where scales were agreed on.
 constexpr double kFar = 0.02;
@@ -48,11 +49,45 @@ std::vector<LiveTracker::Range> LiveTracker::ranges_of(const std::vector<Landmar
   return ranges;
 }
 
+LiveTracker::Flight::iterator LiveTracker::place(Flight& flight, std::int64_t id) {
+  return std::lower_bound(flight.begin(), flight.end(), id, [](const auto& one, std::int64_t of) { return one.first < of; });
+}
+
 void LiveTracker::add(const LiveKeyframe& keyframe) {
   Track& track = tracks_[keyframe.id];
+  Flight& flight = flights_[keyframe.map_id];
+  flight.insert(place(flight, keyframe.id), {keyframe.id, &track});
   track.now = track.agreed = {keyframe.cam_from_world, 1.0};
   track.map_id = keyframe.map_id;
   track.ranges = track.agreed_ranges = ranges_of(keyframe.landmarks, keyframe.cam_from_world);
+}
+
+void LiveTracker::erase(std::int64_t id) {
+  const auto found = tracks_.find(id);
+  if (found == tracks_.end()) return;
+  Flight& flight = flights_[found->second.map_id];
+  flight.erase(place(flight, id));
+  tracks_.erase(found);
+}
+
+void LiveTracker::reset() {
+  tracks_.clear();
+  flights_.clear();
+}
+
+bool LiveTracker::is_recent(std::int64_t id, std::size_t count) const {
+  const auto found = tracks_.find(id);
+  if (found == tracks_.end()) return false;
+  const Flight& flight = flights_.at(found->second.map_id);
+  return flight.size() <= count || flight[flight.size() - count].first <= id;
+}
+
+void LiveTracker::forget_landmarks(std::int64_t id) {
+  const auto found = tracks_.find(id);
+  if (found == tracks_.end()) return;
+  found->second.remembers = false;
+  std::vector<Range>().swap(found->second.ranges);
+  std::vector<Range>().swap(found->second.agreed_ranges);
 }
 
 std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& keyframes) {
@@ -63,12 +98,22 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
     Track& track = found->second;
     if (same(track.now.cam_from_world, keyframe->cam_from_world) && track.map_id == keyframe->map_id) continue;
     track.now.cam_from_world = keyframe->cam_from_world;
-    track.map_id = keyframe->map_id;
-    if (!keyframe->landmarks.empty()) {
+    if (track.map_id != keyframe->map_id) {
+      Flight& from = flights_[track.map_id];
+      from.erase(place(from, keyframe->id));
+      Flight& to = flights_[keyframe->map_id];
+      to.insert(place(to, keyframe->id), {keyframe->id, &track});
+      track.map_id = keyframe->map_id;
+    }
+    if (!keyframe->landmarks.empty() && track.remembers) {
       // The same landmarks where they are still there.
       std::vector<Range> seen;
       const Eigen::Vector3d center = keyframe->cam_from_world.center();
+      std::bitset<1024> known;  // most others are told from these at a glance
+      const auto bit = [&](std::int64_t id) { return static_cast<std::size_t>(id) % known.size(); };
+      for (const Range& range : track.agreed_ranges) known.set(bit(range.landmark));
       for (const Landmark& landmark : keyframe->landmarks) {
+        if (!known.test(bit(landmark.id))) continue;
         const auto at = std::lower_bound(track.agreed_ranges.begin(), track.agreed_ranges.end(), landmark.id,
                                          [](const Range& range, std::int64_t id) { return range.landmark < id; });
         if (at == track.agreed_ranges.end() || at->landmark != landmark.id) continue;
@@ -82,14 +127,12 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
     changed[found->first] = {found->first, track.now, track.map_id};
   }
   if (changed.empty()) return {};
-  std::map<std::int64_t, std::vector<Tracks::iterator>> flights;  // by map
-  std::map<std::int64_t, std::set<std::size_t>> moved;
-  for (auto at = tracks_.begin(); at != tracks_.end(); ++at) {
-    std::vector<Tracks::iterator>& flight = flights[at->second.map_id];
-    if (changed.count(at->first) != 0) moved[at->second.map_id].insert(flight.size());
-    flight.push_back(at);
+  std::map<std::int64_t, std::set<std::size_t>> moved;  // numbers in the flight, by map
+  for (const auto& [id, place_now] : changed) {
+    Flight& flight = flights_[place_now.map_id];
+    moved[place_now.map_id].insert(static_cast<std::size_t>(place(flight, id) - flight.begin()));
   }
-  for (const auto& [map_id, numbers] : moved) recover(flights[map_id], numbers, changed);
+  for (const auto& [map_id, numbers] : moved) recover(flights_[map_id], numbers, changed);
   std::vector<LiveMove> result;
   result.reserve(changed.size());
   for (auto& [id, place] : changed) result.push_back(place);
@@ -99,6 +142,7 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
 /// Whether the keyframe is no longer near the place where scales were agreed on.
 bool LiveTracker::has_left(const Track& track) {
   double range = 0.0;
+  if (!track.remembers) return false;
   for (const Range& known : track.agreed_ranges) range += known.range;
   if (track.agreed_ranges.empty() || !(range > 0.0)) return true;
   range /= static_cast<double>(track.agreed_ranges.size());
@@ -107,7 +151,7 @@ bool LiveTracker::has_left(const Track& track) {
 
 /// Scales of those that have moved, and of those around, whose baselines have changed, too. `flight`: all keyframes of
 /// a map; `moved`: their numbers there.
-void LiveTracker::recover(const std::vector<Tracks::iterator>& flight, const std::set<std::size_t>& moved,
+void LiveTracker::recover(Flight& flight, const std::set<std::size_t>& moved,
                           std::map<std::int64_t, LiveMove>& changed) {
   constexpr std::size_t kReach = 2 * kScaleReach;
   for (auto first = moved.begin(); first != moved.end();) {
@@ -121,7 +165,7 @@ void LiveTracker::recover(const std::vector<Tracks::iterator>& flight, const std
     std::vector<MovedKeyframe> keyframes;
     keyframes.reserve(to - from);
     for (std::size_t i = from; i < to; ++i) {
-      const Track& track = flight[i]->second;
+      const Track& track = *flight[i].second;
       MovedKeyframe& keyframe = keyframes.emplace_back();
       keyframe.before = track.agreed;
       keyframe.after = track.now.cam_from_world;
@@ -136,18 +180,18 @@ void LiveTracker::recover(const std::vector<Tracks::iterator>& flight, const std
     const std::vector<double> scales = recover_scales(keyframes);
     bool far = false;
     for (std::size_t i = begin; i < end; ++i) {
-      Track& track = flight[i]->second;
+      Track& track = *flight[i].second;
       far = far || has_left(track);
       const double scale = scales[i - from];
       if (scale == track.now.scale) continue;
       track.now.scale = scale;
       far = true;
       ++rescaled_;
-      changed[flight[i]->first] = {flight[i]->first, track.now, track.map_id};
+      changed[flight[i].first] = {flight[i].first, track.now, track.map_id};
     }
     if (!far) continue;
     for (std::size_t i = begin; i < end; ++i) {
-      Track& track = flight[i]->second;
+      Track& track = *flight[i].second;
       track.agreed = track.now;
       track.agreed_ranges = track.ranges;
     }

@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "live/live_map.h"
@@ -25,12 +25,18 @@ class LiveTracker {
 
   void add(const LiveKeyframe& keyframe);
 
+  /// Whether the keyframe is one of the last `count` of its map.
+  bool is_recent(std::int64_t id, std::size_t count) const;
+
+  /// Nothing hangs on the keyframe: its landmarks need not be remembered.
+  void forget_landmarks(std::int64_t id);
+
   /// Those that are not known are passed over. Returns the places that have changed, those included that have only got
   /// another scale.
   std::vector<LiveMove> move(const std::vector<const LiveKeyframe*>& keyframes);
 
-  void erase(std::int64_t id) { tracks_.erase(id); }
-  void reset() { tracks_.clear(); }
+  void erase(std::int64_t id);
+  void reset();
 
   std::int64_t rescaled() const { return rescaled_; }
 
@@ -48,16 +54,18 @@ class LiveTracker {
     /// are what those of now are compared with.
     KeyframePose agreed;
     std::vector<Range> agreed_ranges;  ///< ascending ids
-    std::vector<Range> ranges;         ///< the newest
+    std::vector<Range> ranges;         ///< the newest of these
+    bool remembers = true;             ///< landmarks
   };
-  using Tracks = std::map<std::int64_t, Track>;
+  using Flight = std::vector<std::pair<std::int64_t, Track*>>;  ///< ascending ids
 
   static std::vector<Range> ranges_of(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
   static bool has_left(const Track& track);
-  void recover(const std::vector<Tracks::iterator>& flight, const std::set<std::size_t>& moved,
-               std::map<std::int64_t, LiveMove>& changed);
+  static Flight::iterator place(Flight& flight, std::int64_t id);
+  void recover(Flight& flight, const std::set<std::size_t>& moved, std::map<std::int64_t, LiveMove>& changed);
 
-  Tracks tracks_;
+  std::map<std::int64_t, Track> tracks_;
+  std::map<std::int64_t, Flight> flights_;  ///< by map
   std::int64_t rescaled_ = 0;
 };
 

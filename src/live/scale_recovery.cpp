@@ -43,7 +43,18 @@ void for_each_around(std::size_t count, std::size_t i, const Look& look) {
   }
 }
 
+/// Ratios of equal weight need not be sorted.
+double plain_median(std::vector<Ratio>& ratios) {
+  const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>((ratios.size() - 1) / 2);
+  std::nth_element(ratios.begin(), middle, ratios.end(), [](const Ratio& a, const Ratio& b) { return a.log < b.log; });
+  return middle->log;
+}
+
 double weighted_median(std::vector<Ratio>& ratios) {
+  const double weight = ratios.front().weight;
+  if (std::all_of(ratios.begin(), ratios.end(), [&](const Ratio& ratio) { return ratio.weight == weight; })) {
+    return plain_median(ratios);
+  }
   std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.log < b.log; });
   double half = 0.0;
   for (const Ratio& ratio : ratios) half += 0.5 * ratio.weight;
