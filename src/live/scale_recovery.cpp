@@ -94,6 +94,26 @@ double robust_slope(const std::vector<Ratio>& ratios, const std::vector<double>&
   return slopes.empty() ? 0.0 : weighted_median(slopes);
 }
 
+/// Of ratios that drift along the flight, what they are at place 0.
+std::optional<Estimate> robust_mean_along(std::vector<Ratio> ratios, const std::vector<double>& places,
+                                          std::size_t fewest) {
+  if (ratios.size() < fewest) return std::nullopt;
+  const double drift = robust_slope(ratios, places);
+  double lever = 0.0;  // how far place 0 is from the middle, over the spread
+  double sum = 0.0;
+  double squares = 0.0;
+  for (std::size_t k = 0; k < ratios.size(); ++k) {
+    lever += ratios[k].weight * places[k];
+    squares += ratios[k].weight * places[k] * places[k];
+    sum += ratios[k].weight;
+    ratios[k].log -= drift * places[k];
+  }
+  lever /= std::sqrt(std::max(sum * squares - lever * lever, 1e-12 * sum * sum));
+  std::optional<Estimate> estimate = robust_mean(std::move(ratios), fewest);
+  if (estimate) estimate->error *= std::sqrt(1.0 + lever * lever);
+  return estimate;
+}
+
 /// The longer a baseline, the less of it is noise. Where the scale drifts along the flight, a baseline has that of its
 /// middle: what it tells is drawn back along the drift to the keyframe, which at the ends of a flight, and where it
 /// turns, is not in the middle of its baselines.
@@ -109,23 +129,8 @@ std::optional<Estimate> from_baselines(const std::vector<MovedKeyframe>& keyfram
     ratios.push_back({std::log(now / length), length * length});
     places.push_back(static_cast<double>(k) - static_cast<double>(i));
   });
-  if (ratios.size() < kFewestBaselines) return std::nullopt;
-  const double drift = robust_slope(ratios, places);
-  double lever = 0.0;  // how far the keyframe is from the middle of its baselines, over their spread
-  double sum = 0.0;
-  double squares = 0.0;
-  for (std::size_t k = 0; k < ratios.size(); ++k) {
-    lever += ratios[k].weight * places[k];
-    squares += ratios[k].weight * places[k] * places[k];
-    sum += ratios[k].weight;
-    ratios[k].log -= drift * places[k];
-  }
-  lever /= std::sqrt(std::max(sum * squares - lever * lever, 1e-12 * sum * sum));
-  std::optional<Estimate> estimate = robust_mean(std::move(ratios), kFewestBaselines);
-  if (estimate) estimate->error *= std::sqrt(1.0 + lever * lever);
-  return estimate;
+  return robust_mean_along(std::move(ratios), places, kFewestBaselines);
 }
-
 std::optional<Estimate> from_landmarks(const MovedKeyframe& keyframe) {
   std::vector<Ratio> ratios;
   const std::size_t count = std::min(keyframe.ranges_before.size(), keyframe.ranges_after.size());
@@ -160,14 +165,17 @@ struct Told {
   }
 };
 
-/// The middle one of what is agreed on around a keyframe; nullopt where there is nothing.
+/// What is agreed on around a keyframe; nullopt where there is nothing.
 std::optional<Estimate> around(const std::vector<Told>& told, std::size_t i) {
   std::vector<Ratio> logs;
+  std::vector<double> places;
   for_each_around(told.size(), i, [&](std::size_t k) {
     const std::optional<Estimate> agreed = told[k].agreed();
-    if (agreed) logs.push_back({agreed->log, 1.0 / (agreed->error * agreed->error)});
+    if (!agreed) return;
+    logs.push_back({agreed->log, 1.0 / (agreed->error * agreed->error)});
+    places.push_back(static_cast<double>(k) - static_cast<double>(i));
   });
-  return robust_mean(std::move(logs), 1);
+  return robust_mean_along(std::move(logs), places, 1);
 }
 
 std::optional<Estimate> decide(const std::vector<Told>& told, std::size_t i) {
