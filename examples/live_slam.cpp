@@ -86,7 +86,8 @@ Mission read_mission(const Arguments& arguments) {
     keyframe.id = in_map.id;
     keyframe.cam_from_world = in_map.cam_from_world;
     for (const pmsp::MapObservation& observation : in_map.observations) {
-      keyframe.landmarks.push_back({observation.landmark_id, map.find_landmark(observation.landmark_id)->position_world});
+      keyframe.landmarks.push_back(
+          {observation.landmark_id, map.find_landmark(observation.landmark_id)->position_world});
     }
     keyframe.image.data = &image->pixels().data()->r;
     keyframe.image.width = image->width();
@@ -113,10 +114,11 @@ class Viewer {
     }
     moved_ += changes.moved.size();
     const pmsp::LiveBacklog backlog = live.backlog();
-    std::printf("%6.1f s  keyframes: %2lld unripe, %2lld waiting, %2lld refining;  clouds drawn: %3zu preliminary, %3zu final, "
-                "%4zu moved;  %6.2f million points uploaded\n",
-                seconds, static_cast<long long>(backlog.unripe), static_cast<long long>(backlog.waiting),
-                static_cast<long long>(backlog.refining), preliminary_, final_, moved_, 1e-6 * static_cast<double>(points_));
+    std::printf(
+        "%6.1f s  keyframes: %2lld unripe, %2lld waiting, %2lld refining;  clouds drawn: %3zu preliminary, %3zu final, "
+        "%4zu moved;  %6.2f million points uploaded\n",
+        seconds, static_cast<long long>(backlog.unripe), static_cast<long long>(backlog.waiting),
+        static_cast<long long>(backlog.refining), preliminary_, final_, moved_, 1e-6 * static_cast<double>(points_));
     std::fflush(stdout);
   }
 
@@ -171,10 +173,12 @@ int run(const Arguments& arguments) {
   // ---- that is all ----
 
   const pmsp::LiveStats stats = live.stats();
-  std::printf("%lld keyframes, %lld used; %lld preliminary and %lld final clouds; %lld scales found again, %lld matched again\n",
-              static_cast<long long>(stats.added), static_cast<long long>(stats.used),
-              static_cast<long long>(stats.previews), static_cast<long long>(stats.clouds),
-              static_cast<long long>(stats.rescaled), static_cast<long long>(stats.matched_again));
+  std::printf(
+      "%lld keyframes, %lld used; %lld preliminary and %lld final clouds; %lld scales found again, %lld matched "
+      "again\n",
+      static_cast<long long>(stats.added), static_cast<long long>(stats.used), static_cast<long long>(stats.previews),
+      static_cast<long long>(stats.clouds), static_cast<long long>(stats.rescaled),
+      static_cast<long long>(stats.matched_again));
   if (!arguments.cloud.empty()) write_cloud(*live.snapshot(), arguments.cloud);
   if (!done) std::fprintf(stderr, "live_slam: not done in time\n");
   return done && stats.errors == 0 ? 0 : 1;

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// Dense points of a running stella_vslam: copy this file, and feed frames through it. See docs/slam.md.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include <stella_vslam/data/keyframe.h>
+#include <stella_vslam/data/landmark.h>
+#include <stella_vslam/data/map_database.h>
+#include <stella_vslam/publish/map_publisher.h>
+#include <stella_vslam/system.h>
+#include <opencv2/core/mat.hpp>
+
+#include "pmsp/camera.h"
+#include "pmsp/live.h"
+
+class StellaBridge {
+ public:
+  /// `format`: of the images that are fed, as "color_order" in stella's configuration.
+  StellaBridge(stella_vslam::system& slam, const pmsp::LiveOptions& options, pmsp::PixelFormat format,
+               pmsp::LiveCallbacks callbacks = {})
+      : slam_(slam), format_(format), live_(options, std::move(callbacks)) {}
+
+  /// In place of slam.feed_monocular_frame, on the same thread.
+  std::shared_ptr<stella_vslam::Mat44_t> feed(const cv::Mat& image, double timestamp) {
+    images_[timestamp] = std::make_shared<const cv::Mat>(image.clone());  // the SLAM keeps none
+    while (images_.size() > kImages) images_.erase(images_.begin());
+    const auto pose = slam_.feed_monocular_frame(image, timestamp);
+    if (++fed_ % kFrames == 0) sync();
+    return pose;
+  }
+
+  /// When the video has ended, after slam.shutdown.
+  void finish() {
+    sync();
+    live_.finish();
+  }
+
+  pmsp::LiveDensifier& live() { return live_; }
+
+ private:
+  static constexpr std::size_t kImages = 60;   ///< among them are those of all keyframes that are not known yet
+  static constexpr int kFrames = 5;            ///< frames from one look at the map to the next
+  static constexpr unsigned int kNewest = 40;  ///< ids of keyframes whose landmarks still change
+
+  void sync() {
+    // What holds the map is never waited for: the next look is soon enough.
+    const std::unique_lock<std::mutex> lock(stella_vslam::data::map_database::mtx_database_, std::try_to_lock);
+    if (!lock) return;
+    std::vector<std::shared_ptr<stella_vslam::data::keyframe>> keyframes;
+    slam_.get_map_publisher()->get_keyframes(keyframes);  // of the newest map only
+    if (keyframes.empty()) return;
+    const std::int64_t map_id = keyframes.front()->id_;  // its root
+    std::vector<pmsp::LiveKeyframe> now;
+    for (const auto& keyframe : keyframes) {
+      if (keyframe->will_be_erased()) continue;
+      const auto known = timestamps_.emplace(keyframe->id_, keyframe->timestamp_);
+      if (known.first->second != keyframe->timestamp_) return begin_again();
+      newest_ = std::max(newest_, keyframe->id_);
+      now.push_back(state_of(*keyframe, map_id));
+    }
+    maps_[map_id] = std::move(now);
+    std::vector<pmsp::LiveKeyframe> all;
+    for (const auto& [id, map] : maps_) all.insert(all.end(), map.begin(), map.end());
+    live_.sync(all);
+    for (pmsp::LiveKeyframe& keyframe : maps_[map_id]) keyframe.image = {};  // it is handed over
+  }
+
+  pmsp::LiveKeyframe state_of(stella_vslam::data::keyframe& keyframe, std::int64_t map_id) {
+    const stella_vslam::Mat44_t pose = keyframe.get_pose_cw();
+    const auto image = images_.find(keyframe.timestamp_);
+    pmsp::LiveKeyframe state;
+    state.id = keyframe.id_;
+    state.map_id = map_id;
+    state.cam_from_world = {pose.topLeftCorner<3, 3>(), pose.topRightCorner<3, 1>()};
+    state.cam_from_world = pmsp::cam_from_slam_cam(static_cast<int>(slam_.get_camera()->cols_)) * state.cam_from_world;
+    if (image != images_.end()) {
+      const cv::Mat& pixels = *image->second;
+      const auto stride = static_cast<std::ptrdiff_t>(pixels.step[0]);
+      state.image = {image->second, pixels.data, pixels.cols, pixels.rows, stride, format_};
+    }
+    if (keyframe.id_ + kNewest < newest_) return state;
+    for (const auto& landmark : keyframe.get_landmarks()) {
+      if (!landmark || landmark->will_be_erased()) continue;
+      state.landmarks.push_back({landmark->id_, landmark->get_pos_in_world()});
+    }
+    return state;
+  }
+
+  /// stella_vslam was reset: ids have begun again.
+  void begin_again() {
+    live_.reset();
+    maps_.clear();
+    timestamps_.clear();
+    newest_ = 0;
+  }
+
+  stella_vslam::system& slam_;
+  const pmsp::PixelFormat format_;
+  std::map<double, std::shared_ptr<const cv::Mat>> images_;       ///< by timestamp
+  std::map<std::int64_t, std::vector<pmsp::LiveKeyframe>> maps_;  ///< newest states, by root
+  std::map<std::int64_t, double> timestamps_;                     ///< of keyframes, by id
+  unsigned int newest_ = 0;                                       ///< id
+  int fed_ = 0;
+  pmsp::LiveDensifier live_;
+};
