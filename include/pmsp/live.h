@@ -46,9 +46,10 @@ struct LiveOptions {
   /// Of the worker threads, on Linux, 0 to 19, as of the command `nice`; 19: they run only where a core is idle. More
   /// than 0: on a GPU, at the lowest priority.
   int nice = 19;
-  bool previews = true;  ///< preliminary points at half the size, as soon as the next keyframe has come
+  bool previews = true;   ///< preliminary points at half the size, as soon as the next keyframe has come
   int memory_mib = 2048;  ///< for all that is kept of keyframes besides their points, 1 to 1000000; on a GPU, there
-  int max_waiting = 100;  ///< keyframes that wait for their first depth map, 4 to 100000; those needed least are left out
+  int max_waiting =
+      100;  ///< keyframes that wait for their first depth map, 4 to 100000; those needed least are left out
   /// A keyframe is used when this many newer ones have come, 0 to 1000, and it has moved by no more than `ripe_move` of
   /// its median distance from its landmarks since the last one came; or when `ripe_at_latest` have come.
   int ripe_after = 3;
@@ -132,8 +133,8 @@ class LiveDensifier {
   /// Their points go; where a neighbour has seen the place, its own ones come back. Unknown ids are passed over.
   void erase(const std::vector<std::int64_t>& ids);
 
-  void reset();   ///< all is gone; ids may begin again
-  void pause();   ///< no new work is begun; places are followed all the same
+  void reset();  ///< all is gone; ids may begin again
+  void pause();  ///< no new work is begun; places are followed all the same
   void resume();
   void finish();  ///< no keyframe comes for now: none waits for newer ones. The next `add` takes it back
 

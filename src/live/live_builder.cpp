@@ -15,8 +15,11 @@ namespace {
 
 /// Poses that have moved what is seen by less than this let points be [px].
 constexpr double kQueryTolerance = 0.1;
-/// Keyframes that have moved against each other by more than this since they were first shown saw one place as two [px].
+/// Keyframes that have moved against each other by more than this since they were first shown saw one place as two
+/// [px].
 constexpr double kReunion = 1.0;
+/// A keyframe that has moved by more than this many times the tolerance begins anew, however few passes it has had.
+constexpr double kAnew = 3.0;
 /// Points are made at these numbers of passes, and at the full one.
 constexpr int kLevels[] = {2, 3};
 /// While no more keyframes than these lack passes, each gets all of them at once.
@@ -38,8 +41,7 @@ DensifierOptions suitable(DensifierOptions options) {
 
 }  // namespace
 
-LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& cancel, Publish publish,
-                         OnError on_error)
+LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& cancel, Publish publish, OnError on_error)
     : options_(options),
       densifier_(suitable(options.densifier)),
       full_(densifier_.patchmatch.geometric_passes + 1),
@@ -129,8 +131,7 @@ void LiveBuilder::add(const LiveKeyframe& keyframe) {
   if (preview_) preview_->add(keyframe.id);
 }
 
-void LiveBuilder::see(std::int64_t id, const std::vector<Landmark>& landmarks,
-                      const RigidTransform& cam_from_world) {
+void LiveBuilder::see(std::int64_t id, const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world) {
   LiveNode* const node = find(id);
   if (node != nullptr && node->passes == 0) {
     node->take_landmarks(landmarks, cam_from_world);
@@ -259,8 +260,8 @@ int LiveBuilder::level_of(const LiveNode& node) const {
 }
 
 /// The next pass of the keyframe that needs one most: the first one, while few wait; else one of those that have had
-/// the fewest, so that all have something soon. It waits until its neighbours have had the pass before. What is matched
-/// anew has points by now, and comes last.
+/// the fewest, so that all have something soon. It waits until its neighbours have had the pass before, and until those
+/// that have moved have looked at images alone. What is matched anew has points by now, and comes last.
 bool LiveBuilder::match() {
   std::vector<LiveNode*> candidates;
   for (const auto& [map_id, flight] : flights_) {
@@ -273,12 +274,12 @@ bool LiveBuilder::match() {
   const bool all_at_once = candidates.size() <= kShortQueue;
   LiveNode* best = nullptr;
   for (LiveNode* node : candidates) {
-    const bool ready = node->passes == 0 || [&] {
-      const std::vector<LiveNode*> near = neighbours_of(*node);
-      return std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
-        return (other->linked || finishing_) ? other->passes >= std::min(node->passes, goal(*other)) : false;
-      });
-    }();
+    const std::vector<LiveNode*> near = neighbours_of(*node);
+    const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
+      if (node->passes == 0) return true;
+      if (!other->linked || other->passes < std::min(node->passes, goal(*other))) return false;
+      return node->wants_images_alone() || !other->wants_images_alone() || !can_match(*other);
+    });
     if (!ready) continue;
     const auto urgency = [&](const LiveNode& of) { return (all_at_once ? 0 : level_of(of)) + (of.anew ? full_ : 0); };
     if (best == nullptr || urgency(*node) < urgency(*best)) best = node;
@@ -296,14 +297,16 @@ bool LiveBuilder::match_again() {
     if (node.moved_px > 0.0 && can_match(node) && (worst == nullptr || node.moved_px > worst->moved_px)) worst = &node;
   }
   if (worst == nullptr) return false;
-  ++stats_.matched_again;
-  worst->passes = 0;
-  worst->anew = true;
   match(*worst);
   return true;
 }
 
 void LiveBuilder::match(LiveNode& node) {
+  if (node.passes > 0 && node.moved_px > (node.passes < full_ ? kAnew * options_.max_move_px : 0.0)) {
+    ++stats_.matched_again;
+    node.passes = 0;
+    node.anew = node.shown > 0;
+  }
   const Keyframe keyframe = node.keyframe();
   Engine::MatchTask task;
   task.reference = node.frame.get();
@@ -315,7 +318,7 @@ void LiveBuilder::match(LiveNode& node) {
   }
   // Maps of before a move agree with each other, and would hold a keyframe where it was: a pass that looks at images
   // alone comes in between.
-  const bool in_between = node.passes > 0 && node.moved_px > 0.0 && !node.had_in_between;
+  const bool in_between = node.wants_images_alone();
   const bool photometric = node.passes == 0 || in_between;
   task.near = photometric ? 0 : task.neighbours.size();
   task.range = node.depths;
@@ -354,8 +357,7 @@ void LiveBuilder::filter(LiveNode& node) {
 }
 
 void LiveBuilder::fuse(LiveNode& node) {
-  const std::vector<LiveNode*> window =
-      around(node, static_cast<std::size_t>(plan_reach(densifier_).fusion), true);
+  const std::vector<LiveNode*> window = around(node, static_cast<std::size_t>(plan_reach(densifier_).fusion), true);
   LiveInputs inputs;
   std::vector<const Engine::Frame*> frames;
   for (LiveNode* other : window) {
@@ -421,7 +423,8 @@ bool LiveBuilder::show_wide() {
   if (densifier_.fusion.spacing_px == 0.0) return false;
   std::vector<LiveNode*> nodes;
   for (auto& [id, node] : nodes_) {
-    if (nodes.size() < kWideGroup && node.wide_due && node.shown > 0 && shared_level_of(node) >= node.shown) nodes.push_back(&node);
+    if (nodes.size() < kWideGroup && node.wide_due && node.shown > 0 && shared_level_of(node) >= node.shown)
+      nodes.push_back(&node);
   }
   if (nodes.empty() || (!finishing_ && nodes.size() < kWideFewest)) return false;
   for (LiveNode* node : nodes) {
@@ -503,7 +506,9 @@ void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
     for (LiveNode* node : levels[static_cast<std::size_t>(rounds - round)]) {
       std::vector<LiveNode*> owners = with_depth(node->owners);
       const Eigen::Vector3d center = node->pose.cam_from_world.center();
-      const auto distance = [&](const LiveNode* owner) { return (owner->pose.cam_from_world.center() - center).norm(); };
+      const auto distance = [&](const LiveNode* owner) {
+        return (owner->pose.cam_from_world.center() - center).norm();
+      };
       std::stable_sort(owners.begin(), owners.end(),
                        [&](const LiveNode* a, const LiveNode* b) { return distance(a) < distance(b); });
       std::vector<const Engine::Frame*> frames;

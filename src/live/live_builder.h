@@ -106,8 +106,8 @@ class LiveBuilder {
 
   LiveOptions options_;
   DensifierOptions densifier_;  ///< in force
-  const int full_;       ///< passes of a finished depth map
-  const bool asks_all_;  ///< keyframes beyond the fusion window may make the point of a place in any case
+  const int full_;              ///< passes of a finished depth map
+  const bool asks_all_;         ///< keyframes beyond the fusion window may make the point of a place in any case
   Publish publish_;
   OnError on_error_;
   EngineResults results_;

@@ -249,10 +249,10 @@ struct LiveDensifier::Impl {
   bool is_idle() const { return idle_ && queue_.empty(); }
 
   static LiveStats sum(LiveStats a, const LiveStats& b) {
-    for (const auto member : {&LiveStats::used, &LiveStats::not_needed, &LiveStats::left_out_late, &LiveStats::previews,
-                              &LiveStats::previews_late, &LiveStats::passes, &LiveStats::matched_again,
-                              &LiveStats::clouds, &LiveStats::images_dropped, &LiveStats::keyframes_frozen,
-                              &LiveStats::errors}) {
+    for (const auto member :
+         {&LiveStats::used, &LiveStats::not_needed, &LiveStats::left_out_late, &LiveStats::previews,
+          &LiveStats::previews_late, &LiveStats::passes, &LiveStats::matched_again, &LiveStats::clouds,
+          &LiveStats::images_dropped, &LiveStats::keyframes_frozen, &LiveStats::errors}) {
       a.*member += b.*member;
     }
     a.memory_mib = b.memory_mib;
@@ -311,7 +311,8 @@ struct LiveDensifier::Impl {
       bool paused = false;
       {
         std::unique_lock<std::mutex> lock(mutex_);
-        changed_.wait(lock, [&] { return stop_ || generation != generation_ || !queue_.empty() || (!idle_ && !paused_); });
+        changed_.wait(lock,
+                      [&] { return stop_ || generation != generation_ || !queue_.empty() || (!idle_ && !paused_); });
         if (stop_) return;
         begin_anew = generation != generation_;
         generation = generation_;

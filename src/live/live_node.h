@@ -36,9 +36,9 @@ struct LiveNode {
   double range = 0.0;          ///< median distance of these; 0 = there are none
 
   // Ripeness.
-  int newer = 0;                                       ///< keyframes that have come since
-  bool still = false;                                  ///< it hardly moved while the last one of them came
-  Eigen::Vector3d center = Eigen::Vector3d::Zero();    ///< when that one came
+  int newer = 0;                                     ///< keyframes that have come since
+  bool still = false;                                ///< it hardly moved while the last one of them came
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< when that one came
 
   // Decided when it is ripe.
   bool used = false;
@@ -58,16 +58,17 @@ struct LiveNode {
   std::uint64_t planes_made = 0;         ///< numbers of results; newer ones are higher, 0 = there is none
   std::uint64_t filtered_made = 0;
   std::uint64_t fused_made = 0;
-  LiveInputs matched;                    ///< what the last pass looked at that looked at images alone
-  LiveInputs filtered, fused, judged;    ///< what went into these, and into the points
-  std::vector<std::int64_t> viewers, owners;    ///< asked about its points
-  KeyframePose first_pose;                      ///< when its points were first shown
-  int shown = 0;                                ///< passes that its points had; 0 = it has none
-  bool points_due = false;                      ///< something has changed for them since
-  bool wide = false;                            ///< keyframes beyond the fusion window were asked about them
-  bool wide_due = false;                        ///< should be
+  LiveInputs matched;                         ///< what the last pass looked at that looked at images alone
+  LiveInputs filtered, fused, judged;         ///< what went into these, and into the points
+  std::vector<std::int64_t> viewers, owners;  ///< asked about its points
+  KeyframePose first_pose;                    ///< when its points were first shown
+  int shown = 0;                              ///< passes that its points had; 0 = it has none
+  bool points_due = false;                    ///< something has changed for them since
+  bool wide = false;                          ///< keyframes beyond the fusion window were asked about them
+  bool wide_due = false;                      ///< should be
 
-  bool waits() const { return used && has_depth && shown == 0; }
+  /// For its next pass, since its map is of before a move; but not twice in a row.
+  bool wants_images_alone() const { return passes > 0 && moved_px > 0.0 && !had_in_between; }
   /// With landmarks in the world, as the pose is now; without image.
   Keyframe keyframe() const;
   void take_landmarks(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);

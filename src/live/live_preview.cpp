@@ -99,7 +99,8 @@ bool LivePreview::make(const Nodes& nodes, std::int64_t newest) {
     if (known && prepare(at->second)) around.push_back(&at->second);
   }
   for (auto at = entries_.begin(); at != entries_.end() && entries_.size() > kKept;) {
-    const bool wanted = std::any_of(around.begin(), around.end(), [&](const LiveNode* node) { return node->id == at->first; });
+    const bool wanted =
+        std::any_of(around.begin(), around.end(), [&](const LiveNode* node) { return node->id == at->first; });
     at = wanted ? std::next(at) : entries_.erase(at);
   }
   if (around.size() < 2) return true;

@@ -53,7 +53,7 @@ class LivePreview {
   DensifierStats stats_;
   KeyframeSource image_again_;  ///< never set
   std::string backend_;
-  std::unique_ptr<Engine> engine_;  ///< before the frames, which must not outlive it
+  std::unique_ptr<Engine> engine_;         ///< before the frames, which must not outlive it
   std::map<std::int64_t, Entry> entries_;  ///< of the newest keyframes
   std::vector<Arrival> arrived_;
   const std::atomic<bool>& cancel_;

@@ -50,7 +50,8 @@ std::vector<LiveTracker::Range> LiveTracker::ranges_of(const std::vector<Landmar
 }
 
 LiveTracker::Flight::iterator LiveTracker::place(Flight& flight, std::int64_t id) {
-  return std::lower_bound(flight.begin(), flight.end(), id, [](const auto& one, std::int64_t of) { return one.first < of; });
+  return std::lower_bound(flight.begin(), flight.end(), id,
+                          [](const auto& one, std::int64_t of) { return one.first < of; });
 }
 
 void LiveTracker::add(const LiveKeyframe& keyframe) {

@@ -13,8 +13,8 @@
 #include <thread>
 #include <vector>
 
-#include "fake_slam.h"
 #include "core/helpers.h"
+#include "fake_slam.h"
 #include "live/live_missions.h"
 #include "pmsp/densifier.h"
 #include "pmsp/error.h"
@@ -137,7 +137,8 @@ TEST_CASE("Keyframes that converge as a SLAM's do are as good in the end as if t
   const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0, 0.0), options), room());
   LiveStats stats;
   const LiveFigures moved = figures(*played(FakeSlam(live_keyframes(room()), 0.0), options, &stats), room());
-  CAPTURE(moved.covered, still.covered, moved.right, still.right, moved.misplaced, still.misplaced, stats.matched_again);
+  CAPTURE(moved.covered, still.covered, moved.right, still.right, moved.misplaced, still.misplaced,
+          stats.matched_again);
   CHECK(moved.clouds == still.clouds);
   CHECK(moved.right > still.right - 0.01);
   CHECK(moved.covered > still.covered - 0.02);
