@@ -18,8 +18,9 @@ constexpr double kQueryTolerance = 0.1;
 /// Keyframes that have moved against each other by more than this since they were first shown saw one place as two
 /// [px].
 constexpr double kReunion = 1.0;
-/// A keyframe that has moved by more than this many times the tolerance begins anew, however few passes it has had.
-constexpr double kAnew = 3.0;
+/// A keyframe that has moved by more than this many times the tolerance before it had all its passes is matched anew,
+/// too, when it has had them.
+constexpr double kFarInBetween = 3.0;
 /// Points are made at these numbers of passes, and at the full one.
 constexpr int kLevels[] = {2, 3};
 /// While no more keyframes than these lack passes, each gets all of them at once.
@@ -276,9 +277,9 @@ bool LiveBuilder::match() {
   for (LiveNode* node : candidates) {
     const std::vector<LiveNode*> near = neighbours_of(*node);
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
-      if (node->passes == 0) return true;
+      if (node->passes == 0 || node->wants_images_alone()) return true;
       if (!other->linked || other->passes < std::min(node->passes, goal(*other))) return false;
-      return node->wants_images_alone() || !other->wants_images_alone() || !can_match(*other);
+      return !other->wants_images_alone() || !can_match(*other);
     });
     if (!ready) continue;
     const auto urgency = [&](const LiveNode& of) { return (all_at_once ? 0 : level_of(of)) + (of.anew ? full_ : 0); };
@@ -289,24 +290,25 @@ bool LiveBuilder::match() {
   return true;
 }
 
-/// Of the keyframes that have all their passes and whose neighbours have moved, the one where it is worst is matched
-/// anew.
+/// Of the keyframes that have all their passes and whose neighbours have moved since, or have moved far in between, the
+/// one where it is worst is matched anew.
 bool LiveBuilder::match_again() {
   LiveNode* worst = nullptr;
+  const auto badness = [](const LiveNode& node) { return std::max(node.moved_px, node.owed_px); };
   for (auto& [id, node] : nodes_) {
-    if (node.moved_px > 0.0 && can_match(node) && (worst == nullptr || node.moved_px > worst->moved_px)) worst = &node;
+    if (node.passes < full_ || badness(node) == 0.0 || !can_match(node)) continue;
+    if (worst == nullptr || badness(node) > badness(*worst)) worst = &node;
   }
   if (worst == nullptr) return false;
+  ++stats_.matched_again;
+  worst->passes = 0;
+  worst->owed_px = 0.0;
+  worst->anew = true;
   match(*worst);
   return true;
 }
 
 void LiveBuilder::match(LiveNode& node) {
-  if (node.passes > 0 && node.moved_px > (node.passes < full_ ? kAnew * options_.max_move_px : 0.0)) {
-    ++stats_.matched_again;
-    node.passes = 0;
-    node.anew = node.shown > 0;
-  }
   const Keyframe keyframe = node.keyframe();
   Engine::MatchTask task;
   task.reference = node.frame.get();
@@ -319,6 +321,7 @@ void LiveBuilder::match(LiveNode& node) {
   // Maps of before a move agree with each other, and would hold a keyframe where it was: a pass that looks at images
   // alone comes in between.
   const bool in_between = node.wants_images_alone();
+  if (in_between && node.moved_px > kFarInBetween * options_.max_move_px) node.owed_px = node.moved_px;
   const bool photometric = node.passes == 0 || in_between;
   task.near = photometric ? 0 : task.neighbours.size();
   task.range = node.depths;
@@ -593,7 +596,8 @@ LiveBacklog LiveBuilder::backlog() const {
     if (!node.used || (node.linked && !node.has_depth)) continue;
     if (node.shown == 0) {
       ++backlog.waiting;
-    } else if (node.frame && (goal(node) > node.passes || node.points_due || node.moved_px > 0.0)) {
+    } else if (node.frame && (goal(node) > node.passes || node.points_due ||
+                              (can_match(node) && (node.moved_px > 0.0 || node.owed_px > 0.0)))) {
       ++backlog.refining;
     }
   }

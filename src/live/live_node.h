@@ -53,6 +53,7 @@ struct LiveNode {
   bool has_depth = false;                ///< it gets a depth map
   int passes = 0;                        ///< of PatchMatch that it has been through
   double moved_px = 0.0;                 ///< by how much neighbours have moved since `matched`, where that is too much
+  double owed_px = 0.0;                  ///< by how much they had moved when a pass in between made up for it
   bool had_in_between = false;           ///< the last pass was for that
   bool anew = false;                     ///< all passes are done again
   std::uint64_t planes_made = 0;         ///< numbers of results; newer ones are higher, 0 = there is none
