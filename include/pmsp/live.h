@@ -46,8 +46,10 @@ struct LiveOptions {
   /// Of the worker threads, on Linux, 0 to 19, as of the command `nice`; 19: they run only where a core is idle. More
   /// than 0: on a GPU, at the lowest priority.
   int nice = 19;
-  bool previews = true;   ///< preliminary points at half the size, as soon as the next keyframe has come
-  int memory_mib = 2048;  ///< for all that is kept of keyframes besides their points, 1 to 1000000; on a GPU, there
+  bool previews = true;  ///< preliminary points at half the size, as soon as the next keyframe has come
+  /// For all that is kept of keyframes besides their points, 1 to 1000000; on a GPU, there. What neighbouring keyframes
+  /// need of each other must find room: 13 to 19 of them, with about 50 bytes a pixel.
+  int memory_mib = 2048;
   int max_waiting =
       100;  ///< keyframes that wait for their first depth map, 4 to 100000; those needed least are left out
   /// A keyframe is used when this many newer ones have come, 0 to 1000, and it has moved by no more than `ripe_move` of
@@ -81,8 +83,9 @@ struct LiveStats {
   std::int64_t rescaled = 0;          ///< times that a keyframe's scale has changed
   std::int64_t images_dropped = 0;    ///< for memory: these keyframes are not matched again
   std::int64_t keyframes_frozen = 0;  ///< for memory: their points are only moved from now on
-  std::int64_t errors = 0;            ///< keyframes that failed, and callbacks that threw
+  std::int64_t errors = 0;            ///< keyframes that failed, callbacks that threw, devices that broke
   std::string last_error;
+  bool failed = false;          ///< the worker could not go on: what is told from now on is passed over
   std::int64_t memory_mib = 0;  ///< kept at the moment
 };
 
@@ -138,14 +141,15 @@ class LiveDensifier {
   void resume();
   void finish();  ///< no keyframe comes for now: none waits for newer ones. The next `add` takes it back
 
-  /// Waits until nothing is left to do, at most so long. Returns whether that is so.
+  /// Waits until nothing is left to do, at most so long. Returns whether that is so; never while paused. Not under a
+  /// lock that a callback takes, nor is the destructor.
   bool wait(std::chrono::milliseconds at_most) const;
 
   std::shared_ptr<const LiveSnapshot> snapshot() const;
   LiveChanges changes_since(LiveVersion version) const;
   LiveStats stats() const;
   LiveBacklog backlog() const;
-  const std::string& backend() const;  ///< see Densifier::backend
+  std::string backend() const;  ///< see Densifier::backend
 
  private:
   struct Impl;

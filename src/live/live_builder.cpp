@@ -7,8 +7,10 @@
 
 #include "densifier_checks.h"
 #include "make_engine.h"
+#include "patchmatch/neighbours.h"
 #include "plan/choices.h"
 #include "plan/reach.h"
+#include "pmsp/error.h"
 
 namespace pmsp {
 namespace {
@@ -31,6 +33,25 @@ constexpr std::size_t kGroup = 8;
 constexpr std::size_t kWideGroup = 64;
 constexpr std::size_t kWideFewest = 16;
 
+constexpr std::size_t kImagePixel = 6;    ///< bytes that a prepared image takes, for each pixel of the depth map
+constexpr std::size_t kResultPixel = 42;  ///< planes 16, confidence 4, colour 4, mask 1, sights 1, points 13, open 3
+
+std::size_t pixels_of(const DensifierOptions& options) {
+  return static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);
+}
+
+/// Throws InvalidInput unless those keyframes find room that need each other for their points.
+void check_memory(const DensifierOptions& options, int memory_mib) {
+  const PlanReach reach = plan_reach(options);
+  const std::size_t keyframes = 1 + 2 * static_cast<std::size_t>(reach.consistency + reach.fusion +
+                                                                 neighbour_reach(options.patchmatch.neighbours));
+  const std::size_t needed = ((keyframes * (kImagePixel + kResultPixel) * pixels_of(options)) >> 20U) + 1;
+  if (needed <= static_cast<std::size_t>(memory_mib)) return;
+  throw InvalidInput("memory_mib is " + std::to_string(memory_mib) + "; expected " + std::to_string(needed) +
+                     " or more, for " + std::to_string(keyframes) + " keyframes with depth maps of " +
+                     std::to_string(options.width) + " x " + std::to_string(options.height));
+}
+
 DensifierOptions suitable(DensifierOptions options) {
   options.unordered = false;
   options.pipelined = false;
@@ -52,21 +73,31 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
       cancel_(cancel) {
   results_.cloud = [this](const KeyframeCloud& cloud) {
     ++stats_.clouds;
-    publish_(cloud, false);
+    publish_(cloud, nodes_.at(cloud.keyframe_id).serial, false);
   };
+  if (pixels_of(densifier_) > 0) {
+    try {
+      check_memory(densifier_, options_.memory_mib);
+    } catch (const InvalidInput& error) {
+      throw InvalidOption(error.what());
+    }
+  }
   engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
   if (options_.previews) {
     preview_ = std::make_unique<LivePreview>(options_, cancel_, [this](const KeyframeCloud& cloud) {
       const LiveNode* const node = find(cloud.keyframe_id);
       if (node == nullptr || node->shown > 0) return;
       ++stats_.previews;
-      publish_(cloud, true);
+      publish_(cloud, node->serial, true);
     });
   }
 }
 
 void LiveBuilder::set_size(int image_width, int image_height) {
-  fill_in_size(densifier_, image_width, image_height);
+  DensifierOptions sized = densifier_;
+  fill_in_size(sized, image_width, image_height);  // throws before anything has changed
+  check_memory(sized, options_.memory_mib);
+  densifier_ = sized;
   densifier_.backend = options_.densifier.backend;
   engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
 }
@@ -100,19 +131,20 @@ std::vector<LiveNode*> LiveBuilder::around(const LiveNode& node, std::size_t rea
   return result;
 }
 
-std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& ids) {
+std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& ids, std::int64_t map_id) {
   std::vector<LiveNode*> result;
   for (const std::int64_t id : ids) {
     LiveNode* const node = find(id);
-    if (node != nullptr && node->planes_made != 0 && node->frame) result.push_back(node);
+    if (node != nullptr && node->planes_made != 0 && node->frame && node->map_id == map_id) result.push_back(node);
   }
   return result;
 }
 
 // ---- what is told ----
 
-void LiveBuilder::add(const LiveKeyframe& keyframe) {
+void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
   finishing_ = false;
+  last_arrivals_[keyframe.map_id] = ++arrivals_;
   for (const std::int64_t id : undecided_) {
     LiveNode& node = nodes_.at(id);
     if (node.map_id != keyframe.map_id) continue;
@@ -123,6 +155,7 @@ void LiveBuilder::add(const LiveKeyframe& keyframe) {
   }
   LiveNode& node = nodes_[keyframe.id];
   node.id = keyframe.id;
+  node.serial = serial;
   node.map_id = keyframe.map_id;
   node.pose = {keyframe.cam_from_world, 1.0};
   node.center = node.pose.cam_from_world.center();
@@ -148,11 +181,12 @@ void LiveBuilder::move(const std::vector<LiveMove>& places) {
     moved_ = true;
     if (node->map_id == place.map_id) continue;
     if (node->used) {
-      Flight& from = flights_[node->map_id];
-      from.erase(std::lower_bound(from.begin(), from.end(), node->id));
+      leave_flight(*node);
+      node->map_id = place.map_id;
       Flight& to = flights_[place.map_id];
       to.insert(std::lower_bound(to.begin(), to.end(), node->id), node->id);
-      node->points_due = true;
+      planes_changed(*node);
+      choose_anew_around(*node);
     }
     node->map_id = place.map_id;
   }
@@ -163,7 +197,6 @@ void LiveBuilder::erase(std::int64_t id) {
   if (node == nullptr) return;
   if (preview_) preview_->erase(id);
   undecided_.erase(id);
-  if (node->used) planes_changed(*node);
   leave_out(id);
   for (auto& [other_id, other] : nodes_) {
     const auto names = [&](const std::vector<std::int64_t>& ids) {
@@ -175,9 +208,14 @@ void LiveBuilder::erase(std::int64_t id) {
 
 // ---- what is done ----
 
+void LiveBuilder::stay_within_memory() {
+  make_room();
+  while (leave_out_late()) make_room();
+}
+
 bool LiveBuilder::work() {
-  if (preview_ && preview_->work(nodes_)) return true;
-  if (decide() || link() || leave_out_late()) return true;
+  if (preview_ && preview_->work(nodes_, on_error_)) return true;
+  if (decide() || link()) return true;
   look_for_moves();
   return show(false) || match() || match_again() || show(true) || show_wide();
 }
@@ -225,9 +263,9 @@ void LiveBuilder::look_for_moves() {
       node.points_due = true;
       node.wide_due = node.wide_due || asks_all_;
     }
-    const LiveInput in_world{id, 0, KeyframePose{}, node.first_pose};
+    const LiveInput in_world{id, 0, KeyframePose{}, node.wide ? node.wide_pose : node.first_pose};
     const bool far = moved_px(in_world, KeyframePose{}, node.pose, node.range, densifier_.width) > kReunion;
-    if (far && !node.wide) node.wide_due = true;
+    node.wide_due = node.wide_due || far;
   }
 }
 
@@ -385,7 +423,7 @@ int LiveBuilder::shared_level_of(const LiveNode& node) const {
   const std::size_t most = static_cast<std::size_t>(reach.consistency + reach.fusion);
   const Flight& flight = flights_.at(node.map_id);
   const std::size_t place = place_of(node);
-  if (!finishing_ && place + most >= flight.size()) return 0;
+  if (!has_ended(node.map_id) && place + most >= flight.size()) return 0;
   int level = level_of(node);
   for (std::size_t i = place > most ? place - most : 0; i < std::min(flight.size(), place + most + 1); ++i) {
     const LiveNode& other = nodes_.at(flight[i]);
@@ -429,11 +467,11 @@ bool LiveBuilder::show_wide() {
     if (nodes.size() < kWideGroup && node.wide_due && node.shown > 0 && shared_level_of(node) >= node.shown)
       nodes.push_back(&node);
   }
-  if (nodes.empty() || (!finishing_ && nodes.size() < kWideFewest)) return false;
+  if (nodes.empty() || (asks_all_ && !finishing_ && nodes.size() < kWideFewest)) return false;
   for (LiveNode* node : nodes) {
     node->wide = true;
     node->wide_due = false;
-    ask_around(*node);
+    node->wide_pose = node->pose;
   }
   show(nodes);
   return true;
@@ -479,16 +517,14 @@ void LiveBuilder::ask_around(LiveNode& node) {
 /// Makes and publishes their points. Rounds of ownership need those of the keyframes around up to the round before.
 void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
   const int rounds = ownership_rounds(densifier_);
-  for (LiveNode* node : nodes) {
-    if (!node->wide) ask_around(*node);
-  }
+  for (LiveNode* node : nodes) ask_around(*node);
   std::vector<std::vector<LiveNode*>> levels{nodes};  // those that are asked in the last round, the one before, ...
   std::set<std::int64_t> there;
   for (const LiveNode* node : nodes) there.insert(node->id);
   for (int round = 0; round < rounds; ++round) {
     std::vector<LiveNode*> more = levels.back();
     for (const LiveNode* node : levels.back()) {
-      for (LiveNode* owner : with_depth(node->owners)) {
+      for (LiveNode* owner : with_depth(node->owners, node->map_id)) {
         if (!there.insert(owner->id).second) continue;
         if (owner->owners.empty()) ask_around(*owner);
         more.push_back(owner);
@@ -499,7 +535,7 @@ void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
   for (LiveNode* node : levels.back()) fuse(*node);
   for (LiveNode* node : levels.back()) {
     std::vector<const Engine::Frame*> viewers;
-    for (LiveNode* viewer : with_depth(node->viewers)) {
+    for (LiveNode* viewer : with_depth(node->viewers, node->map_id)) {
       if (viewer->filtered_made == 0) filter(*viewer);
       viewers.push_back(viewer->frame.get());
     }
@@ -507,7 +543,7 @@ void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
   }
   for (int round = 1; round <= rounds; ++round) {
     for (LiveNode* node : levels[static_cast<std::size_t>(rounds - round)]) {
-      std::vector<LiveNode*> owners = with_depth(node->owners);
+      std::vector<LiveNode*> owners = with_depth(node->owners, node->map_id);
       const Eigen::Vector3d center = node->pose.cam_from_world.center();
       const auto distance = [&](const LiveNode* owner) {
         return (owner->pose.cam_from_world.center() - center).norm();
@@ -528,7 +564,7 @@ void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
     node->anew = node->anew && node->shown < full_;
     node->judged.clear();
     for (const std::vector<std::int64_t>* ids : {&node->viewers, &node->owners}) {
-      for (const LiveNode* other : with_depth(*ids)) node->judged.push_back(input(*other, *node, 0));
+      for (const LiveNode* other : with_depth(*ids, node->map_id)) node->judged.push_back(input(*other, *node, 0));
     }
   }
   engine_->deliver(true);
@@ -537,14 +573,10 @@ void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
 // ---- memory ----
 
 /// What a keyframe's image takes, and the rest of it.
-std::size_t LiveBuilder::bytes_of_image() const {
-  constexpr std::size_t kImagePixel = 6;
-  return kImagePixel * static_cast<std::size_t>(densifier_.width) * static_cast<std::size_t>(densifier_.height);
-}
-std::size_t LiveBuilder::bytes_of_results() const {
-  constexpr std::size_t kResultPixel = 42;  // planes 16, confidence 4, colour 4, mask 1, sights 1, points 13, open 3
-  return kResultPixel * static_cast<std::size_t>(densifier_.width) * static_cast<std::size_t>(densifier_.height);
-}
+std::size_t LiveBuilder::bytes_of_image() const { return kImagePixel * pixels_of(densifier_); }
+std::size_t LiveBuilder::bytes_of_results() const { return kResultPixel * pixels_of(densifier_); }
+
+std::size_t LiveBuilder::most_bytes() const { return static_cast<std::size_t>(options_.memory_mib) << 20U; }
 
 std::size_t LiveBuilder::bytes() const {
   std::size_t bytes = preview_ ? preview_->bytes() : 0;
@@ -558,15 +590,21 @@ std::size_t LiveBuilder::bytes() const {
   return bytes;
 }
 
-/// For one keyframe more: images go first, then all else, of those that have their points and are farthest away.
+/// Images go first, then all else, of those that have their points, or get none, and are farthest away.
 void LiveBuilder::make_room() {
-  const std::size_t most = static_cast<std::size_t>(options_.memory_mib) << 20U;
-  std::size_t now = bytes() + bytes_of_image() + bytes_of_results();
+  const std::size_t most = most_bytes();
+  std::size_t now = bytes();
   if (now <= most || nodes_.empty()) return;
+  const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
   const Eigen::Vector3d center = nodes_.rbegin()->second.pose.cam_from_world.center();
   std::vector<std::pair<double, LiveNode*>> order;  // farthest first
   for (auto& [id, node] : nodes_) {
-    if (!node.frame || node.shown == 0) continue;
+    if (!node.frame || (node.shown == 0 && (!node.linked || node.has_depth))) continue;
+    const std::vector<LiveNode*> near = around(node, reach, false);
+    if (std::any_of(near.begin(), near.end(),
+                    [](const LiveNode* other) { return !other->linked || (other->has_depth && other->passes == 0); })) {
+      continue;  // they are matched with it first
+    }
     order.emplace_back(-(node.pose.cam_from_world.center() - center).norm(), &node);
   }
   std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
@@ -596,7 +634,7 @@ LiveBacklog LiveBuilder::backlog() const {
     if (!node.used || (node.linked && !node.has_depth)) continue;
     if (node.shown == 0) {
       ++backlog.waiting;
-    } else if (node.frame && (goal(node) > node.passes || node.points_due ||
+    } else if (node.frame && (goal(node) > node.passes || node.points_due || node.wide_due ||
                               (can_match(node) && (node.moved_px > 0.0 || node.owed_px > 0.0)))) {
       ++backlog.refining;
     }

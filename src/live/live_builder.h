@@ -29,7 +29,7 @@ namespace pmsp {
 class LiveBuilder {
  public:
   /// Takes points. `preliminary`: of a preview.
-  using Publish = std::function<void(const KeyframeCloud& cloud, bool preliminary)>;
+  using Publish = std::function<void(const KeyframeCloud& cloud, std::uint64_t serial, bool preliminary)>;
 
   /// Takes what is wrong with a keyframe that is left out for it.
   using OnError = std::function<void(const std::string&)>;
@@ -37,17 +37,22 @@ class LiveBuilder {
   /// `cancel` makes work return early; nothing may be asked of the builder after that. Throws as the LiveDensifier.
   LiveBuilder(const LiveOptions& options, const std::atomic<bool>& cancel, Publish publish, OnError on_error);
 
-  void add(const LiveKeyframe& keyframe);
+  /// `serial`: another one for each keyframe that is added, whatever its id.
+  void add(const LiveKeyframe& keyframe, std::uint64_t serial);
   void move(const std::vector<LiveMove>& places);
   void see(std::int64_t id, const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
   void erase(std::int64_t id);
   void finish() { finishing_ = true; }
 
+  /// Lets go of what does not find room.
+  void stay_within_memory();
+
   /// Does the next piece of work. Returns whether there was any.
   bool work();
 
-  /// Keyframes that have been left out or erased since the last call.
-  std::vector<std::int64_t> take_left_out() { return std::exchange(left_out_, {}); }
+  /// Keyframes that have been left out or erased since the last call, with their serials.
+  using LeftOut = std::vector<std::pair<std::int64_t, std::uint64_t>>;
+  LeftOut take_left_out() { return std::exchange(left_out_, {}); }
 
   LiveBacklog backlog() const;
   LiveStats stats() const;  ///< what is counted here
@@ -57,11 +62,14 @@ class LiveBuilder {
   using Flight = std::vector<std::int64_t>;
 
   // Which are used (live_choices.cpp).
+  bool has_ended(std::int64_t map_id) const;
   bool is_ripe(const LiveNode& node) const;
   bool decide();
   bool is_crowded(const LiveNode& node) const;
   bool is_wanted(LiveNode& node, const Keyframe& keyframe);
   void use(LiveNode& node, const Keyframe& keyframe);
+  void choose_anew_around(const LiveNode& node);
+  void leave_flight(LiveNode& node);
   void leave_out(std::int64_t id);
   bool leave_out_late();
   bool link();
@@ -84,7 +92,7 @@ class LiveBuilder {
   bool show_wide();
   void show(const std::vector<LiveNode*>& nodes);
   void ask_around(LiveNode& node);
-  std::vector<LiveNode*> with_depth(const std::vector<std::int64_t>& ids);
+  std::vector<LiveNode*> with_depth(const std::vector<std::int64_t>& ids, std::int64_t map_id);
 
   // What changes.
   void look_for_moves();
@@ -97,6 +105,7 @@ class LiveBuilder {
   void make_room();
   std::size_t bytes_of_image() const;
   std::size_t bytes_of_results() const;
+  std::size_t most_bytes() const;
   std::size_t bytes() const;
 
   LiveNode* find(std::int64_t id);
@@ -120,7 +129,9 @@ class LiveBuilder {
   std::map<std::int64_t, Flight> flights_;  ///< ids of used ones in order, by map
   std::set<std::int64_t> undecided_;        ///< ids
   const std::atomic<bool>& cancel_;
-  std::vector<std::int64_t> left_out_;
+  LeftOut left_out_;
+  std::map<std::int64_t, std::int64_t> last_arrivals_;  ///< number of the last keyframe that came, by map
+  std::int64_t arrivals_ = 0;
   std::uint64_t results_made_ = 0;
   bool finishing_ = false;
   bool moved_ = false;  ///< since moves were last looked for

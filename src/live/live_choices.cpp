@@ -24,8 +24,14 @@ constexpr std::size_t kSharpnessReach = 5;
 
 }  // namespace
 
+/// Whether no keyframe is waited for: the SLAM has lost its way and goes on in another map, or has finished.
+bool LiveBuilder::has_ended(std::int64_t map_id) const {
+  const auto last = last_arrivals_.find(map_id);
+  return finishing_ || last == last_arrivals_.end() || arrivals_ - last->second >= std::max(1, options_.ripe_at_latest);
+}
+
 bool LiveBuilder::is_ripe(const LiveNode& node) const {
-  if (finishing_ || node.newer >= options_.ripe_at_latest) return true;
+  if (has_ended(node.map_id) || node.newer >= options_.ripe_at_latest) return true;
   return node.newer >= options_.ripe_after && (node.still || options_.ripe_after == 0);
 }
 
@@ -94,7 +100,6 @@ bool LiveBuilder::is_wanted(LiveNode& node, const Keyframe& keyframe) {
 
 void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
   if (densifier_.width == 0 || densifier_.height == 0) set_size(node.image.width, node.image.height);
-  make_room();
   node.frame = engine_->prepare(keyframe);
   node.used = true;
   node.has_image = true;
@@ -104,23 +109,32 @@ void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
   flight.insert(std::lower_bound(flight.begin(), flight.end(), node.id), node.id);
 }
 
+/// Those around that are not matched yet choose other neighbours.
+void LiveBuilder::choose_anew_around(const LiveNode& node) {
+  const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
+  for (LiveNode* other : around(node, reach, false)) {
+    if (other->passes == 0) other->linked = other->has_depth = false;
+  }
+}
+
+void LiveBuilder::leave_flight(LiveNode& node) {
+  planes_changed(node);
+  choose_anew_around(node);
+  Flight& flight = flights_[node.map_id];
+  flight.erase(std::lower_bound(flight.begin(), flight.end(), node.id));
+}
+
 /// Nothing is kept of it.
 void LiveBuilder::leave_out(std::int64_t id) {
   LiveNode& node = nodes_.at(id);
-  if (node.used) {
-    const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
-    for (LiveNode* other : around(node, reach, false)) {  // they choose others
-      if (other->passes == 0) other->linked = other->has_depth = false;
-    }
-    Flight& flight = flights_[node.map_id];
-    flight.erase(std::lower_bound(flight.begin(), flight.end(), node.id));
-  }
-  left_out_.push_back(id);
+  undecided_.erase(id);
+  if (node.used) leave_flight(node);
+  left_out_.emplace_back(id, node.serial);
   nodes_.erase(id);
 }
 
 /// Of keyframes that wait for their first depth map, lets go of the one whose neighbours in the flight are nearest to
-/// each other, where too many wait.
+/// each other, where too many wait or fill the memory.
 bool LiveBuilder::leave_out_late() {
   int waiting = 0;
   std::int64_t least = 0;
@@ -140,9 +154,16 @@ bool LiveBuilder::leave_out_late() {
       }
     }
   }
-  if (waiting <= options_.max_waiting || least_gap == std::numeric_limits<double>::infinity()) return false;
-  ++stats_.left_out_late;
-  leave_out(least);
+  const bool any = least_gap < std::numeric_limits<double>::infinity();
+  const bool full = bytes() > most_bytes();
+  if (any && (full || waiting > options_.max_waiting)) {
+    ++stats_.left_out_late;
+    leave_out(least);
+    return true;
+  }
+  if (!full || undecided_.size() < 2) return false;
+  ++stats_.left_out_late;  // work stands still: images of those to come fill the memory
+  leave_out(*undecided_.begin());
   return true;
 }
 
@@ -153,7 +174,7 @@ bool LiveBuilder::link() {
     for (std::size_t i = 0; i < flight.size(); ++i) {
       LiveNode& node = nodes_.at(flight[i]);
       if (node.linked) continue;
-      if (i + reach >= flight.size() && !finishing_) break;
+      if (i + reach >= flight.size() && !has_ended(map_id)) break;
       link(node);
       return true;
     }

@@ -64,7 +64,7 @@ struct LiveDensifier::Impl {
       std::exception_ptr why;
       try {
         run_at_low_priority(options_.nice);
-        builder = make_builder(0);
+        builder = make_builder();
       } catch (...) {
         why = std::current_exception();
       }
@@ -99,8 +99,12 @@ struct LiveDensifier::Impl {
   // ---- callers ----
 
   void add(LiveKeyframe keyframe) {
-    check_new(keyframe);
-    tell([&] { arrive(std::move(keyframe)); });
+    check_place(keyframe);
+    tell([&] {
+      if (tracker_.knows(keyframe.id)) return move({&keyframe});
+      check_image_of(keyframe);
+      arrive(keyframe);
+    });
   }
 
   void update(const std::vector<LiveKeyframe>& keyframes) {
@@ -120,9 +124,11 @@ struct LiveDensifier::Impl {
         throw InvalidInput("sync: keyframe " + std::to_string(keyframe.id) + " is there twice");
       }
       check_place(keyframe);
-      if (keyframe.image.data != nullptr) check_image(keyframe.id, keyframe.image);
     }
     tell([&] {
+      for (const LiveKeyframe& keyframe : keyframes) {
+        if (keyframe.image.data != nullptr && !tracker_.knows(keyframe.id)) check_image_of(keyframe);
+      }
       std::vector<std::int64_t> gone;
       for (const std::int64_t id : tracker_.ids()) {
         if (there.count(id) == 0) gone.push_back(id);
@@ -139,7 +145,10 @@ struct LiveDensifier::Impl {
       }
       move(known);
       std::sort(fresh.begin(), fresh.end(), [](const auto* a, const auto* b) { return a->id < b->id; });
-      for (const LiveKeyframe* keyframe : fresh) arrive(*keyframe);
+      for (const LiveKeyframe* keyframe : fresh) {
+        LiveKeyframe copy = *keyframe;
+        arrive(copy);
+      }
     });
   }
 
@@ -148,19 +157,24 @@ struct LiveDensifier::Impl {
   }
 
   void reset() {
+    std::deque<std::function<void(LiveBuilder&)>> dropped;  // images, too: their owners may lock what they like
     tell([&] {
       ++stats_.resets;
       ++generation_;
       tracker_.reset();
       map_.reset();
-      queue_.clear();
+      queue_.swap(dropped);
+      finishing_ = false;
       queued_images_ = 0;
       cancel_.store(true, std::memory_order_relaxed);  // what is being done is for nothing
     });
   }
 
   void finish() {
-    tell([&] { queue_.emplace_back([](LiveBuilder& builder) { builder.finish(); }); });
+    tell([&] {
+      finishing_ = true;
+      queue_.emplace_back([](LiveBuilder& builder) { builder.finish(); });
+    });
   }
 
   void set_paused(bool paused) {
@@ -169,7 +183,8 @@ struct LiveDensifier::Impl {
 
   bool wait(std::chrono::milliseconds at_most) const {
     std::unique_lock<std::mutex> lock(mutex_);
-    return changed_.wait_for(lock, at_most, [&] { return is_idle() || failed_; }) && is_idle();
+    const std::chrono::milliseconds longest = std::chrono::hours(24 * 365);  // more would overflow
+    return changed_.wait_for(lock, std::min(at_most, longest), [&] { return is_idle() || stats_.failed; }) && is_idle();
   }
 
   LiveStats stats() const {
@@ -188,21 +203,24 @@ struct LiveDensifier::Impl {
   }
 
   const LiveMap& map() const { return map_; }
-  const std::string& backend() const { return backend_; }
+  std::string backend() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return backend_;
+  }
 
  private:
   template <class Change>
   void tell(const Change& change) {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
+      if (stats_.failed) return;
       change();
       idle_ = false;
     }
     changed_.notify_all();
   }
 
-  void check_new(const LiveKeyframe& keyframe) const {
-    check_place(keyframe);
+  void check_image_of(const LiveKeyframe& keyframe) const {
     check_image(keyframe.id, keyframe.image);
     const auto& mask = options_.mask;
     if (mask && (mask->width() != keyframe.image.width || mask->height() != keyframe.image.height)) {
@@ -215,12 +233,13 @@ struct LiveDensifier::Impl {
 
   // Under the lock.
 
-  void arrive(LiveKeyframe keyframe) {
-    if (tracker_.knows(keyframe.id)) return move({&keyframe});
+  void arrive(LiveKeyframe& keyframe) {
     ++stats_.added;
     ++queued_images_;
-    tracker_.add(keyframe);
-    queue_.emplace_back([keyframe = std::move(keyframe)](LiveBuilder& builder) { builder.add(keyframe); });
+    finishing_ = false;
+    tracker_.add(keyframe, ++serial_);
+    queue_.emplace_back(
+        [keyframe = std::move(keyframe), serial = serial_](LiveBuilder& builder) { builder.add(keyframe, serial); });
   }
 
   void move(const std::vector<const LiveKeyframe*>& keyframes) {
@@ -261,19 +280,22 @@ struct LiveDensifier::Impl {
 
   // ---- the worker ----
 
-  std::unique_ptr<LiveBuilder> make_builder(std::uint64_t generation) {
+  std::unique_ptr<LiveBuilder> make_builder() {
     return std::make_unique<LiveBuilder>(
         options_, cancel_,
-        [this, generation](const KeyframeCloud& cloud, bool preliminary) { publish(generation, cloud, preliminary); },
+        [this](const KeyframeCloud& cloud, std::uint64_t serial, bool preliminary) {
+          publish(cloud, serial, preliminary);
+        },
         [this](const std::string& what) { report(what); });
   }
 
-  void publish(std::uint64_t generation, const KeyframeCloud& cloud, bool preliminary) {
+  /// Unless the keyframe is gone, or another one has its id by now.
+  void publish(const KeyframeCloud& cloud, std::uint64_t serial, bool preliminary) {
     auto copy = std::make_shared<const KeyframeCloud>(cloud);
     LiveVersion version = 0;
     {
       const std::lock_guard<std::mutex> lock(mutex_);
-      if (generation != generation_ || !tracker_.knows(cloud.keyframe_id)) return;
+      if (tracker_.serial_of(cloud.keyframe_id) != serial) return;
       map_.publish(tracker_.place_of(cloud.keyframe_id), std::move(copy), preliminary);
       version = map_.version();
     }
@@ -318,6 +340,7 @@ struct LiveDensifier::Impl {
         generation = generation_;
         cancel_.store(false, std::memory_order_relaxed);
         told.swap(queue_);
+        taken_ = serial_;
         queued_images_ = 0;
         if (begin_anew) stats_ = sum(stats_, worker_stats_);
         if (begin_anew) worker_stats_ = {};
@@ -326,14 +349,15 @@ struct LiveDensifier::Impl {
       try {
         if (begin_anew) {
           builder.reset();  // before the next one, for its memory
-          builder = make_builder(generation);
+          builder = make_builder();
         }
         for (const auto& tell : told) tell(*builder);
         told.clear();
+        builder->stay_within_memory();
         const bool busy = !paused && builder->work();
         after(*builder, !busy && !paused);
       } catch (const std::exception& error) {
-        if (!go_on_after(error, builder, generation)) return;
+        if (!go_on_after(error, builder)) return;
       }
     }
   }
@@ -341,38 +365,58 @@ struct LiveDensifier::Impl {
   void after(LiveBuilder& builder, bool idle) {
     const LiveStats stats = builder.stats();
     const LiveBacklog backlog = builder.backlog();
-    const std::vector<std::int64_t> left_out = builder.take_left_out();
+    LiveVersion version = 0;
     {
       const std::lock_guard<std::mutex> lock(mutex_);
+      std::vector<std::int64_t> left_out;
+      for (const auto& [id, serial] : builder.take_left_out()) {
+        if (tracker_.serial_of(id) == serial) left_out.push_back(id);
+      }
       for (const std::int64_t id : left_out) tracker_.forget_landmarks(id);
+      if (map_.remove_preliminary(left_out)) version = map_.version();
+      backend_ = builder.backend();
       worker_stats_ = stats;
       backlog_ = backlog;
       idle_ = idle && queue_.empty();
     }
+    if (version != 0 && callbacks_.changed) call([&] { callbacks_.changed(version); });
     if (idle) changed_.notify_all();
   }
 
-  /// The keyframes are gone with what was made of them, but for the points that are published. Returns whether those
-  /// that come may be worked on.
-  bool go_on_after(const std::exception& error, std::unique_ptr<LiveBuilder>& builder, std::uint64_t generation) {
+  /// Keyframes without final points are forgotten: `sync` adds them again. Those that have some keep these, and are
+  /// only moved from now on. Returns whether keyframes that come may be worked on.
+  bool go_on_after(const std::exception& error, std::unique_ptr<LiveBuilder>& builder) {
     report(error.what());
+    std::string again;
     try {
       builder.reset();
-      builder = make_builder(generation);
+      builder = make_builder();
+    } catch (const std::exception& why) {
+      again = why.what();
+    }
+    std::deque<std::function<void(LiveBuilder&)>> dropped;
+    {
       const std::lock_guard<std::mutex> lock(mutex_);
       stats_ = sum(stats_, worker_stats_);
       worker_stats_ = {};
+      stats_.failed = !again.empty();
+      if (stats_.failed) queue_.swap(dropped);
+      if (builder && finishing_) builder->finish();
+      std::set<std::int64_t> finished;
+      for (const LiveCloud& cloud : map_.snapshot()->clouds) {
+        if (!cloud.preliminary) finished.insert(cloud.keyframe_id);
+      }
+      std::vector<std::int64_t> forgotten;
+      for (const std::int64_t id : tracker_.ids()) {
+        if (finished.count(id) == 0 && tracker_.serial_of(id) <= taken_) forgotten.push_back(id);
+      }
+      for (const std::int64_t id : forgotten) tracker_.erase(id);
+      map_.remove(forgotten);
       idle_ = false;
-      return true;
-    } catch (const std::exception& again) {
-      report(again.what());
     }
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      failed_ = true;
-    }
+    if (!again.empty()) report(again);
     changed_.notify_all();
-    return false;
+    return again.empty();
   }
 
   LiveOptions options_;
@@ -387,7 +431,9 @@ struct LiveDensifier::Impl {
   bool paused_ = false;
   bool idle_ = true;
   bool stop_ = false;
-  bool failed_ = false;
+  bool finishing_ = false;    ///< `finish` was the last of these
+  std::uint64_t serial_ = 0;  ///< of the last keyframe that came
+  std::uint64_t taken_ = 0;   ///< of the last one that the worker knows
   std::atomic<bool> cancel_{false};
   LiveStats stats_;         ///< without those of the present builder
   LiveStats worker_stats_;  ///< these
@@ -413,6 +459,6 @@ std::shared_ptr<const LiveSnapshot> LiveDensifier::snapshot() const { return imp
 LiveChanges LiveDensifier::changes_since(LiveVersion version) const { return impl_->map().changes_since(version); }
 LiveStats LiveDensifier::stats() const { return impl_->stats(); }
 LiveBacklog LiveDensifier::backlog() const { return impl_->backlog(); }
-const std::string& LiveDensifier::backend() const { return impl_->backend(); }
+std::string LiveDensifier::backend() const { return impl_->backend(); }
 
 }  // namespace pmsp

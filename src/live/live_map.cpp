@@ -55,6 +55,19 @@ void LiveMap::remove(const std::vector<std::int64_t>& keyframe_ids) {
   }
 }
 
+bool LiveMap::remove_preliminary(const std::vector<std::int64_t>& keyframe_ids) {
+  std::vector<std::int64_t> ids;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const std::int64_t id : keyframe_ids) {
+      const auto found = entries_.find(id);
+      if (found != entries_.end() && found->second.cloud.preliminary) ids.push_back(id);
+    }
+  }
+  if (!ids.empty()) remove(ids);
+  return !ids.empty();
+}
+
 void LiveMap::reset() {
   std::map<std::int64_t, Entry> gone;  // freed outside the lock
   const std::lock_guard<std::mutex> lock(mutex_);

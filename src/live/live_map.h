@@ -30,6 +30,9 @@ class LiveMap {
 
   void remove(const std::vector<std::int64_t>& keyframe_ids);
 
+  /// Those of them whose points are preliminary. Returns whether there were any.
+  bool remove_preliminary(const std::vector<std::int64_t>& keyframe_ids);
+
   /// Ids may begin again.
   void reset();
 

@@ -30,6 +30,7 @@ double moved_px(const LiveInput& then, const KeyframePose& other, const Keyframe
 struct LiveNode {
   std::int64_t id = 0;
   std::int64_t map_id = 0;
+  std::uint64_t serial = 0;  ///< see LiveBuilder::add
   KeyframePose pose;
   LiveImage image;             ///< until it is prepared, or not needed
   std::vector<Landmark> seen;  ///< positions in the camera's frame and unit: they go with the pose
@@ -65,6 +66,7 @@ struct LiveNode {
   KeyframePose first_pose;                    ///< when its points were first shown
   int shown = 0;                              ///< passes that its points had; 0 = it has none
   bool points_due = false;                    ///< something has changed for them since
+  KeyframePose wide_pose;                     ///< when they were last asked
   bool wide = false;                          ///< keyframes beyond the fusion window were asked about them
   bool wide_due = false;                      ///< should be
 

@@ -9,6 +9,7 @@
 #include "live/live_image.h"
 #include "make_engine.h"
 #include "patchmatch/neighbours.h"
+#include "pmsp/error.h"
 
 namespace pmsp {
 namespace {
@@ -57,7 +58,7 @@ void LivePreview::erase(std::int64_t id) {
                  arrived_.end());
 }
 
-bool LivePreview::work(const Nodes& nodes) {
+bool LivePreview::work(const Nodes& nodes, const std::function<void(const std::string&)>& on_error) {
   while (!arrived_.empty()) {
     const Arrival newest = arrived_.back();
     arrived_.pop_back();
@@ -67,7 +68,11 @@ bool LivePreview::work(const Nodes& nodes) {
     late_ += std::distance(late, arrived_.end());
     arrived_.erase(late, arrived_.end());
     std::sort(arrived_.begin(), arrived_.end(), [](const Arrival& a, const Arrival& b) { return a.at < b.at; });
-    if (make(nodes, newest.id)) return true;
+    try {
+      if (make(nodes, newest.id)) return true;
+    } catch (const InvalidInput& error) {
+      on_error(error.what());
+    }
   }
   return false;
 }

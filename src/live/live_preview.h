@@ -28,7 +28,7 @@ class LivePreview {
   void erase(std::int64_t id);
 
   /// Makes the preview that is wanted most. Returns whether there was any.
-  bool work(const Nodes& nodes);
+  bool work(const Nodes& nodes, const std::function<void(const std::string&)>& on_error);
 
   std::int64_t late() const { return late_; }
   std::size_t bytes() const;

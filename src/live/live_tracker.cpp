@@ -54,12 +54,18 @@ LiveTracker::Flight::iterator LiveTracker::place(Flight& flight, std::int64_t id
                           [](const auto& one, std::int64_t of) { return one.first < of; });
 }
 
-void LiveTracker::add(const LiveKeyframe& keyframe) {
+std::uint64_t LiveTracker::serial_of(std::int64_t id) const {
+  const auto found = tracks_.find(id);
+  return found == tracks_.end() ? 0 : found->second.serial;
+}
+
+void LiveTracker::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
   Track& track = tracks_[keyframe.id];
+  track.serial = serial;
   Flight& flight = flights_[keyframe.map_id];
   flight.insert(place(flight, keyframe.id), {keyframe.id, &track});
   track.now = track.agreed = {keyframe.cam_from_world, 1.0};
-  track.map_id = keyframe.map_id;
+  track.map_id = track.agreed_map_id = keyframe.map_id;
   track.ranges = track.agreed_ranges = ranges_of(keyframe.landmarks, keyframe.cam_from_world);
 }
 
@@ -106,6 +112,7 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
       to.insert(place(to, keyframe->id), {keyframe->id, &track});
       track.map_id = keyframe->map_id;
     }
+    track.ranges.clear();
     if (!keyframe->landmarks.empty() && track.remembers) {
       // The same landmarks where they are still there.
       std::vector<Range> seen;
@@ -143,6 +150,7 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
 /// Whether the keyframe is no longer near the place where scales were agreed on.
 bool LiveTracker::has_left(const Track& track) {
   double range = 0.0;
+  if (track.agreed_map_id != track.map_id) return true;
   if (!track.remembers) return false;
   for (const Range& known : track.agreed_ranges) range += known.range;
   if (track.agreed_ranges.empty() || !(range > 0.0)) return true;
@@ -170,6 +178,7 @@ void LiveTracker::recover(Flight& flight, const std::set<std::size_t>& moved,
       MovedKeyframe& keyframe = keyframes.emplace_back();
       keyframe.before = track.agreed;
       keyframe.after = track.now.cam_from_world;
+      keyframe.world_before = track.agreed_map_id;
       auto then = track.agreed_ranges.begin();
       for (const Range& now : track.ranges) {
         while (then != track.agreed_ranges.end() && then->landmark < now.landmark) ++then;
@@ -193,8 +202,10 @@ void LiveTracker::recover(Flight& flight, const std::set<std::size_t>& moved,
     if (!far) continue;
     for (std::size_t i = begin; i < end; ++i) {
       Track& track = *flight[i].second;
+      for (Range& range : track.agreed_ranges) range.range *= track.now.scale / track.agreed.scale;
+      if (!track.ranges.empty()) track.agreed_ranges = track.ranges;
       track.agreed = track.now;
-      track.agreed_ranges = track.ranges;
+      track.agreed_map_id = track.map_id;
     }
   }
 }

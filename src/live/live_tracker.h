@@ -23,7 +23,11 @@ class LiveTracker {
   /// Of all, ascending.
   std::vector<std::int64_t> ids() const;
 
-  void add(const LiveKeyframe& keyframe);
+  /// `serial`: another one for each keyframe, whatever its id; not 0.
+  void add(const LiveKeyframe& keyframe, std::uint64_t serial);
+
+  /// 0 = it is not known.
+  std::uint64_t serial_of(std::int64_t id) const;
 
   /// Whether the keyframe is one of the last `count` of its map.
   bool is_recent(std::int64_t id, std::size_t count) const;
@@ -50,11 +54,13 @@ class LiveTracker {
   struct Track {
     KeyframePose now;
     std::int64_t map_id = 0;
+    std::uint64_t serial = 0;
     /// As it was when the scales around were last agreed on: baselines between keyframes and ranges of landmarks then
     /// are what those of now are compared with.
     KeyframePose agreed;
+    std::int64_t agreed_map_id = 0;
     std::vector<Range> agreed_ranges;  ///< ascending ids
-    std::vector<Range> ranges;         ///< the newest of these
+    std::vector<Range> ranges;         ///< the newest of these; none where they are not known since the last move
     bool remembers = true;             ///< landmarks
   };
   using Flight = std::vector<std::pair<std::int64_t, Track*>>;  ///< ascending ids

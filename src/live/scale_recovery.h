@@ -22,6 +22,7 @@ struct MovedKeyframe {
   /// Of landmarks that it observed before and observes still, the distance from the camera before and after, in the
   /// world's unit. May be empty.
   std::vector<double> ranges_before, ranges_after;
+  std::int64_t world_before = 0;  ///< keyframes that were in two worlds tell nothing of each other
 };
 
 /// Keyframes before and after a keyframe whose baselines count, on either side.

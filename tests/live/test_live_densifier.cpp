@@ -285,6 +285,54 @@ TEST_CASE("Keyframes of two maps do not meet until the maps are merged") {
   CHECK(met);
 }
 
+TEST_CASE("Maps with units and places of their own keep the scale of what is in them when they are merged") {
+  LiveDensifier live(small_live(kWidth));
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  const std::vector<LiveKeyframe> merged = keyframes;
+  const std::size_t half = keyframes.size() / 2;
+  constexpr double kUnit = 1.25;
+  const Eigen::Vector3d away(50.0, -3.0, 7.0);
+  for (std::size_t i = half; i < keyframes.size(); ++i) {
+    LiveKeyframe& keyframe = keyframes[i];
+    keyframe.map_id = 7;
+    const Eigen::Vector3d center = kUnit * keyframe.cam_from_world.center() + away;
+    keyframe.cam_from_world.translation = -(keyframe.cam_from_world.rotation * center);
+    for (Landmark& landmark : keyframe.landmarks) landmark.position_world = kUnit * landmark.position_world + away;
+  }
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  const bool with_landmarks = GENERATE(true, false);
+  std::vector<LiveKeyframe> moved = merged;
+  if (!with_landmarks) {
+    for (LiveKeyframe& keyframe : moved) keyframe.landmarks.clear();
+  }
+  live.update(moved);
+  for (const LiveCloud& cloud : live.snapshot()->clouds) {
+    const double expected = cloud.keyframe_id < merged[half].id ? 1.0 : 1.0 / kUnit;
+    CAPTURE(with_landmarks, cloud.keyframe_id);
+    CHECK(cloud.pose.scale == Approx(expected).epsilon(0.01));
+  }
+}
+
+TEST_CASE("The end of a map that the SLAM has left is worked on when another has begun") {
+  LiveDensifier live(small_live(kWidth));
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  for (LiveKeyframe& keyframe : keyframes) {
+    keyframe.id += 1000;
+    keyframe.map_id = 1;
+    live.add(keyframe);
+  }
+  REQUIRE(live.wait(kLong));  // without finish
+  const auto snapshot = live.snapshot();
+  LiveOptions options = small_live(kWidth);
+  const std::vector<std::int64_t> whole = ids_of(*at_once(live_keyframes(room()), options));
+  std::size_t of_first = 0;
+  for (const LiveCloud& cloud : snapshot->clouds) of_first += cloud.map_id == 0 ? 1 : 0;
+  CHECK(of_first == whole.size());
+}
+
 TEST_CASE("Preliminary points come with the keyframes after theirs, and give way to final ones") {
   LiveOptions options = small_live(kSanitized ? 64 : kWidth);
   options.previews = true;
@@ -306,11 +354,10 @@ TEST_CASE("Preliminary points come with the keyframes after theirs, and give way
   CAPTURE(stats.used, stats.not_needed, stats.clouds, stats.passes, stats.last_error, live.backlog().waiting);
   CHECK(stats.errors == 0);
   options.previews = false;
-  const auto without = at_once(keyframes, options);
-  for (const LiveCloud& cloud : live.snapshot()->clouds) {
-    const std::vector<std::int64_t> final = ids_of(*without);
-    CHECK(cloud.preliminary == (std::count(final.begin(), final.end(), cloud.keyframe_id) == 0));
-  }
+  const std::vector<std::int64_t> final = ids_of(*at_once(keyframes, options));
+  const auto last = live.snapshot();
+  CHECK(ids_of(*last) == final);  // those that are not used have none any more
+  for (const LiveCloud& cloud : last->clouds) CHECK(!cloud.preliminary);
 }
 
 TEST_CASE("When too many keyframes wait, those between near neighbours are left out") {
@@ -352,18 +399,45 @@ TEST_CASE("A place that has been seen often enough takes no more memory") {
 
 TEST_CASE("What is kept stays within the memory that is allowed") {
   LiveOptions options = small_live(width_of_any(128));
-  options.memory_mib = kSanitized ? 1 : 3;
+  options.densifier.view_filter.enabled = false;
   options.densifier.patchmatch.geometric_passes = 1;
+  options.memory_mib = kSanitized ? 1 : 7;
   LiveDensifier live(options);
-  for (const LiveKeyframe& keyframe : live_keyframes(room())) {
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  constexpr std::int64_t kCount = kSanitized ? 60 : 3 * kKeyframes;
+  for (std::int64_t id = 0; id < kCount; ++id) {
+    LiveKeyframe keyframe = keyframes[static_cast<std::size_t>(id) % keyframes.size()];
+    keyframe.id = id;
     live.add(keyframe);
     REQUIRE(live.wait(kLong));
     CHECK(live.stats().memory_mib <= options.memory_mib);
   }
   live.finish();
   REQUIRE(live.wait(kLong));
-  if (!kSanitized) CHECK(live.stats().images_dropped > 0);
-  CHECK(live.snapshot()->clouds.size() >= 4);
+  const LiveStats stats = live.stats();
+  CHECK(stats.images_dropped > 0);
+  CHECK(stats.keyframes_frozen > 0);
+  CHECK(stats.left_out_late == 0);
+  CHECK(live.snapshot()->clouds.size() > 20);
+  options.memory_mib = 1;
+  options.densifier.width = 256;
+  options.densifier.height = 128;
+  CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);  // too little for any points
+}
+
+TEST_CASE("Images that come while work stands still do not fill the memory") {
+  LiveOptions options = small_live(width_of_any(128));
+  options.memory_mib = kSanitized ? 1 : 7;
+  LiveDensifier live(options);
+  live.pause();
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  for (std::int64_t id = 0; id < (kSanitized ? 1000 : 400); ++id) {
+    LiveKeyframe keyframe = keyframes[static_cast<std::size_t>(id) % keyframes.size()];
+    keyframe.id = id;
+    live.add(keyframe);
+    while (live.backlog().unripe > 350) std::this_thread::sleep_for(milliseconds(1));
+  }
+  CHECK(live.backlog().unripe <= 350);
 }
 
 TEST_CASE("What callbacks throw is counted, and changes nothing") {
@@ -408,7 +482,9 @@ TEST_CASE("A keyframe that cannot be used is reported; the others go on") {
   REQUIRE(errors.size() == 1);
   CHECK(errors[0].find("16 x 8") != std::string::npos);
   CHECK(live.stats().errors == 1);
-  CHECK(live.snapshot()->clouds.size() >= 4);
+  const auto snapshot = live.snapshot();
+  REQUIRE(snapshot->clouds.size() >= 4);
+  for (const LiveCloud& cloud : snapshot->clouds) CHECK(cloud.cloud->pixels.back() > 16 * 8);  // of the others' size
 }
 
 TEST_CASE("Input and options that make no sense are refused, and change nothing") {
@@ -443,6 +519,8 @@ TEST_CASE("Input and options that make no sense are refused, and change nothing"
   options.mask = std::make_shared<Image<std::uint8_t>>(16, 8, 255);
   LiveDensifier masked(options);
   CHECK_THROWS_AS(masked.add(good), InvalidInput);
+  CHECK_THROWS_AS(masked.sync({good}), InvalidInput);
+  CHECK(masked.stats().added == 0);
 }
 
 TEST_CASE("Any thread may call anything at any time; a LiveDensifier ends in the midst of work") {
