@@ -2,7 +2,6 @@
 // Dense points of a running stella_vslam: copy this file, and feed frames through it. See docs/slam.md.
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -31,7 +30,9 @@ class StellaBridge {
   /// In place of slam.feed_monocular_frame, on the same thread.
   std::shared_ptr<stella_vslam::Mat44_t> feed(const cv::Mat& image, double timestamp) {
     images_[timestamp] = std::make_shared<const cv::Mat>(image.clone());  // the SLAM keeps none
-    while (images_.size() > kImages) images_.erase(images_.begin());
+    while (images_.size() > kMost || (images_.size() > kImages && images_.begin()->first < looked_at_)) {
+      images_.erase(images_.begin());
+    }
     const auto pose = slam_.feed_monocular_frame(image, timestamp);
     if (++fed_ % kFrames == 0) sync();
     return pose;
@@ -46,9 +47,9 @@ class StellaBridge {
   pmsp::LiveDensifier& live() { return live_; }
 
  private:
-  static constexpr std::size_t kImages = 60;   ///< among them are those of all keyframes that are not known yet
-  static constexpr int kFrames = 5;            ///< frames from one look at the map to the next
-  static constexpr unsigned int kNewest = 40;  ///< ids of keyframes whose landmarks still change
+  static constexpr std::size_t kImages = 60;  ///< frames in which a keyframe becomes known
+  static constexpr std::size_t kMost = 200;   ///< frames that are kept until the map can be looked at
+  static constexpr int kFrames = 5;           ///< from one look at the map to the next
 
   void sync() {
     // What holds the map is never waited for: the next look is soon enough.
@@ -58,22 +59,27 @@ class StellaBridge {
     slam_.get_map_publisher()->get_keyframes(keyframes);  // of the newest map only
     if (keyframes.empty()) return;
     const std::int64_t map_id = keyframes.front()->id_;  // its root
-    std::vector<pmsp::LiveKeyframe> now;
+    std::map<std::int64_t, pmsp::LiveKeyframe>& map = maps_[map_id];
+    std::map<std::int64_t, pmsp::LiveKeyframe> now;
     for (const auto& keyframe : keyframes) {
       if (keyframe->will_be_erased()) continue;
       const auto known = timestamps_.emplace(keyframe->id_, keyframe->timestamp_);
       if (known.first->second != keyframe->timestamp_) return begin_again();
-      newest_ = std::max(newest_, keyframe->id_);
-      now.push_back(state_of(*keyframe, map_id));
+      const auto before = map.find(keyframe->id_);
+      now[keyframe->id_] = state_of(*keyframe, map_id, before == map.end() ? nullptr : &before->second);
     }
-    maps_[map_id] = std::move(now);
+    map = std::move(now);
     std::vector<pmsp::LiveKeyframe> all;
-    for (const auto& [id, map] : maps_) all.insert(all.end(), map.begin(), map.end());
+    for (const auto& [root, of_map] : maps_) {
+      for (const auto& [id, state] : of_map) all.push_back(state);
+    }
     live_.sync(all);
-    for (pmsp::LiveKeyframe& keyframe : maps_[map_id]) keyframe.image = {};  // it is handed over
+    if (!images_.empty()) looked_at_ = images_.rbegin()->first;
+    for (auto& [id, state] : map) state.image = {};  // it is handed over
   }
 
-  pmsp::LiveKeyframe state_of(stella_vslam::data::keyframe& keyframe, std::int64_t map_id) {
+  pmsp::LiveKeyframe state_of(stella_vslam::data::keyframe& keyframe, std::int64_t map_id,
+                              const pmsp::LiveKeyframe* before) {
     const stella_vslam::Mat44_t pose = keyframe.get_pose_cw();
     const auto image = images_.find(keyframe.timestamp_);
     pmsp::LiveKeyframe state;
@@ -86,7 +92,7 @@ class StellaBridge {
       const auto stride = static_cast<std::ptrdiff_t>(pixels.step[0]);
       state.image = {image->second, pixels.data, pixels.cols, pixels.rows, stride, format_};
     }
-    if (keyframe.id_ + kNewest < newest_) return state;
+    if (before != nullptr && before->cam_from_world.translation == state.cam_from_world.translation) return state;
     for (const auto& landmark : keyframe.get_landmarks()) {
       if (!landmark || landmark->will_be_erased()) continue;
       state.landmarks.push_back({landmark->id_, landmark->get_pos_in_world()});
@@ -99,15 +105,14 @@ class StellaBridge {
     live_.reset();
     maps_.clear();
     timestamps_.clear();
-    newest_ = 0;
   }
 
   stella_vslam::system& slam_;
   const pmsp::PixelFormat format_;
-  std::map<double, std::shared_ptr<const cv::Mat>> images_;       ///< by timestamp
-  std::map<std::int64_t, std::vector<pmsp::LiveKeyframe>> maps_;  ///< newest states, by root
-  std::map<std::int64_t, double> timestamps_;                     ///< of keyframes, by id
-  unsigned int newest_ = 0;                                       ///< id
+  std::map<double, std::shared_ptr<const cv::Mat>> images_;                  ///< by timestamp
+  std::map<std::int64_t, std::map<std::int64_t, pmsp::LiveKeyframe>> maps_;  ///< newest states, by root and id
+  std::map<std::int64_t, double> timestamps_;                                ///< of keyframes, by id
+  double looked_at_ = 0.0;  ///< newest frame when the map was last looked at
   int fed_ = 0;
   pmsp::LiveDensifier live_;
 };
