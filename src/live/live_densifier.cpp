@@ -165,7 +165,7 @@ struct LiveDensifier::Impl {
       map_.reset();
       queue_.swap(dropped);
       finishing_ = false;
-      queued_images_ = 0;
+      queued_images_ = taken_images_ = 0;
       cancel_.store(true, std::memory_order_relaxed);  // what is being done is for nothing
     });
   }
@@ -341,7 +341,7 @@ struct LiveDensifier::Impl {
         cancel_.store(false, std::memory_order_relaxed);
         told.swap(queue_);
         taken_ = serial_;
-        queued_images_ = 0;
+        taken_images_ = queued_images_;
         if (begin_anew) stats_ = sum(stats_, worker_stats_);
         if (begin_anew) worker_stats_ = {};
         paused = paused_;
@@ -375,6 +375,7 @@ struct LiveDensifier::Impl {
       for (const std::int64_t id : left_out) tracker_.forget_landmarks(id);
       if (map_.remove_preliminary(left_out)) version = map_.version();
       backend_ = builder.backend();
+      queued_images_ -= std::exchange(taken_images_, 0);
       worker_stats_ = stats;
       backlog_ = backlog;
       idle_ = idle && queue_.empty();
@@ -399,6 +400,7 @@ struct LiveDensifier::Impl {
       const std::lock_guard<std::mutex> lock(mutex_);
       stats_ = sum(stats_, worker_stats_);
       worker_stats_ = {};
+      queued_images_ -= std::exchange(taken_images_, 0);
       stats_.failed = !again.empty();
       if (stats_.failed) queue_.swap(dropped);
       if (builder && finishing_) builder->finish();
@@ -427,7 +429,8 @@ struct LiveDensifier::Impl {
   LiveMap map_;
   std::deque<std::function<void(LiveBuilder&)>> queue_;  ///< what the worker has to know
   std::int64_t queued_images_ = 0;
-  std::uint64_t generation_ = 0;  ///< resets
+  std::int64_t taken_images_ = 0;  ///< of these, that the worker is about to count itself
+  std::uint64_t generation_ = 0;   ///< resets
   bool paused_ = false;
   bool idle_ = true;
   bool stop_ = false;
