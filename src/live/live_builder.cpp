@@ -20,8 +20,7 @@ constexpr double kQueryTolerance = 0.1;
 /// Keyframes that have moved against each other by more than this since they were first shown saw one place as two
 /// [px].
 constexpr double kReunion = 1.0;
-/// A keyframe that has moved by more than this many times the tolerance before it had all its passes is matched anew,
-/// too, when it has had them.
+/// While a keyframe has not had all its passes, moves up to this many times the tolerance wait until it has.
 constexpr double kFarInBetween = 3.0;
 /// Points are made at these numbers of passes, and at the full one.
 constexpr int kLevels[] = {2, 3};
@@ -315,9 +314,10 @@ bool LiveBuilder::match() {
   for (LiveNode* node : candidates) {
     const std::vector<LiveNode*> near = neighbours_of(*node);
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
-      if (node->passes == 0 || node->wants_images_alone()) return true;
+      if (node->passes == 0 || node->wants_images_alone(kFarInBetween * options_.max_move_px)) return true;
       if (!other->linked || other->passes < std::min(node->passes, goal(*other))) return false;
-      return !other->wants_images_alone() || !can_match(*other);
+      const bool waits = other->wants_images_alone(kFarInBetween * options_.max_move_px) && can_match(*other);
+      return node->passes < kLevels[0] || !waits;  // first points wait for nobody's move
     });
     if (!ready) continue;
     const auto urgency = [&](const LiveNode& of) { return (all_at_once ? 0 : level_of(of)) + (of.anew ? full_ : 0); };
@@ -358,8 +358,8 @@ void LiveBuilder::match(LiveNode& node) {
   }
   // Maps of before a move agree with each other, and would hold a keyframe where it was: a pass that looks at images
   // alone comes in between.
-  const bool in_between = node.wants_images_alone();
-  if (in_between && node.moved_px > kFarInBetween * options_.max_move_px) node.owed_px = node.moved_px;
+  const bool in_between = node.wants_images_alone(kFarInBetween * options_.max_move_px);
+  if (in_between) node.owed_px = node.moved_px;
   const bool photometric = node.passes == 0 || in_between;
   task.near = photometric ? 0 : task.neighbours.size();
   task.range = node.depths;

@@ -70,8 +70,11 @@ struct LiveNode {
   bool wide = false;                          ///< keyframes beyond the fusion window were asked about them
   bool wide_due = false;                      ///< should be
 
-  /// For its next pass, since its map is of before a move; but not twice in a row.
-  bool wants_images_alone() const { return passes > 0 && moved_px > 0.0 && !had_in_between; }
+  /// For its next pass, since its map is of before a move by more than `tolerance_px`; but not twice in a row, nor
+  /// before it has had the two passes that first points take.
+  bool wants_images_alone(double tolerance_px) const {
+    return passes > 1 && moved_px > tolerance_px && !had_in_between;
+  }
   /// With landmarks in the world, as the pose is now; without image.
   Keyframe keyframe() const;
   void take_landmarks(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
