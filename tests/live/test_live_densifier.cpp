@@ -375,7 +375,7 @@ TEST_CASE("When too many keyframes wait, those between near neighbours are left 
   CHECK(live.snapshot()->clouds.size() >= 2);
 }
 
-TEST_CASE("A place that has been seen often enough takes no more memory") {
+TEST_CASE("A place that has been seen often enough takes no more memory", PMSP_ACCURACY) {
   LiveOptions options = small_live(32);
   options.densifier.view_filter.enabled = false;
   options.densifier.patchmatch.geometric_passes = 1;
@@ -383,7 +383,7 @@ TEST_CASE("A place that has been seen often enough takes no more memory") {
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   std::int64_t used[2] = {0, 0};
   std::int64_t id = 0;
-  constexpr int kRounds = kSanitized ? 30 : 60;
+  constexpr int kRounds = 60;
   for (int round = 0; round < kRounds; ++round) {  // to and fro
     for (std::size_t i = 0; i < keyframes.size(); ++i) {
       LiveKeyframe keyframe = keyframes[round % 2 == 0 ? i : keyframes.size() - 1 - i];
@@ -397,14 +397,14 @@ TEST_CASE("A place that has been seen often enough takes no more memory") {
   CHECK(live.stats().errors == 0);
 }
 
-TEST_CASE("What is kept stays within the memory that is allowed") {
+TEST_CASE("What is kept stays within the memory that is allowed", PMSP_ACCURACY) {
   LiveOptions options = small_live(width_of_any(128));
   options.densifier.view_filter.enabled = false;
   options.densifier.patchmatch.geometric_passes = 1;
-  options.memory_mib = kSanitized ? 1 : 7;
+  options.memory_mib = 7;
   LiveDensifier live(options);
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  constexpr std::int64_t kCount = kSanitized ? 60 : 3 * kKeyframes;
+  constexpr std::int64_t kCount = 3 * kKeyframes;
   for (std::int64_t id = 0; id < kCount; ++id) {
     LiveKeyframe keyframe = keyframes[static_cast<std::size_t>(id) % keyframes.size()];
     keyframe.id = id;
