@@ -13,17 +13,20 @@
 
 namespace pmsp {
 
-Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, DensifierCallbacks to)
+Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, DensifierCallbacks to,
+                   std::function<PlaneMap(std::int64_t id)> load)
     : given_options_(given),
       options_(given),
       callbacks_(std::move(to)),
       schedule_(given, callbacks_.cloud != nullptr),
       planner_(given),
       part_(std::move(part)),
+      load_planes_(std::move(load)),
       progress_(schedule_.stages().size()),
       kept_(schedule_.lifetimes().size(), 0) {
   results_.raw_depth = callbacks_.raw_depth;
   results_.filtered_depth = callbacks_.filtered_depth;
+  results_.planes = callbacks_.planes;
   if (callbacks_.cloud) {
     results_.cloud = [this](const KeyframeCloud& cloud) {
       stats_.points += static_cast<std::int64_t>(cloud.points.size());
@@ -77,6 +80,13 @@ void Pipeline::run(const KeyframeSource& keyframes) {
     }
     flush();
   });
+}
+
+std::vector<std::int64_t> Pipeline::images() const {
+  std::vector<std::int64_t> ids;
+  if (!part_) return ids;
+  for (const std::size_t place : part_->taking_part()) ids.push_back(part_->entry(place).id);
+  return ids;
 }
 
 /// Whether the keyframe can take part. Of a given plan, those that do come in its order.
@@ -218,21 +228,14 @@ std::vector<const Engine::Frame*> Pipeline::matched_frames(const std::vector<std
   return frames;
 }
 
-/// Who is near is the likeliest to own a place, and whoever owns it ends the question.
-std::vector<const Engine::Frame*> Pipeline::nearest_first(const Engine::Frame& reference,
-                                                          std::vector<const Engine::Frame*> frames) {
-  const Eigen::Vector3d center = reference.pose.cam_from_world.center();
-  const auto distance = [&](const Engine::Frame* frame) {
-    return (frame->pose.cam_from_world.center() - center).norm();
-  };
-  std::stable_sort(frames.begin(), frames.end(),
-                   [&](const Engine::Frame* a, const Engine::Frame* b) { return distance(a) < distance(b); });
-  return frames;
-}
-
 void Pipeline::run(const Stage& stage, std::int64_t i) {
   const View& reference = view(i);
   const PlanEntry& entry = entry_of(reference);
+  if (stage.kind == Stage::Kind::kMatch) {
+    take_earlier(reference, stage.step);
+    const bool rests = part_ && part_->shortcut(reference.place) && stage.step < options_.patchmatch.geometric_passes;
+    if (rests && !runs(stage, reference)) engine_->carry(*reference.frame, stage.step);
+  }
   if (!runs(stage, reference)) return;
   if (stage.kind == Stage::Kind::kMatch) return match(reference, stage.step);
   Engine::Frame& frame = *reference.frame;
@@ -253,6 +256,26 @@ void Pipeline::run(const Stage& stage, std::int64_t i) {
   }
 }
 
+PassRange Pipeline::passes_of(const View& view) const {
+  const Shortcut* shortcut = nullptr;
+  if (part_ && part_->shortcut(view.place)) shortcut = &*part_->shortcut(view.place);
+  return pass_range(shortcut, options_.patchmatch.geometric_passes);
+}
+
+/// Planes of an earlier run, when passes look at them: from the first one on or, as results of the last one, then.
+void Pipeline::take_earlier(const View& reference, int pass) {
+  if (!part_ || !part_->needs_earlier(reference.place)) return;
+  const bool is_result = part_->shortcut(reference.place)->planes == Shortcut::Planes::kResult;
+  if (pass != (is_result ? passes_of(reference).last : 0)) return;
+  const PlaneMap planes = load_planes_(reference.keyframe.id);
+  if (planes.width() != options_.width || planes.height() != options_.height) {
+    throw InvalidInput("planes of keyframe " + std::to_string(reference.keyframe.id) + " are " +
+                       std::to_string(planes.width()) + " x " + std::to_string(planes.height()) + "; expected " +
+                       std::to_string(options_.width) + " x " + std::to_string(options_.height));
+  }
+  engine_->take(*reference.frame, planes);
+}
+
 /// One pass of PatchMatch. Passes after the first one start from the map of the pass before and look at the near
 /// neighbours' maps of the pass before, never at newer ones: what comes out does not depend on the order of work.
 void Pipeline::match(const View& reference, int pass) {
@@ -264,7 +287,10 @@ void Pipeline::match(const View& reference, int pass) {
   task.keyframe = &reference.keyframe;
   for (const std::int64_t id : entry.near) task.neighbours.push_back(frame_of(id));
   for (const std::int64_t id : entry.far) task.neighbours.push_back(frame_of(id));
-  task.near = entry.near.size();
+  const PassRange passes = passes_of(reference);
+  const bool images_alone = part_ && part_->shortcut(reference.place) &&
+                            part_->shortcut(reference.place)->images_first && pass == passes.first;
+  task.near = images_alone ? 0 : entry.near.size();
   const double scale = reference.keyframe.scale;
   task.range = {std::clamp(entry.range.min / scale, kMinDepth, kMaxDepth),
                 std::clamp(entry.range.max / scale, kMinDepth, kMaxDepth)};
@@ -273,7 +299,7 @@ void Pipeline::match(const View& reference, int pass) {
     task.previous = frame_of(*entry.first_planes);
   }
   task.pass = pass;
-  task.last = pass == options_.patchmatch.geometric_passes;
+  task.last = pass == passes.last;
   engine_->match(task);
 }
 
@@ -327,10 +353,14 @@ Densifier::Densifier(const DensifierOptions& options, DensifierCallbacks callbac
   impl_ = std::make_unique<Impl>(options, std::nullopt, std::move(callbacks));
 }
 Densifier::Densifier(const DensifierOptions& options, const Plan& plan, const std::vector<std::int64_t>& ids,
-                     DensifierCallbacks callbacks) {
+                     DensifierCallbacks callbacks, Shortcuts shortcuts) {
   options.validate();
-  PlanPart part(plan, ids, options, callbacks.cloud != nullptr);
-  impl_ = std::make_unique<Impl>(options, std::move(part), std::move(callbacks));
+  PlanPart part(plan, ids, options, callbacks.cloud != nullptr, shortcuts.keyframes);
+  for (const auto& [id, shortcut] : shortcuts.keyframes) {
+    if (shortcuts.load || shortcut.planes == Shortcut::Planes::kNone) continue;
+    throw InvalidInput("there is nobody to load planes of keyframe " + std::to_string(id));
+  }
+  impl_ = std::make_unique<Impl>(options, std::move(part), std::move(callbacks), std::move(shortcuts.load));
 }
 Densifier::~Densifier() = default;
 Densifier::Densifier(Densifier&&) noexcept = default;
@@ -342,6 +372,7 @@ void Densifier::run(const KeyframeSource& keyframes) { impl_->run(keyframes); }
 void Densifier::cancel() noexcept { impl_->stop(); }
 bool Densifier::cancelled() const noexcept { return impl_->stopped(); }
 const DensifierStats& Densifier::stats() const { return impl_->stats(); }
+std::vector<std::int64_t> Densifier::images() const { return impl_->images(); }
 const DensifierOptions& Densifier::options() const { return impl_->options(); }
 const std::string& Densifier::backend() const { return impl_->backend(); }
 

@@ -27,19 +27,22 @@ int even(int value) { return std::max(2, value / 2 * 2); }
 
 void check_keyframe(const Keyframe& keyframe) {
   const std::string who = "keyframe " + std::to_string(keyframe.id) + ": ";
-  const auto& image = keyframe.image;
-  const auto& mask = keyframe.mask;
-  if (image.width < 16 || image.height < 8 || image.width % 2 != 0 || image.height % 2 != 0 || image.empty()) {
-    throw InvalidInput(who + "the image is " + size_text(image.width, image.height) +
-                       "; expected an even width from 16 and an even height from 8");
-  }
-  if (!mask.empty() && (mask.width != image.width || mask.height != image.height)) {
-    throw InvalidInput(who + "the mask is " + size_text(mask.width, mask.height) + ", the image " +
-                       size_text(image.width, image.height) + "; expected equal sizes");
-  }
+  check_sizes(who, keyframe.image.width, keyframe.image.height, keyframe.mask);
+  if (keyframe.image.empty()) throw InvalidInput(who + "there is no image; expected pixels");
   check_pose(who, keyframe.cam_from_world);
   check_scale(who, keyframe.scale);
   check_landmarks(who, keyframe.landmarks);
+}
+
+void check_sizes(const std::string& where, int image_width, int image_height, ImageView<const std::uint8_t> mask) {
+  if (image_width < 16 || image_height < 8 || image_width % 2 != 0 || image_height % 2 != 0) {
+    throw InvalidInput(where + "the image is " + size_text(image_width, image_height) +
+                       "; expected an even width from 16 and an even height from 8");
+  }
+  if (!mask.empty() && (mask.width != image_width || mask.height != image_height)) {
+    throw InvalidInput(where + "the mask is " + size_text(mask.width, mask.height) + ", the image " +
+                       size_text(image_width, image_height) + "; expected equal sizes");
+  }
 }
 
 void check_pose(const std::string& where, const RigidTransform& cam_from_world) {

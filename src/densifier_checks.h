@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
+#include "pmsp/image.h"
 #include "pmsp/keyframe.h"
 #include "pmsp/options.h"
 
@@ -12,10 +14,9 @@ namespace pmsp {
 /// Throws InvalidInput, naming keyframe and field, unless image, mask, pose, scale and landmarks are usable.
 void check_keyframe(const Keyframe& keyframe);
 
-/// Throws InvalidInput unless a keyframe's scale is usable. `where`: the first words of the text.
-void check_scale(const std::string& where, double scale);
-
 /// Throw InvalidInput unless usable. `where`: the first words of the text.
+void check_sizes(const std::string& where, int image_width, int image_height, ImageView<const std::uint8_t> mask);
+void check_scale(const std::string& where, double scale);
 void check_pose(const std::string& where, const RigidTransform& cam_from_world);
 void check_landmarks(const std::string& where, const std::vector<Landmark>& landmarks);
 

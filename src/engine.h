@@ -22,6 +22,7 @@ namespace pmsp {
 struct EngineResults {
   std::function<void(const DepthMap&)> raw_depth;       ///< after the last pass of PatchMatch
   std::function<void(const DepthMap&)> filtered_depth;  ///< after the consistency filter
+  std::function<void(const PlaneMap&)> planes;          ///< after the last pass and the median filter
   std::function<void(const KeyframeCloud&)> cloud;
 };
 
@@ -72,6 +73,12 @@ class Engine {
   /// A pass of PatchMatch: initialisation before the first, the median filter after the last.
   virtual void match(const MatchTask& task) = 0;
 
+  /// Planes of an earlier run, of the depth maps' size, in place of those that passes make.
+  virtual void take(Frame& frame, const PlaneMap& planes) = 0;
+
+  /// The frame makes no map in this pass, which is not the last one: those that look at it find the map that it has.
+  virtual void carry(Frame& frame, int pass) = 0;
+
   /// Consistency filter against the other maps (all matched).
   virtual void filter(Frame& reference, const std::vector<const Frame*>& others) = 0;
 
@@ -105,5 +112,10 @@ class Engine {
   EngineContext context_;
   Executor executor_;
 };
+
+/// Frames by their distance from the reference, as a round of ownership asks them: who is near is the likeliest to own
+/// a place, and whoever owns it ends the question.
+std::vector<const Engine::Frame*> nearest_first(const Engine::Frame& reference,
+                                                std::vector<const Engine::Frame*> frames);
 
 }  // namespace pmsp

@@ -6,27 +6,21 @@
 
 #include "ownership.h"
 #include "pmsp/error.h"
+#include "util/check_option.h"
 
 namespace pmsp {
 namespace {
 
-void check(const char* field, double value, double low, double high) {
-  if (value >= low && value <= high) return;  // false for NaN
-  std::ostringstream text;
-  text << field << " is " << value << "; expected " << low << " to " << high;
-  throw InvalidOption(text.str());
-}
-
 void check_size(const char* field, int value, int low, int high) {
   if (value == 0) return;
-  check(field, value, low, high);
+  check_option(field, value, low, high);
   if (value % 2 != 0)
     throw InvalidOption(std::string(field) + " is " + std::to_string(value) + "; expected an even number");
 }
 
 /// As many keyframes before as after the one in the middle.
 void check_window(const char* field, int value, int low, int high) {
-  check(field, value, low, high);
+  check_option(field, value, low, high);
   if (value % 2 == 0)
     throw InvalidOption(std::string(field) + " is " + std::to_string(value) + "; expected an odd number");
 }
@@ -66,10 +60,10 @@ DensifierOptions paper() {
 }  // namespace
 
 void ViewFilterOptions::validate() const {
-  check("view_filter.min_parallax_deg", min_parallax_deg, 0.0, 180.0);
-  check("view_filter.max_parallax_deg", max_parallax_deg, 0.0, 180.0);
-  check("view_filter.min_share", min_share, 0.0, 1.0);
-  check("view_filter.min_sharpness", min_sharpness, 0.0, 1.0);
+  check_option("view_filter.min_parallax_deg", min_parallax_deg, 0.0, 180.0);
+  check_option("view_filter.max_parallax_deg", max_parallax_deg, 0.0, 180.0);
+  check_option("view_filter.min_share", min_share, 0.0, 1.0);
+  check_option("view_filter.min_sharpness", min_sharpness, 0.0, 1.0);
   if (min_parallax_deg >= max_parallax_deg) {
     std::ostringstream text;
     text << "view_filter.min_parallax_deg is " << min_parallax_deg
@@ -79,68 +73,68 @@ void ViewFilterOptions::validate() const {
 }
 
 void InitOptions::validate() const {
-  check("init.sparse_radius_px", sparse_radius_px, 0.0, 100.0);
-  check("init.chain_keyframes", chain_keyframes, 0, 100000);
-  check("init.range_margin", range_margin, 1.0, 1000.0);
+  check_option("init.sparse_radius_px", sparse_radius_px, 0.0, 100.0);
+  check_option("init.chain_keyframes", chain_keyframes, 0, 100000);
+  check_option("init.range_margin", range_margin, 1.0, 1000.0);
 }
 
 void PatchMatchOptions::validate() const {
-  check("patchmatch.iterations", iterations, 1, 100);
-  check("patchmatch.neighbours", neighbours, 1, 8);
-  check("patchmatch.revisits", revisits, 0, 4);
+  check_option("patchmatch.iterations", iterations, 1, 100);
+  check_option("patchmatch.neighbours", neighbours, 1, 8);
+  check_option("patchmatch.revisits", revisits, 0, 4);
   if (neighbours + revisits > 8) {
     throw InvalidOption("patchmatch.neighbours is " + std::to_string(neighbours) + " and patchmatch.revisits " +
                         std::to_string(revisits) + "; expected no more than 8 together");
   }
-  check("patchmatch.history", history, 1, 100000);
-  check("patchmatch.refinements", refinements, 0, 32);
-  check("patchmatch.patch_spacing_px", patch_spacing_px, 0.5, 8.0);
-  check("patchmatch.fine_patch", fine_patch, 0.1, 1.0);
-  check("patchmatch.fine_patch_contrast", fine_patch_contrast, 0.0, 255.0);
-  check("patchmatch.sigma_color", sigma_color, 1.0, 1000.0);
-  check("patchmatch.min_sigma_color", min_sigma_color, 1.0, 1000.0);
-  check("patchmatch.sigma_space_px", sigma_space_px, 0.5, 100.0);
-  check("patchmatch.prior_weight", prior_weight, 0.0, 4.0);
-  check("patchmatch.max_slant_deg", max_slant_deg, 10.0, 89.0);
-  check("patchmatch.geometric_passes", geometric_passes, 0, 8);
-  check("patchmatch.geometric_iterations", geometric_iterations, 1, 100);
-  check("patchmatch.geometric_weight", geometric_weight, 0.0, 4.0);
-  check("patchmatch.geometric_tolerance", geometric_tolerance, 0.001, 1.0);
+  check_option("patchmatch.history", history, 1, 100000);
+  check_option("patchmatch.refinements", refinements, 0, 32);
+  check_option("patchmatch.patch_spacing_px", patch_spacing_px, 0.5, 8.0);
+  check_option("patchmatch.fine_patch", fine_patch, 0.1, 1.0);
+  check_option("patchmatch.fine_patch_contrast", fine_patch_contrast, 0.0, 255.0);
+  check_option("patchmatch.sigma_color", sigma_color, 1.0, 1000.0);
+  check_option("patchmatch.min_sigma_color", min_sigma_color, 1.0, 1000.0);
+  check_option("patchmatch.sigma_space_px", sigma_space_px, 0.5, 100.0);
+  check_option("patchmatch.prior_weight", prior_weight, 0.0, 4.0);
+  check_option("patchmatch.max_slant_deg", max_slant_deg, 10.0, 89.0);
+  check_option("patchmatch.geometric_passes", geometric_passes, 0, 8);
+  check_option("patchmatch.geometric_iterations", geometric_iterations, 1, 100);
+  check_option("patchmatch.geometric_weight", geometric_weight, 0.0, 4.0);
+  check_option("patchmatch.geometric_tolerance", geometric_tolerance, 0.001, 1.0);
 }
 
 void MedianFilterOptions::validate() const {
-  check("median.max_relative_deviation", max_relative_deviation, 0.0, 1.0);
-  check("median.min_score", min_score, -1.0, 1.0);
+  check_option("median.max_relative_deviation", max_relative_deviation, 0.0, 1.0);
+  check_option("median.min_score", min_score, -1.0, 1.0);
 }
 
 void ConsistencyFilterOptions::validate() const {
   check_window("consistency.window", window, 3, 15);
-  check("consistency.min_views", min_views, 1, window);
-  check("consistency.max_relative_depth", max_relative_depth, 0.0, 1.0);
+  check_option("consistency.min_views", min_views, 1, window);
+  check_option("consistency.max_relative_depth", max_relative_depth, 0.0, 1.0);
 }
 
 void FusionOptions::validate() const {
   check_window("fusion.window", window, 1, 31);
-  check("fusion.spacing_px", spacing_px, 0.0, 4.0);
-  check("fusion.max_relative_depth", max_relative_depth, 0.0, 1.0);
-  check("fusion.max_normal_deg", max_normal_deg, 0.0, 180.0);
-  check("fusion.min_confidence", min_confidence, 0.0, 1.0);
-  check("fusion.history", history, 1, 100000);
+  check_option("fusion.spacing_px", spacing_px, 0.0, 4.0);
+  check_option("fusion.max_relative_depth", max_relative_depth, 0.0, 1.0);
+  check_option("fusion.max_normal_deg", max_normal_deg, 0.0, 180.0);
+  check_option("fusion.min_confidence", min_confidence, 0.0, 1.0);
+  check_option("fusion.history", history, 1, 100000);
 }
 
 void FreeSpaceOptions::validate() const {
-  check("free_space.views", views, 1, kernels::kMaxViewers);
-  check("free_space.max_relative_depth", max_relative_depth, 0.0, 1.0);
-  check("free_space.min_relative_gap", min_relative_gap, 0.0, 1.0);
-  check("free_space.max_contradiction", max_contradiction, 0.0, 100.0);
-  check("free_space.history", history, 1, 100000);
+  check_option("free_space.views", views, 1, kernels::kMaxViewers);
+  check_option("free_space.max_relative_depth", max_relative_depth, 0.0, 1.0);
+  check_option("free_space.min_relative_gap", min_relative_gap, 0.0, 1.0);
+  check_option("free_space.max_contradiction", max_contradiction, 0.0, 100.0);
+  check_option("free_space.history", history, 1, 100000);
 }
 
 void DensifierOptions::validate() const {
   check_size("width", width, 32, 16384);
   check_size("height", height, 16, 8192);
-  check("device", device, 0, 255);
-  check("threads", threads, 0, 1024);
+  check_option("device", device, 0, 255);
+  check_option("threads", threads, 0, 1024);
   view_filter.validate();
   init.validate();
   patchmatch.validate();

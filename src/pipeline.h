@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "engine.h"
+#include "plan/halo.h"
 #include "plan/plan_part.h"
 #include "plan/planner.h"
 #include "pmsp/densifier.h"
@@ -41,7 +42,9 @@ struct Task {
 class Pipeline {
  public:
   /// `given`: valid. `part`: nullopt = the plan is made of the keyframes that come, and all of it is run.
-  Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, DensifierCallbacks to);
+  /// `load`: gives the planes of an earlier run that the part names.
+  Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, DensifierCallbacks to,
+           std::function<PlaneMap(std::int64_t id)> load = nullptr);
 
   /// As those of the Densifier.
   bool add(const Keyframe& keyframe);
@@ -50,6 +53,7 @@ class Pipeline {
   void stop() noexcept { cancel_.store(true, std::memory_order_relaxed); }
   bool stopped() const noexcept { return cancel_.load(std::memory_order_relaxed); }
   const DensifierStats& stats() const { return stats_; }
+  std::vector<std::int64_t> images() const;
   const DensifierOptions& options() const { return options_; }
   const std::string& backend() const { return backend_; }
 
@@ -78,9 +82,6 @@ class Pipeline {
   Engine::Frame* frame_of(std::int64_t id) { return view(index_of_.at(id)).frame.get(); }
   std::vector<const Engine::Frame*> matched_frames(const std::vector<std::int64_t>& ids);
 
-  static std::vector<const Engine::Frame*> nearest_first(const Engine::Frame& reference,
-                                                         std::vector<const Engine::Frame*> frames);
-
   bool takes_part(std::int64_t id) const;
   bool take(const Keyframe& keyframe);
   KeyframeUse decide_use(const Keyframe& keyframe);
@@ -95,6 +96,8 @@ class Pipeline {
   std::size_t planned_for(Stage::Kind kind) const;
 
   void run(const Stage& stage, std::int64_t i);
+  PassRange passes_of(const View& view) const;
+  void take_earlier(const View& reference, int pass);
   void match(const View& reference, int pass);
   void fuse(const View& reference);
   void forget(bool last);
@@ -107,6 +110,7 @@ class Pipeline {
   const Schedule schedule_;
   Planner planner_;
   const std::optional<PlanPart> part_;  ///< in place of what the planner makes
+  const std::function<PlaneMap(std::int64_t id)> load_planes_;
   DensifierStats stats_;
   std::atomic<bool> cancel_{false};
   KeyframeSource image_again_;  ///< set during `run`

@@ -36,7 +36,8 @@
 //                                  those that do not go over all pixels alike
 //   timed(seconds, work)           does what `work` launches, and adds the time that it takes
 //   counted(seconds, work, then)   the same with work(counts); calls then(numbers) when they are known
-//   hand_out_depths, hand_out_points           results on their way to a callback
+//   hand_out_depths, hand_out_points, hand_out_planes   results on their way to a callback
+//   planes_of(plane_map)           what was handed out so
 //   save(array, count, scratch, at), load<T>(count, scratch, at)
 //   deliver(all)                   as Engine::deliver
 namespace pmsp {

@@ -62,6 +62,19 @@ class StageEngine final : public Engine {
     }
   }
 
+  void take(Frame& frame, const PlaneMap& planes) override {
+    [[maybe_unused]] const auto scope = on_.enter();
+    StageFrame& reference = own(frame);
+    reference.median.put(on_.planes_of(planes), on_.plane_numbers());
+    reference.matched = true;
+  }
+
+  void carry(Frame& frame, int pass) override {
+    [[maybe_unused]] const auto scope = on_.enter();
+    StageFrame& reference = own(frame);
+    if (reference.median.count() > 0) reference.raws[pass % 2].put(reference.median.get(), on_.plane_numbers());
+  }
+
   void filter(Frame& frame, const std::vector<const Frame*>& others) override {
     [[maybe_unused]] const auto scope = on_.enter();
     if (!on_.may_go_on()) return;
@@ -482,6 +495,9 @@ class StageEngine final : public Engine {
           stats.pixels_matched += numbers[1];
           stats.pixels_after_median += numbers[2];
         });
+    if (context_.results.planes && !cancelled()) {
+      on_.hand_out_planes(reference.id, reference.pose, median, context_.results.planes);
+    }
     reference.median.put(std::move(median), on_.plane_numbers());
   }
 

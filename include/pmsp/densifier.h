@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "pmsp/depth_map.h"
 #include "pmsp/keyframe.h"
 #include "pmsp/options.h"
+#include "pmsp/plane_map.h"
 #include "pmsp/point_cloud.h"
 
 namespace pmsp {
@@ -52,6 +54,31 @@ struct DensifierCallbacks {
   std::function<void(const DepthMap&)> raw_depth;       ///< straight from PatchMatch
   std::function<void(const DepthMap&)> filtered_depth;  ///< after the median and consistency filters
   std::function<void(const KeyframeCloud&)> cloud;      ///< a keyframe's share of the cloud; once for each depth map
+  /// After the last pass and the median filter, for Shortcuts: of all keyframes that are matched, those too that a
+  /// given plan's results merely depend on. In the order in which they are made.
+  std::function<void(const PlaneMap&)> planes;
+};
+
+/// How a run of a given plan matches a keyframe in less than all passes.
+struct Shortcut {
+  /// What there is of an earlier run (DensifierCallbacks::planes).
+  enum class Planes {
+    kNone,    ///< nothing
+    kStart,   ///< planes that others look at, and that passes begin with
+    kResult,  ///< what this run would make: the earlier one ran the same plan with the same shortcuts, and was
+              ///< interrupted
+  };
+  Planes planes = Planes::kNone;
+  /// Of PatchMatch, `patchmatch.geometric_passes` + 1 at most. With kStart the last ones, all geometric: 0 = the planes
+  /// are kept. Else the first ones, 1 at least: others look at what they make in place of what the missing ones would.
+  int passes = 0;
+  bool images_first = false;  ///< kStart: the first of them looks at images alone, as planes of before a move agree
+};
+
+/// What is known beforehand of a run of a given plan.
+struct Shortcuts {
+  std::map<std::int64_t, Shortcut> keyframes;     ///< all others are matched in all passes
+  std::function<PlaneMap(std::int64_t id)> load;  ///< planes of an earlier run, once at most for each, when needed
 };
 
 /// Gives a keyframe by its id. What its views point to stays until the next call, or until `run` returns. May call what
@@ -85,8 +112,12 @@ class Densifier {
   /// are not there, lack what they should lend, are too many or lie too far away; a depth map lacks its neighbours or
   /// depth range. Throws InvalidOption, BackendUnavailable, and InvalidOption as `halo` does unless `ids` name all
   /// keyframes with a depth map.
+  ///
+  /// `shortcuts`: Throws InvalidInput where they name a keyframe that the plan lacks or a number of passes that does
+  /// not fit, or there is nobody to load planes. What `load` gives must have the size of the depth maps, else
+  /// InvalidInput comes out of `add`, `flush` and `run`.
   Densifier(const DensifierOptions& options, const Plan& plan, const std::vector<std::int64_t>& ids,
-            DensifierCallbacks callbacks);
+            DensifierCallbacks callbacks, Shortcuts shortcuts = {});
 
   ~Densifier();
   Densifier(Densifier&&) noexcept;
@@ -125,6 +156,9 @@ class Densifier {
   bool cancelled() const noexcept;
 
   const DensifierStats& stats() const;
+
+  /// With a given plan: the keyframes that `add` needs, in the order of the plan. Without: none.
+  std::vector<std::int64_t> images() const;
 
   /// The options in force: sizes filled in, backend, simd and threads resolved.
   const DensifierOptions& options() const;

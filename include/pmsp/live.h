@@ -50,8 +50,8 @@ struct LiveOptions {
   /// For all that is kept of keyframes besides their points, 1 to 1000000; on a GPU, there. What neighbouring keyframes
   /// need of each other must find room: 13 to 19 of them, with about 50 bytes a pixel.
   int memory_mib = 2048;
-  int max_waiting =
-      100;  ///< keyframes that wait for their first depth map, 4 to 100000; those needed least are left out
+  /// Keyframes that wait for their first depth map, 4 to 100000; those needed least are left out.
+  int max_waiting = 100;
   /// A keyframe is used when this many newer ones have come, 0 to 1000, and it has moved by no more than `ripe_move` of
   /// its median distance from its landmarks since the last one came; or when `ripe_at_latest` have come.
   int ripe_after = 3;

@@ -25,6 +25,12 @@ struct RigidTransform {
   Eigen::Vector3d center() const { return -(rotation.transpose() * translation); }
 };
 
+/// Whether all numbers are the same, without tolerance.
+inline bool operator==(const RigidTransform& a, const RigidTransform& b) {
+  return a.rotation == b.rotation && a.translation == b.translation;
+}
+inline bool operator!=(const RigidTransform& a, const RigidTransform& b) { return !(a == b); }
+
 /// How far a keyframe's unit of length may be from that of the world, either way.
 constexpr double kMaxScale = 1e3;
 
@@ -34,5 +40,11 @@ struct KeyframePose {
   RigidTransform cam_from_world;  ///< translation in the world's unit
   double scale = 1.0;             ///< 1 / kMaxScale to kMaxScale
 };
+
+/// Whether all numbers are the same, without tolerance.
+inline bool operator==(const KeyframePose& a, const KeyframePose& b) {
+  return a.cam_from_world == b.cam_from_world && a.scale == b.scale;
+}
+inline bool operator!=(const KeyframePose& a, const KeyframePose& b) { return !(a == b); }
 
 }  // namespace pmsp

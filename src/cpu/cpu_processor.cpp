@@ -167,4 +167,27 @@ void CpuProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, Keyfra
   to(cloud);
 }
 
+void CpuProcessor::hand_out_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
+                                   const std::function<void(const PlaneMap&)>& to) const {
+  PlaneMap map(grid_->width(), grid_->height());
+  map.keyframe_id = id;
+  map.cam_from_world = pose.cam_from_world;
+  map.scale = pose.scale;
+  const float* from = planes.get();
+  for (Image<float>* const part : {&map.x, &map.y, &map.z, &map.score}) {
+    std::copy_n(from, grid_->size(), part->pixels().data());
+    from += grid_->size();
+  }
+  to(map);
+}
+
+CpuProcessor::Planes CpuProcessor::planes_of(const PlaneMap& map) const {
+  Planes planes = this->planes();
+  float* to = planes.get();
+  for (const Image<float>* const part : {&map.x, &map.y, &map.z, &map.score}) {
+    to = std::copy_n(part->pixels().data(), grid_->size(), to);
+  }
+  return planes;
+}
+
 }  // namespace pmsp

@@ -140,6 +140,9 @@ class CpuProcessor {
   }
   void hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
                        const std::function<void(const KeyframeCloud&)>& to) const;
+  void hand_out_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
+                       const std::function<void(const PlaneMap&)>& to) const;
+  Planes planes_of(const PlaneMap& map) const;
 
   template <class T>
   void save(const Array<T>& array, std::size_t count, ScratchFile& scratch, std::uint64_t at) const {

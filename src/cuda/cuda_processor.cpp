@@ -153,6 +153,31 @@ void CudaProcessor::hand_out_depths(std::int64_t id, const KeyframePose& pose, c
   });
 }
 
+void CudaProcessor::hand_out_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
+                                    const std::function<void(const PlaneMap&)>& to) {
+  std::vector<float4> from(pixels());
+  copy_bytes(from.data(), planes.get(), from.size() * sizeof(float4), cudaMemcpyDeviceToHost);
+  PlaneMap map(grid().width, grid().height);
+  map.keyframe_id = id;
+  map.cam_from_world = pose.cam_from_world;
+  map.scale = pose.scale;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    map.x.pixels()[i] = from[i].x;
+    map.y.pixels()[i] = from[i].y;
+    map.z.pixels()[i] = from[i].z;
+    map.score.pixels()[i] = from[i].w;
+  }
+  if (!cancelled()) to(map);
+}
+
+CudaProcessor::Planes CudaProcessor::planes_of(const PlaneMap& map) {
+  std::vector<float4> planes(pixels());
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    planes[i] = {map.x.pixels()[i], map.y.pixels()[i], map.z.pixels()[i], map.score.pixels()[i]};
+  }
+  return upload(planes);
+}
+
 void CudaProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
                                     std::function<void(const KeyframeCloud&)> to) {
   while (clouds_out_ >= kDownloads) hand_out_first();

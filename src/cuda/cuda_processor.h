@@ -126,6 +126,10 @@ class CudaProcessor {
                        std::function<void(const DepthMap&)> to);
   void hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
                        std::function<void(const KeyframeCloud&)> to);
+  /// Waits for what is queued.
+  void hand_out_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
+                       const std::function<void(const PlaneMap&)>& to);
+  Planes planes_of(const PlaneMap& map);
 
   template <class T>
   void save(const Array<T>& array, std::size_t count, ScratchFile& scratch, std::uint64_t at) {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <string>
 #include <system_error>
 
@@ -23,6 +25,16 @@ inline void require_regular_file(const std::filesystem::path& path) {
     what = "it is a folder; give a file in it";
   }
   throw IoError(path.string() + ": cannot be read: " + what);
+}
+
+/// All bytes of an ordinary file. Throws IoError.
+inline std::string read_whole_file(const std::filesystem::path& path) {
+  require_regular_file(path);
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw IoError(path.string() + ": cannot be opened for reading");
+  std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  if (file.bad()) throw IoError(path.string() + ": cannot be read");
+  return bytes;
 }
 
 }  // namespace pmsp

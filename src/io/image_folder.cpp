@@ -115,6 +115,23 @@ class ImageFolder final : public ImageSource {
     return Item{ids_[i], io::rgb_from_bgr(bgr)};
   }
 
+  Origin origin(std::int64_t keyframe_id) const override {
+    const auto found = std::find(ids_.begin(), ids_.end(), keyframe_id);
+    if (found == ids_.end()) throw InvalidInput("keyframe " + std::to_string(keyframe_id) + " has no image");
+    return {plan_[static_cast<std::size_t>(found - ids_.begin())].path, ""};
+  }
+
+  void restrict_to(const std::set<std::int64_t>& keyframe_ids) override {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < ids_.size(); ++i) {
+      if (keyframe_ids.count(ids_[i]) == 0) continue;
+      ids_[kept] = ids_[i];
+      plan_[kept++] = plan_[i];
+    }
+    ids_.resize(kept);
+    plan_.resize(kept);
+  }
+
  private:
   struct Entry {
     std::filesystem::path path;

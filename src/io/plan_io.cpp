@@ -2,8 +2,6 @@
 #include "pmsp/io/plan_io.h"
 
 #include <cmath>
-#include <fstream>
-#include <iterator>
 
 #include <nlohmann/json.hpp>
 
@@ -144,13 +142,6 @@ Plan plan_from_json(const std::string& text, const std::string& where) {
 
 void write_plan(const std::filesystem::path& path, const Plan& plan) { write_file(path, plan_json(plan)); }
 
-Plan read_plan(const std::filesystem::path& path) {
-  require_regular_file(path);
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw IoError(path.string() + ": cannot be opened for reading");
-  const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  if (file.bad()) throw IoError(path.string() + ": cannot be read");
-  return plan_from_json(text, path.string());
-}
+Plan read_plan(const std::filesystem::path& path) { return plan_from_json(read_whole_file(path), path.string()); }
 
 }  // namespace pmsp

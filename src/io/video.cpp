@@ -59,8 +59,8 @@ class Video final : public ImageSource {
     while (next_ < plan_.size()) {
       const Target& target = plan_[next_++];
       cv::Mat bgr;
-      const std::string problem =
-          pairing_ == Pairing::kPresentationTime ? take_nearest(target, bgr) : take_index(target, bgr);
+      const std::string problem = take(target, bgr);
+      if (!target.wanted) continue;
       if (!problem.empty()) {
         skipped_.push_back({target.keyframe_id, problem});
         continue;
@@ -71,12 +71,29 @@ class Video final : public ImageSource {
     return std::nullopt;
   }
 
+  Origin origin(std::int64_t keyframe_id) const override {
+    const auto found = std::find_if(plan_.begin(), plan_.end(),
+                                    [&](const Target& target) { return target.keyframe_id == keyframe_id; });
+    if (found == plan_.end()) throw InvalidInput("keyframe " + std::to_string(keyframe_id) + " has no image");
+    const bool by_time = pairing_ == Pairing::kPresentationTime;
+    return {path_, by_time ? io::format_number(found->timestamp) + " s" : std::to_string(found->index)};
+  }
+
+  void restrict_to(const std::set<std::int64_t>& keyframe_ids) override {
+    ids_.clear();
+    for (Target& target : plan_) {
+      target.wanted = target.wanted && keyframe_ids.count(target.keyframe_id) != 0;
+      if (target.wanted) ids_.push_back(target.keyframe_id);
+    }
+  }
+
  private:
   struct Target {
     std::int64_t keyframe_id = 0;
     MapCamera camera;
     double timestamp = 0.0;
     std::int64_t index = 0;
+    bool wanted = true;
   };
 
   void open() {
@@ -210,6 +227,16 @@ class Video final : public ImageSource {
 
   std::string taken_reason() const {
     return "frame " + std::to_string(taken_) + " is already another keyframe's image";
+  }
+
+  /// Finds the frame of a target; returns why there is none. Frames are shared out in the same way whoever is wanted.
+  std::string take(const Target& target, cv::Mat& bgr) {
+    try {
+      return pairing_ == Pairing::kPresentationTime ? take_nearest(target, bgr) : take_index(target, bgr);
+    } catch (const IoError&) {
+      if (target.wanted) throw;
+      return undecodable_reason();
+    }
   }
 
   /// Finds the frame of a target by its index; returns why there is none.

@@ -2,13 +2,10 @@
 #include "live/live_builder.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "densifier_checks.h"
 #include "make_engine.h"
-#include "patchmatch/neighbours.h"
-#include "plan/choices.h"
 #include "plan/reach.h"
 #include "pmsp/error.h"
 
@@ -17,38 +14,16 @@ namespace {
 
 /// Poses that have moved what is seen by less than this let points be [px].
 constexpr double kQueryTolerance = 0.1;
-/// Keyframes that have moved against each other by more than this since they were first shown saw one place as two
-/// [px].
-constexpr double kReunion = 1.0;
 /// While a keyframe has not had all its passes, moves up to this many times the tolerance wait until it has.
 constexpr double kFarInBetween = 3.0;
 /// Points are made at these numbers of passes, and at the full one.
 constexpr int kLevels[] = {2, 3};
-/// While no more keyframes than these lack passes, each gets all of them at once.
-constexpr std::size_t kShortQueue = 6;
-/// Points are made for so many keyframes together: those at the borders of a group are looked at twice.
-constexpr std::size_t kGroup = 8;
-/// Keyframes beyond the fusion window are asked about so many together.
-constexpr std::size_t kWideGroup = 64;
-constexpr std::size_t kWideFewest = 16;
 
 constexpr std::size_t kImagePixel = 6;    ///< bytes that a prepared image takes, for each pixel of the depth map
 constexpr std::size_t kResultPixel = 42;  ///< planes 16, confidence 4, colour 4, mask 1, sights 1, points 13, open 3
 
 std::size_t pixels_of(const DensifierOptions& options) {
   return static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);
-}
-
-/// Throws InvalidInput unless those keyframes find room that need each other for their points.
-void check_memory(const DensifierOptions& options, int memory_mib) {
-  const PlanReach reach = plan_reach(options);
-  const std::size_t keyframes = 1 + 2 * static_cast<std::size_t>(reach.consistency + reach.fusion +
-                                                                 neighbour_reach(options.patchmatch.neighbours));
-  const std::size_t needed = ((keyframes * (kImagePixel + kResultPixel) * pixels_of(options)) >> 20U) + 1;
-  if (needed <= static_cast<std::size_t>(memory_mib)) return;
-  throw InvalidInput("memory_mib is " + std::to_string(memory_mib) + "; expected " + std::to_string(needed) +
-                     " or more, for " + std::to_string(keyframes) + " keyframes with depth maps of " +
-                     std::to_string(options.width) + " x " + std::to_string(options.height));
 }
 
 DensifierOptions suitable(DensifierOptions options) {
@@ -62,10 +37,19 @@ DensifierOptions suitable(DensifierOptions options) {
 
 }  // namespace
 
+LiveBuilder::Reach::Reach(const DensifierOptions& options) {
+  const PlanReach reach = plan_reach(options);
+  neighbours = static_cast<std::size_t>(reach.near);
+  consistency = static_cast<std::size_t>(reach.consistency);
+  fusion = static_cast<std::size_t>(reach.fusion);
+  points = consistency + fusion;
+}
+
 LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& cancel, Publish publish, OnError on_error)
     : options_(options),
       densifier_(suitable(options.densifier)),
       full_(densifier_.patchmatch.geometric_passes + 1),
+      reach_(densifier_),
       asks_all_(asks_whole_mission(options.densifier)),
       publish_(std::move(publish)),
       on_error_(std::move(on_error)),
@@ -74,13 +58,8 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
     ++stats_.clouds;
     publish_(cloud, nodes_.at(cloud.keyframe_id).serial, false);
   };
-  if (pixels_of(densifier_) > 0) {
-    try {
-      check_memory(densifier_, options_.memory_mib);
-    } catch (const InvalidInput& error) {
-      throw InvalidOption(error.what());
-    }
-  }
+  const std::string why_not = why_too_little(densifier_);
+  if (!why_not.empty()) throw InvalidOption(why_not);
   engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
   if (options_.previews) {
     preview_ = std::make_unique<LivePreview>(options_, cancel_, [this](const KeyframeCloud& cloud) {
@@ -95,10 +74,23 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
 void LiveBuilder::set_size(int image_width, int image_height) {
   DensifierOptions sized = densifier_;
   fill_in_size(sized, image_width, image_height);  // throws before anything has changed
-  check_memory(sized, options_.memory_mib);
+  const std::string why_not = why_too_little(sized);
+  if (!why_not.empty()) throw InvalidInput(why_not);
   densifier_ = sized;
   densifier_.backend = options_.densifier.backend;
   engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
+}
+
+/// Empty where those keyframes find room that need each other for their points, or as long as the size of the depth
+/// maps is not known.
+std::string LiveBuilder::why_too_little(const DensifierOptions& sized) const {
+  if (pixels_of(sized) == 0) return {};
+  const std::size_t keyframes = 1 + 2 * (reach_.points + reach_.neighbours);
+  const std::size_t needed = ((keyframes * (kImagePixel + kResultPixel) * pixels_of(sized)) >> 20U) + 1;
+  if (needed <= static_cast<std::size_t>(options_.memory_mib)) return {};
+  return "memory_mib is " + std::to_string(options_.memory_mib) + "; expected " + std::to_string(needed) +
+         " or more, for " + std::to_string(keyframes) + " keyframes with depth maps of " + std::to_string(sized.width) +
+         " x " + std::to_string(sized.height);
 }
 
 LiveNode* LiveBuilder::find(std::int64_t id) {
@@ -124,17 +116,8 @@ std::vector<LiveNode*> LiveBuilder::around(const LiveNode& node, std::size_t rea
   std::vector<LiveNode*> result;
   for (std::size_t i = place > reach ? place - reach : 0; i < std::min(flight.size(), place + reach + 1); ++i) {
     LiveNode& other = nodes_.at(flight[i]);
-    if (with_depth && (other.planes_made == 0 || !other.frame)) continue;
+    if (with_depth && !other.has_map()) continue;
     result.push_back(&other);
-  }
-  return result;
-}
-
-std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& ids, std::int64_t map_id) {
-  std::vector<LiveNode*> result;
-  for (const std::int64_t id : ids) {
-    LiveNode* const node = find(id);
-    if (node != nullptr && node->planes_made != 0 && node->frame && node->map_id == map_id) result.push_back(node);
   }
   return result;
 }
@@ -179,15 +162,13 @@ void LiveBuilder::move(const std::vector<LiveMove>& places) {
     if (node->frame) node->frame->pose = place.pose;
     moved_ = true;
     if (node->map_id == place.map_id) continue;
-    if (node->used) {
-      leave_flight(*node);
-      node->map_id = place.map_id;
-      Flight& to = flights_[place.map_id];
-      to.insert(std::lower_bound(to.begin(), to.end(), node->id), node->id);
-      planes_changed(*node);
-      choose_anew_around(*node);
-    }
+    if (node->used) leave_flight(*node);
     node->map_id = place.map_id;
+    if (!node->used) continue;
+    Flight& to = flights_[place.map_id];
+    to.insert(std::lower_bound(to.begin(), to.end(), node->id), node->id);
+    planes_changed(*node);
+    choose_anew_around(*node);
   }
 }
 
@@ -195,7 +176,6 @@ void LiveBuilder::erase(std::int64_t id) {
   LiveNode* const node = find(id);
   if (node == nullptr) return;
   if (preview_) preview_->erase(id);
-  undecided_.erase(id);
   leave_out(id);
   for (auto& [other_id, other] : nodes_) {
     const auto names = [&](const std::vector<std::int64_t>& ids) {
@@ -221,9 +201,7 @@ bool LiveBuilder::work() {
 
 /// Depth maps around that are compared or joined with this one's.
 void LiveBuilder::planes_changed(const LiveNode& node) {
-  const PlanReach reach = plan_reach(densifier_);
-  const std::size_t most = static_cast<std::size_t>(reach.consistency + reach.fusion);
-  for (LiveNode* other : around(node, most, true)) other->points_due = true;
+  for (LiveNode* other : around(node, reach_.points, true)) other->points_due = true;
 }
 
 LiveInput LiveBuilder::input(const LiveNode& other, const LiveNode& own, std::uint64_t made) const {
@@ -245,7 +223,7 @@ void LiveBuilder::look_for_moves() {
   if (!moved_) return;
   moved_ = false;
   for (auto& [id, node] : nodes_) {
-    if (!node.frame || node.planes_made == 0) continue;
+    if (!node.has_map()) continue;
     const auto furthest = [&, &node = node](const LiveInputs& inputs) {
       double most = 0.0;
       for (const LiveInput& then : inputs) {
@@ -270,21 +248,25 @@ void LiveBuilder::look_for_moves() {
 
 // ---- depth maps ----
 
-bool LiveBuilder::can_match(const LiveNode& node) const {
-  if (!node.has_depth || !node.has_image || !node.frame) return false;
-  return std::any_of(node.near.begin(), node.near.end(), [&](std::int64_t id) {
-    const LiveNode* const near = find(id);
-    return near != nullptr && near->has_image && near->map_id == node.map_id;
-  });
+/// The keyframe with this id, null unless the other one can be matched with it.
+const LiveNode* LiveBuilder::neighbour(const LiveNode& node, std::int64_t id) const {
+  const LiveNode* const near = find(id);
+  return near != nullptr && near->has_image && near->map_id == node.map_id ? near : nullptr;
 }
 
-std::vector<LiveNode*> LiveBuilder::neighbours_of(const LiveNode& node) {
-  std::vector<LiveNode*> result;
+std::vector<const LiveNode*> LiveBuilder::neighbours_of(const LiveNode& node) const {
+  std::vector<const LiveNode*> result;
   for (const std::int64_t id : node.near) {
-    LiveNode* const near = find(id);
-    if (near != nullptr && near->has_image && near->map_id == node.map_id) result.push_back(near);
+    const LiveNode* const near = neighbour(node, id);
+    if (near != nullptr) result.push_back(near);
   }
   return result;
+}
+
+bool LiveBuilder::can_match(const LiveNode& node) const {
+  if (!node.has_depth || !node.has_image || !node.frame) return false;
+  return std::any_of(node.near.begin(), node.near.end(),
+                     [&](std::int64_t id) { return neighbour(node, id) != nullptr; });
 }
 
 /// The highest of the levels that it has reached, 0 = none. Who cannot go on has reached all.
@@ -312,7 +294,7 @@ bool LiveBuilder::match() {
   const bool all_at_once = candidates.size() <= kShortQueue;
   LiveNode* best = nullptr;
   for (LiveNode* node : candidates) {
-    const std::vector<LiveNode*> near = neighbours_of(*node);
+    const std::vector<const LiveNode*> near = neighbours_of(*node);
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
       if (node->passes == 0 || node->wants_images_alone(kFarInBetween * options_.max_move_px)) return true;
       if (!other->linked || other->passes < std::min(node->passes, goal(*other))) return false;
@@ -367,7 +349,7 @@ void LiveBuilder::match(LiveNode& node) {
     const std::size_t place = place_of(node);
     const Flight& flight = flights_.at(node.map_id);
     const LiveNode* const previous = place > 0 ? find(flight[place - 1]) : nullptr;
-    if (previous != nullptr && previous->planes_made != 0 && previous->frame) task.previous = previous->frame.get();
+    if (previous != nullptr && previous->has_map()) task.previous = previous->frame.get();
   }
   task.pass = std::min(node.passes, std::max(1, full_ - 1));
   engine_->match(task);
@@ -386,7 +368,7 @@ void LiveBuilder::match(LiveNode& node) {
 void LiveBuilder::filter(LiveNode& node) {
   std::vector<const Engine::Frame*> others;
   LiveInputs inputs{input(node, node, node.planes_made)};
-  for (const LiveNode* other : around(node, static_cast<std::size_t>(plan_reach(densifier_).consistency), true)) {
+  for (const LiveNode* other : around(node, reach_.consistency, true)) {
     if (other == &node) continue;
     others.push_back(other->frame.get());
     inputs.push_back(input(*other, node, other->planes_made));
@@ -398,7 +380,7 @@ void LiveBuilder::filter(LiveNode& node) {
 }
 
 void LiveBuilder::fuse(LiveNode& node) {
-  const std::vector<LiveNode*> window = around(node, static_cast<std::size_t>(plan_reach(densifier_).fusion), true);
+  const std::vector<LiveNode*> window = around(node, reach_.fusion, true);
   LiveInputs inputs;
   std::vector<const Engine::Frame*> frames;
   for (LiveNode* other : window) {
@@ -411,163 +393,6 @@ void LiveBuilder::fuse(LiveNode& node) {
   engine_->fuse(*node.frame, frames, static_cast<std::size_t>(current - window.begin()));
   node.fused = std::move(inputs);
   node.fused_made = ++results_made_;
-}
-
-// ---- points ----
-
-/// The highest level that it has reached together with all keyframes whose depth maps its points are made from, but
-/// for those that cannot go on; 0 = none, or it is not known yet which these are.
-int LiveBuilder::shared_level_of(const LiveNode& node) const {
-  if (!node.frame || node.planes_made == 0) return 0;
-  const PlanReach reach = plan_reach(densifier_);
-  const std::size_t most = static_cast<std::size_t>(reach.consistency + reach.fusion);
-  const Flight& flight = flights_.at(node.map_id);
-  const std::size_t place = place_of(node);
-  if (!has_ended(node.map_id) && place + most >= flight.size()) return 0;
-  int level = level_of(node);
-  for (std::size_t i = place > most ? place - most : 0; i < std::min(flight.size(), place + most + 1); ++i) {
-    const LiveNode& other = nodes_.at(flight[i]);
-    if (!other.linked) return 0;
-    if (other.has_depth) level = std::min(level, level_of(other));
-  }
-  return level;
-}
-
-/// Points of some keyframes that have reached another level, or, `because_moved`, that have not but are due.
-bool LiveBuilder::show(bool because_moved) {
-  std::vector<LiveNode*> nodes;
-  std::size_t matching = 0;
-  for (const auto& [map_id, flight] : flights_) {
-    for (const std::int64_t id : flight) {
-      LiveNode& node = nodes_.at(id);
-      matching += goal(node) > node.passes ? 1 : 0;
-      if (nodes.size() == kGroup || (because_moved && !node.points_due)) continue;
-      const int level = shared_level_of(node);
-      if (because_moved ? level >= std::max(node.shown, 1) : level > node.shown) nodes.push_back(&node);
-    }
-  }
-  if (nodes.empty()) return false;
-  // While few wait, each level follows the one before at once.
-  const bool soon_better = matching > 0 && matching <= kShortQueue && !because_moved;
-  if (soon_better) {
-    const auto gets_better = [&](const LiveNode* node) { return shared_level_of(*node) < full_; };
-    nodes.erase(std::remove_if(nodes.begin(), nodes.end(), gets_better), nodes.end());
-    if (nodes.empty()) return false;
-  }
-  for (LiveNode* node : nodes) node->wide_due = node->wide_due || asks_all_;
-  show(nodes);
-  return true;
-}
-
-/// Keyframes beyond the fusion window are asked about points, too, many together.
-bool LiveBuilder::show_wide() {
-  if (densifier_.fusion.spacing_px == 0.0) return false;
-  std::vector<LiveNode*> nodes;
-  for (auto& [id, node] : nodes_) {
-    if (nodes.size() < kWideGroup && node.wide_due && node.shown > 0 && shared_level_of(node) >= node.shown)
-      nodes.push_back(&node);
-  }
-  if (nodes.empty() || (asks_all_ && !finishing_ && nodes.size() < kWideFewest)) return false;
-  for (LiveNode* node : nodes) {
-    node->wide = true;
-    node->wide_due = false;
-    node->wide_pose = node->pose;
-  }
-  show(nodes);
-  return true;
-}
-
-/// Who is asked about a keyframe's points: the fusion window, and of those within reach besides some on all sides.
-/// Points of one place may stay where keyframes beyond the window see it, too, as with `online`; but not those that a
-/// loop closure has put on top of each other.
-void LiveBuilder::ask_around(LiveNode& node) {
-  std::vector<std::int64_t> window;
-  for (const LiveNode* other : around(node, static_cast<std::size_t>(plan_reach(densifier_).fusion), true)) {
-    if (other != &node) window.push_back(other->id);
-  }
-  const Eigen::Vector3d center = node.pose.cam_from_world.center();
-  std::vector<ViewerCandidate> candidates;
-  for (const std::int64_t id : flights_.at(node.map_id)) {
-    const LiveNode& other = nodes_.at(id);
-    if (&other == &node || other.planes_made == 0 || !other.frame) continue;
-    candidates.push_back({id, (other.pose.cam_from_world.center() - center).norm()});
-  }
-  PlanKeyframe known;
-  known.id = node.id;
-  known.cam_from_world = node.pose.cam_from_world;
-  known.landmarks = node.keyframe().landmarks;
-  const PlanNode plan_node(std::move(known), 0, false);
-  const auto choose = [&](const std::vector<std::int64_t>& before) {
-    return choose_viewers(plan_node, window, candidates, densifier_.free_space.views, &before);
-  };
-  node.viewers = densifier_.free_space.enabled ? choose(node.viewers) : std::vector<std::int64_t>{};
-  if (!asks_all_) {
-    const auto stays_apart = [&](const ViewerCandidate& candidate) {
-      const LiveNode& other = nodes_.at(candidate.id);
-      const bool in_window = std::find(window.begin(), window.end(), candidate.id) != window.end();
-      const LiveInput then{other.id, 0, other.first_pose, node.first_pose};
-      return !in_window && (other.shown == 0 || node.shown == 0 ||
-                            moved_px(then, other.pose, node.pose, node.range, densifier_.width) <= kReunion);
-    };
-    candidates.erase(std::remove_if(candidates.begin(), candidates.end(), stays_apart), candidates.end());
-  }
-  node.owners = node.wide ? choose(node.owners) : window;
-}
-
-/// Makes and publishes their points. Rounds of ownership need those of the keyframes around up to the round before.
-void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
-  const int rounds = ownership_rounds(densifier_);
-  for (LiveNode* node : nodes) ask_around(*node);
-  std::vector<std::vector<LiveNode*>> levels{nodes};  // those that are asked in the last round, the one before, ...
-  std::set<std::int64_t> there;
-  for (const LiveNode* node : nodes) there.insert(node->id);
-  for (int round = 0; round < rounds; ++round) {
-    std::vector<LiveNode*> more = levels.back();
-    for (const LiveNode* node : levels.back()) {
-      for (LiveNode* owner : with_depth(node->owners, node->map_id)) {
-        if (!there.insert(owner->id).second) continue;
-        if (owner->owners.empty()) ask_around(*owner);
-        more.push_back(owner);
-      }
-    }
-    levels.push_back(std::move(more));
-  }
-  for (LiveNode* node : levels.back()) fuse(*node);
-  for (LiveNode* node : levels.back()) {
-    std::vector<const Engine::Frame*> viewers;
-    for (LiveNode* viewer : with_depth(node->viewers, node->map_id)) {
-      if (viewer->filtered_made == 0) filter(*viewer);
-      viewers.push_back(viewer->frame.get());
-    }
-    engine_->judge(*node->frame, viewers);
-  }
-  for (int round = 1; round <= rounds; ++round) {
-    for (LiveNode* node : levels[static_cast<std::size_t>(rounds - round)]) {
-      std::vector<LiveNode*> owners = with_depth(node->owners, node->map_id);
-      const Eigen::Vector3d center = node->pose.cam_from_world.center();
-      const auto distance = [&](const LiveNode* owner) {
-        return (owner->pose.cam_from_world.center() - center).norm();
-      };
-      std::stable_sort(owners.begin(), owners.end(),
-                       [&](const LiveNode* a, const LiveNode* b) { return distance(a) < distance(b); });
-      std::vector<const Engine::Frame*> frames;
-      for (const LiveNode* owner : owners) frames.push_back(owner->frame.get());
-      engine_->round(*node->frame, frames, round);
-    }
-  }
-  for (LiveNode* node : nodes) {
-    if (cancel_.load(std::memory_order_relaxed)) return;
-    engine_->hand_out(*node->frame);
-    if (node->shown == 0) node->first_pose = node->pose;
-    node->shown = shared_level_of(*node);
-    node->points_due = false;
-    node->anew = node->anew && node->shown < full_;
-    node->judged.clear();
-    for (const std::vector<std::int64_t>* ids : {&node->viewers, &node->owners}) {
-      for (const LiveNode* other : with_depth(*ids, node->map_id)) node->judged.push_back(input(*other, *node, 0));
-    }
-  }
-  engine_->deliver(true);
 }
 
 // ---- memory ----
@@ -595,12 +420,11 @@ void LiveBuilder::make_room() {
   const std::size_t most = most_bytes();
   std::size_t now = bytes();
   if (now <= most || nodes_.empty()) return;
-  const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
   const Eigen::Vector3d center = nodes_.rbegin()->second.pose.cam_from_world.center();
   std::vector<std::pair<double, LiveNode*>> order;  // farthest first
   for (auto& [id, node] : nodes_) {
     if (!node.frame || (node.shown == 0 && (!node.linked || node.has_depth))) continue;
-    const std::vector<LiveNode*> near = around(node, reach, false);
+    const std::vector<LiveNode*> near = around(node, reach_.neighbours, false);
     if (std::any_of(near.begin(), near.end(),
                     [](const LiveNode* other) { return !other->linked || (other->has_depth && other->passes == 0); })) {
       continue;  // they are matched with it first

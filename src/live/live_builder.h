@@ -61,6 +61,21 @@ class LiveBuilder {
  private:
   using Flight = std::vector<std::int64_t>;
 
+  /// While no more keyframes than these lack passes, each gets all of them at once.
+  static constexpr std::size_t kShortQueue = 6;
+  /// Keyframes that have moved against each other by more than this since they were first shown saw one place as two
+  /// [px].
+  static constexpr double kReunion = 1.0;
+
+  /// How far before and after its own place a keyframe looks [used keyframes of the flight].
+  struct Reach {
+    explicit Reach(const DensifierOptions& options);
+    std::size_t neighbours;   ///< among these they are chosen
+    std::size_t consistency;  ///< windows
+    std::size_t fusion;
+    std::size_t points;  ///< to those whose depth maps its points are made from
+  };
+
   // Which are used (live_choices.cpp).
   bool has_ended(std::int64_t map_id) const;
   bool is_ripe(const LiveNode& node) const;
@@ -76,17 +91,18 @@ class LiveBuilder {
   void link(LiveNode& node);
 
   // Depth maps.
+  const LiveNode* neighbour(const LiveNode& node, std::int64_t id) const;
+  std::vector<const LiveNode*> neighbours_of(const LiveNode& node) const;
   bool can_match(const LiveNode& node) const;
+  int level_of(const LiveNode& node) const;
   int goal(const LiveNode& node) const { return can_match(node) ? full_ : node.passes; }
-  std::vector<LiveNode*> neighbours_of(const LiveNode& node);
   bool match();
   bool match_again();
   void match(LiveNode& node);
   void filter(LiveNode& node);
   void fuse(LiveNode& node);
 
-  // Points.
-  int level_of(const LiveNode& node) const;
+  // Points (live_points.cpp).
   int shared_level_of(const LiveNode& node) const;
   bool show(bool because_moved);
   bool show_wide();
@@ -102,6 +118,7 @@ class LiveBuilder {
 
   // Memory.
   void set_size(int image_width, int image_height);
+  std::string why_too_little(const DensifierOptions& sized) const;
   void make_room();
   std::size_t bytes_of_image() const;
   std::size_t bytes_of_results() const;
@@ -116,7 +133,8 @@ class LiveBuilder {
   LiveOptions options_;
   DensifierOptions densifier_;  ///< in force
   const int full_;              ///< passes of a finished depth map
-  const bool asks_all_;         ///< keyframes beyond the fusion window may make the point of a place in any case
+  const Reach reach_;
+  const bool asks_all_;  ///< keyframes beyond the fusion window may make the point of a place in any case
   Publish publish_;
   OnError on_error_;
   EngineResults results_;

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "live/live_builder.h"
-#include "live/live_image.h"
 #include "patchmatch/neighbours.h"
 #include "pmsp/error.h"
 #include "pmsp/initialiser.h"
@@ -47,9 +46,7 @@ bool LiveBuilder::decide() {
     }
     undecided_.erase(id);
     Image<Rgb> converted;
-    Keyframe keyframe = node.keyframe();
-    keyframe.image = rgb_view(node.image, converted);
-    if (options_.mask) keyframe.mask = options_.mask->view();
+    const Keyframe keyframe = node.keyframe(options_.mask.get(), converted);
     try {
       if (!is_crowded(node) && is_wanted(node, keyframe)) {
         use(node, keyframe);
@@ -111,8 +108,7 @@ void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
 
 /// Those around that are not matched yet choose other neighbours.
 void LiveBuilder::choose_anew_around(const LiveNode& node) {
-  const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
-  for (LiveNode* other : around(node, reach, false)) {
+  for (LiveNode* other : around(node, reach_.neighbours, false)) {
     if (other->passes == 0) other->linked = other->has_depth = false;
   }
 }
@@ -169,12 +165,11 @@ bool LiveBuilder::leave_out_late() {
 
 /// Chooses neighbours for the first keyframe of which all that could be are there.
 bool LiveBuilder::link() {
-  const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
   for (const auto& [map_id, flight] : flights_) {
     for (std::size_t i = 0; i < flight.size(); ++i) {
       LiveNode& node = nodes_.at(flight[i]);
       if (node.linked) continue;
-      if (i + reach >= flight.size() && !has_ended(map_id)) break;
+      if (i + reach_.neighbours >= flight.size() && !has_ended(map_id)) break;
       link(node);
       return true;
     }
@@ -183,10 +178,9 @@ bool LiveBuilder::link() {
 }
 
 void LiveBuilder::link(LiveNode& node) {
-  const std::size_t reach = static_cast<std::size_t>(neighbour_reach(densifier_.patchmatch.neighbours));
   std::vector<Keyframe> keyframes;
   std::size_t own = 0;
-  for (const LiveNode* around : this->around(node, reach, false)) {
+  for (const LiveNode* around : this->around(node, reach_.neighbours, false)) {
     if (around != &node && !around->has_image) continue;
     if (around == &node) own = keyframes.size();
     keyframes.push_back(around->keyframe());

@@ -7,7 +7,6 @@
 #include <iterator>
 #include <mutex>
 #include <set>
-#include <sstream>
 #include <thread>
 #include <utility>
 
@@ -17,18 +16,11 @@
 #include "live/live_map.h"
 #include "live/live_tracker.h"
 #include "pmsp/error.h"
+#include "util/check_option.h"
 #include "util/low_priority.h"
 
 namespace pmsp {
 namespace {
-
-template <class T>
-void check(const char* name, T value, T low, T high) {
-  if (value >= low && value <= high) return;
-  std::ostringstream text;
-  text << name << " is " << value << "; expected " << low << " to " << high;
-  throw InvalidOption(text.str());
-}
 
 /// Landmarks of keyframes before the last so many of a map are no longer needed: they are matched.
 constexpr std::size_t kUnmatched = 128;
@@ -42,13 +34,13 @@ void check_place(const LiveKeyframe& keyframe) {
 
 void LiveOptions::validate() const {
   densifier.validate();
-  check("nice", nice, 0, 19);
-  check("memory_mib", memory_mib, 1, 1000000);
-  check("max_waiting", max_waiting, 4, 100000);
-  check("ripe_after", ripe_after, 0, 1000);
-  check("ripe_at_latest", ripe_at_latest, ripe_after, 1000);
-  check("ripe_move", ripe_move, 0.0, 1.0);
-  check("max_move_px", max_move_px, 0.001, 100.0);
+  check_option("nice", nice, 0, 19);
+  check_option("memory_mib", memory_mib, 1, 1000000);
+  check_option("max_waiting", max_waiting, 4, 100000);
+  check_option("ripe_after", ripe_after, 0, 1000);
+  check_option("ripe_at_latest", ripe_at_latest, ripe_after, 1000);
+  check_option("ripe_move", ripe_move, 0.0, 1.0);
+  check_option("max_move_px", max_move_px, 0.001, 100.0);
 }
 
 /// Callers say where keyframes are, and the map shows it, under one short lock; what the worker has to know of it waits
@@ -221,14 +213,7 @@ struct LiveDensifier::Impl {
   }
 
   void check_image_of(const LiveKeyframe& keyframe) const {
-    check_image(keyframe.id, keyframe.image);
-    const auto& mask = options_.mask;
-    if (mask && (mask->width() != keyframe.image.width || mask->height() != keyframe.image.height)) {
-      throw InvalidInput("keyframe " + std::to_string(keyframe.id) + ": the image is " +
-                         std::to_string(keyframe.image.width) + " x " + std::to_string(keyframe.image.height) +
-                         ", the mask " + std::to_string(mask->width()) + " x " + std::to_string(mask->height()) +
-                         "; expected equal sizes");
-    }
+    check_image(keyframe.id, keyframe.image, options_.mask.get());
   }
 
   // Under the lock.

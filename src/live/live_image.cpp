@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <string>
 
+#include "densifier_checks.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
@@ -43,15 +44,12 @@ ImageView<const Rgb> rgb_view(const LiveImage& image, Image<Rgb>& converted) {
   return static_cast<const Image<Rgb>&>(converted).view();
 }
 
-void check_image(std::int64_t keyframe_id, const LiveImage& image) {
+void check_image(std::int64_t keyframe_id, const LiveImage& image, const Image<std::uint8_t>* mask) {
   const std::string who = "keyframe " + std::to_string(keyframe_id) + ": ";
   if (image.data == nullptr || !image.owner) {
     throw InvalidInput(who + "there is no image; expected pixels, and an owner that keeps them");
   }
-  if (image.width < 16 || image.height < 8 || image.width % 2 != 0 || image.height % 2 != 0) {
-    throw InvalidInput(who + "the image is " + std::to_string(image.width) + " x " + std::to_string(image.height) +
-                       "; expected an even width from 16 and an even height from 8");
-  }
+  check_sizes(who, image.width, image.height, mask != nullptr ? mask->view() : ImageView<const std::uint8_t>());
   if (stride_of(image) < bytes_of(image.format) * image.width) {
     throw InvalidInput(who + "rows of the image are " + std::to_string(image.stride) + " bytes apart; expected " +
                        std::to_string(bytes_of(image.format) * image.width) + " or more");

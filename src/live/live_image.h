@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstdint>
+
 #include "pmsp/image.h"
 #include "pmsp/live.h"
 
@@ -10,6 +12,7 @@ namespace pmsp {
 ImageView<const Rgb> rgb_view(const LiveImage& image, Image<Rgb>& converted);
 
 /// Throws InvalidInput, naming the keyframe, unless there are pixels, rows do not overlap and sizes are as expected.
-void check_image(std::int64_t keyframe_id, const LiveImage& image);
+/// `mask`: null = none.
+void check_image(std::int64_t keyframe_id, const LiveImage& image, const Image<std::uint8_t>* mask);
 
 }  // namespace pmsp

@@ -5,14 +5,6 @@
 #include <utility>
 
 namespace pmsp {
-namespace {
-
-bool same(const KeyframePose& a, const KeyframePose& b) {
-  return a.scale == b.scale && a.cam_from_world.rotation == b.cam_from_world.rotation &&
-         a.cam_from_world.translation == b.cam_from_world.translation;
-}
-
-}  // namespace
 
 void LiveMap::publish(LiveMove place, std::shared_ptr<const KeyframeCloud> cloud, bool preliminary) {
   std::shared_ptr<const KeyframeCloud> replaced;  // freed outside the lock
@@ -21,7 +13,7 @@ void LiveMap::publish(LiveMove place, std::shared_ptr<const KeyframeCloud> cloud
   Entry& entry = entries_[place.keyframe_id];
   replaced = std::move(entry.cloud.cloud);
   if (!replaced) entry.there_since = version_;
-  const bool moved = !replaced || !same(entry.cloud.pose, place.pose) || entry.cloud.map_id != place.map_id;
+  const bool moved = !replaced || entry.cloud.pose != place.pose || entry.cloud.map_id != place.map_id;
   const LiveVersion pose_since = moved ? version_ : entry.cloud.pose_since;
   entry.cloud = {place.keyframe_id, place.map_id, place.pose, std::move(cloud), preliminary, version_, pose_since};
 }
@@ -33,7 +25,7 @@ void LiveMap::move(const std::vector<LiveMove>& places) {
     const auto found = entries_.find(place.keyframe_id);
     if (found == entries_.end()) continue;
     LiveCloud& cloud = found->second.cloud;
-    if (same(cloud.pose, place.pose) && cloud.map_id == place.map_id) continue;
+    if (cloud.pose == place.pose && cloud.map_id == place.map_id) continue;
     cloud.pose = place.pose;
     cloud.map_id = place.map_id;
     cloud.pose_since = next;

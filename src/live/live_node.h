@@ -4,10 +4,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "engine.h"
+#include "plan/moves.h"
+#include "pmsp/image.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/live.h"
 #include "pmsp/plan.h"
@@ -22,9 +23,11 @@ struct LiveInput {
 };
 using LiveInputs = std::vector<LiveInput>;
 
-/// By how much what a keyframe sees has moved in another one since then [px of `width`], for what lies at `range`
-/// [keyframe's unit]. `other`, `own`: where both are now.
-double moved_px(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range, int width);
+/// By how much what a keyframe sees has moved since then; `other`, `own`: where both are now.
+inline double moved_px(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range,
+                       int width) {
+  return moved_px({then.other, then.own}, {other, own}, range, width);
+}
 
 /// A keyframe of a live mission, from its arrival to its removal.
 struct LiveNode {
@@ -70,6 +73,8 @@ struct LiveNode {
   bool wide = false;                          ///< keyframes beyond the fusion window were asked about them
   bool wide_due = false;                      ///< should be
 
+  bool has_map() const { return planes_made != 0 && frame; }  ///< its depth map is there
+
   /// For its next pass, since its map is of before a move by more than `tolerance_px`; but not twice in a row, nor
   /// before it has had the two passes that first points take.
   bool wants_images_alone(double tolerance_px) const {
@@ -77,6 +82,8 @@ struct LiveNode {
   }
   /// With landmarks in the world, as the pose is now; without image.
   Keyframe keyframe() const;
+  /// The same with image, a view of its own pixels or of `converted`, and mask (null = none).
+  Keyframe keyframe(const Image<std::uint8_t>* mask, Image<Rgb>& converted) const;
   void take_landmarks(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
 };
 

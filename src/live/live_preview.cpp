@@ -6,7 +6,6 @@
 #include <iterator>
 #include <utility>
 
-#include "live/live_image.h"
 #include "make_engine.h"
 #include "patchmatch/neighbours.h"
 #include "pmsp/error.h"
@@ -81,10 +80,7 @@ bool LivePreview::prepare(const LiveNode& node) {
   Entry& entry = entries_[node.id];
   if (!entry.frame && node.image.data != nullptr) {
     Image<Rgb> converted;
-    Keyframe keyframe = node.keyframe();
-    keyframe.image = rgb_view(node.image, converted);
-    if (mask_) keyframe.mask = mask_->view();
-    entry.frame = engine_->prepare(keyframe);
+    entry.frame = engine_->prepare(node.keyframe(mask_.get(), converted));
   }
   if (!entry.frame) return false;
   entry.frame->pose = node.pose;

@@ -7,7 +7,7 @@
 #include <iterator>
 #include <utility>
 
-#include "live/scale_recovery.h"
+#include "plan/scale_recovery.h"
 
 namespace pmsp {
 namespace {
@@ -17,10 +17,6 @@ constexpr std::size_t kLandmarks = 48;
 
 /// Whoever has moved by more than this share of the range of its landmarks is no longer where scales were agreed on.
 constexpr double kFar = 0.02;
-
-bool same(const RigidTransform& a, const RigidTransform& b) {
-  return a.rotation == b.rotation && a.translation == b.translation;
-}
 
 }  // namespace
 
@@ -103,7 +99,7 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
     const auto found = tracks_.find(keyframe->id);
     if (found == tracks_.end()) continue;
     Track& track = found->second;
-    if (same(track.now.cam_from_world, keyframe->cam_from_world) && track.map_id == keyframe->map_id) continue;
+    if (track.now.cam_from_world == keyframe->cam_from_world && track.map_id == keyframe->map_id) continue;
     track.now.cam_from_world = keyframe->cam_from_world;
     if (track.map_id != keyframe->map_id) {
       Flight& from = flights_[track.map_id];

@@ -2,6 +2,7 @@
 #include "plan/halo.h"
 
 #include <cstddef>
+#include <set>
 #include <string>
 #include <unordered_map>
 
@@ -68,14 +69,39 @@ void refuse_endless_chain(const DensifierOptions& options) {
       "every result depends on all keyframes before; expected 1 to 100000, or init.warp_previous off");
 }
 
-Halo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points) {
+PassRange pass_range(const Shortcut* shortcut, int passes) {
+  if (shortcut == nullptr) return {0, passes};
+  if (shortcut->planes == Shortcut::Planes::kStart) return {passes + 1 - shortcut->passes, passes};
+  return {0, shortcut->passes - 1};
+}
+
+RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points,
+                  const std::map<std::int64_t, Shortcut>& shortcuts) {
   const HaloFinder find(plan);
+  const int passes = options.patchmatch.geometric_passes;
+  const auto shortcut_of = [&](std::int64_t id) {
+    const auto found = shortcuts.find(id);
+    return found == shortcuts.end() ? nullptr : &found->second;
+  };
+  const auto runs = [&](const PlanEntry& entry, int pass) {
+    const Shortcut* const shortcut = shortcut_of(entry.id);
+    const PassRange range = pass_range(shortcut, passes);
+    const bool is_there = shortcut != nullptr && shortcut->planes == Shortcut::Planes::kResult && pass == range.last;
+    return entry.has_depth_map() && !is_there && pass >= range.first && pass <= range.last;
+  };
+  /// Whether its map after a pass is one of an earlier run.
+  const auto is_earlier = [&](const PlanEntry& entry, int pass) {
+    const Shortcut* const shortcut = shortcut_of(entry.id);
+    if (shortcut == nullptr || shortcut->planes == Shortcut::Planes::kNone) return false;
+    const PassRange range = pass_range(shortcut, passes);
+    return shortcut->planes == Shortcut::Planes::kStart ? pass < range.first : pass >= range.last;
+  };
   Set asked = find.none();
   for (const std::int64_t id : ids) {
     const std::size_t i = find.index_of(id);
     asked[i] = plan.entries[i].has_depth_map();
   }
-  Halo result;
+  RunHalo result;
   Set made = points ? asked : find.none();  // points
   result.clouds = find.ids(made);
   result.rounds.resize(static_cast<std::size_t>(ownership_rounds(options)) + 1);
@@ -93,29 +119,79 @@ Halo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const Den
   HaloFinder::add(filtered, sights);
   find.follow(made, &PlanEntry::fusion, filtered);
   result.filtered = find.ids(filtered);
-  Set planes = filtered;
+  Set planes = filtered;  // needed after the pass in question
   find.follow(filtered, &PlanEntry::consistency, planes);
-  result.planes.resize(static_cast<std::size_t>(options.patchmatch.geometric_passes) + 1);
-  for (std::size_t pass = result.planes.size() - 1; pass > 0; --pass) {
-    result.planes[pass] = find.ids(planes);
+  Set there = find.none();  // from an earlier run
+  Set matched = find.none();
+  result.planes.resize(static_cast<std::size_t>(passes) + 1);
+  for (int pass = passes; pass >= 0; --pass) {
+    if (pass == 0) {  // those whose planes are warped, and so on
+      const Set starting = planes;
+      find.each(starting, [&](const PlanEntry& entry) {
+        for (const PlanEntry* at = &entry; at->first_planes && runs(*at, 0);) {
+          at = &plan.entries[find.index_of(*at->first_planes)];
+          if (planes[find.index_of(at->id)]) break;  // whose chain is followed on its own
+          planes[find.index_of(at->id)] = true;
+        }
+      });
+    }
+    Set running = find.none();
+    Set before = find.none();  // needed after the pass before
     Set lenders = find.none();
-    find.follow(planes, &PlanEntry::near, lenders);
+    find.each(planes, [&](const PlanEntry& entry) {
+      const std::size_t i = find.index_of(entry.id);
+      if (is_earlier(entry, pass)) {
+        there[i] = true;
+        return;
+      }
+      before[i] = true;
+      if (!runs(entry, pass)) return;  // it has had all its passes
+      running[i] = true;
+      const Shortcut* const shortcut = shortcut_of(entry.id);
+      const bool alone = shortcut != nullptr && shortcut->images_first && pass == pass_range(shortcut, passes).first;
+      if (!alone) find.add(lenders, entry.near);
+    });
+    result.planes[static_cast<std::size_t>(pass)] = find.ids(running);
+    HaloFinder::add(matched, running);
+    planes = before;
     find.each(lenders, [&](const PlanEntry& entry) {
       if (entry.has_depth_map()) planes[find.index_of(entry.id)] = true;
     });
   }
-  find.each(planes, [&](const PlanEntry& entry) {
-    for (auto source = entry.first_planes; source; source = plan.entries[find.index_of(*source)].first_planes) {
-      if (planes[find.index_of(*source)]) break;  // whose chain is followed on its own
-      planes[find.index_of(*source)] = true;
-    }
-  });
-  result.planes[0] = find.ids(planes);
-  Set images = planes;
-  find.follow(planes, &PlanEntry::near, images);
-  find.follow(planes, &PlanEntry::far, images);
+  result.earlier = find.ids(there);
+  Set images = matched;
+  find.follow(matched, &PlanEntry::near, images);
+  find.follow(matched, &PlanEntry::far, images);
+  HaloFinder::add(images, filtered);
+  HaloFinder::add(images, there);
   result.images = find.ids(images);
   return result;
+}
+
+PointsHalo::PointsHalo(const Plan& plan, const DensifierOptions& options) : plan_(plan), options_(options) {
+  for (std::size_t place = 0; place < plan.entries.size(); ++place) places_.emplace(plan.entries[place].id, place);
+}
+
+std::vector<std::int64_t> PointsHalo::planes_of(std::int64_t id) const {
+  using Places = std::set<std::size_t>;
+  const auto follow = [&](const Places& from, std::vector<std::int64_t> PlanEntry::*list, Places& to) {
+    for (const std::size_t place : from) {
+      for (const std::int64_t named : plan_.entries[place].*list) to.insert(places_.at(named));
+    }
+  };
+  Places made{places_.at(id)};
+  for (int round = ownership_rounds(options_); round > 0; --round) {
+    const Places asking = made;
+    follow(asking, &PlanEntry::owners, made);
+  }
+  Places filtered = made;
+  if (options_.free_space.enabled) follow(made, &PlanEntry::viewers, filtered);
+  follow(made, &PlanEntry::fusion, filtered);
+  Places planes = filtered;
+  follow(filtered, &PlanEntry::consistency, planes);
+  std::vector<std::int64_t> ids;
+  for (const std::size_t place : planes) ids.push_back(plan_.entries[place].id);
+  return ids;
 }
 
 Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points) {

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <map>
+#include <unordered_map>
 #include <vector>
 
+#include "pmsp/densifier.h"
 #include "pmsp/options.h"
 #include "pmsp/plan.h"
 
@@ -12,7 +16,37 @@ namespace pmsp {
 /// Throws InvalidOption where first planes form a chain through the whole flight.
 void refuse_endless_chain(const DensifierOptions& options);
 
+/// With planes of an earlier run fewer keyframes are matched; `planes` names those that a pass is run on.
+struct RunHalo : Halo {
+  std::vector<std::int64_t> earlier;  ///< those whose earlier planes are looked at
+};
+
 /// As `halo`, however long that chain is.
-Halo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points);
+RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points,
+                  const std::map<std::int64_t, Shortcut>& shortcuts = {});
+
+/// Whose planes the points of keyframes depend on, for asking about many of them: as find_halo with the planes of all
+/// keyframes from an earlier run.
+class PointsHalo {
+ public:
+  /// Both must outlive it.
+  PointsHalo(const Plan& plan, const DensifierOptions& options);
+
+  /// In the order of the plan, itself included. Of a keyframe with a depth map.
+  std::vector<std::int64_t> planes_of(std::int64_t id) const;
+  const PlanEntry& entry(std::int64_t id) const { return plan_.entries[places_.at(id)]; }
+
+ private:
+  const Plan& plan_;
+  const DensifierOptions& options_;
+  std::unordered_map<std::int64_t, std::size_t> places_;
+};
+
+/// Which passes a keyframe is matched in, from the first to the last one; none where the last one comes first.
+struct PassRange {
+  int first, last;
+};
+/// `shortcut`: nullptr = none. `passes`: geometric ones.
+PassRange pass_range(const Shortcut* shortcut, int passes);
 
 }  // namespace pmsp

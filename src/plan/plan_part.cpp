@@ -10,20 +10,34 @@
 
 namespace pmsp {
 
-PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points)
+PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points,
+                   const std::map<std::int64_t, Shortcut>& shortcuts)
     : plan_(plan), ways_(plan.entries.size()) {
   check_plan(plan, options);
   for (std::size_t place = 0; place < plan.entries.size(); ++place) places_.emplace(plan.entries[place].id, place);
-  const Halo halo = find_halo(plan, ids, options, points);
+  for (const auto& [id, shortcut] : shortcuts) {
+    const int fewest = shortcut.planes == Shortcut::Planes::kStart ? 0 : 1;
+    const int most = options.patchmatch.geometric_passes + (fewest == 0 ? 0 : 1);
+    if (shortcut.passes < fewest || shortcut.passes > most) {
+      throw InvalidInput("keyframe " + std::to_string(id) + " is to be matched in " + std::to_string(shortcut.passes) +
+                         " passes; expected " + std::to_string(fewest) + " to " + std::to_string(most));
+    }
+    ways_[place_of(id)].shortcut = shortcut;
+  }
+  const RunHalo halo = find_halo(plan, ids, options, points, shortcuts);
   for (const std::int64_t id : ids) ways_[place_of(id)].asked_for = true;
   for (std::size_t place = 0; place < ways_.size(); ++place) {
-    if (entry(place).has_depth_map() && !ways_[place].asked_for) refuse_endless_chain(options);
+    const bool is_part = entry(place).has_depth_map() && !ways_[place].asked_for;
+    if (is_part && shortcuts.empty()) refuse_endless_chain(options);  // what an earlier run has made ends it
   }
   const auto each = [&](const std::vector<std::int64_t>& named, const auto& mark) {
     for (const std::int64_t id : named) mark(ways_[places_.at(id)]);
   };
   each(halo.images, [](Way& way) { way.takes_part = true; });
-  for (const auto& pass : halo.planes) each(pass, [](Way& way) { ++way.passes; });
+  for (std::size_t pass = 0; pass < halo.planes.size(); ++pass) {
+    each(halo.planes[pass], [&](Way& way) { way.passes |= 1U << pass; });
+  }
+  each(halo.earlier, [](Way& way) { way.earlier = true; });
   each(halo.filtered, [](Way& way) { way.filtered = true; });
   for (const auto& round : halo.rounds) each(round, [](Way& way) { ++way.rounds; });
   for (std::size_t place = 0; place < ways_.size(); ++place) {
@@ -41,7 +55,7 @@ bool PlanPart::runs(const Stage& stage, std::size_t place) const {
   const Way& way = ways_[place];
   switch (stage.kind) {
     case Stage::Kind::kMatch:
-      return stage.step < way.passes;
+      return (way.passes >> static_cast<unsigned>(stage.step) & 1U) != 0;
     case Stage::Kind::kFilter:
       return way.filtered;
     case Stage::Kind::kFuse:

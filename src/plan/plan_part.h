@@ -3,9 +3,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
+#include <optional>
 #include <unordered_map>
 #include <vector>
 
+#include "pmsp/densifier.h"
 #include "pmsp/options.h"
 #include "pmsp/plan.h"
 #include "schedule.h"
@@ -18,7 +21,9 @@ class PlanPart {
  public:
   /// `options`: valid. `points`: false = depth maps only are wanted. Throws InvalidInput as check_plan does, or when
   /// the plan lacks one of `ids`; InvalidOption where first planes form a chain without end and `ids` are not all.
-  PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points);
+  /// Throws InvalidInput, too, where shortcuts do not fit.
+  PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points,
+           const std::map<std::int64_t, Shortcut>& shortcuts = {});
 
   /// Throws InvalidInput when the plan lacks the keyframe.
   std::size_t place_of(std::int64_t id) const;
@@ -31,11 +36,17 @@ class PlanPart {
   bool asks_for(std::size_t place) const { return ways_[place].asked_for; }
   bool runs(const Stage& stage, std::size_t place) const;
 
+  /// How a keyframe is matched in less than all passes. Nobody looks at what is not `needs_earlier`.
+  const std::optional<Shortcut>& shortcut(std::size_t place) const { return ways_[place].shortcut; }
+  bool needs_earlier(std::size_t place) const { return ways_[place].earlier; }
+
  private:
   /// How far a keyframe goes.
   struct Way {
-    bool takes_part = false;  ///< its image, if no more
-    int passes = 0;           ///< of PatchMatch
+    bool takes_part = false;   ///< its image, if no more
+    std::uint32_t passes = 0;  ///< bit p: pass p of PatchMatch
+    std::optional<Shortcut> shortcut;
+    bool earlier = false;  ///< its planes of an earlier run are looked at
     bool filtered = false;
     int rounds = -1;  ///< of ownership; 0 = its points are made and judged only, -1 = not even that
     bool asked_for = false;

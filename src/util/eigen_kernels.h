@@ -15,17 +15,22 @@ inline kernels::Rigid to_rigid(const RigidTransform& transform) {
   return result;
 }
 
+/// From the camera frame and unit of length of a keyframe at `first` into those of one at `other`: the rotation times
+/// the first one's scale over the other's.
+inline RigidTransform other_from_first(const KeyframePose& other, const KeyframePose& first) {
+  RigidTransform transform = other.cam_from_world * first.cam_from_world.inverse();
+  transform.rotation *= first.scale / other.scale;
+  transform.translation /= other.scale;
+  return transform;
+}
+
 /// A keyframe's place as another one's kernels take it.
 struct Relation {
-  kernels::Rigid other_from_first;  ///< from the first one's unit of length into the other's: the rotation times `zoom`
-  float zoom;                       ///< the first one's scale over the other's
+  kernels::Rigid other_from_first;
+  float zoom;  ///< the first one's scale over the other's
 };
 inline Relation relation(const KeyframePose& other, const KeyframePose& first) {
-  const double zoom = first.scale / other.scale;
-  RigidTransform transform = other.cam_from_world * first.cam_from_world.inverse();
-  transform.rotation *= zoom;
-  transform.translation /= other.scale;
-  return {to_rigid(transform), static_cast<float>(zoom)};
+  return {to_rigid(other_from_first(other, first)), static_cast<float>(first.scale / other.scale)};
 }
 
 inline kernels::Vec3<float> to_vec3(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }

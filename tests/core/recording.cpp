@@ -30,9 +30,8 @@ std::size_t Recording::points() const {
 }
 
 bool same(const KeyframeCloud& a, const KeyframeCloud& b) {
-  return a.keyframe_id == b.keyframe_id && a.cam_from_world.rotation == b.cam_from_world.rotation &&
-         a.cam_from_world.translation == b.cam_from_world.translation && a.scale == b.scale && a.pixels == b.pixels &&
-         a.agree == b.agree && a.window_ids == b.window_ids &&
+  return a.keyframe_id == b.keyframe_id && a.pose() == b.pose() && a.pixels == b.pixels && a.agree == b.agree &&
+         a.window_ids == b.window_ids &&
          std::equal(a.points.begin(), a.points.end(), b.points.begin(), b.points.end(),
                     [](const CloudPoint& p, const CloudPoint& q) {
                       return p.position == q.position && p.normal == q.normal && p.color == q.color &&

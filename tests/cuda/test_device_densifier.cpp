@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
+#include <cstdint>
+#include <map>
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "core/recording.h"
 #include "cuda/cuda_engine.h"
 #include "pmsp/error.h"
+#include "pmsp/plan.h"
 
 // What a Densifier promises, kept by the CUDA backend.
 using namespace pmsp;
@@ -55,6 +59,46 @@ TEST_CASE("a tiny mission comes through all stages", "[cuda][densifier][small]")
 TEST_CASE("a second run on the device gives the same bytes", "[cuda][densifier][small]") {
   const synth::Mission mission = tiny_mission();
   CHECK(same(densify(mission, cuda_options(kTinyWidth)), densify(mission, cuda_options(kTinyWidth))));
+}
+
+TEST_CASE("the device takes planes that it has handed out", "[cuda][densifier][small]") {
+  const synth::Mission mission = tiny_mission();
+  std::vector<PlanKeyframe> keyframes;
+  std::vector<std::int64_t> ids;
+  for (std::size_t i = 0; i < mission.frames.size(); ++i) {
+    keyframes.push_back(plan_keyframe(synth::keyframe_of(mission, i), cuda_options(kTinyWidth)));
+    ids.push_back(keyframes.back().id);
+  }
+  const Plan plan = make_plan(keyframes, cuda_options(kTinyWidth));
+  for (const bool pipelined : {false, true}) {
+    const DensifierOptions options = cuda_options(kTinyWidth, pipelined);
+    std::map<std::int64_t, PlaneMap> planes;
+    Recording whole;
+    DensifierCallbacks callbacks = whole.callbacks();
+    callbacks.raw_depth = nullptr;
+    callbacks.planes = [&](const PlaneMap& map) { planes[map.keyframe_id] = map; };
+    Densifier first(options, plan, ids, callbacks);
+    add_all(first, mission);
+    first.flush();
+    CHECK(planes.size() == whole.clouds.size());
+    CHECK(planes.size() > 2);
+    for (const Shortcut::Planes kind : {Shortcut::Planes::kStart, Shortcut::Planes::kResult}) {
+      Shortcuts shortcuts;
+      for (const auto& [id, map] : planes) {
+        shortcuts.keyframes[id] = {kind, kind == Shortcut::Planes::kStart ? 0 : options.patchmatch.geometric_passes + 1,
+                                   false};
+      }
+      shortcuts.load = [&](std::int64_t id) { return planes.at(id); };
+      Recording again;
+      callbacks = again.callbacks();
+      callbacks.raw_depth = nullptr;
+      Densifier second(options, plan, ids, callbacks, shortcuts);
+      add_all(second, mission);
+      second.flush();
+      CHECK(second.stats().depth_maps == 0);
+      CHECK(difference(again, whole) == "");
+    }
+  }
 }
 
 TEST_CASE("runs at full size give the same bytes", "[cuda][densifier]") {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <stdexcept>
 
 #include "core/recording.h"
 
@@ -42,6 +43,29 @@ LiveOptions small_live(int width) {
   options.max_move_px *= width / 640.0;  // of small images, too, as far as depths go
   options.previews = false;
   return options;
+}
+
+const synth::Mission& room() {
+  static const synth::Mission kRoom = synth::textured_room(small_recipe(kRoomWidth, kRoomKeyframes));
+  return kRoom;
+}
+
+std::shared_ptr<const LiveSnapshot> at_once(const std::vector<LiveKeyframe>& keyframes, const LiveOptions& options) {
+  LiveDensifier live(options);
+  live.pause();
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  live.resume();
+  if (!live.wait(kLong)) throw std::runtime_error("the work does not end");
+  const LiveStats stats = live.stats();
+  if (stats.errors != 0) throw std::runtime_error(stats.last_error);
+  return live.snapshot();
+}
+
+std::vector<std::int64_t> ids_of(const LiveSnapshot& snapshot) {
+  std::vector<std::int64_t> ids;
+  for (const LiveCloud& cloud : snapshot.clouds) ids.push_back(cloud.keyframe_id);
+  return ids;
 }
 
 LiveFigures figures(const LiveSnapshot& snapshot, const synth::Mission& mission) {

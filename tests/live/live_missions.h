@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
+#include "core/helpers.h"
 #include "pmsp/live.h"
 #include "support/mission.h"
 
@@ -14,8 +17,21 @@ namespace pmsp::test {
 LiveKeyframe live_keyframe(const synth::Mission& mission, std::size_t index);
 std::vector<LiveKeyframe> live_keyframes(const synth::Mission& mission);
 
+/// A flight through a room. Tests that need its depths to be good have the tag PMSP_ACCURACY.
+constexpr int kRoomWidth = kSanitized ? 32 : 128;
+constexpr int kRoomKeyframes = kSanitized ? 8 : 13;
+const synth::Mission& room();
+
 /// The online preset on small images, without previews, so that results do not depend on time.
 LiveOptions small_live(int width);
+
+/// So long no work takes.
+constexpr std::chrono::minutes kLong{30};
+
+/// What comes of keyframes that are all known before any is worked on. Throws where that fails.
+std::shared_ptr<const LiveSnapshot> at_once(const std::vector<LiveKeyframe>& keyframes, const LiveOptions& options);
+
+std::vector<std::int64_t> ids_of(const LiveSnapshot& snapshot);
 
 /// How good the final points of a snapshot are.
 struct LiveFigures {

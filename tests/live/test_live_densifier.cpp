@@ -1,16 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
-#include <atomic>
 #include <catch2/catch.hpp>
-#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <memory>
-#include <random>
 #include <set>
-#include <stdexcept>
-#include <string>
-#include <thread>
 #include <vector>
 
 #include "core/helpers.h"
@@ -22,36 +16,8 @@
 
 using namespace pmsp;
 using namespace pmsp::test;
-using std::chrono::milliseconds;
 
 namespace {
-
-constexpr milliseconds kLong{std::chrono::minutes(30)};
-constexpr int kWidth = kSanitized ? 32 : 128;
-constexpr int kKeyframes = kSanitized ? 8 : 13;
-
-const synth::Mission& room() {
-  static const synth::Mission kRoom = synth::textured_room(small_recipe(kWidth, kKeyframes));
-  return kRoom;
-}
-
-/// All keyframes at once; nothing is worked on before all is known.
-std::shared_ptr<const LiveSnapshot> at_once(const std::vector<LiveKeyframe>& keyframes, const LiveOptions& options) {
-  LiveDensifier live(options);
-  live.pause();
-  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
-  live.finish();
-  live.resume();
-  REQUIRE(live.wait(kLong));
-  CHECK(live.stats().errors == 0);
-  return live.snapshot();
-}
-
-std::vector<std::int64_t> ids_of(const LiveSnapshot& snapshot) {
-  std::vector<std::int64_t> ids;
-  for (const LiveCloud& cloud : snapshot.clouds) ids.push_back(cloud.keyframe_id);
-  return ids;
-}
 
 /// A fake SLAM's keyframes, one after the other, each worked on before the next one comes; then the loop is closed.
 std::shared_ptr<const LiveSnapshot> played(FakeSlam slam, const LiveOptions& options, LiveStats* stats = nullptr) {
@@ -71,7 +37,7 @@ std::shared_ptr<const LiveSnapshot> played(FakeSlam slam, const LiveOptions& opt
 }  // namespace
 
 TEST_CASE("A live flight ends with points as good as those of a Densifier", PMSP_ACCURACY) {
-  const LiveOptions options = small_live(kWidth);
+  const LiveOptions options = small_live(kRoomWidth);
   const LiveFigures live = figures(*at_once(live_keyframes(room()), options), room());
   LiveSnapshot offline;
   DensifierCallbacks callbacks;
@@ -93,7 +59,7 @@ TEST_CASE("A live flight ends with points as good as those of a Densifier", PMSP
 }
 
 TEST_CASE("What is done when all is known from the start does not depend on time, threads or pixel formats") {
-  LiveOptions options = small_live(kWidth);
+  LiveOptions options = small_live(kRoomWidth);
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   const auto first = at_once(keyframes, options);
   REQUIRE(first->clouds.size() >= 5);
@@ -120,12 +86,12 @@ TEST_CASE("Images are let go of when they are no longer needed") {
   std::vector<std::weak_ptr<const void>> images;
   for (LiveKeyframe& keyframe : keyframes) {
     auto owner = std::make_shared<std::vector<std::uint8_t>>(keyframe.image.data,
-                                                             keyframe.image.data + 3 * kWidth * (kWidth / 2));
+                                                             keyframe.image.data + 3 * kRoomWidth * (kRoomWidth / 2));
     keyframe.image.data = owner->data();
     keyframe.image.owner = owner;
     images.push_back(owner);
   }
-  LiveDensifier live(small_live(kWidth));
+  LiveDensifier live(small_live(kRoomWidth));
   for (LiveKeyframe& keyframe : keyframes) live.add(std::move(keyframe));
   live.finish();
   REQUIRE(live.wait(kLong));
@@ -133,7 +99,7 @@ TEST_CASE("Images are let go of when they are no longer needed") {
 }
 
 TEST_CASE("Keyframes that converge as a SLAM's do are as good in the end as if they had never moved", PMSP_ACCURACY) {
-  const LiveOptions options = small_live(kWidth);
+  const LiveOptions options = small_live(kRoomWidth);
   const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0, 0.0), options), room());
   LiveStats stats;
   const LiveFigures moved = figures(*played(FakeSlam(live_keyframes(room()), 0.0), options, &stats), room());
@@ -145,7 +111,7 @@ TEST_CASE("Keyframes that converge as a SLAM's do are as good in the end as if t
 }
 
 TEST_CASE("A loop closure moves, turns and scales what was seen before it", PMSP_ACCURACY) {
-  const LiveOptions options = small_live(kWidth);
+  const LiveOptions options = small_live(kRoomWidth);
   const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0), options), room());
   for (const double drift : {0.1, -0.15}) {
     LiveStats stats;
@@ -164,7 +130,7 @@ TEST_CASE("A loop closure moves, turns and scales what was seen before it", PMSP
 }
 
 TEST_CASE("Snapshots show what update, erase and reset have said when these return") {
-  LiveDensifier live(small_live(kWidth));
+  LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
   live.finish();
@@ -192,7 +158,7 @@ TEST_CASE("Snapshots show what update, erase and reset have said when these retu
 }
 
 TEST_CASE("Of a removed keyframe's points a neighbour takes those that it has seen, too") {
-  LiveOptions options = small_live(kWidth);
+  LiveOptions options = small_live(kRoomWidth);
   LiveDensifier live(options);
   for (const LiveKeyframe& keyframe : live_keyframes(room())) live.add(keyframe);
   live.finish();
@@ -218,7 +184,7 @@ TEST_CASE("Of a removed keyframe's points a neighbour takes those that it has se
 }
 
 TEST_CASE("After a reset ids may begin again, and nothing of before comes back") {
-  LiveDensifier live(small_live(kWidth));
+  LiveDensifier live(small_live(kRoomWidth));
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   for (int round = 0; round < 3; ++round) {
     for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
@@ -229,12 +195,12 @@ TEST_CASE("After a reset ids may begin again, and nothing of before comes back")
   CHECK(live.stats().resets == 2);
   CHECK(live.stats().added == 3 * static_cast<std::int64_t>(keyframes.size()));
   const auto snapshot = live.snapshot();
-  LiveOptions options = small_live(kWidth);
+  LiveOptions options = small_live(kRoomWidth);
   CHECK(ids_of(*snapshot) == ids_of(*at_once(keyframes, options)));
 }
 
 TEST_CASE("sync finds what is new, moved and gone") {
-  LiveDensifier live(small_live(kWidth));
+  LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   std::vector<LiveKeyframe> some(keyframes.begin(), keyframes.end() - 1);
   live.sync(some);
@@ -261,7 +227,7 @@ TEST_CASE("sync finds what is new, moved and gone") {
 }
 
 TEST_CASE("Keyframes of two maps do not meet until the maps are merged") {
-  LiveOptions options = small_live(kWidth);
+  LiveOptions options = small_live(kRoomWidth);
   LiveDensifier live(options);
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   const std::size_t half = keyframes.size() / 2;
@@ -286,7 +252,7 @@ TEST_CASE("Keyframes of two maps do not meet until the maps are merged") {
 }
 
 TEST_CASE("Maps with units and places of their own keep the scale of what is in them when they are merged") {
-  LiveDensifier live(small_live(kWidth));
+  LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   const std::vector<LiveKeyframe> merged = keyframes;
   const std::size_t half = keyframes.size() / 2;
@@ -316,7 +282,7 @@ TEST_CASE("Maps with units and places of their own keep the scale of what is in 
 }
 
 TEST_CASE("The end of a map that the SLAM has left is worked on when another has begun") {
-  LiveDensifier live(small_live(kWidth));
+  LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
   for (LiveKeyframe& keyframe : keyframes) {
@@ -326,7 +292,7 @@ TEST_CASE("The end of a map that the SLAM has left is worked on when another has
   }
   REQUIRE(live.wait(kLong));  // without finish
   const auto snapshot = live.snapshot();
-  LiveOptions options = small_live(kWidth);
+  LiveOptions options = small_live(kRoomWidth);
   const std::vector<std::int64_t> whole = ids_of(*at_once(live_keyframes(room()), options));
   std::size_t of_first = 0;
   for (const LiveCloud& cloud : snapshot->clouds) of_first += cloud.map_id == 0 ? 1 : 0;
@@ -334,7 +300,7 @@ TEST_CASE("The end of a map that the SLAM has left is worked on when another has
 }
 
 TEST_CASE("Preliminary points come with the keyframes after theirs, and give way to final ones") {
-  LiveOptions options = small_live(kSanitized ? 64 : kWidth);
+  LiveOptions options = small_live(kSanitized ? 64 : kRoomWidth);
   options.previews = true;
   LiveDensifier live(options);
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
@@ -358,250 +324,4 @@ TEST_CASE("Preliminary points come with the keyframes after theirs, and give way
   const auto last = live.snapshot();
   CHECK(ids_of(*last) == final);  // those that are not used have none any more
   for (const LiveCloud& cloud : last->clouds) CHECK(!cloud.preliminary);
-}
-
-TEST_CASE("When too many keyframes wait, those between near neighbours are left out") {
-  LiveOptions options = small_live(32);
-  options.max_waiting = 4;
-  LiveDensifier live(options);
-  live.pause();
-  for (const LiveKeyframe& keyframe : live_keyframes(room())) live.add(keyframe);
-  live.finish();
-  live.resume();
-  REQUIRE(live.wait(kLong));
-  const LiveStats stats = live.stats();
-  CHECK(stats.left_out_late >= stats.used - 5);
-  CHECK(stats.left_out_late > 0);
-  CHECK(live.snapshot()->clouds.size() >= 2);
-}
-
-TEST_CASE("A place that has been seen often enough takes no more memory", PMSP_ACCURACY) {
-  LiveOptions options = small_live(32);
-  options.densifier.view_filter.enabled = false;
-  options.densifier.patchmatch.geometric_passes = 1;
-  LiveDensifier live(options);
-  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  std::int64_t used[2] = {0, 0};
-  std::int64_t id = 0;
-  constexpr int kRounds = 60;
-  for (int round = 0; round < kRounds; ++round) {  // to and fro
-    for (std::size_t i = 0; i < keyframes.size(); ++i) {
-      LiveKeyframe keyframe = keyframes[round % 2 == 0 ? i : keyframes.size() - 1 - i];
-      keyframe.id = id++;
-      live.add(keyframe);
-    }
-    REQUIRE(live.wait(kLong));
-    used[2 * (round + 1) > kRounds ? 1 : 0] = live.stats().used;
-  }
-  CHECK(used[1] == used[0]);
-  CHECK(live.stats().errors == 0);
-}
-
-TEST_CASE("What is kept stays within the memory that is allowed", PMSP_ACCURACY) {
-  LiveOptions options = small_live(width_of_any(128));
-  options.densifier.view_filter.enabled = false;
-  options.densifier.patchmatch.geometric_passes = 1;
-  options.memory_mib = 7;
-  LiveDensifier live(options);
-  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  constexpr std::int64_t kCount = 3 * kKeyframes;
-  for (std::int64_t id = 0; id < kCount; ++id) {
-    LiveKeyframe keyframe = keyframes[static_cast<std::size_t>(id) % keyframes.size()];
-    keyframe.id = id;
-    live.add(keyframe);
-    REQUIRE(live.wait(kLong));
-    CHECK(live.stats().memory_mib <= options.memory_mib);
-  }
-  live.finish();
-  REQUIRE(live.wait(kLong));
-  const LiveStats stats = live.stats();
-  CHECK(stats.images_dropped > 0);
-  CHECK(stats.keyframes_frozen > 0);
-  CHECK(stats.left_out_late == 0);
-  CHECK(live.snapshot()->clouds.size() > 20);
-  options.memory_mib = 1;
-  options.densifier.width = 256;
-  options.densifier.height = 128;
-  CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);  // too little for any points
-}
-
-TEST_CASE("Images that come while work stands still do not fill the memory") {
-  LiveOptions options = small_live(width_of_any(128));
-  options.memory_mib = kSanitized ? 1 : 7;
-  LiveDensifier live(options);
-  live.pause();
-  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  constexpr std::int64_t kCount = kSanitized ? 1500 : 500;
-  constexpr std::int64_t kMost = kSanitized ? 900 : 350;  // more than finds room
-  for (std::int64_t id = 0; id < kCount; ++id) {
-    LiveKeyframe keyframe = keyframes[static_cast<std::size_t>(id) % keyframes.size()];
-    keyframe.id = id;
-    live.add(keyframe);
-  }
-  const auto left = [&] { return live.stats().left_out_late; };
-  for (int i = 0; i < 60000 && left() < kCount - kMost; ++i) std::this_thread::sleep_for(milliseconds(1));
-  CHECK(left() >= kCount - kMost);
-  CHECK(live.backlog().unripe <= kMost);
-}
-
-TEST_CASE("What callbacks throw is counted, and changes nothing") {
-  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  std::atomic<int> calls{0};
-  LiveCallbacks callbacks;
-  callbacks.changed = [&](LiveVersion) {
-    ++calls;
-    if (calls % 2 == 0) throw std::runtime_error("no room on the screen");
-    throw 5;
-  };
-  callbacks.on_error = [](const std::string&) { throw std::runtime_error("nor for errors"); };
-  LiveDensifier live(small_live(kWidth), callbacks);
-  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
-  live.finish();
-  REQUIRE(live.wait(kLong));
-  CHECK(calls > 1);
-  const LiveStats stats = live.stats();
-  CHECK(stats.errors == calls);
-  CHECK(stats.last_error.find("callback") != std::string::npos);
-  CHECK(ids_of(*live.snapshot()) == ids_of(*at_once(keyframes, small_live(kWidth))));
-}
-
-TEST_CASE("A keyframe that cannot be used is reported; the others go on") {
-  std::vector<std::string> errors;
-  LiveCallbacks callbacks;
-  callbacks.on_error = [&](const std::string& text) { errors.push_back(text); };
-  LiveOptions options = small_live(kWidth);
-  options.densifier.width = 0;
-  options.densifier.height = 0;
-  LiveDensifier live(options, callbacks);
-  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  LiveKeyframe small = keyframes[0];
-  small.id = -5;
-  small.image.height = 8;  // no size of a depth map follows from it
-  small.image.width = 16;
-  live.add(small);
-  REQUIRE_NOTHROW(live.add(keyframes[0]));
-  for (std::size_t i = 1; i < keyframes.size(); ++i) live.add(keyframes[i]);
-  live.finish();
-  REQUIRE(live.wait(kLong));
-  REQUIRE(errors.size() == 1);
-  CHECK(errors[0].find("16 x 8") != std::string::npos);
-  CHECK(live.stats().errors == 1);
-  const auto snapshot = live.snapshot();
-  REQUIRE(snapshot->clouds.size() >= 4);
-  for (const LiveCloud& cloud : snapshot->clouds) CHECK(cloud.cloud->pixels.back() > 16 * 8);  // of the others' size
-}
-
-TEST_CASE("Input and options that make no sense are refused, and change nothing") {
-  LiveOptions options = small_live(kWidth);
-  LiveDensifier live(options);
-  const LiveKeyframe good = live_keyframe(room(), 0);
-  const auto refused = [&](const char* what, auto&& spoil) {
-    LiveKeyframe bad = good;
-    spoil(bad);
-    CAPTURE(what);
-    CHECK_THROWS_AS(live.add(bad), InvalidInput);
-  };
-  refused("no image", [](LiveKeyframe& k) { k.image = {}; });
-  refused("no owner", [](LiveKeyframe& k) { k.image.owner.reset(); });
-  refused("odd width", [](LiveKeyframe& k) { k.image.width = 31; });
-  refused("rows overlap", [](LiveKeyframe& k) { k.image.stride = 5; });
-  refused("no rotation", [](LiveKeyframe& k) { k.cam_from_world.rotation *= 2.0; });
-  refused("not finite", [](LiveKeyframe& k) { k.cam_from_world.translation.x() = std::nan(""); });
-  refused("landmark", [](LiveKeyframe& k) { k.landmarks.push_back({1, {0.0, 0.0, INFINITY}}); });
-  CHECK(live.stats().added == 0);
-  LiveKeyframe bad = good;
-  bad.cam_from_world.rotation *= 2.0;
-  CHECK_THROWS_AS(live.update({good, bad}), InvalidInput);
-  CHECK_THROWS_AS(live.sync({good, bad}), InvalidInput);
-  CHECK(live.stats().added == 0);
-  options.ripe_at_latest = 2;
-  CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);
-  options = small_live(kWidth);
-  options.densifier.patchmatch.neighbours = 0;
-  CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);
-  options = small_live(kWidth);
-  options.mask = std::make_shared<Image<std::uint8_t>>(16, 8, 255);
-  LiveDensifier masked(options);
-  CHECK_THROWS_AS(masked.add(good), InvalidInput);
-  CHECK_THROWS_AS(masked.sync({good}), InvalidInput);
-  CHECK(masked.stats().added == 0);
-}
-
-TEST_CASE("Any thread may call anything at any time; a LiveDensifier ends in the midst of work") {
-  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  LiveOptions options = small_live(32);
-  options.previews = true;
-  options.densifier.patchmatch.geometric_passes = 1;
-  const auto stress = [&](std::uint32_t seed) {
-    LiveDensifier live(options);
-    std::atomic<std::int64_t> next{0};
-    const auto caller = [&](std::uint32_t number) {
-      std::mt19937 random(seed * 100 + number);
-      LiveVersion seen = 0;
-      for (int i = 0; i < 150; ++i) {
-        const std::int64_t id = next;
-        switch (random() % 10) {
-          case 0:
-          case 1:
-          case 2: {
-            LiveKeyframe keyframe = keyframes[static_cast<std::size_t>(id) % keyframes.size()];
-            keyframe.id = next++;
-            keyframe.map_id = static_cast<std::int64_t>(random() % 8 == 0);
-            live.add(keyframe);
-            break;
-          }
-          case 3:
-          case 4: {
-            std::vector<LiveKeyframe> moved;
-            for (std::int64_t k = std::max<std::int64_t>(0, id - 20); k < id; ++k) {
-              moved.push_back(keyframes[static_cast<std::size_t>(k) % keyframes.size()]);
-              moved.back().id = k;
-              moved.back().image = {};
-              moved.back().cam_from_world.translation.x() += 1e-3 * static_cast<double>(random() % 10);
-            }
-            live.update(moved);
-            break;
-          }
-          case 5:
-            live.erase({static_cast<std::int64_t>(random() % static_cast<std::uint32_t>(id + 1))});
-            break;
-          case 6:
-            if (random() % 20 == 0) live.reset();
-            if (random() % 4 == 0) live.finish();
-            break;
-          case 7:
-            live.pause();
-            live.resume();
-            break;
-          case 8: {
-            const auto snapshot = live.snapshot();
-            for (const LiveCloud& cloud : snapshot->clouds) {
-              if (cloud.cloud->keyframe_id != cloud.keyframe_id) throw std::runtime_error("another keyframe's points");
-            }
-            break;
-          }
-          default: {
-            const LiveChanges changes = live.changes_since(seen);
-            seen = changes.to;
-            (void)live.stats();
-            (void)live.backlog();
-            break;
-          }
-        }
-        if (random() % 8 == 0) std::this_thread::sleep_for(std::chrono::microseconds(random() % 3000));
-      }
-    };
-    std::vector<std::thread> callers;
-    for (std::uint32_t number = 0; number < 4; ++number) callers.emplace_back(caller, number);
-    for (std::thread& thread : callers) thread.join();
-    CHECK(live.stats().errors == 0);
-    if (seed % 2 == 0) {
-      live.finish();
-      CHECK(live.wait(kLong));
-    }
-  };
-  std::thread other([&] { stress(2); });  // two at once
-  stress(1);
-  stress(3);
-  other.join();
 }

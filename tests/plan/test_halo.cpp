@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <catch2/catch.hpp>
-#include <map>
 #include <set>
 #include <string>
 
+#include "plan/halo.h"
 #include "plan/missions.h"
 #include "pmsp/error.h"
 
@@ -202,6 +202,25 @@ TEST_CASE("points of a keyframe without a depth map need nothing", "[plan][halo]
   const Halo none = halo(plan, {keyframes[7].id}, options);
   CHECK((none.clouds.empty() && none.images.empty() && none.planes[0].empty()));
   CHECK_THROWS_AS(halo(plan, {-1000}, options), InvalidInput);
+}
+
+TEST_CASE("whose planes points depend on is the same, asked one by one", "[plan]") {
+  MissionRecipe recipe;
+  recipe.keyframes = 90;
+  for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
+    DensifierOptions options = preset(quality);
+    options.free_space.history = 20;
+    options.fusion.history = 8;
+    const Plan plan = make_plan(corridor(recipe, 2), options);
+    std::map<std::int64_t, Shortcut> kept;
+    for (const PlanEntry& entry : plan.entries) {
+      if (entry.has_depth_map()) kept[entry.id] = {Shortcut::Planes::kStart, 0, false};
+    }
+    const PointsHalo halo(plan, options);
+    for (const auto& [id, shortcut] : kept) {
+      CHECK(halo.planes_of(id) == find_halo(plan, {id}, options, true, kept).earlier);
+    }
+  }
 }
 
 TEST_CASE("a chain through the whole flight has no halo", "[plan][halo]") {

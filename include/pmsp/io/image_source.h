@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,19 @@ class ImageSource {
     Image<Rgb> image;
   };
   virtual std::optional<Item> next() = 0;
+
+  /// Where a keyframe's image lies: a file, and which of its frames, "" where there is only one. Equal bytes and equal
+  /// frames give equal images, unless another keyframe has come that takes the frame of a video before. Throws
+  /// InvalidInput when the keyframe is not among `keyframe_ids`.
+  struct Origin {
+    std::filesystem::path file;
+    std::string frame;
+  };
+  virtual Origin origin(std::int64_t keyframe_id) const = 0;
+
+  /// `keyframe_ids` and `next` name these keyframes only, and others are not decoded where that can be helped. Before
+  /// the first `next`.
+  virtual void restrict_to(const std::set<std::int64_t>& keyframe_ids) = 0;
 };
 
 /// Images in a folder (JPEG, PNG, TIFF, BMP, WebP; not recursive). Their names are keyframe ids, timestamps (seconds,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "live/scale_recovery.h"
+#include "plan/scale_recovery.h"
 
 #include <algorithm>
 #include <cmath>

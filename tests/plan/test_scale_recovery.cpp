@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "live/scale_recovery.h"
+#include "plan/scale_recovery.h"
 #include "support/rng.h"
 
 using namespace pmsp;

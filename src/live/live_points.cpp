@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <utility>
+
+#include "live/live_builder.h"
+#include "plan/choices.h"
+#include "plan/reach.h"
+
+// Points of a live mission: when they are made, and who is asked about them.
+namespace pmsp {
+namespace {
+
+/// Points are made for so many keyframes together: those at the borders of a group are looked at twice.
+constexpr std::size_t kGroup = 8;
+/// Keyframes beyond the fusion window are asked about so many together.
+constexpr std::size_t kWideGroup = 64;
+constexpr std::size_t kWideFewest = 16;
+
+}  // namespace
+
+/// The highest level that it has reached together with all keyframes whose depth maps its points are made from, but
+/// for those that cannot go on; 0 = none, or it is not known yet which these are.
+int LiveBuilder::shared_level_of(const LiveNode& node) const {
+  if (!node.has_map()) return 0;
+  const std::size_t reach = reach_.points;
+  const Flight& flight = flights_.at(node.map_id);
+  const std::size_t place = place_of(node);
+  if (!has_ended(node.map_id) && place + reach >= flight.size()) return 0;
+  int level = level_of(node);
+  for (std::size_t i = place > reach ? place - reach : 0; i < std::min(flight.size(), place + reach + 1); ++i) {
+    const LiveNode& other = nodes_.at(flight[i]);
+    if (!other.linked) return 0;
+    if (other.has_depth) level = std::min(level, level_of(other));
+  }
+  return level;
+}
+
+/// Points of some keyframes that have reached another level, or, `because_moved`, that have not but are due.
+bool LiveBuilder::show(bool because_moved) {
+  std::vector<LiveNode*> nodes;
+  std::size_t matching = 0;
+  for (const auto& [map_id, flight] : flights_) {
+    for (const std::int64_t id : flight) {
+      LiveNode& node = nodes_.at(id);
+      matching += goal(node) > node.passes ? 1 : 0;
+      if (nodes.size() == kGroup || (because_moved && !node.points_due)) continue;
+      const int level = shared_level_of(node);
+      if (because_moved ? level >= std::max(node.shown, 1) : level > node.shown) nodes.push_back(&node);
+    }
+  }
+  if (nodes.empty()) return false;
+  // While few wait, each level follows the one before at once.
+  const bool soon_better = matching > 0 && matching <= kShortQueue && !because_moved;
+  if (soon_better) {
+    const auto gets_better = [&](const LiveNode* node) { return shared_level_of(*node) < full_; };
+    nodes.erase(std::remove_if(nodes.begin(), nodes.end(), gets_better), nodes.end());
+    if (nodes.empty()) return false;
+  }
+  for (LiveNode* node : nodes) node->wide_due = node->wide_due || asks_all_;
+  show(nodes);
+  return true;
+}
+
+/// Keyframes beyond the fusion window are asked about points, too, many together.
+bool LiveBuilder::show_wide() {
+  if (densifier_.fusion.spacing_px == 0.0) return false;
+  std::vector<LiveNode*> nodes;
+  for (auto& [id, node] : nodes_) {
+    if (nodes.size() < kWideGroup && node.wide_due && node.shown > 0 && shared_level_of(node) >= node.shown)
+      nodes.push_back(&node);
+  }
+  if (nodes.empty() || (asks_all_ && !finishing_ && nodes.size() < kWideFewest)) return false;
+  for (LiveNode* node : nodes) {
+    node->wide = true;
+    node->wide_due = false;
+    node->wide_pose = node->pose;
+  }
+  show(nodes);
+  return true;
+}
+
+/// Who is asked about a keyframe's points: the fusion window, and of those within reach besides some on all sides.
+/// Points of one place may stay where keyframes beyond the window see it, too, as with `online`; but not those that a
+/// loop closure has put on top of each other.
+void LiveBuilder::ask_around(LiveNode& node) {
+  std::vector<std::int64_t> window;
+  for (const LiveNode* other : around(node, reach_.fusion, true)) {
+    if (other != &node) window.push_back(other->id);
+  }
+  const Eigen::Vector3d center = node.pose.cam_from_world.center();
+  std::vector<ViewerCandidate> candidates;
+  for (const std::int64_t id : flights_.at(node.map_id)) {
+    const LiveNode& other = nodes_.at(id);
+    if (&other == &node || !other.has_map()) continue;
+    candidates.push_back({id, (other.pose.cam_from_world.center() - center).norm()});
+  }
+  PlanKeyframe known;
+  known.id = node.id;
+  known.cam_from_world = node.pose.cam_from_world;
+  known.landmarks = node.keyframe().landmarks;
+  const PlanNode plan_node(std::move(known), 0, false);
+  const auto choose = [&](const std::vector<std::int64_t>& before) {
+    return choose_viewers(plan_node, window, candidates, densifier_.free_space.views, &before);
+  };
+  node.viewers = densifier_.free_space.enabled ? choose(node.viewers) : std::vector<std::int64_t>{};
+  if (!asks_all_) {
+    const auto stays_apart = [&](const ViewerCandidate& candidate) {
+      const LiveNode& other = nodes_.at(candidate.id);
+      const bool in_window = std::find(window.begin(), window.end(), candidate.id) != window.end();
+      const LiveInput then{other.id, 0, other.first_pose, node.first_pose};
+      return !in_window && (other.shown == 0 || node.shown == 0 ||
+                            moved_px(then, other.pose, node.pose, node.range, densifier_.width) <= kReunion);
+    };
+    candidates.erase(std::remove_if(candidates.begin(), candidates.end(), stays_apart), candidates.end());
+  }
+  node.owners = node.wide ? choose(node.owners) : window;
+}
+
+std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& ids, std::int64_t map_id) {
+  std::vector<LiveNode*> result;
+  for (const std::int64_t id : ids) {
+    LiveNode* const node = find(id);
+    if (node != nullptr && node->has_map() && node->map_id == map_id) result.push_back(node);
+  }
+  return result;
+}
+
+/// Makes and publishes their points. Rounds of ownership need those of the keyframes around up to the round before.
+void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
+  const int rounds = ownership_rounds(densifier_);
+  for (LiveNode* node : nodes) ask_around(*node);
+  std::vector<std::vector<LiveNode*>> levels{nodes};  // those that are asked in the last round, the one before, ...
+  std::set<std::int64_t> there;
+  for (const LiveNode* node : nodes) there.insert(node->id);
+  for (int round = 0; round < rounds; ++round) {
+    std::vector<LiveNode*> more = levels.back();
+    for (const LiveNode* node : levels.back()) {
+      for (LiveNode* owner : with_depth(node->owners, node->map_id)) {
+        if (!there.insert(owner->id).second) continue;
+        if (owner->owners.empty()) ask_around(*owner);
+        more.push_back(owner);
+      }
+    }
+    levels.push_back(std::move(more));
+  }
+  for (LiveNode* node : levels.back()) fuse(*node);
+  for (LiveNode* node : levels.back()) {
+    std::vector<const Engine::Frame*> viewers;
+    for (LiveNode* viewer : with_depth(node->viewers, node->map_id)) {
+      if (viewer->filtered_made == 0) filter(*viewer);
+      viewers.push_back(viewer->frame.get());
+    }
+    engine_->judge(*node->frame, viewers);
+  }
+  for (int round = 1; round <= rounds; ++round) {
+    for (LiveNode* node : levels[static_cast<std::size_t>(rounds - round)]) {
+      std::vector<const Engine::Frame*> owners;
+      for (const LiveNode* owner : with_depth(node->owners, node->map_id)) owners.push_back(owner->frame.get());
+      engine_->round(*node->frame, nearest_first(*node->frame, std::move(owners)), round);
+    }
+  }
+  for (LiveNode* node : nodes) {
+    if (cancel_.load(std::memory_order_relaxed)) return;
+    engine_->hand_out(*node->frame);
+    if (node->shown == 0) node->first_pose = node->pose;
+    node->shown = shared_level_of(*node);
+    node->points_due = false;
+    node->anew = node->anew && node->shown < full_;
+    node->judged.clear();
+    for (const std::vector<std::int64_t>* ids : {&node->viewers, &node->owners}) {
+      for (const LiveNode* other : with_depth(*ids, node->map_id)) node->judged.push_back(input(*other, *node, 0));
+    }
+  }
+  engine_->deliver(true);
+}
+
+}  // namespace pmsp

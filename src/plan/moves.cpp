@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "plan/moves.h"
+
+#include <cmath>
+
+#include "equirect.h"
+#include "util/eigen_kernels.h"
+
+namespace pmsp {
+
+double moved_px(const PosePair& then, const PosePair& now, double range, int width) {
+  const RigidTransform before = other_from_first(then.other, then.own);
+  const RigidTransform after = other_from_first(now.other, now.own);
+  const double zoom = then.own.scale / then.other.scale;
+  const double turned = (after.rotation - before.rotation).norm() / (std::sqrt(2.0) * zoom);
+  const double shifted = range > 0.0 ? (after.translation - before.translation).norm() / (range * zoom) : 0.0;
+  return (turned + shifted) * width / (2.0 * kernels::kPi);
+}
+
+}  // namespace pmsp

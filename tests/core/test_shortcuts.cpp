@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/small_missions.h"
+#include "pipeline.h"
+#include "pmsp/error.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+using Catch::Contains;
+
+namespace {
+
+using Ids = std::vector<std::int64_t>;
+using Maps = std::map<std::int64_t, PlaneMap>;
+
+struct Outcome {
+  ResultsById results;
+  Maps planes;
+  std::int64_t depth_maps = 0;
+};
+
+using Ways = std::map<std::int64_t, Shortcut>;
+
+Shortcuts shortcuts_of(const Ways& keyframes, const Maps& planes) {
+  return {keyframes, [&planes](std::int64_t id) { return planes.at(id); }};
+}
+
+constexpr Shortcut kKept{Shortcut::Planes::kStart, 0, false};
+constexpr Shortcut kRefined{Shortcut::Planes::kStart, 1, false};
+constexpr Shortcut kMoved{Shortcut::Planes::kStart, 2, true};
+
+Shortcut result_of(const SmallMission& mission) {
+  return {Shortcut::Planes::kResult, mission.options.patchmatch.geometric_passes + 1, false};
+}
+
+/// Runs a plan for some keyframes with the images that it asks for.
+Outcome run_with(const SmallMission& mission, const Plan& plan, const Ids& ids, const Shortcuts& shortcuts) {
+  Outcome outcome;
+  Recording recording;
+  DensifierCallbacks callbacks = recording.callbacks();
+  callbacks.raw_depth = nullptr;
+  callbacks.planes = [&](const PlaneMap& map) { CHECK(outcome.planes.emplace(map.keyframe_id, map).second); };
+  Densifier densifier(mission.options, plan, ids, callbacks, shortcuts);
+  for (const std::int64_t id : densifier.images()) densifier.add(keyframe_of(mission, id));
+  densifier.flush();
+  outcome.results = by_id(recording);
+  outcome.depth_maps = densifier.stats().depth_maps;
+  return outcome;
+}
+
+Ids with_depth_map(const Plan& plan) {
+  Ids ids;
+  for (const PlanEntry& entry : plan.entries) {
+    if (entry.has_depth_map()) ids.push_back(entry.id);
+  }
+  return ids;
+}
+
+bool same_planes(const PlaneMap& a, const PlaneMap& b) {
+  return a.x.pixels() == b.x.pixels() && a.y.pixels() == b.y.pixels() && a.z.pixels() == b.z.pixels() &&
+         a.score.pixels() == b.score.pixels();
+}
+
+}  // namespace
+
+TEST_CASE("an interrupted run goes on with the planes that it has, and ends the same", "[densifier][shortcuts]") {
+  std::mt19937 random(3);
+  for (const SmallMission& mission : small_missions()) {
+    INFO(mission.name);
+    const Plan plan = plan_of(mission);
+    const Ids all = with_depth_map(plan);
+    const Outcome whole = run_with(mission, plan, all, {});
+    REQUIRE(whole.planes.size() == all.size());
+    for (int round = 0; round < (kSanitized ? 1 : 4); ++round) {
+      Ways ways;
+      ResultsById expected = whole.results;
+      Ids missing;
+      for (const std::int64_t id : all) {
+        if (random() % 4 != 0) ways[id] = result_of(mission);
+        if (random() % 2 == 0) {
+          missing.push_back(id);
+        } else {
+          expected.clouds.erase(id);
+          expected.filtered.erase(id);
+        }
+      }
+      expected.raw.clear();
+      const Outcome rest = run_with(mission, plan, missing, shortcuts_of(ways, whole.planes));
+      CHECK(difference(rest.results, expected) == "");
+      for (const auto& [id, planes] : rest.planes) {
+        CHECK(ways.count(id) == 0);
+        CHECK(same_planes(planes, whole.planes.at(id)));
+      }
+    }
+  }
+}
+
+TEST_CASE("with all planes there nothing is matched, and the points are the same", "[densifier][shortcuts]") {
+  for (const SmallMission& mission : small_missions()) {
+    INFO(mission.name);
+    const Plan plan = plan_of(mission);
+    const Ids all = with_depth_map(plan);
+    const Outcome whole = run_with(mission, plan, all, {});
+    Ways kept;
+    for (const std::int64_t id : all) kept[id] = kKept;
+    const Outcome again = run_with(mission, plan, all, shortcuts_of(kept, whole.planes));
+    CHECK(again.depth_maps == 0);
+    CHECK(again.planes.empty());
+    CHECK(difference(again.results, whole.results) == "");
+  }
+}
+
+TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any order of the tasks",
+          "[densifier][shortcuts]") {
+  for (const SmallMission& mission : small_missions()) {
+    const int passes = mission.options.patchmatch.geometric_passes;
+    if (passes < 2) continue;
+    INFO(mission.name);
+    const Plan plan = plan_of(mission);
+    const Ids all = with_depth_map(plan);
+    const Outcome whole = run_with(mission, plan, all, {});
+    const Shortcut kinds[] = {
+        kKept, kRefined, kMoved, {Shortcut::Planes::kNone, 1, false}, {Shortcut::Planes::kNone, passes, false}};
+    Ways ways;
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (i % 6 == 5) continue;  // from the beginning, in all passes
+      ways[all[i]] = kinds[i % 6];
+      kept += i % 6 == 0;
+    }
+    const Outcome next = run_with(mission, plan, all, shortcuts_of(ways, whole.planes));
+    CHECK(next.planes.size() == all.size() - kept);
+    CHECK(next.results.clouds.size() == all.size());
+    for (std::uint32_t seed = 0; seed < (kSanitized ? 1 : 4); ++seed) {
+      std::mt19937 random(seed);
+      Recording recording;
+      DensifierCallbacks callbacks = recording.callbacks();
+      callbacks.raw_depth = nullptr;
+      Pipeline pipeline(mission.options, PlanPart(plan, all, mission.options, true, ways), callbacks,
+                        [&](std::int64_t id) { return whole.planes.at(id); });
+      pipeline.choose = [&](const std::vector<Task>& tasks) {
+        return tasks.empty() ? std::nullopt : std::optional<Task>(tasks[random() % tasks.size()]);
+      };
+      for (const Keyframe& keyframe : mission.keyframes) pipeline.add(keyframe);
+      pipeline.flush();
+      CHECK(difference(by_id(recording), next.results) == "");
+    }
+    // A run with shortcuts may be interrupted, too.
+    Ways resumed = ways;
+    std::mt19937 random(5);
+    Ids missing;
+    ResultsById expected = next.results;
+    for (const std::int64_t id : all) {
+      const auto way = ways.find(id);
+      const bool anew = way == ways.end() || way->second.planes == Shortcut::Planes::kNone;
+      if (anew && random() % 3 != 0) {
+        resumed[id] = {Shortcut::Planes::kResult, way == ways.end() ? passes + 1 : way->second.passes, false};
+      }
+      if (random() % 2 == 0) missing.push_back(id);
+      if (missing.empty() || missing.back() != id) {
+        expected.clouds.erase(id);
+        expected.filtered.erase(id);
+      }
+    }
+    Maps planes = whole.planes;
+    for (const auto& [id, way] : resumed) {
+      if (way.planes == Shortcut::Planes::kResult) planes.at(id) = next.planes.at(id);
+    }
+    CHECK(difference(run_with(mission, plan, missing, shortcuts_of(resumed, planes)).results, expected) == "");
+  }
+}
+
+TEST_CASE("shortcuts that do not fit are refused", "[densifier][shortcuts]") {
+  const SmallMission mission{"", small_preset(Quality::kOnline), small_flight(10)};
+  const Plan plan = plan_of(mission);
+  const Ids all = with_depth_map(plan);
+  const int passes = mission.options.patchmatch.geometric_passes;
+  const auto load = [](std::int64_t id) {
+    PlaneMap map(8, 4);
+    map.keyframe_id = id;
+    return map;
+  };
+  const auto refused = [&](std::int64_t id, const Shortcut& shortcut) {
+    CHECK_THROWS_AS(Densifier(mission.options, plan, all, {}, Shortcuts{{{id, shortcut}}, load}), InvalidInput);
+  };
+  refused(9999, kKept);
+  refused(all[0], {Shortcut::Planes::kStart, passes + 1, false});
+  refused(all[0], {Shortcut::Planes::kStart, -1, false});
+  refused(all[0], {Shortcut::Planes::kNone, 0, false});
+  refused(all[0], {Shortcut::Planes::kNone, passes + 2, false});
+  refused(all[0], {Shortcut::Planes::kResult, 0, false});
+  CHECK_THROWS_WITH(Densifier(mission.options, plan, all, {}, Shortcuts{{{all[0], kKept}}, nullptr}),
+                    Contains("nobody to load"));
+  CHECK_THROWS_WITH(run_with(mission, plan, all, {{{all[1], kKept}}, load}),
+                    Contains("keyframe " + std::to_string(all[1]) + " are 8 x 4") && Contains("expected 32 x 16"));
+}
