@@ -17,6 +17,7 @@ constexpr const char* kExamples =
     "  pmsp-densify map.msg --images keyframes/ -o cloud.ply\n"
     "  pmsp-densify run map.db --video flight.mp4 --mask drone.png --quality normal --force -o cloud.ply\n"
     "  pmsp-densify run map.msg --images keyframes/ --preview look/ --stats stats.json --consistency-min-views 2\n"
+    "  pmsp-densify run map.msg --images keyframes/ --workspace work/ --follow -o cloud.ply\n"
     "  pmsp-densify info map.msg --images keyframes/\n"
     "  pmsp-densify info map.msg --images keyframes/ --quality normal --plan plan.json\n"
     "  pmsp-densify config --quality high > high.json\n"
@@ -33,6 +34,12 @@ double frame_rate_from(const std::string& text) {
   const auto fps = number_from<double>(text);
   if (fps && *fps >= 0.0 && *fps <= 1e6) return *fps;
   throw UsageError("--fps is \"" + text + "\"; expected frames per second up to 1000000, or 0 for the map's own");
+}
+
+double idle_seconds_from(const std::string& text) {
+  const auto seconds = number_from<double>(text);
+  if (seconds && *seconds >= 0.0 && *seconds <= 1e6) return *seconds;
+  throw UsageError("--until-idle is \"" + text + "\"; expected seconds, 0 to 1000000");
 }
 
 void add_inputs(CLI::App& app, Arguments& a) {
@@ -99,6 +106,24 @@ void add_outputs(CLI::App& app, Arguments& a) {
                  "Existing folder for what keyframes leave while they wait for their points' say (normal, high; 17 "
                  "bytes a pixel of those that wait) [default that of the cloud]")
       ->type_name("DIR")
+      ->group(group);
+  app.add_option_function<std::string>(
+         "--workspace",
+         [&a](const std::string& folder) {
+           if (folder.empty()) throw UsageError("--workspace is empty; expected the name of a folder");
+           a.workspace = folder;
+         },
+         "Folder that keeps what is made of each keyframe: the same command on a newer map, with more images, or "
+         "after a kill makes only what is new, has moved or is missing (16 bytes a pixel of the depth maps and 40 "
+         "a point)")
+      ->type_name("DIR")
+      ->group(group);
+  app.add_flag("--follow", a.follow, "With --workspace: run again whenever the map or the images change, until Ctrl-C")
+      ->group(group);
+  app.add_option_function<std::string>(
+         "--until-idle", [&a](const std::string& text) { a.until_idle = idle_seconds_from(text); },
+         "With --follow: until nothing has changed for so long [s]")
+      ->type_name("S")
       ->group(group);
   app.add_option("--preview", a.preview, "Pictures to judge the result by (PNG)")->type_name("DIR")->group(group);
 }
@@ -185,6 +210,11 @@ void check_run(const Arguments& a) {
   if (a.map.empty()) throw UsageError("MAP is missing: pmsp-densify MAP --images DIR; see --help");
   if (a.images.empty() && a.video.empty())
     throw UsageError("the images are missing; give --images DIR or --video FILE");
+  if (a.follow && a.workspace.empty()) throw UsageError("--follow needs --workspace DIR, which keeps what is made");
+  if (a.until_idle && !a.follow) throw UsageError("--until-idle needs --follow");
+  if (!a.workspace.empty() && !a.raw_depth_maps.empty()) {
+    throw UsageError("--raw-depth-maps and --workspace exclude each other: a workspace keeps filtered depth maps only");
+  }
 }
 
 }  // namespace

@@ -36,6 +36,9 @@ struct Arguments {
   std::filesystem::path preview;
   std::filesystem::path scratch;  ///< empty = the folder of the output
   std::filesystem::path plan;     ///< info
+  std::filesystem::path workspace;
+  bool follow = false;
+  std::optional<double> until_idle;  ///< [s]
 
   ProgressMode progress = ProgressMode::kAuto;
   bool quiet = false;

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <fstream>
 #include <iostream>
-#include <iterator>
 
 #include "export/regular_file.h"
 #include "verbs.h"
@@ -10,10 +8,7 @@ namespace pmsp::tool {
 namespace {
 
 nlohmann::json read_config(const std::filesystem::path& path) {
-  require_regular_file(path);
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw IoError(path.string() + ": cannot be opened for reading");
-  const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  const std::string text = read_whole_file(path);
   try {
     return nlohmann::json::parse(text, nullptr, true, true);
   } catch (const nlohmann::json::parse_error& error) {

@@ -12,6 +12,7 @@ namespace {
 
 std::atomic<Densifier*> g_densifier{nullptr};
 std::atomic<int> g_signal{0};
+int g_guards = 0;
 static_assert(std::atomic<Densifier*>::is_always_lock_free && std::atomic<int>::is_always_lock_free,
               "a signal handler may only touch lock-free atomics");
 
@@ -31,15 +32,15 @@ void install(void (*handler)(int)) {
 
 }  // namespace
 
-InterruptGuard::InterruptGuard(Densifier& densifier) {
+InterruptGuard::InterruptGuard(Densifier* densifier) : outer_(g_densifier.exchange(densifier)) {
+  if (g_guards++ > 0) return;
   g_signal = 0;
-  g_densifier = &densifier;
   install(on_signal);
 }
 
 InterruptGuard::~InterruptGuard() {
-  install(SIG_DFL);
-  g_densifier = nullptr;
+  if (--g_guards == 0) install(SIG_DFL);
+  g_densifier = outer_;
 }
 
 void InterruptGuard::check() const {

@@ -5,16 +5,21 @@
 
 namespace pmsp::tool {
 
-/// While it lives, the first SIGINT or SIGTERM cancels the densifier, the second one ends the process at once.
+/// While it lives, the first SIGINT or SIGTERM cancels the densifier, the second one ends the process at once. One may
+/// live inside another, which then waits.
 class InterruptGuard {
  public:
-  explicit InterruptGuard(Densifier& densifier);
+  /// `densifier`: nullptr = there is nothing to cancel.
+  explicit InterruptGuard(Densifier* densifier);
   ~InterruptGuard();
   InterruptGuard(const InterruptGuard&) = delete;
   InterruptGuard& operator=(const InterruptGuard&) = delete;
 
   /// Throws Interrupted after a signal.
   void check() const;
+
+ private:
+  Densifier* outer_;
 };
 
 }  // namespace pmsp::tool

@@ -312,6 +312,12 @@ nlohmann::ordered_json to_json(const DensifierOptions& options) {
   return json;
 }
 
+nlohmann::ordered_json options_of_results(const DensifierOptions& options) {
+  nlohmann::ordered_json json = to_json(options);
+  for (const char* machine : {"backend", "device", "pipelined", "threads", "simd"}) json.erase(machine);
+  return json;
+}
+
 void apply_json(DensifierOptions& options, const nlohmann::json& json, const std::string& source) {
   if (!json.is_object()) throw InvalidOption(source + ": holds no JSON object");
   Json rest = json;

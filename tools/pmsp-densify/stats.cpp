@@ -40,6 +40,15 @@ std::string repeated_points(const DensifierStats& s) {
              : "";
 }
 
+/// A line; "" where counts are not of the whole mission.
+std::string pixels_kept(const RunReport& report) {
+  const DensifierStats& s = report.stats;
+  if (!report.workspace.is_null()) return "";
+  return "pixels kept: PatchMatch " + percent_text(s.pixels_matched, s.pixels) + ", median filter " +
+         percent_text(s.pixels_after_median, s.pixels) + ", consistency filter " +
+         percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) + "\n";
+}
+
 std::string seconds_text(double seconds) {
   char text[32];
   std::snprintf(text, sizeof(text), "%.1f s", seconds);
@@ -104,6 +113,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   for (const SkippedKeyframe& skipped : report.skipped) {
     json["skipped"].push_back({{"keyframe_id", skipped.keyframe_id}, {"reason", skipped.reason}});
   }
+  if (!report.workspace.is_null()) json["workspace"] = report.workspace;
   if (!report.empty_reason.empty()) json["empty"] = report.empty_reason;
   return json;
 }
@@ -116,10 +126,7 @@ std::string summary(const RunReport& report) {
   return "keyframes:   " + std::to_string(report.keyframes) + " in the map, " + std::to_string(report.with_image) +
          " with an image, " + std::to_string(s.keyframes_accepted) + " accepted by the view filter" +
          blurred_keyframes(s) + ", " + std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" +
-         "pixels kept: PatchMatch " + percent_text(s.pixels_matched, s.pixels) + ", median filter " +
-         percent_text(s.pixels_after_median, s.pixels) + ", consistency filter " +
-         percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) + "\n" +
-         "points:      " + count_text(s.points) + repeated_points(s) + "\n" +
+         pixels_kept(report) + "points:      " + count_text(s.points) + repeated_points(s) + "\n" +
          "time:        " + seconds_text(report.seconds_total) + " (" + each + " s a keyframe): prepare " +
          seconds_text(s.seconds_prepare) + ", init " + seconds_text(s.seconds_init) + ", PatchMatch " +
          seconds_text(s.seconds_patchmatch) + ", median " + seconds_text(s.seconds_median) + ", consistency " +

@@ -27,7 +27,8 @@ struct RunReport {
   double seconds_decode = 0.0;  ///< in the background thread, most of it hidden behind the densifier's work
   double seconds_wait = 0.0;    ///< for images
   double seconds_verify = 0.0;
-  std::string empty_reason;  ///< of an empty result
+  std::string empty_reason;          ///< of an empty result
+  nlohmann::ordered_json workspace;  ///< what was kept and what was made; null without one
 };
 
 nlohmann::ordered_json to_json(const RunReport& report);

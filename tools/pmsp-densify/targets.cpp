@@ -25,18 +25,11 @@ struct Target {
 
 std::string text_of(const Target& target) { return std::string(target.option) + " " + target.path.string(); }
 
-/// One spelling for each place, whether something is there or not.
-fs::path place_of(const fs::path& path) {
-  std::error_code ignored;
-  const fs::path place = fs::weakly_canonical(fs::absolute(path), ignored);
-  return place.has_filename() ? place : place.parent_path();  // "folder/" is "folder"
-}
-
 bool is_or_lies_in(const fs::path& place, const fs::path& folder) {
   return std::mismatch(folder.begin(), folder.end(), place.begin(), place.end()).first == folder.end();
 }
 
-void check_file(const Arguments& arguments, const Target& target) {
+void check_file(const Arguments& arguments, const Target& target, bool may_replace) {
   std::error_code ignored;
   for (const fs::path& input : {arguments.map, arguments.video, arguments.mask, arguments.config}) {
     if (!input.empty() && fs::equivalent(target.path, input, ignored)) {
@@ -47,20 +40,20 @@ void check_file(const Arguments& arguments, const Target& target) {
   if (!fs::is_regular_file(target.path, ignored)) {
     throw OutputError(target.path.string() + ": cannot be written, it exists and is no ordinary file");
   }
-  if (!arguments.force) {
+  if (!may_replace) {
     throw OutputError(target.path.string() + ": exists already; --force overwrites it, or give another " +
                       target.option);
   }
 }
 
-void check_folder(const Arguments& arguments, const Target& target) {
+void check_folder(const Arguments& arguments, const Target& target, bool may_replace) {
   if (!arguments.images.empty() && place_of(target.path) == place_of(arguments.images)) {
     throw UsageError(text_of(target) + " is the folder of the images; give one of its own");
   }
   std::error_code error;
   if (!fs::exists(target.path, error)) return;
   if (!fs::is_directory(target.path, error)) throw OutputError(target.path.string() + ": exists and is no folder");
-  if (!fs::is_empty(target.path, error) && !arguments.force) {
+  if (!fs::is_empty(target.path, error) && !may_replace) {
     throw OutputError(target.path.string() + ": is not empty; --force writes into it, or give another " +
                       target.option);
   }
@@ -87,9 +80,11 @@ bool is_of_other_verb(const Arguments& arguments, const Target& target) {
   return arguments.verb == Verb::kInfo && std::string(target.option) != "--plan";
 }
 
-}  // namespace
+bool is_workspace_file(const std::string& name) {
+  return name == "workspace.json" || name == "lock" || name == "planes" || name == "points";
+}
 
-void check_targets(const Arguments& arguments) {
+std::vector<Target> targets_of(const Arguments& arguments) {
   std::vector<Target> targets;
   for (const Target& target : {Target{"--output", arguments.output, nullptr},
                                {"--stats", arguments.stats, nullptr},
@@ -97,15 +92,55 @@ void check_targets(const Arguments& arguments) {
                                {"--raw-depth-maps", arguments.raw_depth_maps, is_depth_map_file},
                                {"--preview", arguments.preview, is_preview_file},
                                {"--plan", arguments.plan, nullptr}}) {
-    if (target.path.empty() || is_of_other_verb(arguments, target)) continue;
-    for (const Target& other : targets) check_pair(other, target);
-    targets.push_back(target);
+    if (!target.path.empty() && !is_of_other_verb(arguments, target)) targets.push_back(target);
   }
-  for (const Target& target : targets) {
+  return targets;
+}
+
+/// Its own files have names of a kind there, and the folders are its own.
+void check_beside_workspace(const Arguments& arguments, const Target& target) {
+  if (arguments.workspace.empty()) return;
+  check_pair({"--workspace", arguments.workspace, is_workspace_file}, target);
+  const fs::path folder = place_of(arguments.workspace);
+  for (const char* inner : {"planes", "points"}) {
+    if (!is_or_lies_in(place_of(target.path), folder / inner)) continue;
+    throw UsageError(text_of(target) + " lies among the files of --workspace; give another place");
+  }
+}
+
+}  // namespace
+
+fs::path place_of(const fs::path& path) {
+  std::error_code ignored;
+  const fs::path place = fs::weakly_canonical(fs::absolute(path), ignored);
+  return place.has_filename() ? place : place.parent_path();  // "folder/" is "folder"
+}
+
+std::vector<fs::path> target_paths(const Arguments& arguments) {
+  std::vector<fs::path> paths;
+  for (const Target& target : targets_of(arguments)) paths.push_back(target.path);
+  return paths;
+}
+
+void check_names(const Arguments& arguments) {
+  const std::vector<Target> targets = targets_of(arguments);
+  for (std::size_t i = 0; i < targets.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) check_pair(targets[k], targets[i]);
+    check_beside_workspace(arguments, targets[i]);
+  }
+}
+
+void check_targets(const Arguments& arguments, const std::vector<fs::path>& own) {
+  check_names(arguments);
+  for (const Target& target : targets_of(arguments)) {
+    const fs::path place = place_of(target.path);
+    const bool may_replace = arguments.force || std::any_of(own.begin(), own.end(), [&](const fs::path& path) {
+                               return place_of(path) == place;
+                             });
     if (target.is_file()) {
-      check_file(arguments, target);
+      check_file(arguments, target, may_replace);
     } else {
-      check_folder(arguments, target);
+      check_folder(arguments, target, may_replace);
     }
   }
 }

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "workspace/artefact_file.h"
+
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include "export/atomic_file.h"
+#include "export/regular_file.h"
+#include "pmsp/error.h"
+
+namespace pmsp::workspace {
+namespace {
+
+constexpr char kPlanes[17] = "pmsp planes    1";
+constexpr char kPoints[17] = "pmsp points    1";
+constexpr std::size_t kKindBytes = 16;
+
+/// Writes what is put into it, and its checksum at the end.
+class Writer {
+ public:
+  Writer(const std::filesystem::path& path, const char* kind) : file_(path) {
+    XXH3_64bits_reset(&hash_);
+    put(kind, kKindBytes);
+  }
+  void put(const void* data, std::size_t bytes) {
+    if (bytes == 0) return;
+    XXH3_64bits_update(&hash_, data, bytes);
+    file_.write(data, bytes);
+  }
+  template <class T>
+  void put(const T& value) {
+    static_assert(std::is_arithmetic_v<T>, "numbers without gaps");
+    put(&value, sizeof(value));
+  }
+  template <class T>
+  void put_all(const std::vector<T>& values) {
+    static_assert(std::is_arithmetic_v<T>, "numbers without gaps");
+    put(static_cast<std::uint64_t>(values.size()));
+    put(values.data(), values.size() * sizeof(T));
+  }
+  void put(const KeyframePose& pose) {
+    for (int i = 0; i < 9; ++i) put(pose.cam_from_world.rotation(i / 3, i % 3));
+    for (int i = 0; i < 3; ++i) put(pose.cam_from_world.translation[i]);
+    put(pose.scale);
+  }
+  void commit() {
+    const std::uint64_t sum = XXH3_64bits_digest(&hash_);
+    file_.write(&sum, sizeof(sum));
+    file_.commit();
+  }
+
+ private:
+  AtomicFile file_;
+  XXH3_state_t hash_;
+};
+
+class Reader {
+ public:
+  Reader(const std::filesystem::path& path, const char* kind) : path_(path) {
+    require_regular_file(path);
+    std::ifstream file(path, std::ios::binary | std::ios::ate);
+    if (!file) throw IoError(path.string() + ": cannot be opened for reading");
+    bytes_.resize(static_cast<std::size_t>(file.tellg()));
+    file.seekg(0);
+    file.read(bytes_.data(), static_cast<std::streamsize>(bytes_.size()));
+    if (!file) throw IoError(path.string() + ": cannot be read");
+    if (bytes_.size() < kKindBytes + sizeof(std::uint64_t)) refuse();
+    std::uint64_t sum = 0;
+    end_ = bytes_.size() - sizeof(sum);
+    std::memcpy(&sum, bytes_.data() + end_, sizeof(sum));
+    if (XXH3_64bits(bytes_.data(), end_) != sum) refuse();
+    if (std::memcmp(bytes_.data(), kind, kKindBytes) != 0) refuse();
+    at_ = kKindBytes;
+  }
+  void get(void* data, std::size_t bytes) {
+    if (bytes > end_ - at_) refuse();
+    if (bytes > 0) std::memcpy(data, bytes_.data() + at_, bytes);
+    at_ += bytes;
+  }
+  template <class T>
+  T get() {
+    T value{};
+    get(&value, sizeof(value));
+    return value;
+  }
+  /// Of a list of things that take so many bytes each.
+  std::size_t count(std::size_t size) {
+    const std::uint64_t number = get<std::uint64_t>();
+    if (number > (end_ - at_) / size) refuse();
+    return static_cast<std::size_t>(number);
+  }
+  template <class T>
+  std::vector<T> get_all() {
+    std::vector<T> values(count(sizeof(T)));
+    get(values.data(), values.size() * sizeof(T));
+    return values;
+  }
+  KeyframePose pose() {
+    KeyframePose pose;
+    for (int i = 0; i < 9; ++i) pose.cam_from_world.rotation(i / 3, i % 3) = get<double>();
+    for (int i = 0; i < 3; ++i) pose.cam_from_world.translation[i] = get<double>();
+    pose.scale = get<double>();
+    return pose;
+  }
+  [[noreturn]] void refuse() const {
+    throw IoError(path_.string() +
+                  ": this file of the workspace is damaged; delete it and run again, and it is made anew");
+  }
+
+ private:
+  std::filesystem::path path_;
+  std::vector<char> bytes_;
+  std::size_t at_ = 0;
+  std::size_t end_ = 0;
+};
+
+}  // namespace
+
+void write_planes(const std::filesystem::path& path, const PlaneMap& planes) {
+  Writer file(path, kPlanes);
+  file.put(planes.keyframe_id);
+  file.put(planes.pose());
+  file.put(static_cast<std::int32_t>(planes.width()));
+  file.put(static_cast<std::int32_t>(planes.height()));
+  for (const Image<float>* part : {&planes.x, &planes.y, &planes.z, &planes.score}) {
+    file.put(part->pixels().data(), part->size() * sizeof(float));
+  }
+  file.commit();
+}
+
+PlaneMap read_planes(const std::filesystem::path& path) {
+  Reader file(path, kPlanes);
+  const std::int64_t id = file.get<std::int64_t>();
+  const KeyframePose pose = file.pose();
+  const std::int32_t width = file.get<std::int32_t>();
+  const std::int32_t height = file.get<std::int32_t>();
+  if (width < 1 || height < 1 || width > 16384 || height > 16384) file.refuse();
+  PlaneMap planes(width, height);
+  planes.keyframe_id = id;
+  planes.cam_from_world = pose.cam_from_world;
+  planes.scale = pose.scale;
+  for (Image<float>* part : {&planes.x, &planes.y, &planes.z, &planes.score}) {
+    file.get(part->pixels().data(), part->size() * sizeof(float));
+  }
+  return planes;
+}
+
+void write_points(const std::filesystem::path& path, const KeyframeCloud& cloud) {
+  Writer file(path, kPoints);
+  file.put(cloud.keyframe_id);
+  file.put(cloud.pose());
+  file.put(static_cast<std::uint64_t>(cloud.points.size()));
+  for (const CloudPoint& point : cloud.points) {
+    file.put(point.position.data(), 3 * sizeof(float));
+    file.put(point.normal.data(), 3 * sizeof(float));
+    file.put(point.confidence);
+    for (const std::uint8_t byte : {point.color.r, point.color.g, point.color.b, point.views}) file.put(byte);
+  }
+  file.put_all(cloud.pixels);
+  file.put_all(cloud.agree);
+  file.put_all(cloud.window_ids);
+  file.commit();
+}
+
+KeyframeCloud read_points(const std::filesystem::path& path) {
+  Reader file(path, kPoints);
+  KeyframeCloud cloud;
+  cloud.keyframe_id = file.get<std::int64_t>();
+  const KeyframePose pose = file.pose();
+  cloud.cam_from_world = pose.cam_from_world;
+  cloud.scale = pose.scale;
+  cloud.points.resize(file.count(7 * sizeof(float) + 4));
+  for (CloudPoint& point : cloud.points) {
+    file.get(point.position.data(), 3 * sizeof(float));
+    file.get(point.normal.data(), 3 * sizeof(float));
+    point.confidence = file.get<float>();
+    for (std::uint8_t* byte : {&point.color.r, &point.color.g, &point.color.b, &point.views}) {
+      *byte = file.get<std::uint8_t>();
+    }
+  }
+  cloud.pixels = file.get_all<std::uint32_t>();
+  cloud.agree = file.get_all<std::uint32_t>();
+  cloud.window_ids = file.get_all<std::int64_t>();
+  return cloud;
+}
+
+}  // namespace pmsp::workspace

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+
+#include "pmsp/plane_map.h"
+#include "pmsp/point_cloud.h"
+
+// What a keyframe leaves, as a file of a workspace: 16 bytes that say what it is, the numbers as this machine has them
+// (little-endian), a checksum of all that. Each is written whole or not at all. Writing throws OutputError; reading
+// IoError, naming the file, where it is not what was written.
+namespace pmsp::workspace {
+
+void write_planes(const std::filesystem::path& path, const PlaneMap& planes);
+PlaneMap read_planes(const std::filesystem::path& path);
+
+void write_points(const std::filesystem::path& path, const KeyframeCloud& cloud);
+KeyframeCloud read_points(const std::filesystem::path& path);
+
+}  // namespace pmsp::workspace

@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "workspace/step.h"
+
+#include <algorithm>
+#include <set>
+#include <unordered_map>
+#include <utility>
+
+#include "plan/halo.h"
+#include "plan/moves.h"
+#include "plan/scale_recovery.h"
+#include "util/median.h"
+#include "workspace/fingerprint.h"
+
+namespace pmsp::workspace {
+namespace {
+
+void add(Fingerprint& to, const RigidTransform& pose) {
+  to.add(pose.rotation.data(), 9 * sizeof(double)).add(pose.translation.data(), 3 * sizeof(double));
+}
+
+void add(Fingerprint& to, const StepKeyframe& it) {
+  to.add(it.keyframe.id).add(it.image);
+  add(to, it.keyframe.cam_from_world);
+  to.add(it.keyframe.landmarks.size());
+  for (const Landmark& landmark : it.keyframe.landmarks) {
+    to.add(landmark.id).add(landmark.position_world.data(), 3 * sizeof(double));
+  }
+  to.add(it.keyframe.sharpness.landmarks.size());
+  for (const LandmarkSharpness& at : it.keyframe.sharpness.landmarks) to.add(at.id).add(at.horizontal).add(at.vertical);
+}
+
+void add(Fingerprint& to, const std::vector<std::int64_t>& ids) {
+  to.add(ids.size()).add(ids.data(), ids.size() * sizeof(std::int64_t));
+}
+
+/// What a record holds follows from its step, but for files that have been deleted since.
+std::string name_of(const Record& record, const StepInputs& inputs) {
+  Fingerprint name;
+  name.add(record.step).add(record.keyframes.size());
+  for (const auto& [id, keyframe] : record.keyframes) {
+    name.add(id).add(keyframe.planes ? keyframe.planes->file : "").add(keyframe.points ? keyframe.points->file : "");
+  }
+  name.add(inputs.options_json).add(inputs.engine).add(inputs.mask);
+  name.add(inputs.ask_all_again).add(inputs.growing);
+  for (const StepKeyframe& it : inputs.keyframes) add(name, it);
+  return name.text().substr(0, 16);
+}
+
+/// Keyframes with fewer newer used ones are matched in fewer passes while a mission grows.
+constexpr int kRipe = 12;
+constexpr int kUnripePasses = 3;
+
+/// Of those that a keyframe is matched with.
+std::vector<std::int64_t> sources_of(const PlanEntry& entry) {
+  std::vector<std::int64_t> ids = entry.near;
+  ids.insert(ids.end(), entry.far.begin(), entry.far.end());
+  return ids;
+}
+
+class StepPlanner {
+ public:
+  StepPlanner(const Record& record, const StepInputs& inputs) : record_(record), inputs_(inputs) {
+    for (const StepKeyframe& it : inputs.keyframes) now_.emplace(it.keyframe.id, &it);
+    find_poses();
+  }
+
+  Step plan() {
+    Step step;
+    step.name = name_of(record_, inputs_);
+    std::vector<PlanKeyframe> keyframes;
+    for (const StepKeyframe& it : inputs_.keyframes) keyframes.push_back(it.keyframe);
+    const bool same_options = record_.options == inputs_.options_json;  // else all of the plan is decided anew
+    step.plan = make_plan(keyframes, inputs_.options, same_options ? &record_.plan : nullptr);
+    for (const PlanEntry& entry : step.plan.entries) {
+      if (entry.has_depth_map()) plan_planes(step, entry);
+    }
+    const PointsHalo halo(step.plan, inputs_.options);
+    for (const PlanEntry& entry : step.plan.entries) {
+      if (entry.has_depth_map()) plan_points(step, halo, entry.id);
+    }
+    return step;
+  }
+
+ private:
+  const RecordedKeyframe* recorded(std::int64_t id) const {
+    const auto found = record_.keyframes.find(id);
+    return found == record_.keyframes.end() ? nullptr : &found->second;
+  }
+
+  /// Where keyframes are now, with the scales of the planes that they have.
+  void find_poses() {
+    std::vector<MovedKeyframe> moved;
+    std::vector<std::int64_t> ids;
+    bool any = false;
+    for (const StepKeyframe& it : inputs_.keyframes) {
+      const PlanKeyframe& keyframe = it.keyframe;
+      poses_[keyframe.id] = {keyframe.cam_from_world, 1.0};
+      std::vector<double> ranges;
+      for (const Landmark& landmark : keyframe.landmarks) {
+        ranges.push_back((keyframe.cam_from_world * landmark.position_world).norm());
+      }
+      ranges_[keyframe.id] = ranges.empty() ? 0.0 : median(ranges);
+      const RecordedKeyframe* const before = recorded(keyframe.id);
+      if (before == nullptr) continue;
+      moved.push_back({before->pose, keyframe.cam_from_world, {}, {}, 0});
+      ids.push_back(keyframe.id);
+      any = any || before->pose.scale != 1.0 ||
+            before->pose.cam_from_world.translation != keyframe.cam_from_world.translation;
+    }
+    if (!any) return;
+    const std::vector<double> scales = recover_scales(moved);
+    for (std::size_t i = 0; i < ids.size(); ++i) poses_[ids[i]].scale = scales[i];
+  }
+
+  /// Of what the one sees in the other: in its image, or, where results are compared, in its unit, too.
+  double moved_by(std::int64_t id, KeyframePose then, KeyframePose then_other, std::int64_t other,
+                  bool in_image) const {
+    const KeyframePose& pose = poses_.at(id);
+    KeyframePose pose_other = poses_.at(other);
+    if (in_image) {
+      then_other.scale = then.scale;
+      pose_other.scale = pose.scale;
+    }
+    return moved_px({then_other, then}, {pose_other, pose}, ranges_.at(id) / pose.scale, inputs_.width);
+  }
+
+  void plan_planes(Step& step, const PlanEntry& entry) {
+    const StepKeyframe& now = *now_.at(entry.id);
+    StepKeyframePlan& it = step.keyframes[entry.id];
+    Fingerprint own;
+    own.add(inputs_.planes_options_json).add(inputs_.engine).add(inputs_.mask).add(now.image);
+    it.own = own.text();
+    choose_passes(step.plan, entry, it);
+    it.pose = poses_.at(entry.id);
+    if (!it.has_planes) it.pose.scale = poses_[entry.id].scale = 1.0;
+    const int had = it.has_planes ? recorded(entry.id)->planes->passes : 0;
+    step.unfinished += had + it.passes < full_passes();
+    it.planes_file = it.passes == 0 ? recorded(entry.id)->planes->file : std::to_string(entry.id) + "-" + step.name;
+  }
+
+  /// In how many passes the keyframe is matched, and from where on.
+  void choose_passes(const Plan& plan, const PlanEntry& entry, StepKeyframePlan& it) const {
+    const int full = full_passes();
+    const bool ripe = !inputs_.growing || is_ripe(plan, entry);
+    const auto anew = [&](const char* why) {
+      it.reason = why;
+      it.passes = ripe ? full : std::min(full, kUnripePasses);
+    };
+    int lacking = 0;
+    const auto further = [&](const char* why, int passes, bool images_first) {
+      if (full < 3) return anew(why);
+      it.reason = why;
+      it.has_planes = true;
+      it.passes = std::clamp(lacking, passes, full - 1);
+      it.images_first = images_first;
+    };
+    const RecordedKeyframe* const before = recorded(entry.id);
+    if (before == nullptr) return anew("new");
+    if (!before->planes) return anew("had no depth map");
+    if (before->image != now_.at(entry.id)->image) return anew("its image has changed");
+    if (before->planes->own != it.own) return anew("options, mask or engine have changed");
+    if (ripe) lacking = std::max(0, full - before->planes->passes);
+    double most = 0.0;
+    std::set<std::int64_t> then;
+    for (const RecordedSource& source : before->planes->sources) {
+      then.insert(source.id);
+      const auto now = now_.find(source.id);
+      if (now == now_.end()) continue;
+      if (now->second->image != source.image) return anew("a neighbour's image has changed");
+      most = std::max(most, moved_by(entry.id, before->planes->pose, source.pose, source.id, true));
+    }
+    if (!(most <= kMovedMove)) return anew("moved far");
+    if (most > kKeptMove) return further("moved", 2, true);
+    const std::vector<std::int64_t> sources = sources_of(entry);
+    if (std::set<std::int64_t>(sources.begin(), sources.end()) != then) return further("other neighbours", 1, false);
+    if (lacking > 0) return further("had too few passes", 1, false);
+    it.has_planes = true;
+  }
+
+  int full_passes() const { return inputs_.options.patchmatch.geometric_passes + 1; }
+
+  /// Whether neighbours and poses are nearly what they will be: a mission that grows moves its newest keyframes most.
+  bool is_ripe(const Plan& plan, const PlanEntry& entry) const {
+    int newer = 0;
+    for (auto it = plan.entries.rbegin(); it->id != entry.id && newer < kRipe; ++it) newer += it->used();
+    return newer >= kRipe;
+  }
+
+  void plan_points(Step& step, const PointsHalo& halo, std::int64_t id) {
+    StepKeyframePlan& it = step.keyframes.at(id);
+    it.asked = halo.planes_of(id);
+    Fingerprint inputs;
+    inputs.add(inputs_.options_json).add(inputs_.engine);
+    for (const std::int64_t other : it.asked) {
+      const PlanEntry& lists = halo.entry(other);
+      inputs.add(other).add(step.keyframes.at(other).planes_file);
+      for (const auto* list : {&lists.consistency, &lists.fusion, &lists.viewers, &lists.owners}) add(inputs, *list);
+    }
+    it.points_inputs = inputs.text();
+    it.points_kept = can_keep_points(id, it);
+    it.points_file = it.points_kept ? recorded(id)->points->file : std::to_string(id) + "-" + step.name;
+  }
+
+  bool can_keep_points(std::int64_t id, const StepKeyframePlan& it) const {
+    const RecordedKeyframe* const before = recorded(id);
+    if (inputs_.ask_all_again || before == nullptr || !before->points) return false;
+    if (before->points->inputs != it.points_inputs) return false;
+    const auto poses = record_.poses.find(before->points->step);
+    if (poses == record_.poses.end()) return false;
+    const auto own = poses->second.find(id);
+    return own != poses->second.end() && std::all_of(it.asked.begin(), it.asked.end(), [&](std::int64_t other) {
+             const auto then = poses->second.find(other);
+             return then != poses->second.end() && moved_by(id, own->second, then->second, other, false) <= kPointsMove;
+           });
+  }
+
+  const Record& record_;
+  const StepInputs& inputs_;
+  std::unordered_map<std::int64_t, const StepKeyframe*> now_;
+  std::unordered_map<std::int64_t, KeyframePose> poses_;
+  std::unordered_map<std::int64_t, double> ranges_;  ///< median distance of the landmarks [scene units]
+};
+
+}  // namespace
+
+std::map<std::int64_t, Shortcut> Step::shortcuts(int passes) const {
+  std::map<std::int64_t, Shortcut> result;
+  for (const auto& [id, it] : keyframes) {
+    if (it.has_planes) result[id] = {Shortcut::Planes::kStart, it.passes, it.images_first};
+    if (!it.has_planes && it.passes <= passes) result[id] = {Shortcut::Planes::kNone, it.passes, false};
+  }
+  return result;
+}
+
+Step plan_step(const Record& record, const StepInputs& inputs) { return StepPlanner(record, inputs).plan(); }
+
+Record record_of(const Step& step, const StepInputs& inputs, const Record& record) {
+  Record result;
+  result.step = step.name;
+  result.engine = inputs.engine;
+  result.options = inputs.options_json;
+  result.map = record.map;
+  result.images = record.images;
+  result.outputs = record.outputs;
+  result.plan = step.plan;
+  std::unordered_map<std::int64_t, const StepKeyframe*> now;
+  for (const StepKeyframe& it : inputs.keyframes) {
+    now.emplace(it.keyframe.id, &it);
+    RecordedKeyframe& keyframe = result.keyframes[it.keyframe.id];
+    keyframe.image = it.image;
+    keyframe.width = it.width;
+    keyframe.height = it.height;
+    keyframe.looked_for = it.looked_for;
+    keyframe.sharpness = it.keyframe.sharpness;
+    keyframe.pose = {it.keyframe.cam_from_world, 1.0};
+  }
+  for (const PlanEntry& entry : step.plan.entries) {
+    const auto planned = step.keyframes.find(entry.id);
+    if (planned == step.keyframes.end()) continue;
+    const StepKeyframePlan& it = planned->second;
+    RecordedKeyframe& keyframe = result.keyframes.at(entry.id);
+    keyframe.pose = it.pose;
+    const auto before = record.keyframes.find(entry.id);
+    if (it.has_planes) keyframe.planes = before->second.planes;
+    if (it.passes > 0) {
+      RecordedPlanes planes{
+          it.planes_file, it.own, it.passes + (it.has_planes ? keyframe.planes->passes : 0), it.pose, {}};
+      for (const std::int64_t id : sources_of(entry)) {
+        const auto source = step.keyframes.find(id);
+        const StepKeyframe& its = *now.at(id);
+        const KeyframePose pose =
+            source != step.keyframes.end() ? source->second.pose : KeyframePose{its.keyframe.cam_from_world, 1.0};
+        planes.sources.push_back({id, its.image, pose});
+      }
+      keyframe.planes = std::move(planes);
+    }
+    if (it.points_kept) {
+      keyframe.points = before->second.points;
+      const auto& poses = record.poses.at(keyframe.points->step);
+      for (const std::int64_t id : it.asked) result.poses[keyframe.points->step][id] = poses.at(id);
+      result.poses[keyframe.points->step][entry.id] = poses.at(entry.id);
+    } else {
+      keyframe.points = RecordedPoints{it.points_file, it.points_inputs, step.name};
+      for (const std::int64_t id : it.asked) result.poses[step.name][id] = step.keyframes.at(id).pose;
+      result.poses[step.name][entry.id] = it.pose;
+    }
+  }
+  return result;
+}
+
+}  // namespace pmsp::workspace

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "workspace/workspace.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+#include <cerrno>
+#include <cstring>
+#include <set>
+#include <system_error>
+#include <utility>
+
+#include "export/atomic_file.h"
+#include "export/regular_file.h"
+#include "pmsp/error.h"
+#include "workspace/artefact_file.h"
+#include "workspace/fingerprint.h"
+
+namespace pmsp::workspace {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* kRecord = "workspace.json";
+constexpr const char* kLock = "lock";
+
+bool is_there(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+bool consists_of(const std::string& text, const char* characters) {
+  return !text.empty() && text.find_first_not_of(characters) == std::string::npos;
+}
+
+/// Whether a workspace gives its files such names: ID-STEP, or what AtomicFile names beside it while it is written.
+bool is_own_name(std::string name) {
+  if (name[0] == '.') {
+    const std::size_t end = name.find('.', 1);
+    if (end == std::string::npos || fs::path(name).extension() != ".tmp") return false;
+    name = name.substr(1, end - 1);
+  }
+  constexpr std::size_t kStepDigits = 16;
+  const std::size_t dash = name.rfind('-');
+  if (dash == std::string::npos || dash == 0 || name.size() - dash - 1 != kStepDigits) return false;
+  const std::string id = name.substr(name[0] == '-' ? 1 : 0, dash - (name[0] == '-' ? 1 : 0));
+  return consists_of(id, "0123456789") && consists_of(name.substr(dash + 1), "0123456789abcdef");
+}
+
+/// Files of the workspace in a folder but for those of these names.
+void delete_all_but(const std::set<std::string>& names, const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> old;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    if (names.count(name) == 0 && is_own_name(name) && it->is_regular_file(error)) old.push_back(it->path());
+  }
+  for (const fs::path& file : old) fs::remove(file, error);  // what stays does no harm
+}
+
+}  // namespace
+
+Workspace::Workspace(const fs::path& folder) : folder_(folder) {
+  std::error_code error;
+  const fs::path record = folder / kRecord;
+  const bool is_new = !fs::exists(fs::symlink_status(record, error));
+  if (is_new && fs::exists(fs::symlink_status(folder, error))) {
+    if (!fs::is_directory(folder, error)) {
+      throw InvalidInput(folder.string() +
+                         ": is no folder; expected one that a run with this option has made, or a new "
+                         "name");
+    }
+    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+      if (it->path().filename() == kLock) continue;  // as far as a killed run came
+      throw InvalidInput(folder.string() +
+                         ": is no workspace, and not empty; expected a folder that a run with this "
+                         "option has made, or a new name");
+    }
+  }
+  make_folder(folder);
+  lock();
+  try {
+    if (is_new) write_file(record, record_json({}));
+    record_ = record_from_json(read_whole_file(record), record.string());
+    make_folder(planes());
+    make_folder(points());
+    look_again();
+  } catch (...) {
+    ::close(lock_);
+    throw;
+  }
+}
+
+Workspace::~Workspace() { ::close(lock_); }
+
+/// The lock ends with the process.
+void Workspace::lock() {
+  const fs::path file = folder_ / kLock;
+  lock_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) == 0) return;
+  const int code = errno;
+  if (lock_ >= 0) ::close(lock_);
+  if (code == EWOULDBLOCK) {
+    throw OutputError(folder_.string() +
+                      ": another process works in this workspace; wait until it has ended, or name another folder");
+  }
+  throw OutputError(file.string() + ": the workspace cannot be locked (" + std::strerror(code) +
+                    "); name a folder that may be written to, on a file system with locks");
+}
+
+void Workspace::look_again() { drop_missing(record_); }
+
+std::string Workspace::fingerprint(const fs::path& file) {
+  std::error_code error;
+  const std::int64_t time = fs::last_write_time(file, error).time_since_epoch().count();
+  const std::uintmax_t size = error ? 0 : fs::file_size(file, error);
+  Known& known = known_[file.string()];
+  if (error || known.text.empty() || known.time != time || known.size != size) {
+    known = {time, size, fingerprint_of_file(file)};
+  }
+  return known.text;
+}
+
+void Workspace::drop_missing(Record& record) const {
+  for (auto& [id, keyframe] : record.keyframes) {
+    if (keyframe.planes && !is_there(planes() / keyframe.planes->file)) keyframe.planes.reset();
+    if (keyframe.points && !is_there(points() / keyframe.points->file)) keyframe.points.reset();
+  }
+}
+
+bool Workspace::has_planes(const StepKeyframePlan& keyframe) const { return is_there(planes() / keyframe.planes_file); }
+bool Workspace::has_points(const StepKeyframePlan& keyframe) const { return is_there(points() / keyframe.points_file); }
+
+PlaneMap Workspace::load_planes(const std::string& file) const { return read_planes(planes() / file); }
+void Workspace::save_planes(const std::string& file, const PlaneMap& map) const { write_planes(planes() / file, map); }
+KeyframeCloud Workspace::load_points(const std::string& file) const { return read_points(points() / file); }
+void Workspace::save_points(const std::string& file, const KeyframeCloud& cloud) const {
+  write_points(points() / file, cloud);
+}
+
+void Workspace::commit(Record record) {
+  drop_missing(record);
+  write_file(folder_ / kRecord, record_json(record));
+  record_ = std::move(record);
+  delete_unnamed();
+}
+
+void Workspace::delete_unnamed() const {
+  std::set<std::string> named_planes, named_points;
+  for (const auto& [id, keyframe] : record_.keyframes) {
+    if (keyframe.planes) named_planes.insert(keyframe.planes->file);
+    if (keyframe.points) named_points.insert(keyframe.points->file);
+  }
+  delete_all_but(named_planes, planes());
+  delete_all_but(named_points, points());
+}
+
+}  // namespace pmsp::workspace

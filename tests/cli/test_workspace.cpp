@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+
+#include "cli/command.h"
+
+using namespace pmsp_test;
+using Catch::Contains;
+
+namespace fs = std::filesystem;
+
+namespace {
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr int kKills = 1;
+#else
+constexpr int kKills = 6;
+#endif
+
+std::vector<fs::path> files_in(const fs::path& folder) {
+  std::vector<fs::path> files;
+  for (const fs::directory_entry& file : fs::directory_iterator(folder)) files.push_back(file.path());
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+/// The mission's images but for the last ones.
+void copy_images(const fs::path& to, std::size_t count) {
+  fs::create_directories(to);
+  const std::vector<fs::path> files = files_in(mission() / "images");
+  for (std::size_t i = 0; i < std::min(count, files.size()); ++i) {
+    fs::copy_file(files[i], to / files[i].filename(), fs::copy_options::skip_existing);
+  }
+}
+
+bool same_bytes(const fs::path& a, const fs::path& b) { return read_text(a) == read_text(b); }
+
+std::vector<std::string> with(std::vector<std::string> words, const std::vector<std::string>& more) {
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+/// A quick run on images of its own, in a workspace.
+std::vector<std::string> step(const TempDir& dir, const std::vector<std::string>& more = {}) {
+  return with(quick_run(dir / "c.ply", {"--images", (dir / "images").string(), "--workspace", (dir / "work").string()}),
+              more);
+}
+
+void require_ok(const Result& result) {
+  INFO(result.err);
+  REQUIRE(result.code == 0);
+}
+
+/// Waits for what must come, and not for ever.
+template <class Condition>
+bool comes(const Condition& condition) {
+  for (int i = 0; i < 30000; ++i) {
+    if (condition()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  return false;
+}
+
+/// Runs until it ends by itself, and kills it at random moments before.
+int run_with_kills(const std::vector<std::string>& arguments, int kills, std::mt19937& random) {
+  int killed = 0;
+  for (int left = kills;; --left) {
+    Command command(densify_words(arguments));
+    if (left > 0) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(random() % 500));
+      kill(command.pid(), SIGKILL);
+    }
+    const Result result = command.wait();
+    killed += result.code == 137;
+    if (result.code == 137) continue;
+    require_ok(result);
+    if (left <= 0) return killed;
+  }
+}
+
+}  // namespace
+
+TEST_CASE("a new workspace gives the bytes of a run without one, and then there is nothing left to do") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  require_ok(densify(quick_run(dir / "plain.ply")));
+  const Result first = densify(step(dir));
+  require_ok(first);
+  CHECK_THAT(first.err, Contains("0 are kept"));
+  CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));
+  const Result second = densify(step(dir, {"--stats", (dir / "s.json").string()}));
+  require_ok(second);
+  CHECK_THAT(second.err, Contains("0 refined, 0 made"));
+  CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));
+  const nlohmann::json stats = nlohmann::json::parse(read_text(dir / "s.json"));
+  CHECK(stats["workspace"]["passes"] == 0);
+  CHECK(stats["workspace"]["kept"] == stats["workspace"]["depth_maps"]);
+  CHECK(stats["keyframes"]["added"] == 5);
+  fs::rename(dir / "work", dir / "moved");  // it holds no path that leads to itself
+  const Result elsewhere = densify(with(step(dir), {"--workspace", (dir / "moved").string()}));
+  require_ok(elsewhere);
+  CHECK_THAT(elsewhere.err, Contains("0 refined, 0 made"));
+}
+
+TEST_CASE("depth maps and pictures are those of a run without a workspace, also when planes are kept") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  require_ok(densify(quick_run(dir / "plain.ply", {"--depth-maps", (dir / "plain").string()})));
+  require_ok(densify(step(dir)));
+  require_ok(densify(step(dir, {"--depth-maps", (dir / "depth").string(), "--preview", (dir / "look").string()})));
+  std::size_t files = 0;
+  for (const fs::directory_entry& file : fs::directory_iterator(dir / "plain")) {
+    CHECK(same_bytes(file.path(), dir / "depth" / file.path().filename().string()));
+    ++files;
+  }
+  CHECK(files > 8);
+  CHECK(fs::exists(dir / "look"));
+  CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));
+}
+
+TEST_CASE("killed at any moment and run again, a step ends with the same bytes") {
+  std::mt19937 random(static_cast<std::uint32_t>(std::chrono::steady_clock::now().time_since_epoch().count()));
+  const TempDir first, second;
+  copy_images(first / "images", 4);
+  require_ok(densify(step(first)));
+  copy_images(second / "images", 4);
+  run_with_kills(step(second), kKills, random);
+  CHECK(same_bytes(first / "c.ply", second / "c.ply"));
+  fs::remove_all(second / "work");
+  fs::copy(first / "work", second / "work", fs::copy_options::recursive);
+  for (const TempDir* dir : {&first, &second}) copy_images(*dir / "images", 9);
+  const Result grown = densify(step(first));
+  require_ok(grown);
+  CHECK_THAT(grown.err, !Contains(" 0 made"));
+  run_with_kills(step(second), kKills, random);
+  CHECK(same_bytes(first / "c.ply", second / "c.ply"));
+  std::size_t files = 0;
+  for (const char* part : {"work/planes", "work/points"}) {
+    for (const fs::directory_entry& file : fs::directory_iterator(first / part)) {
+      CHECK(same_bytes(file.path(), second / part / file.path().filename()));
+      ++files;
+    }
+  }
+  CHECK(files > 6);
+}
+
+TEST_CASE("a full disk ends a step with 6; with more room it goes on to the same bytes") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  require_ok(densify(quick_run(dir / "plain.ply")));
+  std::string line = "ulimit -f 100; trap '' XFSZ; exec";
+  for (const std::string& word : densify_words(step(dir))) line += " '" + word + "'";
+  const Result full = Command({"/bin/sh", "-c", line}).wait();
+  INFO(full.err);
+  CHECK(full.code == 6);
+  CHECK_FALSE(fs::exists(dir / "c.ply"));
+  require_ok(densify(step(dir)));
+  CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));
+}
+
+TEST_CASE("--follow takes up images as they come, and ends when nothing has changed for long enough") {
+  const TempDir dir;
+  copy_images(dir / "images", 3);
+  Command follow(densify_words(step(dir, {"--follow", "--until-idle", "4"})));
+  REQUIRE(comes([&] { return fs::exists(dir / "c.ply"); }));
+  const std::string first = read_text(dir / "c.ply");
+  copy_images(dir / "images", 9);
+  const Result result = follow.wait();
+  require_ok(result);
+  CHECK(read_text(dir / "c.ply").size() > first.size());
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // with these there is one pass only
+  CHECK_THAT(result.err, Contains("lack passes for now") && Contains("had too few passes"));  // made up for at the end
+#endif
+  const Result after = densify(step(dir));
+  require_ok(after);
+  CHECK_THAT(after.err, Contains("0 refined, 0 made"));
+}
+
+TEST_CASE("--follow waits out a state that cannot be used, and a signal ends it") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  const std::string map = read_text(mission() / "map.msg");
+  write_text(dir / "map.msg", map.substr(0, map.size() / 2));
+  std::vector<std::string> words = step(dir, {"--follow"});
+  words[1] = (dir / "map.msg").string();
+  Command follow(densify_words(words));
+  REQUIRE(comes([&] { return follow.err_so_far().find("waiting for a newer state") != std::string::npos; }));
+  CHECK_THAT(follow.err_so_far(), Contains("map.msg") && Contains("waiting for a newer state"));
+  write_text(dir / "map.msg", map);
+  REQUIRE(comes([&] { return follow.err_so_far().find("wrote ") != std::string::npos; }));
+  CHECK(fs::exists(dir / "c.ply"));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  kill(follow.pid(), SIGINT);
+  CHECK(follow.wait().code == 0);
+  write_text(dir / "map.msg", "nonsense");
+  words.push_back("--until-idle");
+  words.push_back("0.5");
+  CHECK(densify(words).code == 3);  // what is wrong at the end is told
+}
+
+TEST_CASE("outputs of the same workspace are replaced, others are not") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  write_text(dir / "c.ply", "somebody's");
+  CHECK(densify(step(dir)).code == 6);
+  CHECK(read_text(dir / "c.ply") == "somebody's");
+  require_ok(densify(step(dir, {"--force"})));
+  require_ok(densify(step(dir)));
+  write_text(dir / "d.ply", "somebody's");
+  CHECK(densify(with(step(dir), {"-o", (dir / "d.ply").string()})).code == 6);
+}
+
+TEST_CASE("names may be relative to where the program is called, and are found again from elsewhere") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  std::string line = "cd '" + dir.path().string() + "' && exec";
+  for (const std::string& word :
+       densify_words(with(quick_run("c.ply"), {"--images", "images", "--workspace", "work"}))) {
+    line += " '" + word + "'";
+  }
+  for (int round = 0; round < 3; ++round) require_ok(Command({"/bin/sh", "-c", line}).wait());
+  const Result elsewhere = densify(step(dir));
+  require_ok(elsewhere);
+  CHECK_THAT(elsewhere.err, Contains("0 refined, 0 made"));
+  write_text(dir / "work/c.ply", "somebody's");
+  CHECK(densify(with(step(dir), {"-o", (dir / "work/c.ply").string()})).code == 6);
+}
+
+TEST_CASE("other options give what they give in a new workspace") {
+  const TempDir dir, fresh;
+  copy_images(dir / "images", 9);
+  require_ok(densify(step(dir, {"--view-filter-min-sharpness", "0", "--force"})));
+  for (const std::vector<std::string>& options :
+       std::vector<std::vector<std::string>>{{"--init-range-margin", "3.2"},
+                                             {"--quality", "normal"},
+                                             {"--fusion-spacing-px", "0.6"},
+                                             {"--quality", "paper"},
+                                             {"--quality", "paper", "--seed", "4"}}) {
+    require_ok(densify(step(dir, options)));
+    require_ok(densify(with(quick_run(fresh / "c.ply"), with(options, {"--force"}))));
+    INFO(options[1]);
+    CHECK(same_bytes(dir / "c.ply", fresh / "c.ply"));
+    require_ok(densify(step(dir, options)));  // and again, with nothing left to do
+    CHECK(same_bytes(dir / "c.ply", fresh / "c.ply"));
+    if (kKills == 1) break;  // with sanitizers each run takes long
+  }
+}
+
+TEST_CASE("an image that cannot be read costs its keyframe, not the run") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  const std::vector<fs::path> files = files_in(dir / "images");
+  write_text(files[4], "no image");
+  const Result result = densify(step(dir));
+  require_ok(result);
+  CHECK_THAT(result.err, Contains("skipped"));
+  fs::remove(files[4]);
+  fs::copy_file(mission() / "images" / files[4].filename(), files[4]);
+  const Result mended = densify(step(dir));
+  require_ok(mended);
+  CHECK_THAT(mended.err, Contains("new 1"));
+}
+
+TEST_CASE("what does not go with a workspace is refused before any work") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  const auto refused = [&](const std::vector<std::string>& words, int code, const char* complaint) {
+    const Result result = densify(words);
+    CHECK(result.code == code);
+    CHECK_THAT(result.err, Contains(complaint));
+  };
+  refused(quick_run(dir / "c.ply", {"--follow"}), 2, "--follow needs --workspace");
+  refused(quick_run(dir / "c.ply", {"--until-idle", "3"}), 2, "--until-idle needs --follow");
+  refused(step(dir, {"--follow", "--until-idle", "-1"}), 2, "--until-idle is \"-1\"");
+  refused(step(dir, {"--raw-depth-maps", (dir / "raw").string()}), 2, "exclude each other");
+  refused(with(step(dir), {"-o", (dir / "work/planes/c.ply").string()}), 2, "--workspace");
+  refused(with(step(dir), {"--workspace", (dir / "images").string()}), 3, "no workspace");
+  refused(with(step(dir), {"--workspace", ""}), 2, "--workspace is empty");
+  CHECK_FALSE(fs::exists(dir / "c.ply"));
+}

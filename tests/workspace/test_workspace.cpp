@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <string>
+
+#include "pmsp/error.h"
+#include "support/temp_dir.h"
+#include "workspace/workspace.h"
+
+using namespace pmsp;
+using namespace pmsp::workspace;
+using Catch::Contains;
+using pmsp_test::TempDir;
+using pmsp_test::write_text;
+
+namespace {
+
+constexpr const char* kKept = "1-0123456789abcdef";
+constexpr const char* kOld = "1-00112233445566aa";
+
+Record record_naming(const std::string& file) {
+  Record record;
+  record.step = "s";
+  RecordedKeyframe& keyframe = record.keyframes[1];
+  keyframe.image = "i";
+  keyframe.width = 64;
+  keyframe.height = 32;
+  keyframe.planes = RecordedPlanes{file, "own", 5, {}, {}};
+  keyframe.points = RecordedPoints{file, "inputs", "s"};
+  record.poses["s"][1] = {};
+  return record;
+}
+
+}  // namespace
+
+TEST_CASE("a finished step is found again; files that it does not name are deleted") {
+  const TempDir dir;
+  const std::filesystem::path folder = dir / "work";
+  {
+    Workspace workspace(folder);
+    CHECK(workspace.record().keyframes.empty());
+    for (const char* name : {kKept, kOld}) {
+      workspace.save_planes(name, PlaneMap(4, 2));
+      workspace.save_points(name, {});
+    }
+    workspace.commit(record_naming(kKept));
+    CHECK_FALSE(std::filesystem::exists(folder / "planes" / kOld));
+    CHECK_FALSE(std::filesystem::exists(folder / "points" / kOld));
+  }
+  {
+    const Workspace workspace(folder);
+    CHECK(workspace.record().keyframes.at(1).planes);
+    CHECK(workspace.load_planes(kKept).width() == 4);
+    CHECK(workspace.load_points(kKept).points.empty());
+  }
+  std::filesystem::remove(folder / "points" / kKept);
+  const Workspace workspace(folder);
+  CHECK(workspace.record().keyframes.at(1).planes);
+  CHECK_FALSE(workspace.record().keyframes.at(1).points);
+}
+
+TEST_CASE("what is not the workspace's stays, wherever it lies") {
+  const TempDir dir;
+  const std::filesystem::path folder = dir / "work";
+  { const Workspace workspace(folder); }
+  for (const char* name : {"boeing.jpg", "1-2", "notes-0123456789abcdef", "-0123456789012345", ".profile"}) {
+    write_text(folder / "planes" / name, "mine");
+    write_text(folder / "points" / name, "mine");
+  }
+  write_text(folder / "planes" / ".1-00112233445566aa.77-0.tmp", "of a killed run");
+  Workspace workspace(folder);
+  workspace.save_planes(kOld, PlaneMap(4, 2));
+  workspace.commit({});
+  CHECK_FALSE(std::filesystem::exists(folder / "planes" / kOld));
+  std::size_t left = 0;
+  for (const char* part : {"planes", "points"}) {
+    for (const auto& file : std::filesystem::directory_iterator(folder / part)) left += file.is_regular_file();
+  }
+  CHECK(left == 10);
+}
+
+TEST_CASE("a folder is a workspace from its first moment, and may be a link") {
+  const TempDir dir;
+  std::filesystem::create_directories(dir / "elsewhere");
+  std::filesystem::create_directory_symlink(dir / "elsewhere", dir / "work");
+  { const Workspace workspace(dir / "work"); }
+  CHECK(std::filesystem::exists(dir / "elsewhere" / "workspace.json"));
+  CHECK_NOTHROW(Workspace(dir / "work"));
+}
+
+TEST_CASE("nobody else works in a workspace meanwhile") {
+  const TempDir dir;
+  {
+    const Workspace workspace(dir / "work");
+    CHECK_THROWS_WITH(Workspace(dir / "work"), Contains("work") && Contains("another process"));
+    CHECK_THROWS_AS(Workspace(dir / "work"), OutputError);
+  }
+  CHECK_NOTHROW(Workspace(dir / "work"));
+}
+
+TEST_CASE("a folder with other things is no workspace") {
+  const TempDir dir;
+  write_text(dir / "photo.jpg", "mine");
+  CHECK_THROWS_WITH(Workspace(dir.path()), Contains("not empty"));
+  CHECK(dir.entries() == 1);
+  write_text(dir / "workspace.json", "{}");
+  CHECK_THROWS_WITH(Workspace(dir.path()), Contains("workspace.json"));
+  CHECK(std::filesystem::exists(dir / "photo.jpg"));
+  std::filesystem::remove(dir / "workspace.json");
+  std::filesystem::create_directories(dir / "planes");
+  CHECK_THROWS_WITH(Workspace(dir.path()), Contains("not empty"));
+  CHECK_THROWS_AS(Workspace(dir / "photo.jpg"), Error);
+}

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "follow.h"
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <filesystem>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+#include "exit_code.h"
+#include "interrupt.h"
+#include "progress.h"
+
+namespace pmsp::tool {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+constexpr auto kLook = std::chrono::milliseconds(100);
+/// Files that have not changed for so long are not being written.
+constexpr auto kRest = std::chrono::milliseconds(500);
+
+std::string state_of(const fs::path& file) {
+  std::error_code error;
+  const auto time = fs::last_write_time(file, error).time_since_epoch().count();
+  const auto size = error ? 0 : fs::file_size(file, error);
+  return file.string() + " " + (error ? "missing" : std::to_string(time) + " " + std::to_string(size)) + "\n";
+}
+
+/// Names, sizes and times of what a run reads.
+std::string state_of_inputs(const Arguments& arguments) {
+  std::string state = state_of(arguments.map);
+  if (!arguments.video.empty()) return state + state_of(arguments.video);
+  std::error_code error;
+  std::vector<std::string> images;
+  for (fs::directory_iterator it(arguments.images, error), end; !error && it != end; it.increment(error)) {
+    images.push_back(state_of(it->path()));
+  }
+  std::sort(images.begin(), images.end());
+  for (const std::string& image : images) state += image;
+  return state;
+}
+
+/// Looks often, but at each image only where the map or the folder has changed, and now and then.
+class Watch {
+ public:
+  explicit Watch(const Arguments& arguments) : arguments_(arguments) {}
+
+  const std::string& state() {
+    const std::string brief = state_of(arguments_.map) + state_of(arguments_.images) + state_of(arguments_.video);
+    if (brief == brief_ && Clock::now() - looked_ < kLookAtAll) return state_;
+    state_ = state_of_inputs(arguments_);
+    brief_ = brief;
+    looked_ = Clock::now();
+    return state_;
+  }
+
+ private:
+  static constexpr auto kLookAtAll = std::chrono::seconds(1);
+
+  const Arguments& arguments_;
+  std::string brief_, state_;
+  Clock::time_point looked_;
+};
+
+/// Whether the next state of the inputs may do better.
+bool may_pass(const std::exception& error) {
+  const int code = exit_code_of(error);
+  return code == kExitInput || code == kExitEmpty;
+}
+
+}  // namespace
+
+void follow(const Arguments& arguments, const std::function<bool(bool growing)>& once) {
+  const InterruptGuard guard(nullptr);
+  std::exception_ptr refused;
+  bool finished = true;
+  Watch watch(arguments);
+  std::string seen, done;
+  Clock::time_point changed = Clock::now();
+  for (;;) {
+    try {
+      guard.check();
+    } catch (const Interrupted&) {
+      return;  // nothing is under way
+    }
+    const std::string state = watch.state();
+    if (state != seen) changed = Clock::now();
+    seen = state;
+    const auto rest = Clock::now() - changed;
+    if (state != done && rest >= kRest) {
+      done = state;
+      refused = nullptr;
+      try {
+        finished = once(true);
+      } catch (const std::exception& error) {
+        if (!may_pass(error)) throw;
+        refused = std::current_exception();
+        Progress(arguments.progress, arguments.quiet, arguments.verbose)
+            .warning(std::string(error.what()) + "; waiting for a newer state");
+      }
+      changed = std::max(changed, Clock::now() - kRest);
+      continue;
+    }
+    if (state == done && arguments.until_idle && rest >= std::chrono::duration<double>(*arguments.until_idle)) {
+      if (refused) std::rethrow_exception(refused);
+      if (!finished) once(false);
+      return;
+    }
+    std::this_thread::sleep_for(kLook);
+  }
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "arguments.h"
+#include "pmsp/densifier.h"
+#include "pmsp/executor.h"
+#include "pmsp/io/image_source.h"
+#include "pmsp/io/map.h"
+#include "workspace/workspace.h"
+
+namespace pmsp::tool {
+
+/// One run with --workspace: from what lies there to the mission as it is now. In the order of the members.
+class WorkspaceStep {
+ public:
+  using TakeCloud = std::function<void(const KeyframeCloud&)>;
+
+  /// All must outlive it.
+  WorkspaceStep(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
+                const SlamMap& map, bool growing);
+
+  /// Takes stock of the images; returns the keyframes whose images must be looked at. `unreadable` have none.
+  std::set<std::int64_t> new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable);
+  void look_at(std::int64_t keyframe_id, const Image<Rgb>& image);
+
+  /// Decides what is to be done. Keyframes that were not looked at, but should have been, have no image. Throws as the
+  /// Densifier does where the backend is not there.
+  void decide();
+
+  /// For what is missing. `callbacks.cloud` is given all clouds, those that are kept, too, in the order of the plan.
+  std::unique_ptr<Densifier> densifier(DensifierCallbacks callbacks);
+  bool has_work() const { return !missing_.empty(); }
+  std::int64_t depth_maps() const { return static_cast<std::int64_t>(step_.keyframes.size()); }
+  bool is_finished() const { return step_.unfinished == 0; }
+  /// Of what the keyframe has by now.
+  double scale_of(std::int64_t keyframe_id) const;
+
+  /// Hands on the clouds that come after the last one made.
+  void finish();
+  void commit();
+
+  /// Of the whole mission.
+  void count_keyframes(DensifierStats& stats) const;
+  std::string summary() const;
+  nlohmann::ordered_json report() const;
+
+ private:
+  void hand_on_until(std::optional<std::int64_t> keyframe_id);
+  void find_missing();
+
+  workspace::Workspace& workspace_;
+  const Arguments& arguments_;
+  DensifierOptions options_;  ///< as told; once it is decided, with sizes, backend and simd in force
+  const SlamMap& map_;
+  Executor executor_;
+  std::vector<std::int64_t> ids_;  ///< of keyframes with an image, in order
+  std::map<std::int64_t, workspace::StepKeyframe> stock_;
+  workspace::StepInputs inputs_;
+  workspace::Step step_;
+  std::set<std::int64_t> there_;       ///< points that need not be made
+  std::vector<std::int64_t> missing_;  ///< and those that must
+  Shortcuts shortcuts_;
+  TakeCloud take_cloud_;
+  std::size_t next_ = 0;  ///< entry of the plan whose cloud comes next
+};
+
+}  // namespace pmsp::tool
