@@ -63,6 +63,7 @@ DensifierOptions fast_options(int width, int threads) {
   options.width = width;
   options.height = width / 2;
   options.threads = threads;
+  options.simd = kAnySimd;
   options.patchmatch.iterations = kSanitized ? 1 : 3;
   return options;
 }

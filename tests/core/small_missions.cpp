@@ -71,6 +71,7 @@ DensifierOptions small_preset(Quality quality, std::uint64_t seed) {
   options.width = kWidth;
   options.height = kWidth / 2;
   options.threads = 1;
+  options.simd = kAnySimd;
   options.seed = seed;
   options.patchmatch.refinements = 1;
   options.patchmatch.history = 9;

@@ -294,6 +294,7 @@ TEST_CASE("depth maps have the size that was asked for, or that of the images", 
 
 TEST_CASE("the options in force have nothing automatic left", "[densifier]") {
   DensifierOptions options = fast_options(kFlightWidth, 0);
+  options.simd = Simd::kAuto;
   const Densifier densifier(options, {});
   CHECK(densifier.options().threads >= 1);
   CHECK(densifier.options().simd == widest_simd());

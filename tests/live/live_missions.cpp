@@ -37,6 +37,7 @@ LiveOptions small_live(int width) {
   options.densifier.width = width;
   options.densifier.height = width / 2;
   options.densifier.threads = 2;
+  options.densifier.simd = kAnySimd;
   options.densifier.patchmatch.refinements = 2;
   options.densifier.backend = Backend::kCpu;
   options.nice = 0;
