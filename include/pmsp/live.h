@@ -57,9 +57,9 @@ struct LiveOptions {
   int ripe_after = 3;
   int ripe_at_latest = 8;
   double ripe_move = 0.002;
-  /// Keyframes are matched again when their poses relative to their neighbours have moved what they see by more than
-  /// this, 0.001 to 100 [px of the depth map]: where neighbours are a tenth of the depth away, 0.04 px of 640 are four
-  /// thousandths of the depth.
+  /// Keyframes are matched again when their scales have changed against those of their neighbours by a thousandth, or
+  /// their relative poses have moved what they see by more than this, 0.001 to 100 [px of the depth map]: where
+  /// neighbours are a tenth of the depth away, 0.04 px of 640 are four thousandths of the depth.
   double max_move_px = 0.04;
   std::shared_ptr<const Image<std::uint8_t>> mask;  ///< of all keyframes, as Keyframe::mask; null = none
 

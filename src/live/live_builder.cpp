@@ -2,6 +2,7 @@
 #include "live/live_builder.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "densifier_checks.h"
@@ -16,6 +17,11 @@ namespace {
 constexpr double kQueryTolerance = 0.1;
 /// While a keyframe has not had all its passes, moves up to this many times the tolerance wait until it has.
 constexpr double kFarInBetween = 3.0;
+/// Keyframes that have moved in the world by more than this may have been brought to others [share of the range].
+constexpr double kFarMove = 0.01;
+/// Neighbours whose scales have changed against each other by more than this saw what was stretched since; however well
+/// a scale is found again, no scale puts that right.
+constexpr double kStretch = 0.001;
 /// Points are made at these numbers of passes, and at the full one.
 constexpr int kLevels[] = {2, 3};
 
@@ -218,10 +224,21 @@ bool LiveBuilder::is_outdated(const LiveNode& node, const LiveInputs& then, cons
   return false;
 }
 
+/// Whether scales of what it was matched with have changed against its own.
+bool LiveBuilder::is_stretched(const LiveNode& node) const {
+  return std::any_of(node.matched.begin(), node.matched.end(), [&](const LiveInput& then) {
+    const LiveNode* const other = find(then.id);
+    if (other == nullptr) return false;
+    const double before = then.other.scale / then.own.scale;
+    return std::abs(other->pose.scale / node.pose.scale / before - 1.0) > kStretch;
+  });
+}
+
 /// What poses have done to depth maps and points.
 void LiveBuilder::look_for_moves() {
   if (!moved_) return;
   moved_ = false;
+  std::set<std::int64_t> rearranged;  // maps
   for (auto& [id, node] : nodes_) {
     if (!node.has_map()) continue;
     const auto furthest = [&, &node = node](const LiveInputs& inputs) {
@@ -234,15 +251,17 @@ void LiveBuilder::look_for_moves() {
       return most;
     };
     const double moved = furthest(node.matched);
-    if (moved > options_.max_move_px) node.moved_px = moved;
+    if (moved > options_.max_move_px || is_stretched(node)) node.moved_px = std::max(moved, options_.max_move_px);
     if (node.shown == 0) continue;
     if (std::max(furthest(node.fused), furthest(node.judged)) > kQueryTolerance) {
       node.points_due = true;
       node.wide_due = node.wide_due || asks_all_;
     }
     const LiveInput in_world{id, 0, KeyframePose{}, node.wide ? node.wide_pose : node.first_pose};
-    const bool far = moved_px(in_world, KeyframePose{}, node.pose, node.range, densifier_.width) > kReunion;
-    node.wide_due = node.wide_due || far;
+    if (moved_share(in_world, KeyframePose{}, node.pose, node.range) > kFarMove) rearranged.insert(node.map_id);
+  }
+  for (auto& [id, node] : nodes_) {
+    if (node.shown > 0 && node.has_map() && rearranged.count(node.map_id) != 0) node.wide_due = true;
   }
 }
 
@@ -281,7 +300,8 @@ int LiveBuilder::level_of(const LiveNode& node) const {
 
 /// The next pass of the keyframe that needs one most: the first one, while few wait; else one of those that have had
 /// the fewest, so that all have something soon. It waits until its neighbours have had the pass before, and until those
-/// that have moved have looked at images alone. What is matched anew has points by now, and comes last.
+/// that have moved have looked at images alone. What is matched anew has points by now, and comes last; all of it looks
+/// at images before any of it looks at maps.
 bool LiveBuilder::match() {
   std::vector<LiveNode*> candidates;
   for (const auto& [map_id, flight] : flights_) {
@@ -298,6 +318,7 @@ bool LiveBuilder::match() {
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
       if (node->passes == 0 || node->wants_images_alone(kFarInBetween * options_.max_move_px)) return true;
       if (!other->linked || other->passes < std::min(node->passes, goal(*other))) return false;
+      if (node->anew && is_due_again(*other)) return false;
       const bool waits = other->wants_images_alone(kFarInBetween * options_.max_move_px) && can_match(*other);
       return node->passes < kLevels[0] || !waits;  // first points wait for nobody's move
     });
@@ -310,14 +331,17 @@ bool LiveBuilder::match() {
   return true;
 }
 
-/// Of the keyframes that have all their passes and whose neighbours have moved since, or have moved far in between, the
-/// one where it is worst is matched anew.
+/// Whether it has all its passes, but neighbours have moved since, or have moved far in between.
+bool LiveBuilder::is_due_again(const LiveNode& node) const {
+  return node.passes >= full_ && node.badness() > 0.0 && can_match(node);
+}
+
+/// Of the keyframes that are due again, the one where it is worst is matched anew.
 bool LiveBuilder::match_again() {
   LiveNode* worst = nullptr;
-  const auto badness = [](const LiveNode& node) { return std::max(node.moved_px, node.owed_px); };
   for (auto& [id, node] : nodes_) {
-    if (node.passes < full_ || badness(node) == 0.0 || !can_match(node)) continue;
-    if (worst == nullptr || badness(node) > badness(*worst)) worst = &node;
+    if (!is_due_again(node)) continue;
+    if (worst == nullptr || node.badness() > worst->badness()) worst = &node;
   }
   if (worst == nullptr) return false;
   ++stats_.matched_again;

@@ -63,9 +63,9 @@ class LiveBuilder {
 
   /// While no more keyframes than these lack passes, each gets all of them at once.
   static constexpr std::size_t kShortQueue = 6;
-  /// Keyframes that have moved against each other by more than this since they were first shown saw one place as two
-  /// [px].
-  static constexpr double kReunion = 1.0;
+  /// Keyframes that have moved against each other by more than this since they were first shown saw one place as two;
+  /// those that have moved less need no more than to be matched anew [share of the range].
+  static constexpr double kReunion = 0.1;
 
   /// How far before and after its own place a keyframe looks [used keyframes of the flight].
   struct Reach {
@@ -97,6 +97,7 @@ class LiveBuilder {
   int level_of(const LiveNode& node) const;
   int goal(const LiveNode& node) const { return can_match(node) ? full_ : node.passes; }
   bool match();
+  bool is_due_again(const LiveNode& node) const;
   bool match_again();
   void match(LiveNode& node);
   void filter(LiveNode& node);
@@ -112,6 +113,7 @@ class LiveBuilder {
 
   // What changes.
   void look_for_moves();
+  bool is_stretched(const LiveNode& node) const;
   void planes_changed(const LiveNode& node);
   bool is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const;
   LiveInput input(const LiveNode& other, const LiveNode& own, std::uint64_t made) const;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -27,6 +28,12 @@ using LiveInputs = std::vector<LiveInput>;
 inline double moved_px(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range,
                        int width) {
   return moved_px({then.other, then.own}, {other, own}, range, width);
+}
+
+/// The same as a share of the range.
+inline double moved_share(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range) {
+  constexpr double kTwoPi = 6.283185307179586;
+  return kTwoPi * moved_px(then, other, own, range, 1);
 }
 
 /// A keyframe of a live mission, from its arrival to its removal.
@@ -73,7 +80,8 @@ struct LiveNode {
   bool wide = false;                          ///< keyframes beyond the fusion window were asked about them
   bool wide_due = false;                      ///< should be
 
-  bool has_map() const { return planes_made != 0 && frame; }  ///< its depth map is there
+  double badness() const { return std::max(moved_px, owed_px); }  ///< what all passes anew would put right [px]
+  bool has_map() const { return planes_made != 0 && frame; }      ///< its depth map is there
 
   /// For its next pass, since its map is of before a move by more than `tolerance_px`; but not twice in a row, nor
   /// before it has had the two passes that first points take.

@@ -108,8 +108,8 @@ void LiveBuilder::ask_around(LiveNode& node) {
       const LiveNode& other = nodes_.at(candidate.id);
       const bool in_window = std::find(window.begin(), window.end(), candidate.id) != window.end();
       const LiveInput then{other.id, 0, other.first_pose, node.first_pose};
-      return !in_window && (other.shown == 0 || node.shown == 0 ||
-                            moved_px(then, other.pose, node.pose, node.range, densifier_.width) <= kReunion);
+      return !in_window &&
+             (other.shown == 0 || node.shown == 0 || moved_share(then, other.pose, node.pose, node.range) <= kReunion);
     };
     candidates.erase(std::remove_if(candidates.begin(), candidates.end(), stays_apart), candidates.end());
   }
@@ -147,7 +147,7 @@ void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
   for (LiveNode* node : levels.back()) {
     std::vector<const Engine::Frame*> viewers;
     for (LiveNode* viewer : with_depth(node->viewers, node->map_id)) {
-      if (viewer->filtered_made == 0) filter(*viewer);
+      filter(*viewer);
       viewers.push_back(viewer->frame.get());
     }
     engine_->judge(*node->frame, viewers);
