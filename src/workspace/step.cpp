@@ -47,9 +47,11 @@ std::string name_of(const Record& record, const StepInputs& inputs) {
   return name.text().substr(0, 16);
 }
 
-/// Keyframes with fewer newer used ones are matched in fewer passes while a mission grows.
+/// Keyframes with fewer newer used ones make do with fewer passes while a mission grows, and are matched anew later.
 constexpr int kRipe = 12;
-constexpr int kUnripePasses = 3;
+constexpr int kUnripePasses = 2;
+/// Passes after a move, the first of them over images alone.
+constexpr int kMovedPasses = 2;
 
 /// Of those that a keyframe is matched with.
 std::vector<std::int64_t> sources_of(const PlanEntry& entry) {
@@ -147,12 +149,11 @@ class StepPlanner {
       it.reason = why;
       it.passes = ripe ? full : std::min(full, kUnripePasses);
     };
-    int lacking = 0;
     const auto further = [&](const char* why, int passes, bool images_first) {
       if (full < 3) return anew(why);
       it.reason = why;
       it.has_planes = true;
-      it.passes = std::clamp(lacking, passes, full - 1);
+      it.passes = std::min(passes, full - 1);
       it.images_first = images_first;
     };
     const RecordedKeyframe* const before = recorded(entry.id);
@@ -160,7 +161,7 @@ class StepPlanner {
     if (!before->planes) return anew("had no depth map");
     if (before->image != now_.at(entry.id)->image) return anew("its image has changed");
     if (before->planes->own != it.own) return anew("options, mask or engine have changed");
-    if (ripe) lacking = std::max(0, full - before->planes->passes);
+    if (ripe && before->planes->passes < full) return anew("had too few passes");
     double most = 0.0;
     std::set<std::int64_t> then;
     for (const RecordedSource& source : before->planes->sources) {
@@ -171,10 +172,9 @@ class StepPlanner {
       most = std::max(most, moved_by(entry.id, before->planes->pose, source.pose, source.id, true));
     }
     if (!(most <= kMovedMove)) return anew("moved far");
-    if (most > kKeptMove) return further("moved", 2, true);
+    if (most > (ripe ? kKeptMove : kUnripeMove)) return further("moved", kMovedPasses, true);
     const std::vector<std::int64_t> sources = sources_of(entry);
     if (std::set<std::int64_t>(sources.begin(), sources.end()) != then) return further("other neighbours", 1, false);
-    if (lacking > 0) return further("had too few passes", 1, false);
     it.has_planes = true;
   }
 

@@ -13,7 +13,7 @@
 #include "pmsp/patchmatch.h"
 #include "support/mission.h"
 
-/// Tag of tests that need images large enough for good depths. Under a sanitizer, where PatchMatch takes a hundred
+/// Tag of tests that need images large enough for good depths. Under a sanitizer, where PatchMatch takes many
 /// times as long, they are hidden; the others run there with tiny images.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define PMSP_ACCURACY "[.accuracy]"

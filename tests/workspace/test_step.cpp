@@ -197,6 +197,26 @@ TEST_CASE("as a mission grows only its end is made; the newest keyframes make do
   }
 }
 
+TEST_CASE("as a mission grows, its newest keyframes wait with small moves until they are matched anew") {
+  StepInputs inputs = inputs_of(flight());
+  inputs.growing = true;
+  const Step first = plan_step({}, inputs);
+  const Record record = record_of(first, inputs, {});
+  const std::int64_t newest = first.keyframes.rbegin()->first;
+  const std::int64_t oldest = first.keyframes.begin()->first;
+  CHECK(first.keyframes.at(newest).passes < kFull);
+  CHECK(first.keyframes.at(oldest).passes == kFull);
+  for (const std::int64_t id : {newest, oldest}) move(inputs, id, 0.01);  // about half a pixel at the corridor's width
+  const Step moved = plan_step(record, inputs);
+  CHECK(moved.keyframes.at(newest).passes == 0);
+  CHECK(moved.keyframes.at(oldest).reason == "moved");
+  inputs.growing = false;
+  const Step end = plan_step(record, inputs);
+  CHECK(end.keyframes.at(newest).reason == "had too few passes");
+  CHECK_FALSE(end.keyframes.at(newest).has_planes);
+  CHECK(end.keyframes.at(newest).passes == kFull);
+}
+
 TEST_CASE("what is gone from the map is gone from the record") {
   std::vector<PlanKeyframe> keyframes = flight();
   const StepInputs inputs = inputs_of(keyframes);
