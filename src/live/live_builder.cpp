@@ -17,7 +17,7 @@ namespace {
 constexpr double kQueryTolerance = 0.1;
 /// While a keyframe has not had all its passes, moves up to this many times the tolerance wait until it has.
 constexpr double kFarInBetween = 3.0;
-/// Keyframes that have moved in the world by more than this may have been brought to others [share of the range].
+/// Keyframes that have moved in the world by more than this may have been brought to others [rad].
 constexpr double kFarMove = 0.01;
 /// Neighbours whose scales have changed against each other by more than this saw what was stretched since; however well
 /// a scale is found again, no scale puts that right.
@@ -258,7 +258,7 @@ void LiveBuilder::look_for_moves() {
       node.wide_due = node.wide_due || asks_all_;
     }
     const LiveInput in_world{id, 0, KeyframePose{}, node.wide ? node.wide_pose : node.first_pose};
-    if (moved_share(in_world, KeyframePose{}, node.pose, node.range) > kFarMove) rearranged.insert(node.map_id);
+    if (moved_angle(in_world, KeyframePose{}, node.pose, node.range) > kFarMove) rearranged.insert(node.map_id);
   }
   for (auto& [id, node] : nodes_) {
     if (node.shown > 0 && node.has_map() && rearranged.count(node.map_id) != 0) node.wide_due = true;

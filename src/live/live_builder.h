@@ -64,7 +64,7 @@ class LiveBuilder {
   /// While no more keyframes than these lack passes, each gets all of them at once.
   static constexpr std::size_t kShortQueue = 6;
   /// Keyframes that have moved against each other by more than this since they were first shown saw one place as two;
-  /// those that have moved less need no more than to be matched anew [share of the range].
+  /// those that have moved less need no more than to be matched anew [rad].
   static constexpr double kReunion = 0.1;
 
   /// How far before and after its own place a keyframe looks [used keyframes of the flight].

@@ -30,10 +30,9 @@ inline double moved_px(const LiveInput& then, const KeyframePose& other, const K
   return moved_px({then.other, then.own}, {other, own}, range, width);
 }
 
-/// The same as a share of the range.
-inline double moved_share(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range) {
-  constexpr double kTwoPi = 6.283185307179586;
-  return kTwoPi * moved_px(then, other, own, range, 1);
+/// The same [rad]: for what is shifted, a share of the range.
+inline double moved_angle(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range) {
+  return moved_angle({then.other, then.own}, {other, own}, range);
 }
 
 /// A keyframe of a live mission, from its arrival to its removal.

@@ -109,7 +109,7 @@ void LiveBuilder::ask_around(LiveNode& node) {
       const bool in_window = std::find(window.begin(), window.end(), candidate.id) != window.end();
       const LiveInput then{other.id, 0, other.first_pose, node.first_pose};
       return !in_window &&
-             (other.shown == 0 || node.shown == 0 || moved_share(then, other.pose, node.pose, node.range) <= kReunion);
+             (other.shown == 0 || node.shown == 0 || moved_angle(then, other.pose, node.pose, node.range) <= kReunion);
     };
     candidates.erase(std::remove_if(candidates.begin(), candidates.end(), stays_apart), candidates.end());
   }

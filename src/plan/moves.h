@@ -10,7 +10,10 @@ struct PosePair {
   KeyframePose other, own;
 };
 
-/// By how much what a keyframe sees has moved in another one [px of `width`], for what lies at `range` [own unit].
+/// By how much what a keyframe sees has moved in another one [rad], for what lies at `range` [own unit].
+double moved_angle(const PosePair& then, const PosePair& now, double range);
+
+/// The same [px of `width`].
 double moved_px(const PosePair& then, const PosePair& now, double range, int width);
 
 }  // namespace pmsp
