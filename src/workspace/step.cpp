@@ -49,7 +49,7 @@ std::string name_of(const Record& record, const StepInputs& inputs) {
 
 /// Keyframes with fewer newer used ones make do with fewer passes while a mission grows, and are matched anew later.
 constexpr int kRipe = 12;
-constexpr int kUnripePasses = 2;
+constexpr int kUnripePasses = 1;
 /// Passes after a move, the first of them over images alone.
 constexpr int kMovedPasses = 2;
 
@@ -72,8 +72,8 @@ class StepPlanner {
     step.name = name_of(record_, inputs_);
     std::vector<PlanKeyframe> keyframes;
     for (const StepKeyframe& it : inputs_.keyframes) keyframes.push_back(it.keyframe);
-    const bool same_options = record_.options == inputs_.options_json;  // else all of the plan is decided anew
-    step.plan = make_plan(keyframes, inputs_.options, same_options ? &record_.plan : nullptr);
+    const bool grows = inputs_.growing && record_.options == inputs_.options_json;  // else the plan is that of a run
+    step.plan = make_plan(keyframes, inputs_.options, grows ? &record_.plan : nullptr);
     for (const PlanEntry& entry : step.plan.entries) {
       if (entry.has_depth_map()) plan_planes(step, entry);
     }

@@ -217,6 +217,21 @@ TEST_CASE("as a mission grows, its newest keyframes wait with small moves until 
   CHECK(end.keyframes.at(newest).passes == kFull);
 }
 
+TEST_CASE("a growing mission leans towards what the plan has decided; in the end the plan is that of a run") {
+  StepInputs inputs = inputs_of(flight());
+  const Record record = after(inputs);
+  std::vector<PlanKeyframe> moved;
+  for (StepKeyframe& it : inputs.keyframes) {
+    move(inputs, it.keyframe.id, 0.02 * std::sin(7.0 * static_cast<double>(moved.size())));
+    moved.push_back(it.keyframe);
+  }
+  const Plan of_a_run = make_plan(moved, inputs.options);
+  REQUIRE(difference(of_a_run, record.plan) != "");
+  CHECK(difference(plan_step(record, inputs).plan, of_a_run) == "");
+  inputs.growing = true;
+  CHECK(difference(plan_step(record, inputs).plan, of_a_run) != "");
+}
+
 TEST_CASE("what is gone from the map is gone from the record") {
   std::vector<PlanKeyframe> keyframes = flight();
   const StepInputs inputs = inputs_of(keyframes);
