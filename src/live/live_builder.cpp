@@ -290,7 +290,7 @@ bool LiveBuilder::can_match(const LiveNode& node) const {
 
 /// The highest of the levels that it has reached, 0 = none. Who cannot go on has reached all.
 int LiveBuilder::level_of(const LiveNode& node) const {
-  if (node.passes >= goal(node)) return full_;
+  if (!lacks_passes(node)) return full_;
   int level = 0;
   for (const int passes : kLevels) {
     if (node.passes >= passes) level = passes;
@@ -307,7 +307,7 @@ bool LiveBuilder::match() {
   for (const auto& [map_id, flight] : flights_) {
     for (const std::int64_t id : flight) {
       LiveNode& node = nodes_.at(id);
-      if (node.passes >= full_ || !can_match(node)) continue;
+      if (!lacks_passes(node)) continue;
       candidates.push_back(&node);
     }
   }
@@ -317,7 +317,7 @@ bool LiveBuilder::match() {
     const std::vector<const LiveNode*> near = neighbours_of(*node);
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
       if (node->passes == 0 || node->wants_images_alone(kFarInBetween * options_.max_move_px)) return true;
-      if (!other->linked || other->passes < std::min(node->passes, goal(*other))) return false;
+      if (!other->linked || (other->passes < node->passes && lacks_passes(*other))) return false;
       if (node->anew && is_due_again(*other)) return false;
       const bool waits = other->wants_images_alone(kFarInBetween * options_.max_move_px) && can_match(*other);
       return node->passes < kLevels[0] || !waits;  // first points wait for nobody's move
@@ -482,8 +482,8 @@ LiveBacklog LiveBuilder::backlog() const {
     if (!node.used || (node.linked && !node.has_depth)) continue;
     if (node.shown == 0) {
       ++backlog.waiting;
-    } else if (node.frame && (goal(node) > node.passes || node.points_due || node.wide_due ||
-                              (can_match(node) && (node.moved_px > 0.0 || node.owed_px > 0.0)))) {
+    } else if (node.frame &&
+               (node.points_due || node.wide_due || lacks_passes(node) || (node.badness() > 0.0 && can_match(node)))) {
       ++backlog.refining;
     }
   }

@@ -95,7 +95,7 @@ class LiveBuilder {
   std::vector<const LiveNode*> neighbours_of(const LiveNode& node) const;
   bool can_match(const LiveNode& node) const;
   int level_of(const LiveNode& node) const;
-  int goal(const LiveNode& node) const { return can_match(node) ? full_ : node.passes; }
+  bool lacks_passes(const LiveNode& node) const { return node.passes < full_ && can_match(node); }
   bool match();
   bool is_due_again(const LiveNode& node) const;
   bool match_again();

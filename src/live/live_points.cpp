@@ -42,8 +42,8 @@ bool LiveBuilder::show(bool because_moved) {
   for (const auto& [map_id, flight] : flights_) {
     for (const std::int64_t id : flight) {
       LiveNode& node = nodes_.at(id);
-      matching += goal(node) > node.passes ? 1 : 0;
-      if (nodes.size() == kGroup || (because_moved && !node.points_due)) continue;
+      matching += lacks_passes(node) ? 1 : 0;
+      if (nodes.size() == kGroup || (because_moved ? !node.points_due : node.shown >= full_)) continue;
       const int level = shared_level_of(node);
       if (because_moved ? level >= std::max(node.shown, 1) : level > node.shown) nodes.push_back(&node);
     }
