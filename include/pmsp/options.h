@@ -154,7 +154,7 @@ struct DensifierOptions {
   std::uint64_t seed = 1;  ///< of the random planes; same input, seed and backend (see Simd, too), same bytes
   Backend backend = Backend::kAuto;
   int device = 0;           ///< CUDA device, as the driver numbers them, 0 to 255
-  bool pipelined = false;   ///< CUDA: `add` returns while its work goes on, and results come with the next call, so
+  bool pipelined = true;    ///< CUDA: `add` returns while its work goes on, and results come with the next call, so
                             ///< that copies and kernels of successive keyframes overlap; the CPU ignores it
   int threads = 0;          ///< 1 to 1024; 0 = one for each CPU that the process may use
   Simd simd = Simd::kAuto;  ///< kAuto takes the widest that this machine has

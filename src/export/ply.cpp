@@ -4,13 +4,15 @@
 #include <algorithm>
 #include <cstring>
 #include <string>
+#include <utility>
 
-#include "export/atomic_file.h"
+#include "export/background_file.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
 namespace {
 
+constexpr std::size_t kBlockBytes = std::size_t{4} << 20;
 constexpr int kCountDigits = 19;  // every non-negative int64
 
 // The line with the vertex count. A blank comment before it takes up what the count leaves of a fixed length, so that
@@ -54,29 +56,45 @@ struct PlyWriter::Impl {
         "property float nx\nproperty float ny\nproperty float nz\n"
         "property uchar red\nproperty uchar green\nproperty uchar blue\n"
         "property float confidence\nproperty uchar views\nend_header\n";
-    file.write(header);
+    file.write(BackgroundFile::Block(header.begin(), header.end()));
   }
 
-  void add(const CloudPoint& point, double scale, const RigidTransform& world_from_cam,
-           const Eigen::Matrix3f& rotation) {
-    char record[64];
-    char* at = record;
+  std::size_t record_bytes() const { return 3 * (double_positions ? 8 : 4) + 3 * 4 + 3 + 4 + 1; }
+
+  template <class Coordinate>
+  static char* put_point(char* at, const CloudPoint& point, double scale, const RigidTransform& world_from_cam,
+                         const Eigen::Matrix3f& rotation) {
     const Eigen::Vector3d position = world_from_cam * (scale * point.position.cast<double>());
     const Eigen::Vector3f normal = rotation * point.normal;
-    for (int i = 0; i < 3; ++i) {
-      at = double_positions ? put(at, position[i]) : put(at, static_cast<float>(position[i]));
-    }
+    for (int i = 0; i < 3; ++i) at = put(at, static_cast<Coordinate>(position[i]));
     for (int i = 0; i < 3; ++i) at = put(at, normal[i]);
     at = put(at, point.color.r);
     at = put(at, point.color.g);
     at = put(at, point.color.b);
     at = put(at, point.confidence);
-    at = put(at, point.views);
-    file.write(record, static_cast<std::size_t>(at - record));
-    ++points;
+    return put(at, point.views);
   }
 
-  AtomicFile file;
+  template <class Coordinate>
+  void add(const KeyframeCloud& cloud, double scale, const RigidTransform& world_from_cam) {
+    const Eigen::Matrix3f rotation = world_from_cam.rotation.cast<float>();
+    const std::size_t bytes = record_bytes();
+    for (std::size_t done = 0; done < cloud.points.size();) {
+      const std::size_t count = std::min(cloud.points.size() - done, kBlockBytes / bytes);
+      BackgroundFile::Block block = file.block();
+      block.resize(kBlockBytes);
+      char* at = block.data();
+      for (std::size_t i = done; i < done + count; ++i) {
+        at = put_point<Coordinate>(at, cloud.points[i], scale, world_from_cam, rotation);
+      }
+      block.resize(count * bytes);
+      file.write(std::move(block));
+      done += count;
+    }
+    points += static_cast<std::int64_t>(cloud.points.size());
+  }
+
+  BackgroundFile file;
   std::string name;
   bool double_positions;
   std::int64_t count_offset = 0;
@@ -92,8 +110,8 @@ PlyWriter::~PlyWriter() = default;
 void PlyWriter::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   if (impl_->finished) throw OutputError(impl_->name + ": points added after the file was finished");
   const RigidTransform world_from_cam = pose.cam_from_world.inverse();
-  const Eigen::Matrix3f rotation = world_from_cam.rotation.cast<float>();
-  for (const CloudPoint& point : cloud.points) impl_->add(point, pose.scale, world_from_cam, rotation);
+  if (impl_->double_positions) return impl_->add<double>(cloud, pose.scale, world_from_cam);
+  impl_->add<float>(cloud, pose.scale, world_from_cam);
 }
 
 std::int64_t PlyWriter::points() const { return impl_->points; }

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <cmath>
+#include <deque>
+#include <future>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "image_decode.h"
@@ -51,14 +54,18 @@ int trial_flags(const MapCamera& camera) {
 PairingVerifier::Verdict try_reading(const SlamMap& map, const io::Reading& reading,
                                      const std::vector<io::NumberedFile>& files) {
   PairingVerifier verifier(map);
+  std::vector<std::pair<std::int64_t, std::future<Image<Rgb>>>> images;  // all at the same time
   for (const std::size_t k : trial_keyframes(paired_keyframes(map, reading))) {
-    const MapKeyframe& keyframe = map.keyframes[k];
-    const MapCamera& camera = map.cameras[static_cast<std::size_t>(keyframe.camera)];
+    const MapCamera& camera = map.cameras[static_cast<std::size_t>(map.keyframes[k].camera)];
+    const auto& path = files[static_cast<std::size_t>(reading.file[k])].path;
+    images.emplace_back(map.keyframes[k].id, std::async(std::launch::async, [&path, &camera] {
+                          const int flags = trial_flags(camera) | cv::IMREAD_IGNORE_ORIENTATION;
+                          return io::rgb_from_bgr(io::decode_image_file(path, flags));
+                        }));
+  }
+  for (auto& [id, image] : images) {
     try {
-      const auto& path = files[static_cast<std::size_t>(reading.file[k])].path;
-      const Image<Rgb> image =
-          io::rgb_from_bgr(io::decode_image_file(path, trial_flags(camera) | cv::IMREAD_IGNORE_ORIENTATION));
-      verifier.add(keyframe.id, image.view());
+      verifier.add(id, image.get().view());
     } catch (const Error&) {
       continue;  // reported when the image's turn comes, if this reading is chosen
     }
@@ -106,14 +113,19 @@ class ImageFolder final : public ImageSource {
   const std::string& description() const override { return description_; }
 
   std::optional<Item> next() override {
-    if (next_ >= plan_.size()) return std::nullopt;
-    const std::size_t i = next_++;
-    const Entry& entry = plan_[i];
-    // The SLAM programs decode without turning the image as its EXIF data may ask.
-    const cv::Mat bgr = io::decode_image_file(entry.path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
-    io::check_image_size(entry.path.string(), bgr.cols, bgr.rows, entry.camera);
-    return Item{ids_[i], io::rgb_from_bgr(bgr)};
+    while (begun_ < plan_.size() && begun_ - next_ < std::max<std::size_t>(1, ahead_)) {
+      const auto policy = ahead_ > 0 ? std::launch::async : std::launch::deferred;
+      decoding_.push_back(std::async(policy, [this, i = begun_] { return decode(i); }));
+      ++begun_;
+    }
+    if (next_ == begun_) return std::nullopt;
+    ++next_;
+    std::future<Item> decoded = std::move(decoding_.front());
+    decoding_.pop_front();
+    return decoded.get();
   }
+
+  void read_ahead(int images) override { ahead_ = static_cast<std::size_t>(std::max(0, images)); }
 
   Origin origin(std::int64_t keyframe_id) const override {
     const auto found = std::find(ids_.begin(), ids_.end(), keyframe_id);
@@ -138,11 +150,22 @@ class ImageFolder final : public ImageSource {
     MapCamera camera;
   };
 
+  Item decode(std::size_t i) const {
+    const Entry& entry = plan_[i];
+    // The SLAM programs decode without turning the image as its EXIF data may ask.
+    const cv::Mat bgr = io::decode_image_file(entry.path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    io::check_image_size(entry.path.string(), bgr.cols, bgr.rows, entry.camera);
+    return Item{ids_[i], io::rgb_from_bgr(bgr)};
+  }
+
   std::vector<std::int64_t> ids_;
   std::vector<Entry> plan_;
   std::vector<SkippedKeyframe> skipped_;
   std::string description_;
+  std::size_t ahead_ = 0;
   std::size_t next_ = 0;
+  std::size_t begun_ = 0;                   ///< images that are being decoded, or have been
+  std::deque<std::future<Item>> decoding_;  ///< from the next one on; after all that it uses
 };
 
 }  // namespace

@@ -71,6 +71,9 @@ class Video final : public ImageSource {
     return std::nullopt;
   }
 
+  /// Frames come one after the other, and FFmpeg decodes them in threads of its own.
+  void read_ahead(int /*images*/) override {}
+
   Origin origin(std::int64_t keyframe_id) const override {
     const auto found = std::find_if(plan_.begin(), plan_.end(),
                                     [&](const Target& target) { return target.keyframe_id == keyframe_id; });

@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "decoder.h"
 
-#include <chrono>
-
 #include "pmsp/error.h"
 
 namespace pmsp::tool {
 
 Decoded Decoder::next() {
-  const auto start = std::chrono::steady_clock::now();
   Decoded decoded;
   while (!take_image(decoded)) continue;
-  decoded.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return decoded;
 }
 

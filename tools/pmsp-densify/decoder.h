@@ -13,7 +13,6 @@ namespace pmsp::tool {
 struct Decoded {
   std::optional<ImageSource::Item> item;  ///< nullopt after the last image
   std::vector<SkippedKeyframe> skipped;   ///< keyframes before it that turned out to have no image
-  double seconds = 0.0;
 };
 
 /// Decodes one image after the other. One that cannot be decoded costs its keyframe, not the run.

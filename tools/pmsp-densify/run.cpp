@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <chrono>
+#include <algorithm>
 #include <exception>
 #include <functional>
 #include <future>
@@ -21,15 +21,16 @@
 #include "progress.h"
 #include "stats.h"
 #include "targets.h"
+#include "time_account.h"
+#include "util/thread_pool.h"
 #include "verbs.h"
 #include "workspace_step.h"
 
 namespace pmsp::tool {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+/// Images that are decoded ahead take no more than so much memory, but two of them.
+constexpr std::size_t kReadAheadBytes = std::size_t{512} << 20;
 
 std::vector<std::string> ply_comments(const DensifierOptions& options) {
   // No threads, no paths, no times: the same input gives the same bytes.
@@ -38,17 +39,41 @@ std::vector<std::string> ply_comments(const DensifierOptions& options) {
           "frame of the SLAM map, its unit of length; normals face the camera"};
 }
 
+using Spent = TimeAccount::Scope;
+
+/// Starts a CUDA device, if there is one to be used, while the map is being read. What stands in the way is told by the
+/// Densifier that is made later.
+std::future<void> start_device(const DensifierOptions& options) {
+  if (options.backend == Backend::kCpu) return {};
+  return std::async(std::launch::async, [options] {
+    try {
+      const Densifier starts(options, {});
+    } catch (const std::exception&) {
+    }
+  });
+}
+
 /// One mission from images to files.
 class Run {
  public:
   /// `workspace`: nullptr = none. `growing`: more keyframes will come.
   Run(const Arguments& arguments, const DensifierOptions& options, workspace::Workspace* workspace, bool growing)
-      : arguments_(arguments), growing_(growing), progress_(arguments.progress, arguments.quiet, arguments.verbose) {
+      : arguments_(arguments),
+        growing_(growing),
+        threads_(options.threads > 0 ? options.threads : usable_cpus()),
+        progress_(arguments.progress, arguments.quiet, arguments.verbose) {
+    std::future<void> device = start_device(options);
     const std::string warning = quality_warning(arguments);
     if (!warning.empty()) progress_.warning(warning);
     progress_.stage("reading " + arguments.map.string());
-    map_ = read_map(arguments.map);
-    source_ = open_images(arguments, map_);
+    {
+      const Spent spent(report_.time, Busy::kMap);
+      map_ = read_map(arguments.map);
+    }
+    {
+      const Spent spent(report_.time, Busy::kImages);
+      source_ = open_images(arguments, map_);
+    }
     report_.map = map_.path.string() + " (" + map_.format + ")";
     report_.images = source_->description();
     report_.output = arguments.output.string();
@@ -58,7 +83,11 @@ class Run {
     if (!arguments.no_verify) verifier_ = std::make_unique<PairingVerifier>(map_);
     if (workspace != nullptr) open_step(*workspace, options);
     open_outputs(options);
-    densifier_ = step_ ? step_->densifier(callbacks()) : std::make_unique<Densifier>(options, callbacks());
+    {
+      const Spent spent(report_.time, Busy::kStart);
+      if (device.valid()) device.get();
+      densifier_ = step_ ? step_->densifier(callbacks()) : std::make_unique<Densifier>(options, callbacks());
+    }
     if (step_) need_images(densifier_->images());
     announce_backend();
   }
@@ -89,7 +118,6 @@ class Run {
       report_.stats.depth_maps = step_->depth_maps();
       report_.workspace = step_->report();
     }
-    report_.seconds_total = seconds_since(start_);
     finish_depth_maps();
     if (writer_->points() == 0) {
       const bool is_known = !step_ || report_.stats.depth_maps == 0;  // counts are of this run's work alone
@@ -101,7 +129,7 @@ class Run {
     if (!arguments_.stats.empty()) write_file(arguments_.stats, json_text(to_json(report_)));
     if (step_) progress_.message(step_->summary());
     progress_.message(summary(report_));
-    nlohmann::ordered_json result{{"points", writer_->points()}, {"seconds", report_.seconds_total}};
+    nlohmann::ordered_json result{{"points", writer_->points()}, {"seconds", report_.time.total()}};
     if (!report_.empty_reason.empty()) {
       throw EmptyResult("no points: " + report_.empty_reason + "; " + arguments_.output.string() + " was not written");
     }
@@ -153,7 +181,6 @@ class Run {
       const std::unique_ptr<ImageSource> images = open_images(arguments_, map_);
       images->restrict_to(fresh);
       const std::string error = each_image(*images, guard, [&](std::size_t, const ImageSource::Item& item) {
-        verify(item);
         step_->look_at(item.keyframe_id, item.image);
       });
       if (!error.empty() && fresh.size() + unreadable.size() == source_->keyframe_ids().size()) refuse_images(error);
@@ -169,27 +196,35 @@ class Run {
 
   DensifierCallbacks callbacks() {
     DensifierCallbacks callbacks;
-    if (raw_) callbacks.raw_depth = [this](const DepthMap& map) { raw_->write(map); };
+    if (raw_) {
+      callbacks.raw_depth = [this](const DepthMap& map) {
+        const Spent spent(report_.time, Busy::kDepthMaps);
+        raw_->write(map);
+      };
+    }
     if (filtered_ || preview_) {
       callbacks.filtered_depth = [this](const DepthMap& map) {
+        const Spent spent(report_.time, Busy::kDepthMaps);
         if (filtered_) filtered_->write(map);
+        const Spent drawing(report_.time, Busy::kPreview);
         if (preview_) preview_->add_depth(map);
       };
     }
     callbacks.cloud = [this](const KeyframeCloud& cloud) {
+      const Spent spent(report_.time, Busy::kPoints);
       writer_->add(cloud);
+      const Spent drawing(report_.time, Busy::kPreview);
       if (preview_) preview_->add_points(cloud);
     };
     return callbacks;
   }
 
   void densify(const InterruptGuard& guard) {
-    const std::string error = each_image(*source_, guard, [&](std::size_t index, const ImageSource::Item& item) {
-      verify(item);
-      add(index, item);
-    });
+    const std::string error =
+        each_image(*source_, guard, [&](std::size_t index, const ImageSource::Item& item) { add(index, item); });
     if (!error.empty()) refuse_images(error);
     progress_.stage("finishing the last keyframes");
+    const Spent spent(report_.time, Busy::kDensify);
     densifier_->flush();
     guard.check();
   }
@@ -205,19 +240,30 @@ class Run {
     throw IoError("no image can be read; the first one: " + error);
   }
 
-  /// While one keyframe is densified, the next image is decoded; no more than these two are in memory. Returns why the
-  /// first one cannot be read where none can; else "".
+  /// While one keyframe is densified, the next images are decoded. Returns why the first one cannot be read where none
+  /// can; else "".
   std::string each_image(ImageSource& source, const InterruptGuard& guard,
                          const std::function<void(std::size_t index, const ImageSource::Item&)>& visit) {
+    source.read_ahead(images_ahead());
     Decoder decoder(source);
-    const auto decode = [&decoder] { return decoder.next(); };
-    std::future<Decoded> next = std::async(std::launch::async, decode);
+    struct Seen {
+      Decoded decoded;
+      std::optional<PairingVerifier::Verdict> pairing;
+    };
+    const auto see = [&] {
+      Seen seen{decoder.next(), std::nullopt};
+      if (verifier_ && seen.decoded.item) seen.pairing = verify(*seen.decoded.item);
+      return seen;
+    };
+    std::future<Seen> next = std::async(std::launch::async, see);
     std::size_t index = 0;
     for (;; ++index) {
-      const Clock::time_point start = Clock::now();
-      const Decoded decoded = next.get();
-      report_.seconds_wait += seconds_since(start);
-      report_.seconds_decode += decoded.seconds;
+      const Seen seen = [&] {
+        const Spent spent(report_.time, Busy::kWait);
+        return next.get();
+      }();
+      const Decoded& decoded = seen.decoded;
+      if (seen.pairing) report_.pairing = seen.pairing;
       guard.check();
       for (const SkippedKeyframe& skipped : decoded.skipped) {
         if (densifier_ && step_) refuse_lost(skipped);
@@ -225,22 +271,28 @@ class Run {
       }
       report_.with_image -= decoded.skipped.size();
       if (!decoded.item) break;
-      next = std::async(std::launch::async, decode);
+      next = std::async(std::launch::async, see);
       visit(index, *decoded.item);
       guard.check();
     }
     return index == 0 ? decoder.first_error() : "";
   }
 
-  void verify(const ImageSource::Item& item) {
-    if (!verifier_) return;
-    const Clock::time_point start = Clock::now();
-    verifier_->add(item.keyframe_id, item.image.view());
-    report_.pairing = verifier_->verdict();
-    report_.seconds_verify += seconds_since(start);
-    if (report_.pairing->conclusive && !report_.pairing->belongs) {
-      throw InvalidInput(report_.pairing->message);
+  int images_ahead() const {
+    std::size_t largest = 1;
+    for (const MapCamera& camera : map_.cameras) {
+      largest = std::max(largest, 3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     }
+    const std::size_t most = static_cast<std::size_t>(std::max(2, threads_));
+    return static_cast<int>(std::clamp(kReadAheadBytes / largest, std::size_t{2}, most));
+  }
+
+  /// Whether the images so far belong to their keyframes.
+  PairingVerifier::Verdict verify(const ImageSource::Item& item) {
+    verifier_->add(item.keyframe_id, item.image.view());
+    const PairingVerifier::Verdict verdict = verifier_->verdict();
+    if (verdict.conclusive && !verdict.belongs) throw InvalidInput(verdict.message);
+    return verdict;
   }
 
   void add(std::size_t index, const ImageSource::Item& item) {
@@ -252,11 +304,15 @@ class Run {
     keyframe.image = item.image.view();
     keyframe.mask = mask_for(item.image);
     if (preview_) {
+      const Spent spent(report_.time, Busy::kPreview);
       const int width = report_.options.width > 0 ? report_.options.width : item.image.width();
       const int height = report_.options.height > 0 ? report_.options.height : width / 2;
       preview_->add_keyframe(index, keyframe.id, keyframe.cam_from_world, keyframe.image, width, height);
     }
-    const bool accepted = densifier_->add(keyframe);
+    const bool accepted = [&] {
+      const Spent spent(report_.time, Busy::kDensify);
+      return densifier_->add(keyframe);
+    }();
     announce_backend();  // whether its memory suffices may turn out with the first image
     if (preview_ && !accepted) preview_->drop_keyframe(keyframe.id);
     progress_.step(
@@ -286,19 +342,23 @@ class Run {
 
   void write_results() {
     progress_.stage("writing " + arguments_.output.string());
-    writer_->finish();
+    {
+      const Spent spent(report_.time, Busy::kFinish);
+      writer_->finish();
+    }
     if (!preview_) return;
     progress_.stage("drawing " + arguments_.preview.string());
+    const Spent spent(report_.time, Busy::kPreview);
     preview_->finish(writer_->points());
   }
 
+  RunReport report_;  ///< its clock runs
   const Arguments& arguments_;
   const bool growing_;
-  Clock::time_point start_ = Clock::now();
+  const int threads_;
   Progress progress_;
   SlamMap map_;
   std::unique_ptr<ImageSource> source_;
-  RunReport report_;
   std::unique_ptr<PlyWriter> writer_;
   std::optional<DepthMapFolder> raw_;
   std::optional<DepthMapFolder> filtered_;

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "stats.h"
 
+#include <algorithm>
 #include <cstdio>
+#include <utility>
+#include <vector>
 
 #include <sys/resource.h>
 
@@ -55,6 +58,38 @@ std::string seconds_text(double seconds) {
   return text;
 }
 
+/// By Busy.
+constexpr struct {
+  const char* key;
+  const char* words;
+} kBusyNames[kBusyKinds] = {{"other", "other"},
+                            {"map", "reading the map"},
+                            {"images", "finding images"},
+                            {"start", "starting the backend"},
+                            {"wait_for_images", "waiting for images"},
+                            {"densify", "densifying"},
+                            {"points", "writing points"},
+                            {"depth_maps", "writing depth maps"},
+                            {"preview", "drawing"},
+                            {"finish", "waiting for the disk"}};
+
+/// "densifying 82 %, waiting for images 12 %, ...", the largest first; what is less than one percent is left out.
+std::string shares_of(TimeAccount& time) {
+  std::vector<std::pair<double, const char*>> shares;
+  for (std::size_t i = 0; i < kBusyKinds; ++i) {
+    shares.emplace_back(100.0 * time.seconds(static_cast<Busy>(i)) / std::max(time.total(), 1e-9), kBusyNames[i].words);
+  }
+  std::stable_sort(shares.begin(), shares.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::string text;
+  for (const auto& [percent, words] : shares) {
+    if (percent < 1.0) continue;
+    char share[32];
+    std::snprintf(share, sizeof(share), " %.0f %%", percent);
+    text += (text.empty() ? "" : ", ") + std::string(words) + share;
+  }
+  return text;
+}
+
 }  // namespace
 
 double peak_memory_mib() {
@@ -67,7 +102,7 @@ double peak_memory_mib() {
 #endif
 }
 
-nlohmann::ordered_json to_json(const RunReport& report) {
+nlohmann::ordered_json to_json(RunReport& report) {
   const DensifierStats& s = report.stats;
   nlohmann::ordered_json json{{"generator", version_text()},
                               {"build_type", PMSP_BUILD_TYPE},
@@ -95,12 +130,14 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   json["points_fused"] = s.points_fused;
   json["points_repeated"] = s.points_repeated;
   json["points"] = s.points;
-  json["seconds"] = {{"total", report.seconds_total},          {"decode_in_background", report.seconds_decode},
-                     {"wait_for_images", report.seconds_wait}, {"verify_images", report.seconds_verify},
-                     {"prepare", s.seconds_prepare},           {"init", s.seconds_init},
-                     {"patchmatch", s.seconds_patchmatch},     {"median", s.seconds_median},
-                     {"consistency", s.seconds_consistency},   {"fusion", s.seconds_fusion},
-                     {"free_space", s.seconds_free_space},     {"ownership", s.seconds_ownership}};
+  json["seconds"] = {{"total", report.time.total()},    {"prepare", s.seconds_prepare},
+                     {"init", s.seconds_init},          {"patchmatch", s.seconds_patchmatch},
+                     {"median", s.seconds_median},      {"consistency", s.seconds_consistency},
+                     {"fusion", s.seconds_fusion},      {"free_space", s.seconds_free_space},
+                     {"ownership", s.seconds_ownership}};
+  for (std::size_t i = 0; i < kBusyKinds; ++i) {
+    json["critical_path"][kBusyNames[i].key] = report.time.seconds(static_cast<Busy>(i));
+  }
   json["peak_memory_mib"] = peak_memory_mib();
   if (report.pairing) {
     json["pairing"] = {{"comparisons", report.pairing->comparisons},
@@ -118,22 +155,22 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   return json;
 }
 
-std::string summary(const RunReport& report) {
+std::string summary(RunReport& report) {
   const DensifierStats& s = report.stats;
-  const auto rate = s.keyframes_added > 0 ? report.seconds_total / static_cast<double>(s.keyframes_added) : 0.0;
+  const double total = report.time.total();
+  const auto rate = s.keyframes_added > 0 ? total / static_cast<double>(s.keyframes_added) : 0.0;
   char each[32];
   std::snprintf(each, sizeof(each), "%.2f", rate);
   return "keyframes:   " + std::to_string(report.keyframes) + " in the map, " + std::to_string(report.with_image) +
          " with an image, " + std::to_string(s.keyframes_accepted) + " accepted by the view filter" +
          blurred_keyframes(s) + ", " + std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" +
          pixels_kept(report) + "points:      " + count_text(s.points) + repeated_points(s) + "\n" +
-         "time:        " + seconds_text(report.seconds_total) + " (" + each + " s a keyframe): prepare " +
-         seconds_text(s.seconds_prepare) + ", init " + seconds_text(s.seconds_init) + ", PatchMatch " +
-         seconds_text(s.seconds_patchmatch) + ", median " + seconds_text(s.seconds_median) + ", consistency " +
-         seconds_text(s.seconds_consistency) + ", fusion " + seconds_text(s.seconds_fusion) + ", free space " +
-         seconds_text(s.seconds_free_space) + ", ownership " + seconds_text(s.seconds_ownership) +
-         ", waiting for images " + seconds_text(report.seconds_wait) + "; " +
-         std::to_string(static_cast<long>(peak_memory_mib())) + " MiB";
+         "stages:      prepare " + seconds_text(s.seconds_prepare) + ", init " + seconds_text(s.seconds_init) +
+         ", PatchMatch " + seconds_text(s.seconds_patchmatch) + ", median " + seconds_text(s.seconds_median) +
+         ", consistency " + seconds_text(s.seconds_consistency) + ", fusion " + seconds_text(s.seconds_fusion) +
+         ", free space " + seconds_text(s.seconds_free_space) + ", ownership " + seconds_text(s.seconds_ownership) +
+         "\n" + "time:        " + seconds_text(total) + " (" + each + " s a keyframe): " + shares_of(report.time) +
+         "; " + std::to_string(static_cast<long>(peak_memory_mib())) + " MiB";
 }
 
 std::string explain_empty(const DensifierStats& s) {

@@ -9,6 +9,7 @@
 
 #include "pmsp/densifier.h"
 #include "pmsp/io/image_source.h"
+#include "time_account.h"
 
 namespace pmsp::tool {
 
@@ -23,18 +24,16 @@ struct RunReport {
   std::size_t with_image = 0;
   std::vector<SkippedKeyframe> skipped;
   std::optional<PairingVerifier::Verdict> pairing;
-  double seconds_total = 0.0;
-  double seconds_decode = 0.0;  ///< in the background thread, most of it hidden behind the densifier's work
-  double seconds_wait = 0.0;    ///< for images
-  double seconds_verify = 0.0;
+  TimeAccount time;                  ///< of the main thread
   std::string empty_reason;          ///< of an empty result
   nlohmann::ordered_json workspace;  ///< what was kept and what was made; null without one
 };
 
-nlohmann::ordered_json to_json(const RunReport& report);
+/// Times up to now.
+nlohmann::ordered_json to_json(RunReport& report);
 
-/// Counts of each stage and times, a few lines for people.
-std::string summary(const RunReport& report);
+/// Counts of each stage and times up to now, a few lines for people.
+std::string summary(RunReport& report);
 
 /// Which stage lost the points, and the option to try.
 std::string explain_empty(const DensifierStats& stats);

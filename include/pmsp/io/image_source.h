@@ -53,6 +53,10 @@ class ImageSource {
   };
   virtual Origin origin(std::int64_t keyframe_id) const = 0;
 
+  /// `next` finds up to so many images decoded already, each by a thread of its own where they are files of their own.
+  /// 0, as at the start: it decodes itself. Before the first `next`.
+  virtual void read_ahead(int images) = 0;
+
   /// `keyframe_ids` and `next` name these keyframes only, and others are not decoded where that can be helped. Before
   /// the first `next`.
   virtual void restrict_to(const std::set<std::int64_t>& keyframe_ids) = 0;
