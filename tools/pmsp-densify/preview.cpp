@@ -2,9 +2,7 @@
 #include "preview.h"
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
-#include <utility>
 #include <vector>
 
 #include <opencv2/imgcodecs.hpp>
@@ -21,6 +19,8 @@ namespace {
 
 constexpr std::size_t kStrips = 4;
 constexpr std::size_t kMaxPoints = 2400000;  // thinned to half of them when reached
+constexpr std::size_t kFewKeyframes = 8;     // as many give all points that can be drawn
+constexpr double kCoarser = 1.2;
 constexpr int kMaxPanelWidth = 960;
 constexpr int kLabelRows = 30;
 constexpr const char* kAbove = "cloud_above.png";
@@ -133,53 +133,80 @@ void Preview::add_depth(const DepthMap& map) {
   if (strips_ == kStrips) pending_.clear();
 }
 
-// Keeps one point in each of the smallest cubes that bring the points down to half of what may be kept.
+/// Which cubes of a grid have been seen: a hash table with open addresses.
+class Preview::Cells {
+ public:
+  explicit Cells(double spacing) : spacing_(spacing), table_(std::size_t{1} << 22U, kEmpty) {}
+
+  double spacing() const { return spacing_; }
+
+  /// Whether the point is the first one in its cube. For no more than kMaxPoints of these.
+  bool take(const Eigen::Vector3f& position) {
+    const Eigen::Array3d cell = (position.cast<double>() / spacing_).array().floor().max(-1e9).min(1e9);
+    std::uint64_t key = 0;  // cubes two million cubes apart count as one
+    for (int axis = 0; axis < 3; ++axis) {
+      key = key << 21U | (static_cast<std::uint64_t>(static_cast<std::int64_t>(cell[axis])) & 0x1fffffU);
+    }
+    std::size_t at = (key * 0x9e3779b97f4a7c15U) >> 42U;
+    for (; table_[at] != kEmpty; at = (at + 1) % table_.size()) {
+      if (table_[at] == key) return false;
+    }
+    table_[at] = key;
+    return true;
+  }
+
+ private:
+  static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
+  double spacing_;
+  std::vector<std::uint64_t> table_;
+};
+
+Preview::~Preview() = default;
+
+/// Keeps one point in each of the smallest cubes that bring the points down to half of what may be kept.
 void Preview::thin() {
   std::vector<ViewPoint>& points = scene_.points;
+  double spacing = scene_.spacing * kCoarser;
   if (scene_.spacing == 0.0) {
     std::vector<double> distances;
     for (std::size_t i = 0; i < points.size(); i += 97) {
       distances.push_back(static_cast<double>((points[i].position - points[0].position).norm()));
     }
-    scene_.spacing = std::max(percentile(distances, 90.0), 1e-9) / 2000.0;
+    spacing = std::max(percentile(distances, 90.0), 1e-9) / 2000.0;
   }
-  std::vector<std::pair<std::array<std::int32_t, 3>, std::uint32_t>> cells(points.size());
-  std::size_t used = 0;
-  for (;; scene_.spacing *= 1.2) {
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const Eigen::Vector3d p = points[i].position.cast<double>() / scene_.spacing;
-      const Eigen::Vector3d cell = p.array().floor().max(-1e9).min(1e9);
-      cells[i] = {{static_cast<std::int32_t>(cell.x()), static_cast<std::int32_t>(cell.y()),
-                   static_cast<std::int32_t>(cell.z())},
-                  static_cast<std::uint32_t>(i)};
+  for (;; spacing *= kCoarser) {
+    cells_ = std::make_unique<Cells>(spacing);
+    std::size_t kept = 0;
+    for (const ViewPoint& point : points) {
+      if (cells_->take(point.position)) points[kept++] = point;
     }
-    std::sort(cells.begin(), cells.end());
-    const auto same = [](const auto& x, const auto& y) { return x.first == y.first; };
-    used = static_cast<std::size_t>(std::unique(cells.begin(), cells.end(), same) - cells.begin());
-    if (used <= kMaxPoints / 2) break;
+    points.resize(kept);
+    if (points.size() <= kMaxPoints / 2) break;
   }
-  std::vector<ViewPoint> kept;
-  kept.reserve(kMaxPoints);
-  for (std::size_t i = 0; i < used; ++i) kept.push_back(points[cells[i].second]);
-  points.swap(kept);
+  scene_.spacing = spacing;
 }
 
+/// Of a large cloud every so many points are looked at: where keyframes see a place again, most of them are thinned
+/// anyway.
 void Preview::add_points(const KeyframeCloud& cloud) {
   const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
-  for (const CloudPoint& point : cloud.points) {
+  const std::size_t most = kMaxPoints / std::clamp<std::size_t>(keyframes_, 1, kFewKeyframes);
+  const std::size_t stride = std::max<std::size_t>(1, cloud.points.size() / most);
+  for (std::size_t i = 0; i < cloud.points.size(); i += stride) {
+    const CloudPoint& point = cloud.points[i];
     ViewPoint kept;
     kept.position = (world_from_cam * (cloud.scale * point.position.cast<double>())).cast<float>();
+    if (cells_ && !cells_->take(kept.position)) continue;
     const Eigen::Vector3f normal = world_from_cam.rotation.cast<float>() * point.normal;
     kept.normal = (normal.cwiseMax(-1.0F).cwiseMin(1.0F) * 127.0F).cast<std::int8_t>();
     kept.color = point.color;
-    if (scene_.points.size() >= kMaxPoints) thin();
     scene_.points.push_back(kept);
+    if (scene_.points.size() >= kMaxPoints) thin();
   }
 }
 
 void Preview::finish(std::int64_t points) {
   if (scene_.points.empty()) return;
-  if (scene_.spacing > 0.0) thin();  // the last ones as well, so that the picture is even
   if (down_.norm() > 0.0) scene_.up = -down_.normalized();
   scene_.caption = count_text(points) + " points";
   if (scene_.points.size() < static_cast<std::size_t>(points)) {

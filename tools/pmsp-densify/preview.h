@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <memory>
 #include <string>
 
 #include <opencv2/core.hpp>
@@ -21,6 +22,7 @@ class Preview {
  public:
   /// `keyframes`: how many will come. Pictures that an earlier run left in the folder are removed. Throws OutputError.
   Preview(const std::filesystem::path& folder, std::size_t keyframes);
+  ~Preview();
 
   /// Each keyframe, before the densifier gets it; `index` counts from 0. Sizes are those of the depth map.
   void add_keyframe(std::size_t index, std::int64_t id, const RigidTransform& cam_from_world,
@@ -40,6 +42,8 @@ class Preview {
     cv::Mat color;  // BGR
   };
 
+  class Cells;
+
   void thin();
 
   std::filesystem::path folder_;
@@ -47,6 +51,7 @@ class Preview {
   std::size_t strips_ = 0;
   std::deque<Pending> pending_;
   ViewScene scene_;
+  std::unique_ptr<Cells> cells_;  ///< those that have a point, once points are thinned
   Eigen::Vector3d down_ = Eigen::Vector3d::Zero();
 };
 
