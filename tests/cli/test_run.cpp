@@ -66,6 +66,10 @@ TEST_CASE("a run writes all that was asked for") {
   CHECK(stats["skipped"].empty());
   CHECK(stats["pixels"]["unmasked"].get<int>() < 5 * 128 * 64);
   CHECK(stats["peak_memory_mib"].get<double>() > 1.0);
+  double accounted = 0.0;
+  for (const auto& [what, seconds] : stats["critical_path"].items()) accounted += seconds.get<double>();
+  CHECK(accounted == Approx(stats["seconds"]["total"].get<double>()).margin(0.01));
+  CHECK(stats["critical_path"]["other"].get<double>() < 0.5 * accounted);
 
   std::size_t pictures = 0;
   for (const auto& entry : std::filesystem::directory_iterator(dir / "look")) {

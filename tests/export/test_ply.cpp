@@ -100,6 +100,23 @@ TEST_CASE("a cloud survives writing and reading, in world coordinates") {
   }
 }
 
+TEST_CASE("a large cloud is written in blocks, and none of its points is lost or out of place") {
+  const TempDir dir;
+  const KeyframeCloud cloud = sample_cloud(250000);
+  PlyWriter writer(dir / "c.ply", {});
+  for (int i = 0; i < 3; ++i) writer.add(cloud);
+  writer.add(sample_cloud(1));
+  writer.finish();
+  const PlyCloud read = read_ply(dir / "c.ply");
+  REQUIRE(read.positions.size() == 750001);
+  std::size_t wrong = 0;
+  for (std::size_t i = 0; i < 750000; ++i) {
+    const Eigen::Vector3d expected = cloud.cam_from_world.inverse() * cloud.points[i % 250000].position.cast<double>();
+    wrong += (read.positions[i] - expected).norm() < 0.04 && read.views[i] == cloud.points[i % 250000].views ? 0 : 1;
+  }
+  CHECK(wrong == 0);
+}
+
 TEST_CASE("the PLY header is plain for the strictest of readers") {
   const TempDir dir;
   PlyWriter writer(dir / "c.ply", {});

@@ -189,11 +189,28 @@ TEST_CASE("A wrong size, a cut and a broken file are named, and the rest can be 
   std::ofstream(folder / "000005.jpg") << "no image at all";
   std::ofstream(folder / "000013.jpg").flush();
   const auto source = open_image_folder(bare_map(shots), folder.path());
+  source->read_ahead(GENERATE(0, 1, 3, 100));
   CHECK_THROWS_WITH(source->next(), Contains("000000.jpg") && Contains("64x48") && Contains("64x32"));
   CHECK_THROWS_WITH(source->next(), Contains("000001.jpg") && Contains("end marker"));
   CHECK_THROWS_AS(source->next(), IoError);
   CHECK_THROWS_WITH(source->next(), Contains("000013.jpg") && Contains("empty"));
   CHECK(drain(*source).frames == Frames{19, 31});
+}
+
+TEST_CASE("Images that are decoded ahead come in the same order; a source may go while some are being decoded") {
+  TempDir folder;
+  const auto shots = shots_from(0.0);
+  write_frames(folder, "%06lld.png", shots);
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  source->restrict_to({1, 2, 6, 9});
+  source->read_ahead(GENERATE(1, 2, 100));
+  const Drained drained = drain(*source);
+  CHECK(drained.ids == Ids{1, 2, 6, 9});
+  CHECK(drained.frames == Frames{1, 5, 19, 31});
+  CHECK_FALSE(source->next().has_value());
+  const auto left = open_image_folder(bare_map(shots), folder.path());
+  left->read_ahead(100);
+  CHECK(left->next()->keyframe_id == 0);
 }
 
 TEST_CASE("A small file that promises gigabytes of pixels is refused before they are allocated") {
