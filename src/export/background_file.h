@@ -36,7 +36,7 @@ class BackgroundFile {
   void commit();
 
  private:
-  static constexpr std::size_t kMostWaiting = 8;
+  static constexpr std::size_t kMostWaiting = 32;
 
   void work();
   void wait_until_written(std::unique_lock<std::mutex>& lock);

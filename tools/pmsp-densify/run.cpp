@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "decoder.h"
@@ -256,13 +257,14 @@ class Run {
       return seen;
     };
     std::future<Seen> next = std::async(std::launch::async, see);
+    std::optional<ImageSource::Item> done;  // the other thread gives its memory back, which takes a while
     std::size_t index = 0;
     for (;; ++index) {
-      const Seen seen = [&] {
+      Seen seen = [&] {
         const Spent spent(report_.time, Busy::kWait);
         return next.get();
       }();
-      const Decoded& decoded = seen.decoded;
+      Decoded& decoded = seen.decoded;
       if (seen.pairing) report_.pairing = seen.pairing;
       guard.check();
       for (const SkippedKeyframe& skipped : decoded.skipped) {
@@ -271,8 +273,12 @@ class Run {
       }
       report_.with_image -= decoded.skipped.size();
       if (!decoded.item) break;
-      next = std::async(std::launch::async, see);
+      next = std::async(std::launch::async, [&see, done = std::move(done)]() mutable {
+        done.reset();
+        return see();
+      });
       visit(index, *decoded.item);
+      done = std::move(decoded.item);
       guard.check();
     }
     return index == 0 ? decoder.first_error() : "";
