@@ -118,9 +118,11 @@ TEST_CASE("a batch isolates what fails, and says why in the table, as JSON and b
                   Missions::line("odd", {{"picture", "x"}}),
                   Missions::line("wrong", {{"options", {{"fusion", {{"window", 99}}}}}}),
                   Missions::line("own", {{"options", {{"workspace", "w"}}}}), Missions::line("too")});
-  const Result result = missions.batch({"--jobs", "2"});
+  const Result result = missions.batch({"--jobs", "2", "--backend", "cpu", "--device", "3,5"});
   INFO(result.err);
   CHECK(result.code == 7);
+  CHECK_THAT(missions.status("good")["command"].dump(), Contains("--threads=") && Contains("--device=3"));
+  CHECK_THAT(missions.status("gone")["command"].dump(), Contains("--threads=") && Contains("--device=5"));
   for (const char* name : {"good", "too"}) {
     CHECK(missions.status(name)["state"] == "done");
     CHECK(missions.status(name)["points"].get<int>() > 1000);

@@ -37,7 +37,7 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
 /// A file's name as a word of a command line, where a leading "-" would make it an option.
 std::string as_word(const fs::path& path) {
   const std::string text = path.string();
-  return text.rfind("-", 0) == 0 ? "./" + text : text;
+  return !text.empty() && text[0] == '-' ? "./" + text : text;
 }
 
 /// The last thing that a run said in its log, which is why it failed.
@@ -147,6 +147,7 @@ class Batch {
 
   static void understand(const std::vector<std::string>& words) {
     std::vector<const char*> argv;
+    argv.reserve(words.size());
     for (const std::string& word : words) argv.push_back(word.c_str());
     const auto arguments = parse_arguments(static_cast<int>(argv.size()), argv.data());
     if (arguments) effective_options(*arguments);

@@ -146,7 +146,7 @@ std::vector<std::string> cells_of(const std::string& line) {
 }
 
 std::vector<std::string> columns_of(const Line& head, const std::string& path) {
-  const std::vector<std::string> columns = cells_of(head.text);
+  std::vector<std::string> columns = cells_of(head.text);
   const std::string where = path + ": line " + std::to_string(head.number) + ": ";
   for (auto it = columns.begin(); it != columns.end(); ++it) {
     if (!is_column(*it)) {

@@ -66,7 +66,7 @@ void refuse_extra_words(const CLI::App& app) {
   const std::vector<std::string> extras = app.remaining();
   if (extras.empty()) return;
   const std::string& word = extras.front();
-  if (word.rfind("-", 0) != 0) throw UsageError("unexpected word \"" + word + "\"");
+  if (word[0] != '-') throw UsageError("unexpected word \"" + word + "\"");
   const std::string name = name_of_option(word);
   for (const RunOption& option : run_options()) {
     const bool is_this = ("," + option.names + ",").find("," + name + ",") != std::string::npos;

@@ -84,14 +84,14 @@ fs::path only_other(const std::vector<fs::path>& paths, const std::vector<fs::pa
 
 fs::path images_beside(const fs::path& map, const Contents& contents) {
   for (const fs::path& title : {map.stem(), fs::path("images"), fs::path("keyframes"), fs::path("frames")}) {
-    const fs::path folder = titled(contents.image_folders, title);
+    fs::path folder = titled(contents.image_folders, title);
     if (!folder.empty()) return folder;
   }
   return only_other(contents.image_folders, contents.maps);
 }
 
 fs::path video_beside(const fs::path& map, const Contents& contents) {
-  const fs::path video = titled(contents.videos, map.stem());
+  fs::path video = titled(contents.videos, map.stem());
   return !video.empty() ? video : only_other(contents.videos, contents.maps);
 }
 
