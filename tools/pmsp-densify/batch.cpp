@@ -2,9 +2,7 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
-#include <cstring>
 #include <exception>
-#include <fstream>
 #include <iostream>
 #include <system_error>
 
@@ -12,19 +10,17 @@
 #include "batch_manifest.h"
 #include "batch_options.h"
 #include "batch_report.h"
+#include "batch_run.h"
 #include "batch_scan.h"
 #include "batch_status.h"
 #include "child_process.h"
 #include "depth_output.h"
 #include "exit_code.h"
 #include "export/atomic_file.h"
-#include "export/regular_file.h"
-#include "file_state.h"
 #include "pmsp/executor.h"
 #include "progress.h"
 #include "util/folder_lock.h"
 #include "verbs.h"
-#include "workspace/fingerprint.h"
 
 namespace pmsp::tool {
 namespace {
@@ -33,44 +29,6 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-/// A file's name as a word of a command line, where a leading "-" would make it an option.
-std::string as_word(const fs::path& path) {
-  const std::string text = path.string();
-  return !text.empty() && text[0] == '-' ? "./" + text : text;
-}
-
-/// The last thing that a run said in its log, which is why it failed.
-std::string last_words(const fs::path& log) {
-  constexpr std::streamoff kTail = 1 << 16;
-  std::ifstream file(log, std::ios::binary | std::ios::ate);
-  const std::streamoff size = file ? static_cast<std::streamoff>(file.tellg()) : 0;
-  file.seekg(std::max<std::streamoff>(size - kTail, 0));
-  const std::string prefix = "pmsp-densify: ";
-  std::string last, error;
-  for (std::string line; std::getline(file, line);) {
-    if (line.rfind(prefix, 0) == 0) error = line.substr(prefix.size());
-    if (!line.empty()) last = line;
-  }
-  return error.empty() ? last : error;
-}
-
-std::string reason_of(const ChildEnd& end, const fs::path& log) {
-  if (end.signal) {
-    const std::string text = "killed by signal " + std::to_string(*end.signal) + " (" + strsignal(*end.signal) + ")";
-    return *end.signal == SIGKILL ? text + "; memory may have run out" : text;
-  }
-  const std::string words = last_words(log);
-  return words.empty() ? "ended with exit code " + std::to_string(*end.exit_code) : words;
-}
-
-std::optional<std::int64_t> points_in(const fs::path& stats) {
-  try {
-    return nlohmann::json::parse(read_whole_file(stats)).at("points").get<std::int64_t>();
-  } catch (const std::exception&) {
-    return std::nullopt;  // the cloud is there all the same
-  }
-}
 
 class Batch {
  public:
@@ -112,70 +70,12 @@ class Batch {
     Clock::time_point start;
   };
 
-  std::string input(const std::string& name) const { return as_word(inputs_ / name); }
-
-  /// The command line of its run, but for what the slot gives it.
-  std::vector<std::string> words_of(const BatchMission& mission) const {
-    const Mission& m = mission.mission;
-    std::vector<std::string> words{arguments_.program, "run", input(m.map)};
-    words.push_back(m.video.empty() ? "--images=" + input(m.images) : "--video=" + input(m.video));
-    for (const auto* options : {&arguments_.options, &m.options}) {
-      const std::vector<std::string> here = options_in(mission.folder, *options);
-      words.insert(words.end(), here.begin(), here.end());
-    }
-    if (!m.mask.empty()) words.push_back("--mask=" + input(m.mask));
-    words.push_back("--workspace=" + workspace_of(mission).string());
-    words.push_back("--output=" + cloud_of(mission).string());
-    words.push_back("--stats=" + stats_of(mission).string());
-    words.insert(words.end(), {"--force", "--progress=plain"});
-    return words;
-  }
-
-  static fs::path workspace_of(const BatchMission& mission) { return mission.folder / "work"; }
-  static fs::path cloud_of(const BatchMission& mission) { return mission.folder / "cloud.ply"; }
-  static fs::path stats_of(const BatchMission& mission) { return mission.folder / "stats.json"; }
-  static fs::path log_of(const BatchMission& mission) { return mission.folder / "log.txt"; }
-
-  /// Throws what is wrong with the options.
-  void check_words(const BatchMission& mission) const {
+  void check_options(const BatchMission& mission) const {
     try {
-      understand(words_of(mission));
+      check_run_words(run_words(mission, arguments_, inputs_));
     } catch (const std::exception& error) {
       throw UsageError(report_.manifest + ": line " + std::to_string(mission.mission.line) + ": " + error.what());
     }
-  }
-
-  static void understand(const std::vector<std::string>& words) {
-    std::vector<const char*> argv;
-    argv.reserve(words.size());
-    for (const std::string& word : words) argv.push_back(word.c_str());
-    const auto arguments = parse_arguments(static_cast<int>(argv.size()), argv.data());
-    if (arguments) effective_options(*arguments);
-  }
-
-  /// Of what decides the result: what the manifest and the command line say, wherever they lie, and the states of the
-  /// files that they name.
-  std::string fingerprint_of(const Mission& mission) const {
-    workspace::Fingerprint fingerprint;
-    for (const std::string* name : {&mission.map, &mission.images, &mission.video, &mission.mask}) {
-      fingerprint.add(*name).add(name->empty() ? std::string() : state_of(inputs_ / *name));
-    }
-    if (!mission.images.empty()) fingerprint.add(state_of_files_in(inputs_ / mission.images));
-    for (const auto* options : {&arguments_.options, &mission.options}) {
-      for (const std::string& option : *options) add_option(fingerprint, option);
-    }
-    return fingerprint.text();
-  }
-
-  static void add_option(workspace::Fingerprint& fingerprint, const std::string& option) {
-    if (is_of_machine(option)) return;
-    for (const char* name : {"--config", "--mask"}) {
-      const std::string file = value_of(option, name);
-      if (file.empty()) continue;
-      fingerprint.add(name).add(state_of(file));
-      return;
-    }
-    fingerprint.add(option);
   }
 
   /// What is known of it from before: afterwards it is done, has failed, or waits.
@@ -183,11 +83,11 @@ class Batch {
     MissionStatus fresh;
     try {
       if (!mission.mission.is_named) throw InvalidInput(mission.mission.error);
-      fresh.fingerprint = fingerprint_of(mission.mission);
+      fresh.fingerprint = fingerprint_of(mission.mission, arguments_, inputs_);
       fresh.keeps_workspace = arguments_.keep_workspaces;
       const std::optional<MissionStatus> earlier = status_before(mission);
       if (!mission.mission.error.empty()) throw InvalidInput(mission.mission.error);
-      check_words(mission);
+      check_options(mission);
       if (earlier && is_settled(*earlier, fresh, mission)) {
         mission.status = *earlier;
         if (earlier->state == MissionState::kDone) drop_workspace(mission);
@@ -207,8 +107,8 @@ class Batch {
       throw OutputError(mission.folder.string() +
                         ": is there already, and not of a batch; give the mission another \"name\", or another -o");
     }
-    if (earlier && earlier->state == MissionState::kRunning && fs::is_directory(workspace_of(mission), error)) {
-      wait_for_killed(workspace_of(mission));
+    if (earlier && earlier->state == MissionState::kRunning && fs::is_directory(workspace_of(mission.folder), error)) {
+      wait_for_killed(workspace_of(mission.folder));
     }
     mission.has_folder = true;
     return earlier;
@@ -227,13 +127,14 @@ class Batch {
     std::error_code ignored;
     if (earlier.fingerprint != fresh.fingerprint) return false;
     if (earlier.state == MissionState::kFailed) return !arguments_.retry;
-    return earlier.state == MissionState::kDone && fs::exists(cloud_of(mission), ignored);
+    return earlier.state == MissionState::kDone && fs::exists(cloud_of(mission.folder), ignored);
   }
 
   void announce(std::size_t waiting) {
     to_do_ = waiting;
-    std::string text = std::to_string(report_.missions.size()) +
-                       " missions: " + std::to_string(report_.count(MissionState::kDone)) + " done before, ";
+    const std::size_t count = report_.missions.size();
+    std::string text = std::to_string(count) + (count == 1 ? " mission: " : " missions: ") +
+                       std::to_string(report_.count(MissionState::kDone)) + " done before, ";
     const std::size_t failed = report_.count(MissionState::kFailed);
     if (failed > 0) text += std::to_string(failed) + " failed" + (arguments_.retry ? "" : " (see --retry)") + ", ";
     text += std::to_string(waiting) + " to do";
@@ -272,13 +173,13 @@ class Batch {
     mission.has_run = true;
     try {
       make_folder(mission.folder);
-      status.command = words_of(mission);
+      status.command = run_words(mission, arguments_, inputs_);
       share_out(index, status.command);
       status.started = time_text();
       status.state = MissionState::kRunning;
       write_status(mission.folder, status);  // first: it says whose folder it is
       slot.start = Clock::now();
-      slot.process = start_child(status.command, log_of(mission));
+      slot.process = start_child(status.command, log_of(mission.folder));
       slot.mission = &mission;
       status.process = slot.process;
       write_status(mission.folder, status);
@@ -318,13 +219,16 @@ class Batch {
     status.seconds = seconds_since(slot.start);
     status.peak_memory_mib = end->peak_memory_mib;
     if (end->exit_code == kExitOk) {
-      status.points = points_in(stats_of(mission));
+      status.points = points_in(stats_of(mission.folder));
       finish(mission, MissionState::kDone, "");
       if (status.state == MissionState::kDone) drop_workspace(mission);
     } else {
-      const bool by_signal = end->signal || *end->exit_code > kExitSignal;
-      finish(mission, is_stopped && by_signal ? MissionState::kInterrupted : MissionState::kFailed,
-             reason_of(*end, log_of(mission)));
+      const bool is_interrupted = is_stopped && (end->signal || *end->exit_code > kExitSignal);
+      if (is_interrupted) {
+        finish(mission, MissionState::kInterrupted, "");
+      } else {
+        finish(mission, MissionState::kFailed, reason_of(*end, log_of(mission.folder)));
+      }
     }
     tell_end(mission);
   }
@@ -346,7 +250,7 @@ class Batch {
   /// Only after its status says that it is done: half a workspace is none.
   static void drop_workspace(const BatchMission& mission) {
     std::error_code ignored;
-    if (!mission.status.keeps_workspace) fs::remove_all(workspace_of(mission), ignored);
+    if (!mission.status.keeps_workspace) fs::remove_all(workspace_of(mission.folder), ignored);
   }
 
   void tell_end(const BatchMission& mission) {

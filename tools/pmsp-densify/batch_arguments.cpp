@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 
 #include "batch_options.h"
+#include "batch_run.h"
 #include "exit_code.h"
 
 namespace pmsp::tool {
@@ -93,10 +94,9 @@ void add_own(CLI::App& app, BatchArguments& a) {
 
 /// Mistakes in what all missions are given end the batch before it begins.
 void check_options(const std::vector<std::string>& options) {
-  std::vector<const char*> words{"", "run", "MAP", "--images=DIR"};
-  for (const std::string& option : options) words.push_back(option.c_str());
-  const auto arguments = parse_arguments(static_cast<int>(words.size()), words.data());
-  if (arguments) effective_options(*arguments);
+  std::vector<std::string> words{"", "run", "MAP", "--images=DIR"};
+  words.insert(words.end(), options.begin(), options.end());
+  check_run_words(words);
 }
 
 void check(const BatchArguments& a) {
