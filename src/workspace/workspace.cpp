@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "workspace/workspace.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-#include <cerrno>
-#include <cstring>
 #include <set>
 #include <system_error>
 #include <utility>
@@ -23,7 +18,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kRecord = "workspace.json";
-constexpr const char* kLock = "lock";
 
 bool is_there(const fs::path& path) {
   std::error_code ignored;
@@ -72,41 +66,19 @@ Workspace::Workspace(const fs::path& folder) : folder_(folder) {
                          "name");
     }
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-      if (it->path().filename() == kLock) continue;  // as far as a killed run came
+      if (it->path().filename() == FolderLock::kName) continue;  // as far as a killed run came
       throw InvalidInput(folder.string() +
                          ": is no workspace, and not empty; expected a folder that a run with this "
                          "option has made, or a new name");
     }
   }
   make_folder(folder);
-  lock();
-  try {
-    if (is_new) write_file(record, record_json({}));
-    record_ = record_from_json(read_whole_file(record), record.string());
-    make_folder(planes());
-    make_folder(points());
-    look_again();
-  } catch (...) {
-    ::close(lock_);
-    throw;
-  }
-}
-
-Workspace::~Workspace() { ::close(lock_); }
-
-/// The lock ends with the process.
-void Workspace::lock() {
-  const fs::path file = folder_ / kLock;
-  lock_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-  if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) == 0) return;
-  const int code = errno;
-  if (lock_ >= 0) ::close(lock_);
-  if (code == EWOULDBLOCK) {
-    throw OutputError(folder_.string() +
-                      ": another process works in this workspace; wait until it has ended, or name another folder");
-  }
-  throw OutputError(file.string() + ": the workspace cannot be locked (" + std::strerror(code) +
-                    "); name a folder that may be written to, on a file system with locks");
+  lock_.emplace(folder, "workspace");
+  if (is_new) write_file(record, record_json({}));
+  record_ = record_from_json(read_whole_file(record), record.string());
+  make_folder(planes());
+  make_folder(points());
+  look_again();
 }
 
 void Workspace::look_again() { drop_missing(record_); }

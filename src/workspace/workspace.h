@@ -4,11 +4,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "pmsp/plane_map.h"
 #include "pmsp/point_cloud.h"
+#include "util/folder_lock.h"
 #include "workspace/record.h"
 #include "workspace/step.h"
 
@@ -31,7 +33,6 @@ class Workspace {
   /// Makes the folder where there is none. Throws OutputError where that fails or another process works in it,
   /// InvalidInput where it holds other things, or a record that cannot be read.
   explicit Workspace(const std::filesystem::path& folder);
-  ~Workspace();
   Workspace(const Workspace&) = delete;
   Workspace& operator=(const Workspace&) = delete;
 
@@ -58,7 +59,6 @@ class Workspace {
  private:
   std::filesystem::path planes() const { return folder_ / "planes"; }
   std::filesystem::path points() const { return folder_ / "points"; }
-  void lock();
   void drop_missing(Record& record) const;
   void delete_unnamed() const;
 
@@ -69,7 +69,7 @@ class Workspace {
     std::string text;
   };
 
-  int lock_ = -1;
+  std::optional<FolderLock> lock_;
   std::map<std::string, Known> known_;
   Record record_;
 };

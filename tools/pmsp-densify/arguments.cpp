@@ -21,8 +21,10 @@ constexpr const char* kExamples =
     "  pmsp-densify info map.msg --images keyframes/\n"
     "  pmsp-densify info map.msg --images keyframes/ --quality normal --plan plan.json\n"
     "  pmsp-densify config --quality high > high.json\n"
+    "  pmsp-densify batch missions.jsonl -o results/\n"
     "\n"
     "Exit codes: 0 ok, 1 unexpected error, 2 usage, 3 input, 4 backend unavailable, 5 empty result, 6 output, "
+    "7 and 8 some and all missions of a batch failed, "
     "128 + n stopped by signal n (130 Ctrl-C, 143 SIGTERM)";
 
 std::int64_t frame_offset_from(const std::string& text) {
@@ -159,6 +161,17 @@ void add_behaviour(CLI::App& app, Arguments& a) {
   app.add_flag("--print-config", a.print_config, "Print the options in force as JSON and stop")->group(group);
 }
 
+void add_run(CLI::App& app, Arguments& a) {
+  add_inputs(app, a);
+  app.add_option("--mask", a.mask, "Image whose black pixels are ignored in every keyframe")
+      ->type_name("FILE")
+      ->group("Input");
+  app.add_flag("--no-verify", a.no_verify, "Do not check that the images belong to their keyframes")->group("Input");
+  add_outputs(app, a);
+  add_behaviour(app, a);
+  add_table(app, a);
+}
+
 // Names what the user typed and what he may have meant, where CLI11 would only name the former.
 void refuse_extras(const CLI::App& app) {
   const std::vector<std::string> extras = app.remaining();
@@ -174,20 +187,6 @@ void refuse_extras(const CLI::App& app) {
     if (entry.is_switch()) names.push_back(entry.negative_flag());
   }
   throw UsageError("there is no option " + word + "; did you mean " + nearest(word, names) + "?");
-}
-
-// Switches take a value inside, so that the last of several wins: --x is --x=true, --no-x is --x=false.
-void spell_out_switches(std::vector<std::string>& words) {
-  for (std::string& word : words) {
-    for (const OptionEntry& entry : option_table()) {
-      if (!entry.is_switch()) continue;
-      if (word == entry.flag()) {
-        word += "=true";
-      } else if (word == entry.negative_flag()) {
-        word = entry.flag() + "=false";
-      }
-    }
-  }
 }
 
 void print_version() {
@@ -221,6 +220,33 @@ void check_run(const Arguments& a) {
 
 std::string version_text() { return "pmsp-densify " PMSP_VERSION; }
 
+void spell_out_switches(std::vector<std::string>& words) {
+  for (std::string& word : words) {
+    for (const OptionEntry& entry : option_table()) {
+      if (!entry.is_switch()) continue;
+      if (word == entry.flag()) {
+        word += "=true";
+      } else if (word == entry.negative_flag()) {
+        word = entry.flag() + "=false";
+      }
+    }
+  }
+}
+
+std::vector<RunOption> run_options() {
+  Arguments unused;
+  CLI::App run;
+  run.set_help_flag();
+  add_run(run, unused);
+  std::vector<RunOption> options;
+  for (const CLI::Option* option : run.get_options()) {
+    if (option->get_lnames().empty()) continue;
+    options.push_back(
+        {option->get_name(false, true), "--" + option->get_lnames().back(), option->get_items_expected_max() > 0});
+  }
+  return options;
+}
+
 std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   const std::vector<std::string> words = words_of(argc, argv);
   Arguments a;
@@ -235,15 +261,9 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   CLI::App& run = *app.add_subcommand("run", "Map and images to a cloud (the default verb)");
   CLI::App& info = *app.add_subcommand("info", "What is in a map, and which images belong to it");
   CLI::App& config = *app.add_subcommand("config", "Print the options in force as JSON, for --config");
+  app.add_subcommand("batch", "A list of missions, each by a process and in a folder of its own; see batch --help");
   for (CLI::App* verb : {&run, &info, &config}) verb->allow_extras();
-  add_inputs(run, a);
-  run.add_option("--mask", a.mask, "Image whose black pixels are ignored in every keyframe")
-      ->type_name("FILE")
-      ->group("Input");
-  run.add_flag("--no-verify", a.no_verify, "Do not check that the images belong to their keyframes")->group("Input");
-  add_outputs(run, a);
-  add_behaviour(run, a);
-  add_table(run, a);
+  add_run(run, a);
   add_inputs(info, a);
   info.add_flag("--json", a.json, "As JSON");
   add_plan(info, a);

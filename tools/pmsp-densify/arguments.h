@@ -55,6 +55,17 @@ struct Arguments {
 /// InvalidOption.
 std::optional<Arguments> parse_arguments(int argc, const char* const* argv);
 
+/// An option of `run`, for a verb that hands options on to it.
+struct RunOption {
+  std::string names;  ///< "-o,--output"
+  std::string name;   ///< the long one
+  bool takes_value = false;
+};
+std::vector<RunOption> run_options();
+
+/// Switches take a value inside, so that the last of several wins: --x is --x=true, --no-x is --x=false.
+void spell_out_switches(std::vector<std::string>& words);
+
 /// Defaults, then the preset of the quality, then the configuration file, then flags; validated. Throws InvalidOption,
 /// IoError.
 DensifierOptions effective_options(const Arguments& arguments);

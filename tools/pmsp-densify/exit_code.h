@@ -16,6 +16,8 @@ enum ExitCode {
   kExitBackend = 4,
   kExitEmpty = 5,
   kExitOutput = 6,
+  kExitSomeFailed = 7,  ///< batch
+  kExitAllFailed = 8,   ///< batch
   kExitSignal = 128
 };
 

@@ -4,45 +4,27 @@
 #include <algorithm>
 #include <chrono>
 #include <exception>
-#include <filesystem>
 #include <string>
-#include <system_error>
 #include <thread>
-#include <vector>
 
 #include "exit_code.h"
+#include "file_state.h"
 #include "interrupt.h"
 #include "progress.h"
 
 namespace pmsp::tool {
 namespace {
 
-namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kLook = std::chrono::milliseconds(100);
 /// Files that have not changed for so long are not being written.
 constexpr auto kRest = std::chrono::milliseconds(500);
 
-std::string state_of(const fs::path& file) {
-  std::error_code error;
-  const auto time = fs::last_write_time(file, error).time_since_epoch().count();
-  const auto size = error ? 0 : fs::file_size(file, error);
-  return file.string() + " " + (error ? "missing" : std::to_string(time) + " " + std::to_string(size)) + "\n";
-}
-
 /// Names, sizes and times of what a run reads.
 std::string state_of_inputs(const Arguments& arguments) {
-  std::string state = state_of(arguments.map);
-  if (!arguments.video.empty()) return state + state_of(arguments.video);
-  std::error_code error;
-  std::vector<std::string> images;
-  for (fs::directory_iterator it(arguments.images, error), end; !error && it != end; it.increment(error)) {
-    images.push_back(state_of(it->path()));
-  }
-  std::sort(images.begin(), images.end());
-  for (const std::string& image : images) state += image;
-  return state;
+  const std::string state = state_of(arguments.map);
+  return state + (arguments.video.empty() ? state_of_files_in(arguments.images) : state_of(arguments.video));
 }
 
 /// Looks often, but at each image only where the map or the folder has changed, and now and then.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <exception>
 #include <iostream>
+#include <string>
 
 #include "exit_code.h"
 #include "verbs.h"
@@ -13,6 +14,7 @@ namespace {
 
 int guarded_main(int argc, char** argv) {
   using namespace pmsp::tool;
+  if (argc > 1 && std::string(argv[1]) == "batch") return batch(argc, argv);
   const std::optional<Arguments> arguments = parse_arguments(argc, argv);
   if (!arguments) return kExitOk;
   if (arguments->verb == Verb::kInfo) {

@@ -112,6 +112,10 @@ void Progress::step(const ProgressStep& step) {
   std::cerr << "\n";
 }
 
+void Progress::event(const nlohmann::ordered_json& event) {
+  if (mode_ == ProgressMode::kJson) emit(event);
+}
+
 void Progress::done(const nlohmann::ordered_json& result) {
   if (mode_ != ProgressMode::kJson) return clear_bar();
   nlohmann::ordered_json event{{"event", "done"}};

@@ -36,6 +36,9 @@ class Progress {
   /// A stage that takes a moment and has no steps: "writing cloud.ply".
   void stage(const std::string& name);
 
+  /// For programs only; people are told by `message`.
+  void event(const nlohmann::ordered_json& event);
+
   /// Last event for programs; `summary` lines go through `message`.
   void done(const nlohmann::ordered_json& result);
 

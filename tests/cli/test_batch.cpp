@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+
+#include "cli/command.h"
+
+using namespace pmsp_test;
+using Catch::Contains;
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+/// The options of a quick run, without its inputs and outputs.
+std::vector<std::string> quick_options() {
+  const std::vector<std::string> words = quick_run("");
+  std::vector<std::string> options;
+  for (std::size_t i = 4; i < words.size(); ++i) {
+    if (words[i] == "-o") {
+      ++i;
+    } else {
+      options.push_back(words[i]);
+    }
+  }
+  return options;
+}
+
+/// Batches in a folder of their own, beside copies of the mission's map and a link to its images.
+class Missions {
+ public:
+  Missions() {
+    fs::create_directory_symlink(mission() / "images", dir_ / "images");
+    fs::copy_file(mission() / "map.msg", dir_ / "map.msg");
+  }
+
+  fs::path operator/(const std::string& name) const { return dir_ / name; }
+  fs::path result(const std::string& name) const { return dir_ / "out" / name; }
+
+  /// A line of a manifest; `more` takes precedence.
+  static Json line(const std::string& name, const Json& more = Json::object()) {
+    Json line{{"name", name}, {"map", "map.msg"}, {"images", "images"}};
+    line.update(more);
+    return line;
+  }
+
+  void write(const std::vector<Json>& lines) const {
+    std::string text;
+    for (const Json& line : lines) text += line.dump() + "\n";
+    write_text(dir_ / "m.jsonl", text);
+  }
+
+  std::vector<std::string> words(const std::vector<std::string>& more = {}, const char* manifest = "m.jsonl") const {
+    std::vector<std::string> words{"batch", (dir_ / manifest).string(), "-o", (dir_ / "out").string()};
+    for (const auto* options : {&kQuick, &more}) words.insert(words.end(), options->begin(), options->end());
+    return words;
+  }
+  Result batch(const std::vector<std::string>& more = {}, const char* manifest = "m.jsonl") const {
+    return densify(words(more, manifest));
+  }
+
+  Json status(const std::string& name) const {
+    const std::string text = read_text(result(name) / "status.json");
+    return text.empty() ? Json{{"state", "waiting"}} : Json::parse(text);
+  }
+  Json report() const { return Json::parse(read_text(dir_ / "out/batch.json")); }
+
+ private:
+  const std::vector<std::string> kQuick = quick_options();
+  TempDir dir_;
+};
+
+bool is_alive(pid_t process) {
+  if (kill(process, 0) != 0) return false;
+  const std::string stat =
+      read_text("/proc/" + std::to_string(process) + "/stat");  // nobody may have asked how it ended
+  const std::size_t name_end = stat.rfind(')');
+  return name_end == std::string::npos || stat.substr(name_end + 2, 1) != "Z";
+}
+
+/// Waits for what must come, and not for ever.
+template <class Condition>
+bool comes(const Condition& condition) {
+  for (int i = 0; i < 6000; ++i) {
+    if (condition()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return false;
+}
+
+/// Holds on to a mission that is being run, in the middle; returns its process.
+pid_t stop_run_of(const Missions& missions, const std::string& name) {
+  const bool is_running = comes([&] {
+    return missions.status(name).contains("process") && fs::exists(missions.result(name) / "work/workspace.json");
+  });
+  REQUIRE(is_running);
+  const pid_t process = missions.status(name)["process"].get<pid_t>();
+  kill(process, SIGSTOP);
+  return process;
+}
+
+}  // namespace
+
+TEST_CASE("a batch isolates what fails, and says why in the table, as JSON and by its exit code") {
+  const Missions missions;
+  write_text(missions / "garbage.msg", "no map at all");
+  fs::create_directory(missions / "empty");
+  missions.write({Missions::line("good"), Missions::line("gone", {{"map", "nowhere.msg"}}),
+                  Missions::line("garbage", {{"map", "garbage.msg"}}), Missions::line("blind", {{"images", "empty"}}),
+                  Missions::line("odd", {{"picture", "x"}}),
+                  Missions::line("wrong", {{"options", {{"fusion", {{"window", 99}}}}}}),
+                  Missions::line("own", {{"options", {{"workspace", "w"}}}}), Missions::line("too")});
+  const Result result = missions.batch({"--jobs", "2", "--backend", "cpu", "--device", "3,5"});
+  INFO(result.err);
+  CHECK(result.code == 7);
+  CHECK_THAT(missions.status("good")["command"].dump(), Contains("--threads=") && Contains("--device=3"));
+  CHECK_THAT(missions.status("gone")["command"].dump(), Contains("--threads=") && Contains("--device=5"));
+  for (const char* name : {"good", "too"}) {
+    CHECK(missions.status(name)["state"] == "done");
+    CHECK(missions.status(name)["points"].get<int>() > 1000);
+    CHECK(read_text(missions.result(name) / "cloud.ply") == read_text(missions.result("good") / "cloud.ply"));
+    CHECK(fs::exists(missions.result(name) / "stats.json"));
+    CHECK_FALSE(fs::exists(missions.result(name) / "work"));
+  }
+  const std::vector<std::pair<std::string, std::string>> reasons{
+      {"gone", "nowhere.msg: there is no such file"},
+      {"garbage", "garbage.msg: is no map"},
+      {"blind", "empty"},
+      {"odd", "line 5: there is no key \"picture\""},
+      {"wrong", "line 6: --fusion-window is 99"},
+      {"own", "line 7: --workspace is not for missions"},
+  };
+  std::istringstream table(result.out);
+  std::string head;
+  std::getline(table, head);
+  CHECK_THAT(head, Contains("mission") && Contains("state") && Contains("points") && Contains("reason"));
+  for (const auto& [name, reason] : reasons) {
+    INFO(name);
+    CHECK(missions.status(name)["state"] == "failed");
+    CHECK_THAT(missions.status(name)["reason"].get<std::string>(), Contains(reason));
+    CHECK_FALSE(fs::exists(missions.result(name) / "cloud.ply"));
+    CHECK_THAT(result.out, Contains("\n" + name + " ") && Contains(reason));
+    CHECK_THAT(result.err, Contains(name + ": failed: "));
+  }
+  CHECK_THAT(result.out, Contains("2 of 8 missions done, 6 failed"));
+  CHECK_THAT(read_text(missions.result("gone") / "log.txt"), Contains("nowhere.msg: there is no such file"));
+  const Json report = missions.report();
+  CHECK(report["done"] == 2);
+  CHECK(report["failed"] == 6);
+  REQUIRE(report["missions"].size() == 8);
+  CHECK(report["missions"][1]["name"] == "gone");
+  CHECK(report["missions"][1]["exit_code"] == 3);
+}
+
+TEST_CASE("what is done is not made again, what has failed only with --retry, what has changed is") {
+  const Missions missions;
+  const Json bad = Missions::line("b", {{"map", "later.msg"}});
+  missions.write({Missions::line("a"), bad});
+  REQUIRE(missions.batch().code == 7);
+  const std::string first = read_text(missions.result("a") / "status.json");
+  const std::string failed = read_text(missions.result("b") / "status.json");
+  CHECK(missions.batch().code == 7);
+  CHECK(read_text(missions.result("a") / "status.json") == first);
+  CHECK(read_text(missions.result("b") / "status.json") == failed);
+  const Result retried = missions.batch({"--retry", "--jobs", "2", "--threads", "1"});
+  CHECK(retried.code == 7);
+  CHECK_THAT(retried.err, Contains("1 done before, 1 to do"));
+  CHECK(read_text(missions.result("a") / "status.json") == first);  // machine and jobs are no change
+  fs::copy_file(missions / "map.msg", missions / "later.msg");
+  CHECK(missions.batch().code == 0);  // its input has come
+  CHECK(missions.status("b")["state"] == "done");
+
+  missions.write({Missions::line("a", {{"options", {{"fusion-spacing-px", 3}}}}), bad});
+  const std::string cloud = read_text(missions.result("a") / "cloud.ply");
+  const Result changed = missions.batch();
+  CHECK(changed.code == 0);
+  CHECK_THAT(changed.err, Contains("1 done before, 1 to do"));
+  CHECK(read_text(missions.result("a") / "cloud.ply") != cloud);
+  fs::remove(missions.result("b") / "cloud.ply");
+  CHECK_THAT(missions.batch().err, Contains("1 done before, 1 to do"));
+  CHECK(fs::exists(missions.result("b") / "cloud.ply"));
+  fs::remove(missions / "map.msg");
+  missions.write({Missions::line("c")});
+  CHECK(missions.batch().code == 8);
+}
+
+TEST_CASE("a batch that is killed takes its runs with it, and goes on from there") {
+  const Missions missions;
+  std::vector<Json> lines;
+  for (const char* name : {"a", "b", "c", "d", "e"}) lines.push_back(Missions::line(name));
+  lines[1]["map"] = "nowhere.msg";
+  missions.write(lines);
+  Command command(densify_words(missions.words({"--jobs", "2"})));
+  const pid_t child = stop_run_of(missions, "c");
+  const Result second = missions.batch();
+  CHECK(second.code == 6);
+  CHECK_THAT(second.err, Contains("another process works in this folder of a batch"));
+  kill(command.pid(), SIGKILL);
+  CHECK(command.wait().code == 137);
+#if defined(__linux__)
+  CHECK(comes([&] { return !is_alive(child); }));
+#endif
+  CHECK_FALSE(fs::exists(missions.result("c") / "cloud.ply"));
+  const Result again = missions.batch({"--jobs", "2"});
+  INFO(again.err);
+  CHECK(again.code == 7);
+  CHECK_THAT(again.out, Contains("4 of 5 missions done") && Contains("1 failed"));
+  for (const char* name : {"c", "d", "e"}) {
+    CHECK(read_text(missions.result(name) / "cloud.ply") == read_text(missions.result("a") / "cloud.ply"));
+  }
+}
+
+TEST_CASE("a signal ends a batch and its runs; the same command goes on") {
+  const Missions missions;
+  missions.write({Missions::line("a"), Missions::line("b")});
+  Command command(densify_words(missions.words()));
+  const pid_t child = stop_run_of(missions, "a");
+  kill(command.pid(), SIGTERM);
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  kill(child, SIGCONT);
+  const Result result = command.wait();
+  INFO(result.err);
+  CHECK(result.code == 143);
+  CHECK(missions.status("a")["state"] == "interrupted");
+  CHECK_FALSE(fs::exists(missions.result("b")));
+  CHECK_THAT(result.out, Contains("0 of 2 missions done, 0 failed, 1 interrupted, 1 waiting"));
+  CHECK(missions.report()["waiting"] == 1);
+  CHECK(missions.batch().code == 0);
+}
+
+TEST_CASE("a table and JSON lines say the same") {
+  const Missions missions;
+  missions.write({Missions::line("a", {{"options", {{"fusion", {{"window", 7}}}, {"median", {{"enabled", false}}}}}}),
+                  {{"map", "./map.msg"}, {"images", "images"}}});
+  write_text(missions / "m.tsv",
+             "# two missions\r\noptions\tname\tmap\timages\tvideo\r\n"
+             "--no-median-enabled --fusion-window '7'\ta\tmap.msg\timages\t\r\n"
+             "\t\t./map.msg\timages\r\n");
+  REQUIRE(missions.batch().code == 0);
+  const std::string status = read_text(missions.result("a") / "status.json");
+  CHECK_THAT(status, Contains("--median-enabled=false") && Contains("--fusion-window=7"));
+  const Result table = missions.batch({}, "m.tsv");
+  CHECK(table.code == 0);
+  CHECK_THAT(table.err, Contains("2 done before, 0 to do"));
+  CHECK(missions.status("map")["state"] == "done");  // called as its map
+}
+
+TEST_CASE("the program that reads a batch gets events, and output folders lie with their mission") {
+  const Missions missions;
+  missions.write({Missions::line("a", {{"options", {{"depth-maps", "depth"}}}})});
+  const Result result = missions.batch({"--progress", "json", "--keep-workspaces"});
+  CHECK(result.code == 0);
+  CHECK(result.err.empty());
+  std::istringstream events(result.out);
+  std::vector<Json> all;
+  for (std::string event; std::getline(events, event);) all.push_back(Json::parse(event));
+  REQUIRE(all.size() == 3);
+  CHECK(all[1]["event"] == "mission");
+  CHECK(all[1]["name"] == "a");
+  CHECK(all[1]["state"] == "done");
+  CHECK(all[2]["event"] == "done");
+  CHECK(all[2]["done"] == 1);
+  CHECK(fs::exists(missions.result("a") / "depth/index.json"));
+  CHECK(fs::exists(missions.result("a") / "work/workspace.json"));
+  REQUIRE(missions.batch().code == 0);
+  CHECK(fs::exists(missions.result("a") / "work"));  // it was asked for
+}
+
+TEST_CASE("a manifest or a command line that makes no sense ends a batch before it begins") {
+  const Missions missions;
+  const auto refused = [&](const std::string& manifest, int code, const std::vector<std::string>& more,
+                           const std::string& complaint) {
+    write_text(missions / "m.jsonl", manifest);
+    const Result result = missions.batch(more);
+    INFO(result.err);
+    CHECK(result.code == code);
+    CHECK_THAT(result.err, Contains(complaint));
+    CHECK_FALSE(fs::exists(missions / "out"));
+  };
+  const std::string good = Missions::line("a").dump() + "\n";
+  refused(good + "\n" + good, 3, {}, "lines 1 and 3 are both called \"a\"");
+  refused("", 3, {}, "there is no mission in it");
+  refused("name\tmap\tpicture\n", 3, {}, "there is no column \"picture\"");
+  refused(good, 2, {"--jobs", "0"}, "--jobs is \"0\"");
+  refused(good, 2, {"--device", "0,x"}, "--device is \"0,x\"");
+  refused(good, 2, {"--fusion-window", "99"}, "--fusion-window is 99");
+  refused(good, 2, {"--fusion-windw", "9"}, "did you mean --fusion-window?");
+  refused(good, 2, {"--follow"}, "--follow is not for missions of a batch");
+  refused(good, 2, {"--preview", "../look"}, "--preview is \"../look\"");
+  refused(good, 2, {"--preview", "work"}, "--preview is \"work\"");
+  CHECK(densify({"batch"}).code == 2);
+  CHECK(densify({"batch", (missions / "m.jsonl").string()}).code == 2);
+  CHECK(densify({"batch", (missions / "none.jsonl").string(), "-o", (missions / "out").string()}).code == 3);
+  const Result help = densify({"batch", "--help"});
+  CHECK(help.code == 0);
+  CHECK_THAT(help.out, Contains("--retry") && Contains("Examples:") && Contains("--scan") && Contains("7 some"));
+}
+
+TEST_CASE("a folder that is not of a batch stays as it is") {
+  const Missions missions;
+  missions.write({Missions::line("a"), Missions::line("b")});
+  fs::create_directories(missions.result("a"));
+  write_text(missions.result("a") / "cloud.ply", "somebody's");
+  fs::create_directories(missions.result("b"));
+  write_text(missions.result("b") / "status.json", "somebody's");
+  const Result result = missions.batch();
+  CHECK(result.code == 8);
+  CHECK_THAT(result.out, Contains("not of a batch") && Contains("is no status of a mission"));
+  CHECK(read_text(missions.result("a") / "cloud.ply") == "somebody's");
+  CHECK(read_text(missions.result("b") / "status.json") == "somebody's");
+}
+
+TEST_CASE("--scan finds maps with the images or the video beside them, and its list can be run") {
+  const TempDir dir;
+  const auto add = [&](const std::string& folder, const std::string& map, const std::vector<std::string>& files) {
+    fs::create_directories(dir / folder);
+    fs::copy_file(mission() / "map.msg", dir / (folder + "/" + map));
+    for (const std::string& file : files) {
+      fs::create_directories((dir / (folder + "/" + file)).parent_path());
+      write_text(dir / (folder + "/" + file), "");
+    }
+  };
+  add("tree/one", "map.msg", {"mask.png", "other/1.png"});
+  fs::create_directory_symlink(mission() / "images", dir / "tree/one/images");
+  add("tree/site/two", "fly.msg", {"fly.mp4", "else.mp4", "notes/n.txt"});
+  add("tree/site/two", "walk.db", {});
+  add("tree/none", "map.msg", {"b/1.png", "c/1.png"});
+  const Result scan = densify({"batch", "--scan", (dir / "tree").string()});
+  CHECK(scan.code == 0);
+  std::istringstream text(scan.out);
+  std::vector<Json> lines;
+  for (std::string line; std::getline(text, line);) lines.push_back(Json::parse(line));
+  REQUIRE(lines.size() == 3);
+  CHECK(lines[0]["name"] == "one");
+  CHECK(lines[0]["images"] == (dir / "tree/one/images").string());
+  CHECK(lines[0]["mask"] == (dir / "tree/one/mask.png").string());
+  CHECK(lines[1]["name"] == "site-two-fly");
+  CHECK(lines[1]["video"] == (dir / "tree/site/two/fly.mp4").string());
+  CHECK(lines[2]["video"] == (dir / "tree/site/two/else.mp4").string());
+  CHECK_THAT(scan.err, Contains("tree/none/map.msg") && Contains("no images or video beside it"));
+  fs::remove(dir / "tree/one/mask.png");
+  write_text(dir / "list.jsonl", densify({"batch", "--scan", (dir / "tree/one").string()}).out);
+  std::vector<std::string> words{"batch", (dir / "list.jsonl").string(), "-o", (dir / "out").string()};
+  for (const std::string& option : quick_options()) words.push_back(option);
+  CHECK(densify(words).code == 0);
+  fs::create_directory(dir / "nothing");
+  CHECK(densify({"batch", "--scan", (dir / "nothing").string()}).code == 3);
+}

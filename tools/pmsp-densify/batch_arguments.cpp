@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "batch_arguments.h"
+
+#include <iostream>
+#include <sstream>
+
+#include <CLI/CLI.hpp>
+
+#include "batch_options.h"
+#include "batch_run.h"
+#include "exit_code.h"
+
+namespace pmsp::tool {
+namespace {
+
+constexpr const char* kAbout =
+    "Many missions: each by a process of its own, with results, log and status in a folder of its own, DIR/NAME.\n"
+    "One that fails costs no other. The same command, given again, makes what is not finished, goes on where one was\n"
+    "interrupted, and makes anew what has other inputs or options.\n";
+
+constexpr const char* kMore =
+    "Options of `run` (see run --help) are for all missions; those of a mission come after them and override them.\n"
+    "--depth-maps and --preview name folders in those of the missions. Not to be given: -o, --stats, --workspace and\n"
+    "--force, which a batch sets itself, --follow and --raw-depth-maps.\n"
+    "\n"
+    "MANIFEST is JSON lines, an object a mission, or tab-separated with a first line that names the columns:\n"
+    "name, map, images or video, mask, options. Paths are relative to the manifest. Options are an object as in\n"
+    "--config, {\"quality\": \"high\", \"fusion\": {\"window\": 7}, \"fps\": 25}, or in a table words, --quality "
+    "high.\n"
+    "Without a name a mission is called as its map, or as the map's folder where the map is called map.\n"
+    "\n"
+    "--scan lists files *.msg and *.db. To each belong, in this order: the folder beside it that has its name or is\n"
+    "called images, keyframes or frames; the only other folder beside it with images; the video beside it that has\n"
+    "its name; the only other video beside it. A mask.png beside it is its mask. Names of missions are paths in DIR.\n"
+    "\n"
+    "Examples:\n"
+    "  pmsp-densify batch --scan flights/ > missions.jsonl\n"
+    "  pmsp-densify batch missions.jsonl -o results/ --jobs 2 --quality normal\n"
+    "\n"
+    "Exit codes: 0 all missions are done, 7 some failed, 8 all failed; 2 usage, 3 manifest, 6 output,\n"
+    "128 + n stopped by signal n (130 Ctrl-C, 143 SIGTERM)";
+
+int jobs_from(const std::string& text) {
+  const auto jobs = number_from<int>(text);
+  if (jobs && *jobs >= 1 && *jobs <= 256) return *jobs;
+  throw UsageError("--jobs is \"" + text + "\"; expected a whole number from 1 to 256");
+}
+
+std::vector<int> devices_from(const std::string& text) {
+  std::vector<int> devices;
+  std::istringstream list(text + ",");
+  for (std::string item; std::getline(list, item, ',');) {
+    const auto device = number_from<int>(item);
+    if (!device || *device < 0 || *device > 255) {
+      throw UsageError("--device is \"" + text + "\"; expected CUDA devices, 0 to 255, such as 0,1");
+    }
+    devices.push_back(*device);
+  }
+  return devices;
+}
+
+ProgressMode progress_from(const std::string& name) {
+  if (name == "auto" || name == "plain") return ProgressMode::kPlain;
+  if (name == "json") return ProgressMode::kJson;
+  if (name == "none") return ProgressMode::kNone;
+  throw UsageError("--progress is \"" + name + "\"; expected plain, json or none");
+}
+
+void add_own(CLI::App& app, BatchArguments& a) {
+  app.add_option("manifest", a.manifest, "List of missions; - = standard input")->type_name("MANIFEST");
+  app.add_option("-o,--output", a.output, "Folder of the results; one batch at a time works in it")->type_name("DIR");
+  app.add_option_function<std::string>(
+         "--jobs", [&a](const std::string& text) { a.jobs = jobs_from(text); },
+         "Missions at once, which share the CPUs: each has its share as --threads, unless that is given [1 to 256; "
+         "default 1]")
+      ->type_name("N");
+  app.add_option_function<std::string>(
+         "--device", [&a](const std::string& text) { a.devices = devices_from(text); },
+         "CUDA devices, such as 0,1: the first job has the first one, and so on, in turns")
+      ->type_name("LIST");
+  app.add_flag("--retry", a.retry, "Run missions again that have failed, though their inputs are the same");
+  app.add_flag(
+      "--keep-workspaces", a.keep_workspaces,
+      "Keep what was made of each keyframe also when a mission is done (DIR/NAME/work, large), for a newer map");
+  app.add_option("--scan", a.scan, "Instead of all else: print a manifest of the missions in this folder tree")
+      ->type_name("DIR");
+  app.add_option_function<std::string>(
+         "--progress", [&a](const std::string& name) { a.progress = progress_from(name); },
+         "plain (a line for each mission that ends), json (JSON lines on stdout, instead of the table) or none "
+         "[default plain]")
+      ->type_name("MODE");
+  app.add_flag("-q,--quiet", a.quiet, "Failed missions, warnings and errors only");
+}
+
+/// Mistakes in what all missions are given end the batch before it begins.
+void check_options(const std::vector<std::string>& options) {
+  std::vector<std::string> words{"", "run", "MAP", "--images=DIR"};
+  words.insert(words.end(), options.begin(), options.end());
+  check_run_words(words);
+}
+
+void check(const BatchArguments& a) {
+  if (!a.scan.empty()) {
+    if (!a.manifest.empty() || !a.output.empty()) throw UsageError("--scan takes neither MANIFEST nor -o");
+    return;
+  }
+  if (a.manifest.empty()) throw UsageError("MANIFEST is missing: pmsp-densify batch MANIFEST -o DIR; see batch --help");
+  if (a.output.empty()) throw UsageError("-o DIR is missing: the folder of the results");
+  check_options(a.options);
+}
+
+}  // namespace
+
+std::optional<BatchArguments> parse_batch_arguments(int argc, const char* const* argv) {
+  BatchArguments a;
+  a.program = argv[0];
+  std::vector<std::string> words(argv + 2, argv + argc);
+  CLI::App app(kAbout, "pmsp-densify batch");
+  app.get_formatter()->column_width(30);
+  app.option_defaults()->take_last();
+  app.allow_extras();
+  app.footer(kMore);
+  add_own(app, a);
+  add_mission_options(app, "", a.options);
+  spell_out_switches(words);
+  try {
+    app.parse(std::vector<std::string>(words.rbegin(), words.rend()));
+  } catch (const CLI::CallForHelp&) {
+    std::cout << app.help() << "\n";
+    return std::nullopt;
+  } catch (const CLI::ParseError& error) {
+    throw UsageError(error.what());
+  }
+  refuse_extra_words(app);
+  check(a);
+  return a;
+}
+
+}  // namespace pmsp::tool

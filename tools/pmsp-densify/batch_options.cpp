@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "batch_options.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+#include <CLI/CLI.hpp>
+
+#include "arguments.h"
+#include "exit_code.h"
+
+namespace pmsp::tool {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What batch says for each mission, or has a column or an option of its own for.
+constexpr std::array kOfBatch{"--images",   "--video",     "--output",       "--force",
+                              "--stats",    "--workspace", "--follow",       "--until-idle",
+                              "--progress", "--quiet",     "--print-config", "--raw-depth-maps"};
+constexpr std::array kOfMachine{"--threads", "--device", "--backend", "--simd", "--pipelined", "--scratch"};
+constexpr std::array kFilesToRead{"--config", "--mask", "--scratch"};
+constexpr std::array kFoldersForResults{"--depth-maps", "--preview"};
+
+template <std::size_t N>
+bool is_one_of(const std::array<const char*, N>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::string name_of_option(const std::string& option) { return option.substr(0, option.find('=')); }
+
+bool is_plain_name(const std::string& name) {
+  return !name.empty() && name[0] != '.' && fs::path(name).filename() == name;
+}
+
+std::string value_for_mission(const std::string& name, const std::string& value, const fs::path& folder) {
+  if (is_one_of(kFilesToRead, name)) return (folder / value).string();
+  const bool is_taken =
+      value == "work" || value == "cloud.ply" || value.find(".json") != std::string::npos || value == "log.txt";
+  if (is_one_of(kFoldersForResults, name) && (is_taken || !is_plain_name(value))) {
+    throw UsageError(name + " is \"" + value +
+                     "\"; in a batch expected the name of a folder in that of the mission, such as \"depth\"");
+  }
+  return value;
+}
+
+}  // namespace
+
+void add_mission_options(CLI::App& app, const fs::path& folder, std::vector<std::string>& result) {
+  for (const RunOption& option : run_options()) {
+    if (is_one_of(kOfBatch, option.name) || app.get_option_no_throw(option.name) != nullptr) continue;
+    const auto take = [&result, folder, name = option.name](const std::string& value) {
+      result.push_back(name + "=" + value_for_mission(name, value, folder));
+    };
+    if (option.takes_value) {
+      app.add_option_function<std::string>(option.names, take)->take_last()->group("");
+    } else {
+      app.add_flag_function(option.names, [take](std::int64_t count) { take(count > 0 ? "true" : "false"); })
+          ->group("");
+    }
+  }
+}
+
+void refuse_extra_words(const CLI::App& app) {
+  const std::vector<std::string> extras = app.remaining();
+  if (extras.empty()) return;
+  const std::string& word = extras.front();
+  if (word[0] != '-') throw UsageError("unexpected word \"" + word + "\"");
+  const std::string name = name_of_option(word);
+  for (const RunOption& option : run_options()) {
+    const bool is_this = ("," + option.names + ",").find("," + name + ",") != std::string::npos;
+    if (is_this) throw UsageError(name + " is not for missions of a batch; leave it out (see batch --help)");
+  }
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& known : option->get_lnames()) names.push_back("--" + known);
+  }
+  throw UsageError("there is no option " + name + " for missions; did you mean " + nearest(name, names) + "?");
+}
+
+std::vector<std::string> mission_options(std::vector<std::string> words, const fs::path& folder) {
+  std::vector<std::string> result;
+  CLI::App app;
+  app.set_help_flag();
+  app.allow_extras();
+  add_mission_options(app, folder, result);
+  spell_out_switches(words);
+  try {
+    app.parse(std::vector<std::string>(words.rbegin(), words.rend()));
+  } catch (const CLI::ParseError& error) {
+    throw UsageError(error.what());
+  }
+  refuse_extra_words(app);
+  return result;
+}
+
+bool is_of_machine(const std::string& option) { return is_one_of(kOfMachine, name_of_option(option)); }
+
+std::string value_of(const std::string& option, const std::string& name) {
+  return option.rfind(name + "=", 0) == 0 ? option.substr(name.size() + 1) : "";
+}
+
+std::vector<std::string> options_in(const fs::path& folder, const std::vector<std::string>& options) {
+  std::vector<std::string> result = options;
+  for (std::string& option : result) {
+    for (const char* name : kFoldersForResults) {
+      const std::string value = value_of(option, name);
+      if (!value.empty()) option = std::string(name) + "=" + (folder / value).string();
+    }
+  }
+  return result;
+}
+
+std::vector<std::string> split_words(const std::string& line) {
+  std::vector<std::string> words;
+  char quote = 0;
+  bool inside = false;
+  for (const char c : line) {
+    if (quote != 0 ? c == quote : c == '"' || c == '\'') {
+      quote = quote != 0 ? '\0' : c;
+      if (!inside) words.emplace_back();
+      inside = true;
+    } else if (quote == 0 && (c == ' ' || c == '\t')) {
+      inside = false;
+    } else {
+      if (!inside) words.emplace_back();
+      inside = true;
+      words.back() += c;
+    }
+  }
+  if (quote != 0) throw UsageError(std::string("a quote (") + quote + ") is not closed: " + line);
+  return words;
+}
+
+}  // namespace pmsp::tool

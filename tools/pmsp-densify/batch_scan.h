@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+namespace pmsp::tool {
+
+/// What lies in a folder tree, as lines of a manifest, by the rules in `batch --help`.
+struct Scan {
+  std::vector<nlohmann::ordered_json> missions;
+  std::vector<std::filesystem::path> without_images;  ///< maps
+};
+
+/// Throws IoError.
+Scan scan_for_missions(const std::filesystem::path& folder);
+
+}  // namespace pmsp::tool
