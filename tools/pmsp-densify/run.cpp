@@ -19,6 +19,7 @@
 #include "pmsp/io/ply.h"
 #include "preview.h"
 #include "progress.h"
+#include "shared_step.h"
 #include "stats.h"
 #include "targets.h"
 #include "time_account.h"
@@ -56,10 +57,12 @@ std::future<void> start_device(const DensifierOptions& options) {
 /// One mission from images to files.
 class Run {
  public:
-  /// `workspace`: nullptr = none. `growing`: more keyframes will come.
-  Run(const Arguments& arguments, const DensifierOptions& options, workspace::Workspace* workspace, bool growing)
+  /// `workspace`: nullptr = none. `growing`: more keyframes will come. `merge`: what shards have made is all there is.
+  Run(const Arguments& arguments, const DensifierOptions& options, workspace::Workspace* workspace, bool growing,
+      const Merge* merge = nullptr)
       : arguments_(arguments),
         growing_(growing),
+        merge_(merge),
         threads_(options.threads > 0 ? options.threads : usable_cpus()),
         progress_(arguments.progress, arguments.quiet, arguments.verbose) {
     std::future<void> device = start_device(options);
@@ -186,7 +189,8 @@ class Run {
       if (!error.empty() && fresh.size() + unreadable.size() == source_->keyframe_ids().size()) refuse_images(error);
       verifier_.reset();  // once is enough
     }
-    step_->decide();
+    step_->decide(merge_ != nullptr ? merge_->job.engine : "");
+    if (merge_ != nullptr) merge_->join(*step_);
   }
 
   void need_images(const std::vector<std::int64_t>& needed) {
@@ -355,6 +359,7 @@ class Run {
   RunReport report_;  ///< its clock runs
   const Arguments& arguments_;
   const bool growing_;
+  const Merge* const merge_;
   const int threads_;
   Progress progress_;
   SlamMap map_;
@@ -414,6 +419,18 @@ void run(const Arguments& arguments) {
   } else {
     once(false);
   }
+}
+
+void merge(const Arguments& arguments) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(arguments.workspace / "workspace.json", ignored)) {
+    throw InvalidInput(arguments.workspace.string() +
+                       ": is no workspace; expected the folder that shards have worked in (run --shard)");
+  }
+  workspace::Workspace workspace(arguments.workspace, workspace::Workspace::Access::kMerge);
+  const Merge merge(arguments, workspace);
+  check_targets(merge.arguments, written_before(arguments, workspace));
+  Run(merge.arguments, merge.options, &workspace, false, &merge)();
 }
 
 }  // namespace pmsp::tool
