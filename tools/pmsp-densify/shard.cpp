@@ -120,8 +120,8 @@ class ShardRun {
     if (other.empty()) return;
     throw InvalidInput(arguments_.workspace.string() + ": shard " + text_of(shard_) +
                        " does not go with the shards that work here: " + other +
-                       "; run it as they are, or, to share the mission out anew, delete " +
-                       workspace_.shards().path().string() + " (finished work that still fits is found again)");
+                       "; run it as they are, or in another workspace (for the same in other shares, delete " +
+                       workspace_.shards().path().string() + ")");
   }
 
   /// Images that nobody has looked at: this shard's share of them first, then those of others from the end, so that

@@ -192,13 +192,16 @@ Shortcuts WorkspaceStep::final_planes() const {
 
 std::vector<std::int64_t> WorkspaceStep::planes_lacking(const std::vector<std::int64_t>& points_of,
                                                         const std::set<std::int64_t>& without) const {
-  std::set<std::int64_t> lacking;
+  std::set<std::int64_t> asked;
   for (const std::int64_t id : points_of) {
-    for (const std::int64_t other : step_.keyframes.at(id).asked) {
-      if (!has_planes(other) && without.count(other) == 0) lacking.insert(other);
-    }
+    const StepKeyframePlan& it = step_.keyframes.at(id);
+    asked.insert(it.asked.begin(), it.asked.end());
   }
-  return {lacking.begin(), lacking.end()};
+  std::vector<std::int64_t> lacking;
+  for (const std::int64_t id : asked) {
+    if (!has_planes(id) && without.count(id) == 0) lacking.push_back(id);
+  }
+  return lacking;
 }
 
 std::unique_ptr<Densifier> WorkspaceStep::planes_densifier(
