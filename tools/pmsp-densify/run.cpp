@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
 #include <exception>
 #include <functional>
 #include <future>
@@ -29,9 +28,6 @@
 
 namespace pmsp::tool {
 namespace {
-
-/// Images that are decoded ahead take no more than so much memory, but two of them.
-constexpr std::size_t kReadAheadBytes = std::size_t{512} << 20;
 
 std::vector<std::string> ply_comments(const DensifierOptions& options) {
   // No threads, no paths, no times: the same input gives the same bytes.
@@ -248,7 +244,7 @@ class Run {
   /// can; else "".
   std::string each_image(ImageSource& source, const InterruptGuard& guard,
                          const std::function<void(std::size_t index, const ImageSource::Item&)>& visit) {
-    source.read_ahead(images_ahead());
+    source.read_ahead(images_ahead(map_, threads_));
     Decoder decoder(source);
     struct Seen {
       Decoded decoded;
@@ -280,15 +276,6 @@ class Run {
       guard.check();
     }
     return index == 0 ? decoder.first_error() : "";
-  }
-
-  int images_ahead() const {
-    std::size_t largest = 1;
-    for (const MapCamera& camera : map_.cameras) {
-      largest = std::max(largest, 3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
-    }
-    const std::size_t most = static_cast<std::size_t>(std::max(2, threads_));
-    return static_cast<int>(std::clamp(kReadAheadBytes / largest, std::size_t{2}, most));
   }
 
   /// Whether the images so far belong to their keyframes.

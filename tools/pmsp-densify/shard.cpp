@@ -22,6 +22,7 @@
 #include "shared_step.h"
 #include "stats.h"
 #include "targets.h"
+#include "util/thread_pool.h"
 #include "verbs.h"
 #include "workspace_step.h"
 
@@ -259,10 +260,11 @@ class ShardRun {
     guard.check();
   }
 
-  /// While one keyframe is worked on, the next image is decoded.
-  static void each_image(ImageSource& source, const InterruptGuard& guard,
-                         const std::function<void(const SkippedKeyframe&)>& lost,
-                         const std::function<void(const ImageSource::Item&)>& visit) {
+  /// While one keyframe is worked on, the next images are decoded.
+  void each_image(ImageSource& source, const InterruptGuard& guard,
+                  const std::function<void(const SkippedKeyframe&)>& lost,
+                  const std::function<void(const ImageSource::Item&)>& visit) const {
+    source.read_ahead(images_ahead(map_, options_.threads > 0 ? options_.threads : usable_cpus()));
     Decoder decoder(source);
     const auto decode = [&decoder] { return decoder.next(); };
     std::future<Decoded> next = std::async(std::launch::async, decode);
