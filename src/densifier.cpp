@@ -12,6 +12,14 @@
 #include "pmsp/plan.h"
 
 namespace pmsp {
+namespace {
+
+Wanted wanted_by(const DensifierCallbacks& callbacks) {
+  if (callbacks.cloud) return Wanted::kPoints;
+  return callbacks.planes && !callbacks.filtered_depth ? Wanted::kPlanes : Wanted::kDepthMaps;
+}
+
+}  // namespace
 
 Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, DensifierCallbacks to,
                    std::function<PlaneMap(std::int64_t id)> load)
@@ -355,7 +363,7 @@ Densifier::Densifier(const DensifierOptions& options, DensifierCallbacks callbac
 Densifier::Densifier(const DensifierOptions& options, const Plan& plan, const std::vector<std::int64_t>& ids,
                      DensifierCallbacks callbacks, Shortcuts shortcuts) {
   options.validate();
-  PlanPart part(plan, ids, options, callbacks.cloud != nullptr, shortcuts.keyframes);
+  PlanPart part(plan, ids, options, wanted_by(callbacks), shortcuts.keyframes);
   for (const auto& [id, shortcut] : shortcuts.keyframes) {
     if (shortcuts.load || shortcut.planes == Shortcut::Planes::kNone) continue;
     throw InvalidInput("there is nobody to load planes of keyframe " + std::to_string(id));

@@ -104,7 +104,8 @@ class Densifier {
   /// Runs part of a given plan: what the results of the keyframes `ids` depend on. Callbacks come for these only, in
   /// the order of the plan, and give what a run of the whole plan gives, byte for byte, on the same backend. No ids, no
   /// results. `add` takes the keyframes of `halo(plan, ids, options, callbacks.cloud != nullptr).images`, all of them,
-  /// in the order of the plan, with the poses and landmarks that the plan was made from.
+  /// in the order of the plan, with the poses and landmarks that the plan was made from. Fewer do where planes are
+  /// asked for but neither clouds nor filtered depth maps: `images` names them.
   ///
   /// `options`: those that the plan was made with; with another seed, backend, size or number of threads it fits, too.
   /// Where images differ in size, give width and height: 0 follows the first one that comes. Throws InvalidInput where

@@ -74,19 +74,30 @@ class AtomicFile {
 
   /// Puts the file in its place. The content has reached the disk before the name changes.
   void commit() {
-    flush();
-    if (::fsync(fd_) != 0 && errno != EINVAL) fail("write");
-    if (temporary_.empty()) link_unnamed();
+    make_ready();
     if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail("rename");
     temporary_.clear();
-    const int closed = ::close(fd_);
-    fd_ = -1;
-    if (closed != 0) fail("close");
-    const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (folder >= 0) {
-      ::fsync(folder);
-      ::close(folder);
+    finish();
+  }
+
+  /// The same where there is no file of that name, and no other process is faster; else leaves that one as it is and
+  /// returns false.
+  bool commit_unless_there() {
+    make_ready();
+    if (::link(temporary_.c_str(), target_.c_str()) == 0) {
+      ::unlink(temporary_.c_str());
+      temporary_.clear();
+      finish();
+      return true;
     }
+    std::error_code ignored;
+    const bool is_there = errno == EEXIST || std::filesystem::exists(target_, ignored);
+    if (is_there) {
+      discard();
+    } else {  // a file system without hard links: in two steps then
+      commit();
+    }
+    return !is_there;
   }
 
  private:
@@ -99,6 +110,24 @@ class AtomicFile {
     if (code == ENOENT) message += "; does the folder exist?";
     if (code == EEXIST) message += "; runs that were killed left such files, remove them";
     throw OutputError(message);
+  }
+
+  /// All is on the disk, and has a name.
+  void make_ready() {
+    flush();
+    if (::fsync(fd_) != 0 && errno != EINVAL) fail("write");
+    if (temporary_.empty()) link_unnamed();
+  }
+
+  void finish() {
+    const int closed = ::close(fd_);
+    fd_ = -1;
+    if (closed != 0) fail("close");
+    const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (folder >= 0) {
+      ::fsync(folder);
+      ::close(folder);
+    }
   }
 
   void discard() noexcept {
@@ -182,6 +211,14 @@ void write_file(const std::filesystem::path& path, const Bytes& bytes) {
   AtomicFile file(path);
   file.write(bytes.data(), bytes.size());
   file.commit();
+}
+
+/// The same unless there is such a file; returns whether it was written.
+template <class Bytes>
+bool write_new_file(const std::filesystem::path& path, const Bytes& bytes) {
+  AtomicFile file(path);
+  file.write(bytes.data(), bytes.size());
+  return file.commit_unless_there();
 }
 
 /// Makes a folder and its parents, which may exist. Throws OutputError.

@@ -75,8 +75,8 @@ PassRange pass_range(const Shortcut* shortcut, int passes) {
   return {0, shortcut->passes - 1};
 }
 
-RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points,
-                  const std::map<std::int64_t, Shortcut>& shortcuts) {
+RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
+                  Wanted wanted, const std::map<std::int64_t, Shortcut>& shortcuts) {
   const HaloFinder find(plan);
   const int passes = options.patchmatch.geometric_passes;
   const auto shortcut_of = [&](std::int64_t id) {
@@ -102,7 +102,7 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
     asked[i] = plan.entries[i].has_depth_map();
   }
   RunHalo result;
-  Set made = points ? asked : find.none();  // points
+  Set made = wanted == Wanted::kPoints ? asked : find.none();  // points
   result.clouds = find.ids(made);
   result.rounds.resize(static_cast<std::size_t>(ownership_rounds(options)) + 1);
   for (std::size_t round = result.rounds.size() - 1; round > 0; --round) {
@@ -114,12 +114,13 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
   Set sights = find.none();
   if (options.free_space.enabled) find.follow(made, &PlanEntry::viewers, sights);
   result.sights = find.ids(sights);
-  Set filtered = asked;
+  Set filtered = wanted == Wanted::kPlanes ? find.none() : asked;
   HaloFinder::add(filtered, made);
   HaloFinder::add(filtered, sights);
   find.follow(made, &PlanEntry::fusion, filtered);
   result.filtered = find.ids(filtered);
-  Set planes = filtered;  // needed after the pass in question
+  Set planes = asked;  // needed after the pass in question
+  HaloFinder::add(planes, filtered);
   find.follow(filtered, &PlanEntry::consistency, planes);
   Set there = find.none();  // from an earlier run
   Set matched = find.none();
@@ -196,7 +197,7 @@ std::vector<std::int64_t> PointsHalo::planes_of(std::int64_t id) const {
 
 Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points) {
   refuse_endless_chain(options);
-  return find_halo(plan, ids, options, points);
+  return find_halo(plan, ids, options, points ? Wanted::kPoints : Wanted::kDepthMaps);
 }
 
 }  // namespace pmsp

@@ -16,14 +16,17 @@ namespace pmsp {
 /// Throws InvalidOption where first planes form a chain through the whole flight.
 void refuse_endless_chain(const DensifierOptions& options);
 
+/// What a run hands out of the keyframes asked for. Each depends on all that the one before depends on, and more.
+enum class Wanted { kPlanes, kDepthMaps, kPoints };
+
 /// With planes of an earlier run fewer keyframes are matched; `planes` names those that a pass is run on.
 struct RunHalo : Halo {
   std::vector<std::int64_t> earlier;  ///< those whose earlier planes are looked at
 };
 
 /// As `halo`, however long that chain is.
-RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points,
-                  const std::map<std::int64_t, Shortcut>& shortcuts = {});
+RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
+                  Wanted wanted, const std::map<std::int64_t, Shortcut>& shortcuts = {});
 
 /// Whose planes the points of keyframes depend on, for asking about many of them: as find_halo with the planes of all
 /// keyframes from an earlier run.

@@ -10,8 +10,8 @@
 
 namespace pmsp {
 
-PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points,
-                   const std::map<std::int64_t, Shortcut>& shortcuts)
+PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
+                   Wanted wanted, const std::map<std::int64_t, Shortcut>& shortcuts)
     : plan_(plan), ways_(plan.entries.size()) {
   check_plan(plan, options);
   for (std::size_t place = 0; place < plan.entries.size(); ++place) places_.emplace(plan.entries[place].id, place);
@@ -24,7 +24,7 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
     }
     ways_[place_of(id)].shortcut = shortcut;
   }
-  const RunHalo halo = find_halo(plan, ids, options, points, shortcuts);
+  const RunHalo halo = find_halo(plan, ids, options, wanted, shortcuts);
   for (const std::int64_t id : ids) ways_[place_of(id)].asked_for = true;
   for (std::size_t place = 0; place < ways_.size(); ++place) {
     const bool is_part = entry(place).has_depth_map() && !ways_[place].asked_for;

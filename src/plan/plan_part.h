@@ -8,6 +8,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "plan/halo.h"
 #include "pmsp/densifier.h"
 #include "pmsp/options.h"
 #include "pmsp/plan.h"
@@ -19,10 +20,10 @@ namespace pmsp {
 /// goes. A keyframe's place is the index of its entry.
 class PlanPart {
  public:
-  /// `options`: valid. `points`: false = depth maps only are wanted. Throws InvalidInput as check_plan does, or when
+  /// `options`: valid. Throws InvalidInput as check_plan does, or when
   /// the plan lacks one of `ids`; InvalidOption where first planes form a chain without end and `ids` are not all.
   /// Throws InvalidInput, too, where shortcuts do not fit.
-  PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points,
+  PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, Wanted wanted,
            const std::map<std::int64_t, Shortcut>& shortcuts = {});
 
   /// Throws InvalidInput when the plan lacks the keyframe.

@@ -20,8 +20,13 @@ namespace pmsp {
 /// process, however that ends.
 class FolderLock {
  public:
+  enum class For { kOne, kMany };              ///< kMany: others that say so, too, get it as well
+  enum class Need { kAlways, kWhereItWorks };  ///< kWhereItWorks: a file system without locks is no error
+
   /// `what` the folder is, for the message. Tries again for as long as `patience`. Throws OutputError.
-  FolderLock(const std::filesystem::path& folder, const std::string& what, std::chrono::milliseconds patience = {}) {
+  FolderLock(const std::filesystem::path& folder, const std::string& what, std::chrono::milliseconds patience = {},
+             For whom = For::kOne, Need need = Need::kAlways)
+      : kind_(whom == For::kOne ? LOCK_EX : LOCK_SH) {
     const std::filesystem::path path = folder / kName;
     file_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
     const auto end = std::chrono::steady_clock::now() + patience;
@@ -31,6 +36,8 @@ class FolderLock {
       code = try_lock();
     }
     if (code == 0) return;
+    const bool has_no_locks = code == ENOLCK || code == ENOSYS || code == EOPNOTSUPP || code == EINVAL;
+    if (file_ >= 0 && has_no_locks && need == Need::kWhereItWorks) return;
     if (file_ >= 0) ::close(file_);
     if (code == EWOULDBLOCK) {
       throw OutputError(folder.string() + ": another process works in this " + what +
@@ -46,8 +53,9 @@ class FolderLock {
   static constexpr const char* kName = "lock";
 
  private:
-  int try_lock() const { return ::flock(file_, LOCK_EX | LOCK_NB) == 0 ? 0 : errno; }
+  int try_lock() const { return ::flock(file_, kind_ | LOCK_NB) == 0 ? 0 : errno; }
 
+  int kind_;
   int file_ = -1;
 };
 

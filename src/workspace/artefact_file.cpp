@@ -19,6 +19,7 @@ namespace {
 
 constexpr char kPlanes[17] = "pmsp planes    1";
 constexpr char kPoints[17] = "pmsp points    1";
+constexpr char kLook[17] = "pmsp look      1";
 constexpr std::size_t kKindBytes = 16;
 
 /// Writes what is put into it, and its checksum at the end.
@@ -188,6 +189,34 @@ KeyframeCloud read_points(const std::filesystem::path& path) {
   cloud.agree = file.get_all<std::uint32_t>();
   cloud.window_ids = file.get_all<std::int64_t>();
   return cloud;
+}
+
+void write_look(const std::filesystem::path& path, const Look& look) {
+  Writer file(path, kLook);
+  file.put(static_cast<std::int32_t>(look.width));
+  file.put(static_cast<std::int32_t>(look.height));
+  file.put(static_cast<std::uint64_t>(look.sharpness.landmarks.size()));
+  for (const LandmarkSharpness& at : look.sharpness.landmarks) {
+    file.put(at.id);
+    file.put(at.horizontal);
+    file.put(at.vertical);
+  }
+  file.commit();
+}
+
+Look read_look(const std::filesystem::path& path) {
+  Reader file(path, kLook);
+  Look look;
+  look.width = file.get<std::int32_t>();
+  look.height = file.get<std::int32_t>();
+  if (look.width < 1 || look.height < 1) file.refuse();
+  look.sharpness.landmarks.resize(file.count(sizeof(std::int64_t) + 2 * sizeof(float)));
+  for (LandmarkSharpness& at : look.sharpness.landmarks) {
+    at.id = file.get<std::int64_t>();
+    at.horizontal = file.get<float>();
+    at.vertical = file.get<float>();
+  }
+  return look;
 }
 
 }  // namespace pmsp::workspace

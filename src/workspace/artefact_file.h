@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "pmsp/plan.h"
 #include "pmsp/plane_map.h"
 #include "pmsp/point_cloud.h"
 
@@ -11,10 +12,19 @@
 // IoError, naming the file, where it is not what was written.
 namespace pmsp::workspace {
 
+/// What was seen of an image, so that nobody has to look at it again.
+struct Look {
+  int width = 0, height = 0;  ///< [px]
+  SharpnessRecord sharpness;
+};
+
 void write_planes(const std::filesystem::path& path, const PlaneMap& planes);
 PlaneMap read_planes(const std::filesystem::path& path);
 
 void write_points(const std::filesystem::path& path, const KeyframeCloud& cloud);
 KeyframeCloud read_points(const std::filesystem::path& path);
+
+void write_look(const std::filesystem::path& path, const Look& look);
+Look read_look(const std::filesystem::path& path);
 
 }  // namespace pmsp::workspace

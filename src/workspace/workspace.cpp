@@ -55,30 +55,43 @@ void delete_all_but(const std::set<std::string>& names, const fs::path& folder) 
 
 }  // namespace
 
-Workspace::Workspace(const fs::path& folder) : folder_(folder) {
+Workspace::Workspace(const fs::path& folder, Access access) : folder_(folder), shards_(folder / "shards") {
   std::error_code error;
   const fs::path record = folder / kRecord;
-  const bool is_new = !fs::exists(fs::symlink_status(record, error));
-  if (is_new && fs::exists(fs::symlink_status(folder, error))) {
+  if (!holds_record() && fs::exists(fs::symlink_status(folder, error))) {
     if (!fs::is_directory(folder, error)) {
       throw InvalidInput(folder.string() +
                          ": is no folder; expected one that a run with this option has made, or a new "
                          "name");
     }
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-      if (it->path().filename() == FolderLock::kName) continue;  // as far as a killed run came
+      const std::string name = it->path().filename().string();
+      if (name == FolderLock::kName || name.rfind("." + std::string(kRecord), 0) == 0)
+        continue;                 // as far as a killed run came
+      if (holds_record()) break;  // another shard has just made it
       throw InvalidInput(folder.string() +
                          ": is no workspace, and not empty; expected a folder that a run with this "
                          "option has made, or a new name");
     }
   }
   make_folder(folder);
-  lock_.emplace(folder, "workspace");
-  if (is_new) write_file(record, record_json({}));
+  lock_.emplace(folder, "workspace", std::chrono::milliseconds(0),
+                access == Access::kShared ? FolderLock::For::kMany : FolderLock::For::kOne,
+                access == Access::kAlone ? FolderLock::Need::kAlways : FolderLock::Need::kWhereItWorks);
+  if (!holds_record()) write_new_file(record, record_json({}));
   record_ = record_from_json(read_whole_file(record), record.string());
   make_folder(planes());
   make_folder(points());
+  if (access == Access::kShared) {
+    make_folder(looks());
+    shards_.make();
+  }
   look_again();
+}
+
+bool Workspace::holds_record() const {
+  std::error_code ignored;
+  return fs::exists(fs::symlink_status(folder_ / kRecord, ignored));
 }
 
 void Workspace::look_again() { drop_missing(record_); }
@@ -111,6 +124,12 @@ void Workspace::save_points(const std::string& file, const KeyframeCloud& cloud)
   write_points(points() / file, cloud);
 }
 
+std::optional<Look> Workspace::find_look(const std::string& file) const {
+  if (!is_there(looks() / file)) return std::nullopt;
+  return read_look(looks() / file);
+}
+void Workspace::save_look(const std::string& file, const Look& look) const { write_look(looks() / file, look); }
+
 void Workspace::commit(Record record) {
   drop_missing(record);
   write_file(folder_ / kRecord, record_json(record));
@@ -126,6 +145,8 @@ void Workspace::delete_unnamed() const {
   }
   delete_all_but(named_planes, planes());
   delete_all_but(named_points, points());
+  delete_all_but({}, looks());  // the record has what was seen
+  shards_.end(record_.step);
 }
 
 }  // namespace pmsp::workspace

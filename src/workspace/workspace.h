@@ -11,7 +11,9 @@
 #include "pmsp/plane_map.h"
 #include "pmsp/point_cloud.h"
 #include "util/folder_lock.h"
+#include "workspace/artefact_file.h"
 #include "workspace/record.h"
+#include "workspace/shards.h"
 #include "workspace/step.h"
 
 namespace pmsp::workspace {
@@ -23,16 +25,27 @@ namespace pmsp::workspace {
 ///     lock                    locked while a process works here
 ///     planes/ID-STEP          planes of a keyframe, and the step that made them
 ///     points/ID-STEP          points, likewise
+///     looks/ID-INPUTS         what shards have seen of images; until the step is through
+///     shards/                 see ShardFolder
 ///
 /// Each file appears whole or not at all, and a file never changes. A step writes its files beside those of earlier
 /// steps, then the record, then deletes what the record does not name. So after a kill at any moment the folder holds
 /// the earlier state, and what the interrupted step had finished: a run with the same inputs plans the same step, under
-/// the same name, and finds these.
+/// the same name, and finds these. Several processes may do parts of one step: what they write under one name is the
+/// same.
 class Workspace {
  public:
+  /// Who may work in the folder meanwhile. Where the file system has no locks, kAlone fails; the others go without:
+  /// names and whole files keep shards from harming each other, and nobody else must come between.
+  enum class Access {
+    kAlone,   ///< nobody
+    kShared,  ///< others that share: parts of a step; `commit` is not for them
+    kMerge,   ///< nobody, to end what was shared
+  };
+
   /// Makes the folder where there is none. Throws OutputError where that fails or another process works in it,
   /// InvalidInput where it holds other things, or a record that cannot be read.
-  explicit Workspace(const std::filesystem::path& folder);
+  explicit Workspace(const std::filesystem::path& folder, Access access = Access::kAlone);
   Workspace(const Workspace&) = delete;
   Workspace& operator=(const Workspace&) = delete;
 
@@ -53,16 +66,25 @@ class Workspace {
   KeyframeCloud load_points(const std::string& file) const;
   void save_points(const std::string& file, const KeyframeCloud& cloud) const;
 
+  /// What shards have seen of an image; nullopt = nothing under this name. Throw IoError and OutputError.
+  std::optional<Look> find_look(const std::string& file) const;
+  void save_look(const std::string& file, const Look& look) const;
+
+  const ShardFolder& shards() const { return shards_; }
+
   /// The step is through: its record takes the place of the earlier one, and files that it does not name are deleted.
   void commit(Record record);
 
  private:
   std::filesystem::path planes() const { return folder_ / "planes"; }
   std::filesystem::path points() const { return folder_ / "points"; }
+  std::filesystem::path looks() const { return folder_ / "looks"; }
+  bool holds_record() const;
   void drop_missing(Record& record) const;
   void delete_unnamed() const;
 
   std::filesystem::path folder_;
+  ShardFolder shards_;
   struct Known {
     std::int64_t time = 0;
     std::uintmax_t size = 0;

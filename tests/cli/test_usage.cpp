@@ -21,6 +21,7 @@ TEST_CASE("help and version go to standard output") {
     }
   }
   CHECK_THAT(densify({"info", "--help"}).out, Contains("--json"));
+  CHECK_THAT(densify({"merge", "--help"}).out, Contains("WORKSPACE") && Contains("--output"));
   const Result version = densify({"--version"});
   CHECK(version.code == 0);
   CHECK_THAT(version.out, Contains("pmsp-densify ") && Contains("SIMD") && Contains("cpu"));

@@ -118,6 +118,27 @@ TEST_CASE("with all planes there nothing is matched, and the points are the same
   }
 }
 
+TEST_CASE("who asks for planes alone gets the same ones from fewer images", "[densifier][shortcuts]") {
+  for (const SmallMission& mission : small_missions()) {
+    if (mission.options.init.warp_previous && mission.options.init.chain_keyframes == 0) continue;
+    INFO(mission.name);
+    const Plan plan = plan_of(mission);
+    const Ids all = with_depth_map(plan);
+    const Outcome whole = run_with(mission, plan, all, {});
+    const Ids ids(all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2), all.end());
+    Maps planes;
+    DensifierCallbacks callbacks;
+    callbacks.planes = [&](const PlaneMap& map) { CHECK(planes.emplace(map.keyframe_id, map).second); };
+    Densifier densifier(mission.options, plan, ids, callbacks);
+    CHECK(densifier.images().size() <= halo(plan, ids, mission.options, false).images.size());
+    for (const std::int64_t id : densifier.images()) densifier.add(keyframe_of(mission, id));
+    densifier.flush();
+    CHECK(planes.size() >= ids.size());  // where there is one pass only, those that hand theirs on are finished, too
+    for (const auto& [id, map] : planes) CHECK(same_planes(map, whole.planes.at(id)));
+    for (const std::int64_t id : ids) CHECK(planes.count(id) == 1);
+  }
+}
+
 TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any order of the tasks",
           "[densifier][shortcuts]") {
   for (const SmallMission& mission : small_missions()) {
@@ -144,7 +165,7 @@ TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any 
       Recording recording;
       DensifierCallbacks callbacks = recording.callbacks();
       callbacks.raw_depth = nullptr;
-      Pipeline pipeline(mission.options, PlanPart(plan, all, mission.options, true, ways), callbacks,
+      Pipeline pipeline(mission.options, PlanPart(plan, all, mission.options, Wanted::kPoints, ways), callbacks,
                         [&](std::int64_t id) { return whole.planes.at(id); });
       pipeline.choose = [&](const std::vector<Task>& tasks) {
         return tasks.empty() ? std::nullopt : std::optional<Task>(tasks[random() % tasks.size()]);

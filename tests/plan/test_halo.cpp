@@ -218,7 +218,7 @@ TEST_CASE("whose planes points depend on is the same, asked one by one", "[plan]
     }
     const PointsHalo halo(plan, options);
     for (const auto& [id, shortcut] : kept) {
-      CHECK(halo.planes_of(id) == find_halo(plan, {id}, options, true, kept).earlier);
+      CHECK(halo.planes_of(id) == find_halo(plan, {id}, options, Wanted::kPoints, kept).earlier);
     }
   }
 }

@@ -98,6 +98,42 @@ TEST_CASE("nobody else works in a workspace meanwhile") {
   CHECK_NOTHROW(Workspace(dir / "work"));
 }
 
+TEST_CASE("shards share a workspace with each other, and with nobody else") {
+  using Access = Workspace::Access;
+  const TempDir dir;
+  const auto refuses = [&](Access access) {
+    CHECK_THROWS_WITH(Workspace(dir / "work", access), Contains("another process"));
+  };
+  {
+    const Workspace first(dir / "work", Access::kShared);
+    const Workspace second(dir / "work", Access::kShared);
+    refuses(Access::kAlone);
+    refuses(Access::kMerge);
+  }
+  {
+    const Workspace workspace(dir / "work", Access::kMerge);
+    refuses(Access::kShared);
+  }
+  CHECK_NOTHROW(Workspace(dir / "work"));
+}
+
+TEST_CASE("what was seen of an image is there until a step is through") {
+  const TempDir dir;
+  Workspace workspace(dir / "work", Workspace::Access::kShared);
+  CHECK_FALSE(workspace.find_look(kKept));
+  workspace.save_look(kKept, {64, 32, {{{7, 0.5F, 0.25F}}}});
+  const auto look = workspace.find_look(kKept);
+  REQUIRE(look);
+  CHECK((look->width == 64 && look->height == 32));
+  REQUIRE(look->sharpness.landmarks.size() == 1);
+  CHECK(look->sharpness.landmarks[0].id == 7);
+  CHECK(look->sharpness.landmarks[0].vertical == 0.25F);
+  write_text(dir / "work/looks" / kOld, "pmsp look      1");
+  CHECK_THROWS_WITH(workspace.find_look(kOld), Contains("damaged"));
+  workspace.commit({});
+  CHECK_FALSE(workspace.find_look(kKept));
+}
+
 TEST_CASE("a folder with other things is no workspace") {
   const TempDir dir;
   write_text(dir / "photo.jpg", "mine");

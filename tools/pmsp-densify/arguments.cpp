@@ -8,6 +8,7 @@
 
 #include "exit_code.h"
 #include "pmsp/executor.h"
+#include "shard_arguments.h"
 
 namespace pmsp::tool {
 namespace {
@@ -18,6 +19,8 @@ constexpr const char* kExamples =
     "  pmsp-densify run map.db --video flight.mp4 --mask drone.png --quality normal --force -o cloud.ply\n"
     "  pmsp-densify run map.msg --images keyframes/ --preview look/ --stats stats.json --consistency-min-views 2\n"
     "  pmsp-densify run map.msg --images keyframes/ --workspace work/ --follow -o cloud.ply\n"
+    "  pmsp-densify run map.msg --images keyframes/ --workspace work/ --shard 2/7\n"
+    "  pmsp-densify merge work/ -o cloud.ply\n"
     "  pmsp-densify info map.msg --images keyframes/\n"
     "  pmsp-densify info map.msg --images keyframes/ --quality normal --plan plan.json\n"
     "  pmsp-densify config --quality high > high.json\n"
@@ -89,11 +92,19 @@ void add_table(CLI::App& app, Arguments& a) {
   }
 }
 
-void add_outputs(CLI::App& app, Arguments& a) {
+void add_cloud(CLI::App& app, Arguments& a) {
   const char* group = "Output";
   app.add_option("-o,--output", a.output, "The cloud, binary PLY [default cloud.ply]")->type_name("FILE")->group(group);
   app.add_flag("--double", a.double_positions, "Coordinates with 64 instead of 32 bits")->group(group);
   app.add_flag("--force", a.force, "Overwrite outputs that exist")->group(group);
+  app.add_option("--stats", a.stats, "Options, counts and times of each stage, skipped keyframes (JSON)")
+      ->type_name("FILE")
+      ->group(group);
+}
+
+void add_outputs(CLI::App& app, Arguments& a) {
+  const char* group = "Output";
+  add_cloud(app, a);
   app.add_option("--depth-maps", a.depth_maps,
                  "Filtered depth, normal and confidence of each keyframe (PFM, 16-bit PNG)")
       ->type_name("DIR")
@@ -101,12 +112,9 @@ void add_outputs(CLI::App& app, Arguments& a) {
   app.add_option("--raw-depth-maps", a.raw_depth_maps, "The same, straight from PatchMatch")
       ->type_name("DIR")
       ->group(group);
-  app.add_option("--stats", a.stats, "Options, counts and times of each stage, skipped keyframes (JSON)")
-      ->type_name("FILE")
-      ->group(group);
   app.add_option("--scratch", a.scratch,
                  "Existing folder for what keyframes leave while they wait for their points' say (normal, high; 17 "
-                 "bytes a pixel of those that wait) [default that of the cloud]")
+                 "bytes a pixel of those that wait) [default that of the cloud; of a shard the workspace]")
       ->type_name("DIR")
       ->group(group);
   app.add_option_function<std::string>(
@@ -158,7 +166,6 @@ void add_behaviour(CLI::App& app, Arguments& a) {
       ->group(group);
   app.add_flag("-q,--quiet", a.quiet, "Warnings and errors only")->group(group);
   app.add_flag("-v,--verbose", a.verbose, "One line for each keyframe, with what became of it")->group(group);
-  app.add_flag("--print-config", a.print_config, "Print the options in force as JSON and stop")->group(group);
 }
 
 void add_run(CLI::App& app, Arguments& a) {
@@ -197,7 +204,7 @@ void print_version() {
 std::vector<std::string> words_of(int argc, const char* const* argv) {
   std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
   if (words.empty()) throw UsageError("what to densify is missing: pmsp-densify MAP --images DIR; see --help");
-  const bool has_verb = words[0] == "run" || words[0] == "info" || words[0] == "config";
+  const bool has_verb = words[0] == "run" || words[0] == "merge" || words[0] == "info" || words[0] == "config";
   const bool asks = words[0] == "-h" || words[0] == "--help" || words[0] == "--version";
   if (!has_verb && !asks) words.insert(words.begin(), "run");
   spell_out_switches(words);
@@ -259,11 +266,17 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   bool version = false;
   app.add_flag("--version", version, "Version, build type, instruction set");
   CLI::App& run = *app.add_subcommand("run", "Map and images to a cloud (the default verb)");
+  CLI::App& merge = *app.add_subcommand("merge", "What shards have made (run --shard) to a cloud");
   CLI::App& info = *app.add_subcommand("info", "What is in a map, and which images belong to it");
   CLI::App& config = *app.add_subcommand("config", "Print the options in force as JSON, for --config");
   app.add_subcommand("batch", "A list of missions, each by a process and in a folder of its own; see batch --help");
-  for (CLI::App* verb : {&run, &info, &config}) verb->allow_extras();
+  for (CLI::App* verb : {&run, &merge, &info, &config}) verb->allow_extras();
   add_run(run, a);
+  run.add_flag("--print-config", a.print_config, "Print the options in force as JSON and stop")->group("Behaviour");
+  add_shard_options(run, a);
+  merge.add_option("workspace", a.workspace, "Workspace that the shards have worked in")->type_name("WORKSPACE");
+  add_cloud(merge, a);
+  add_behaviour(merge, a);
   add_inputs(info, a);
   info.add_flag("--json", a.json, "As JSON");
   add_plan(info, a);
@@ -287,9 +300,13 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
     throw UsageError(error.what());
   }
   refuse_extras(*app.get_subcommands().front());
-  a.verb = info.parsed() ? Verb::kInfo : config.parsed() ? Verb::kConfig : Verb::kRun;
+  a.verb = merge.parsed() ? Verb::kMerge : info.parsed() ? Verb::kInfo : config.parsed() ? Verb::kConfig : Verb::kRun;
   if (!a.images.empty() && !a.video.empty()) throw UsageError("--images and --video exclude each other");
   if (a.verb == Verb::kRun) check_run(a);
+  if (a.verb == Verb::kRun) check_shard(a, run.count("--output") > 0);
+  if (a.verb == Verb::kMerge && a.workspace.empty()) {
+    throw UsageError("WORKSPACE is missing: pmsp-densify merge WORKSPACE -o cloud.ply");
+  }
   if (a.verb == Verb::kInfo && a.map.empty()) throw UsageError("MAP is missing: pmsp-densify info MAP");
   return a;
 }

@@ -9,10 +9,11 @@
 #include <vector>
 
 #include "option_table.h"
+#include "workspace/shards.h"
 
 namespace pmsp::tool {
 
-enum class Verb { kRun, kInfo, kConfig };
+enum class Verb { kRun, kMerge, kInfo, kConfig };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 
 /// The command line, understood but not yet acted upon.
@@ -39,6 +40,8 @@ struct Arguments {
   std::filesystem::path workspace;
   bool follow = false;
   std::optional<double> until_idle;  ///< [s]
+  std::optional<workspace::Shard> shard;
+  std::optional<workspace::Wave> wave;  ///< nullopt = both
 
   ProgressMode progress = ProgressMode::kAuto;
   bool quiet = false;

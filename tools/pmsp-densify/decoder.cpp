@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "decoder.h"
 
+#include <algorithm>
+
 #include "pmsp/error.h"
 
 namespace pmsp::tool {
@@ -30,6 +32,16 @@ void Decoder::take_skipped(Decoded& decoded) {
   for (; listed_ < source_.skipped().size(); ++listed_, ++asked_) {
     decoded.skipped.push_back(source_.skipped()[listed_]);
   }
+}
+
+int images_ahead(const SlamMap& map, int threads) {
+  constexpr std::size_t kBytes = std::size_t{512} << 20;
+  std::size_t largest = 1;
+  for (const MapCamera& camera : map.cameras) {
+    largest = std::max(largest, 3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+  }
+  const std::size_t most = static_cast<std::size_t>(std::max(2, threads));
+  return static_cast<int>(std::clamp(kBytes / largest, std::size_t{2}, most));
 }
 
 }  // namespace pmsp::tool

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "pmsp/io/image_source.h"
+#include "pmsp/io/map.h"
 
 namespace pmsp::tool {
 
@@ -34,5 +35,8 @@ class Decoder {
   std::size_t asked_ = 0;  ///< of the source's keyframe_ids
   std::string first_error_;
 };
+
+/// How many images may be decoded ahead by so many threads: as many as take 512 MiB, but two at least.
+int images_ahead(const SlamMap& map, int threads);
 
 }  // namespace pmsp::tool

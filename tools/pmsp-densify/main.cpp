@@ -19,8 +19,12 @@ int guarded_main(int argc, char** argv) {
   if (!arguments) return kExitOk;
   if (arguments->verb == Verb::kInfo) {
     info(*arguments);
+  } else if (arguments->verb == Verb::kMerge) {
+    merge(*arguments);
   } else if (arguments->verb == Verb::kConfig || arguments->print_config) {
     config(*arguments);
+  } else if (arguments->shard) {
+    run_shard(*arguments);
   } else {
     run(*arguments);
   }

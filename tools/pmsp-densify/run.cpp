@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
 #include <exception>
 #include <functional>
 #include <future>
@@ -20,6 +19,7 @@
 #include "pmsp/io/ply.h"
 #include "preview.h"
 #include "progress.h"
+#include "shared_step.h"
 #include "stats.h"
 #include "targets.h"
 #include "time_account.h"
@@ -29,9 +29,6 @@
 
 namespace pmsp::tool {
 namespace {
-
-/// Images that are decoded ahead take no more than so much memory, but two of them.
-constexpr std::size_t kReadAheadBytes = std::size_t{512} << 20;
 
 std::vector<std::string> ply_comments(const DensifierOptions& options) {
   // No threads, no paths, no times: the same input gives the same bytes.
@@ -57,10 +54,12 @@ std::future<void> start_device(const DensifierOptions& options) {
 /// One mission from images to files.
 class Run {
  public:
-  /// `workspace`: nullptr = none. `growing`: more keyframes will come.
-  Run(const Arguments& arguments, const DensifierOptions& options, workspace::Workspace* workspace, bool growing)
+  /// `workspace`: nullptr = none. `growing`: more keyframes will come. `merge`: what shards have made is all there is.
+  Run(const Arguments& arguments, const DensifierOptions& options, workspace::Workspace* workspace, bool growing,
+      const Merge* merge = nullptr)
       : arguments_(arguments),
         growing_(growing),
+        merge_(merge),
         threads_(options.threads > 0 ? options.threads : usable_cpus()),
         progress_(arguments.progress, arguments.quiet, arguments.verbose) {
     std::future<void> device = start_device(options);
@@ -187,7 +186,8 @@ class Run {
       if (!error.empty() && fresh.size() + unreadable.size() == source_->keyframe_ids().size()) refuse_images(error);
       verifier_.reset();  // once is enough
     }
-    step_->decide();
+    step_->decide(merge_ != nullptr ? merge_->job.engine : "");
+    if (merge_ != nullptr) merge_->join(*step_);
   }
 
   void need_images(const std::vector<std::int64_t>& needed) {
@@ -245,7 +245,7 @@ class Run {
   /// can; else "".
   std::string each_image(ImageSource& source, const InterruptGuard& guard,
                          const std::function<void(std::size_t index, const ImageSource::Item&)>& visit) {
-    source.read_ahead(images_ahead());
+    source.read_ahead(images_ahead(map_, threads_));
     Decoder decoder(source);
     struct Seen {
       Decoded decoded;
@@ -282,15 +282,6 @@ class Run {
       guard.check();
     }
     return index == 0 ? decoder.first_error() : "";
-  }
-
-  int images_ahead() const {
-    std::size_t largest = 1;
-    for (const MapCamera& camera : map_.cameras) {
-      largest = std::max(largest, 3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
-    }
-    const std::size_t most = static_cast<std::size_t>(std::max(2, threads_));
-    return static_cast<int>(std::clamp(kReadAheadBytes / largest, std::size_t{2}, most));
   }
 
   /// Whether the images so far belong to their keyframes.
@@ -361,6 +352,7 @@ class Run {
   RunReport report_;  ///< its clock runs
   const Arguments& arguments_;
   const bool growing_;
+  const Merge* const merge_;
   const int threads_;
   Progress progress_;
   SlamMap map_;
@@ -420,6 +412,18 @@ void run(const Arguments& arguments) {
   } else {
     once(false);
   }
+}
+
+void merge(const Arguments& arguments) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(arguments.workspace / "workspace.json", ignored)) {
+    throw InvalidInput(arguments.workspace.string() +
+                       ": is no workspace; expected the folder that shards have worked in (run --shard)");
+  }
+  workspace::Workspace workspace(arguments.workspace, workspace::Workspace::Access::kMerge);
+  const Merge merge(arguments, workspace);
+  check_targets(merge.arguments, written_before(arguments, workspace));
+  Run(merge.arguments, merge.options, &workspace, false, &merge)();
 }
 
 }  // namespace pmsp::tool

@@ -11,6 +11,9 @@ namespace pmsp::tool {
 
 // Each throws what exit_code_of() knows.
 void run(const Arguments& arguments);
+/// run --shard
+void run_shard(const Arguments& arguments);
+void merge(const Arguments& arguments);
 void info(const Arguments& arguments);
 void config(const Arguments& arguments);
 

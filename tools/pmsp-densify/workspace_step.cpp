@@ -6,29 +6,17 @@
 #include <utility>
 
 #include "densifier_checks.h"
+#include "engine.h"
 #include "io/map_keyframe.h"
 #include "option_table.h"
 #include "pmsp/error.h"
 #include "targets.h"
+#include "workspace/fingerprint.h"
 
 namespace pmsp::tool {
 namespace {
 
 using workspace::StepKeyframePlan;
-
-/// What makes the same bytes has the same text.
-std::string engine_text(const DensifierOptions& options, const std::string& backend) {
-  const std::string text = version_text() + ", ";
-  if (options.backend == Backend::kCuda) return text + backend.substr(backend.find(',') + 2);
-  return text + (options.simd == Simd::kScalar ? "CPU, plain code" : "CPU, fused multiply-add");
-}
-
-/// Relative to the workspace, so that both may be moved together.
-std::string relative_text(const std::filesystem::path& path, const std::filesystem::path& folder) {
-  std::error_code error;
-  const std::filesystem::path relative = std::filesystem::relative(place_of(path), place_of(folder), error);
-  return error || relative.empty() ? place_of(path).string() : relative.string();
-}
 
 /// What a file of a keyframe holds, if it is the keyframe's.
 template <class T>
@@ -36,6 +24,18 @@ T own(std::int64_t id, T loaded) {
   if (loaded.keyframe_id == id) return loaded;
   throw IoError("the record of the workspace names a file of keyframe " + std::to_string(loaded.keyframe_id) +
                 " as that of keyframe " + std::to_string(id) + "; delete the workspace, or name another one");
+}
+
+/// A name for what is seen of an image: whatever that depends on has a say in it.
+std::string look_file(const workspace::StepKeyframe& it) {
+  workspace::Fingerprint inputs;
+  inputs.add(version_text()).add(it.looked_for).add(it.image);
+  inputs.add(it.keyframe.cam_from_world.rotation.data(), 9 * sizeof(double));
+  inputs.add(it.keyframe.cam_from_world.translation.data(), 3 * sizeof(double));
+  for (const Landmark& landmark : it.keyframe.landmarks) {
+    inputs.add(landmark.id).add(landmark.position_world.data(), 3 * sizeof(double));
+  }
+  return std::to_string(it.keyframe.id) + "-" + inputs.text().substr(0, 16);
 }
 
 /// What the sharpness of an image is recorded for.
@@ -54,6 +54,12 @@ bool is_up_to_date(const SharpnessRecord& record, const std::vector<Landmark>& l
 }
 
 }  // namespace
+
+std::string relative_text(const std::filesystem::path& path, const std::filesystem::path& folder) {
+  std::error_code error;
+  const std::filesystem::path relative = std::filesystem::relative(place_of(path), place_of(folder), error);
+  return error || relative.empty() ? place_of(path).string() : relative.string();
+}
 
 WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& arguments,
                              const DensifierOptions& options, const SlamMap& map, bool growing)
@@ -91,13 +97,27 @@ std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std:
       it.width = found->second.width;
       it.height = found->second.height;
       it.keyframe.sharpness = found->second.sharpness;
-    } else {
-      fresh.insert(id);
     }
     ids_.push_back(id);
     stock_[id] = std::move(it);
+    if (!is_known && !find_look(id)) fresh.insert(id);
   }
   return fresh;
+}
+
+bool WorkspaceStep::find_look(std::int64_t keyframe_id) {
+  workspace::StepKeyframe& it = stock_.at(keyframe_id);
+  const std::optional<workspace::Look> look = workspace_.find_look(look_file(it));
+  if (!look) return false;
+  it.width = look->width;
+  it.height = look->height;
+  it.keyframe.sharpness = look->sharpness;
+  return true;
+}
+
+void WorkspaceStep::save_look(std::int64_t keyframe_id) const {
+  const workspace::StepKeyframe& it = stock_.at(keyframe_id);
+  workspace_.save_look(look_file(it), {it.width, it.height, it.keyframe.sharpness});
 }
 
 void WorkspaceStep::look_at(std::int64_t keyframe_id, const Image<Rgb>& image) {
@@ -109,7 +129,7 @@ void WorkspaceStep::look_at(std::int64_t keyframe_id, const Image<Rgb>& image) {
   it.height = image.height();
 }
 
-void WorkspaceStep::decide() {
+void WorkspaceStep::decide(const std::string& engine) {
   for (const std::int64_t id : ids_) {
     if (stock_.at(id).width > 0) inputs_.keyframes.push_back(std::move(stock_.at(id)));
   }
@@ -117,43 +137,116 @@ void WorkspaceStep::decide() {
   const Densifier probe(options_, {});  // with sizes: whether a device's memory suffices depends on them
   options_.backend = probe.options().backend;
   options_.simd = probe.options().simd;
-  inputs_.engine = engine_text(options_, probe.backend());
+  inputs_.engine = engine.empty() ? engine_text(options_, probe.backend(), arguments_) : engine;
   inputs_.width = options_.width;
   nlohmann::ordered_json json = options_of_results(options_);
   inputs_.options_json = json.dump();
   for (const char* later : {"view_filter", "consistency", "fusion", "free_space"}) json.erase(later);
   inputs_.planes_options_json = json.dump();
   step_ = plan_step(workspace_.record(), inputs_);
-  find_missing();
-}
-
-void WorkspaceStep::find_missing() {
-  shortcuts_.keyframes = step_.shortcuts(options_.patchmatch.geometric_passes);
+  shortcuts_ = find_shortcuts();
   for (const PlanEntry& entry : step_.plan.entries) {
     if (!entry.has_depth_map()) continue;
-    const StepKeyframePlan& it = step_.keyframes.at(entry.id);
-    if (!it.has_planes && workspace_.has_planes(it)) {
-      shortcuts_.keyframes[entry.id] = {Shortcut::Planes::kResult, it.passes, false};
-    }
-    const bool is_there = it.points_kept || (!inputs_.ask_all_again && workspace_.has_points(it));
+    const bool is_there = has_points(entry.id);
     if (is_there) there_.insert(entry.id);
     if (!is_there) missing_.push_back(entry.id);
   }
-  shortcuts_.load = [this](std::int64_t id) {
+}
+
+bool WorkspaceStep::has_planes(std::int64_t keyframe_id) const {
+  return workspace_.has_planes(step_.keyframes.at(keyframe_id));
+}
+
+bool WorkspaceStep::has_points(std::int64_t keyframe_id) const {
+  const StepKeyframePlan& it = step_.keyframes.at(keyframe_id);
+  return it.points_kept || (!inputs_.ask_all_again && workspace_.has_points(it));
+}
+
+/// What there is of earlier steps, and of this one by now.
+Shortcuts WorkspaceStep::find_shortcuts() const {
+  Shortcuts shortcuts;
+  shortcuts.keyframes = step_.shortcuts(options_.patchmatch.geometric_passes);
+  for (const auto& [id, it] : step_.keyframes) {
+    if (it.has_planes || !workspace_.has_planes(it)) continue;
+    shortcuts.keyframes[id] = {Shortcut::Planes::kResult, it.passes, false};
+  }
+  shortcuts.load = [this](std::int64_t id) {
     const StepKeyframePlan& it = step_.keyframes.at(id);
     return own(
         id, workspace_.load_planes(it.has_planes ? workspace_.record().keyframes.at(id).planes->file : it.planes_file));
   };
+  return shortcuts;
+}
+
+/// For points where no planes are made any more: those that are there are as they will be.
+Shortcuts WorkspaceStep::final_planes() const {
+  Shortcuts shortcuts;
+  for (const auto& [id, it] : step_.keyframes) {
+    if (workspace_.has_planes(it)) shortcuts.keyframes[id] = {Shortcut::Planes::kStart, 0, false};
+  }
+  shortcuts.load = [this](std::int64_t id) {
+    return own(id, workspace_.load_planes(step_.keyframes.at(id).planes_file));
+  };
+  return shortcuts;
+}
+
+std::vector<std::int64_t> WorkspaceStep::planes_lacking(const std::vector<std::int64_t>& points_of,
+                                                        const std::set<std::int64_t>& without) const {
+  std::set<std::int64_t> asked;
+  for (const std::int64_t id : points_of) {
+    const StepKeyframePlan& it = step_.keyframes.at(id);
+    asked.insert(it.asked.begin(), it.asked.end());
+  }
+  std::vector<std::int64_t> lacking;
+  for (const std::int64_t id : asked) {
+    if (!has_planes(id) && without.count(id) == 0) lacking.push_back(id);
+  }
+  return lacking;
+}
+
+std::unique_ptr<Densifier> WorkspaceStep::planes_densifier(
+    const std::vector<std::int64_t>& ids, const std::function<void(std::int64_t keyframe_id)>& made) const {
+  DensifierCallbacks callbacks;
+  callbacks.planes = [this, made](const PlaneMap& planes) {
+    save(planes);
+    made(planes.keyframe_id);
+  };
+  return std::make_unique<Densifier>(options_, step_.plan, ids, std::move(callbacks), find_shortcuts());
+}
+
+std::unique_ptr<Densifier> WorkspaceStep::points_densifier(
+    const std::vector<std::int64_t>& ids, bool planes_are_there,
+    const std::function<void(std::int64_t keyframe_id)>& made) const {
+  DensifierCallbacks callbacks;
+  callbacks.planes = [this](const PlaneMap& planes) { save(planes); };
+  callbacks.cloud = [this, made](const KeyframeCloud& cloud) {
+    save(cloud);
+    made(cloud.keyframe_id);
+  };
+  return std::make_unique<Densifier>(options_, step_.plan, ids, std::move(callbacks),
+                                     planes_are_there ? final_planes() : find_shortcuts());
+}
+
+void WorkspaceStep::save(const PlaneMap& planes) const {
+  workspace_.save_planes(step_.keyframes.at(planes.keyframe_id).planes_file, planes);
+}
+
+void WorkspaceStep::save(const KeyframeCloud& cloud) const {
+  workspace_.save_points(step_.keyframes.at(cloud.keyframe_id).points_file, cloud);
+}
+
+void WorkspaceStep::join(bool is_repeated) {
+  missing_.clear();
+  is_joined_ = true;
+  is_repeated_ = is_repeated;
 }
 
 std::unique_ptr<Densifier> WorkspaceStep::densifier(DensifierCallbacks callbacks) {
   take_cloud_ = callbacks.cloud;
-  callbacks.planes = [this](const PlaneMap& planes) {
-    workspace_.save_planes(step_.keyframes.at(planes.keyframe_id).planes_file, planes);
-  };
+  callbacks.planes = [this](const PlaneMap& planes) { save(planes); };
   callbacks.cloud = [this](const KeyframeCloud& cloud) {
     hand_on_until(cloud.keyframe_id);
-    workspace_.save_points(step_.keyframes.at(cloud.keyframe_id).points_file, cloud);
+    save(cloud);
     take_cloud_(cloud);
     ++next_;
   };
@@ -190,6 +283,7 @@ void WorkspaceStep::commit() {
       record.outputs.push_back(text);
     }
   }
+  if (is_repeated_) record.step = workspace_.record().step;
   workspace_.commit(std::move(record));
 }
 
@@ -238,7 +332,8 @@ std::string WorkspaceStep::summary() const {
   const auto number = [&](const char* key) { return std::to_string(json[key].get<std::int64_t>()); };
   std::string text = "workspace:   of " + number("depth_maps") + " depth maps " + number("kept") + " are kept, " +
                      number("refined") + " refined, " + number("made") + " made";
-  if (json["found"] != 0) text += ", " + number("found") + " found from an interrupted run";
+  if (json["found"] != 0)
+    text += ", " + number("found") + (is_joined_ ? " found from shards" : " found from an interrupted run");
   const char* before = " (";
   for (const auto& [reason, count] : json["reasons"].items()) {
     text += before + reason + " " + std::to_string(count.get<int>());

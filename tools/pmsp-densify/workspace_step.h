@@ -22,6 +22,9 @@
 
 namespace pmsp::tool {
 
+/// A path relative to the workspace where that can be, so that both may be moved together.
+std::string relative_text(const std::filesystem::path& path, const std::filesystem::path& folder);
+
 /// One run with --workspace: from what lies there to the mission as it is now. In the order of the members.
 class WorkspaceStep {
  public:
@@ -35,9 +38,15 @@ class WorkspaceStep {
   std::set<std::int64_t> new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable);
   void look_at(std::int64_t keyframe_id, const Image<Rgb>& image);
 
+  /// What a shard has seen of a new image, in place of looking at it; returns whether one has.
+  bool find_look(std::int64_t keyframe_id);
+  void save_look(std::int64_t keyframe_id) const;
+
   /// Decides what is to be done. Keyframes that were not looked at, but should have been, have no image. Throws as the
-  /// Densifier does where the backend is not there.
-  void decide();
+  /// Densifier does where the backend is not there. `engine`: of those who do it; "" = this machine.
+  void decide(const std::string& engine = "");
+  const workspace::Step& step() const { return step_; }
+  const workspace::StepInputs& inputs() const { return inputs_; }
 
   /// For what is missing. `callbacks.cloud` is given all clouds, those that are kept, too, in the order of the plan.
   std::unique_ptr<Densifier> densifier(DensifierCallbacks callbacks);
@@ -46,6 +55,23 @@ class WorkspaceStep {
   bool is_finished() const { return step_.unfinished == 0; }
   /// Of what the keyframe has by now.
   double scale_of(std::int64_t keyframe_id) const;
+
+  /// Of a keyframe with a depth map: whether what this step ends with is there by now.
+  bool has_planes(std::int64_t keyframe_id) const;
+  bool has_points(std::int64_t keyframe_id) const;
+  /// Keyframes whose planes are behind these points and not there, but for those that have none.
+  std::vector<std::int64_t> planes_lacking(const std::vector<std::int64_t>& points_of,
+                                           const std::set<std::int64_t>& without) const;
+
+  // Parts of the step: what these keyframes lack goes to the workspace, and planes of others that are made on the way.
+  std::unique_ptr<Densifier> planes_densifier(const std::vector<std::int64_t>& ids,
+                                              const std::function<void(std::int64_t keyframe_id)>& made) const;
+  /// `planes_are_there`: as `planes_lacking` says.
+  std::unique_ptr<Densifier> points_densifier(const std::vector<std::int64_t>& ids, bool planes_are_there,
+                                              const std::function<void(std::int64_t keyframe_id)>& made) const;
+
+  /// Shards have done all of it: nothing is missing. `is_repeated`: they were joined before.
+  void join(bool is_repeated);
 
   /// Hands on the clouds that come after the last one made.
   void finish();
@@ -58,7 +84,10 @@ class WorkspaceStep {
 
  private:
   void hand_on_until(std::optional<std::int64_t> keyframe_id);
-  void find_missing();
+  Shortcuts find_shortcuts() const;
+  Shortcuts final_planes() const;
+  void save(const PlaneMap& planes) const;
+  void save(const KeyframeCloud& cloud) const;
 
   workspace::Workspace& workspace_;
   const Arguments& arguments_;
@@ -72,6 +101,8 @@ class WorkspaceStep {
   std::set<std::int64_t> there_;       ///< points that need not be made
   std::vector<std::int64_t> missing_;  ///< and those that must
   Shortcuts shortcuts_;
+  bool is_joined_ = false;
+  bool is_repeated_ = false;
   TakeCloud take_cloud_;
   std::size_t next_ = 0;  ///< entry of the plan whose cloud comes next
 };

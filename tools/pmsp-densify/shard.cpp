@@ -1,0 +1,377 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <unistd.h>
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <functional>
+#include <future>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "decoder.h"
+#include "engine.h"
+#include "exit_code.h"
+#include "export/atomic_file.h"
+#include "interrupt.h"
+#include "io/map_keyframe.h"
+#include "plan/halo.h"
+#include "progress.h"
+#include "shared_step.h"
+#include "stats.h"
+#include "targets.h"
+#include "util/thread_pool.h"
+#include "verbs.h"
+#include "workspace_step.h"
+
+namespace pmsp::tool {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using workspace::ShardMarker;
+using workspace::Wave;
+using Ids = std::vector<std::int64_t>;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+std::string host_name() {
+  char name[256] = {};
+  return ::gethostname(name, sizeof(name) - 1) == 0 ? name : "";
+}
+
+/// What one wave has come to.
+struct WaveReport {
+  std::int64_t keyframes = 0, made = 0, found = 0;
+  Ids without;
+  double seconds = 0.0;
+};
+
+/// One share of a mission, from images to files of the workspace.
+class ShardRun {
+ public:
+  ShardRun(const Arguments& arguments, const DensifierOptions& options, workspace::Workspace& workspace)
+      : arguments_(arguments),
+        options_(options),
+        workspace_(workspace),
+        shard_(*arguments.shard),
+        build_(build_text()),
+        wave_(arguments.wave.value_or(Wave::kPlanes)),
+        progress_(arguments.progress, arguments.quiet, arguments.verbose) {}
+
+  void operator()() {
+    try {
+      work();
+    } catch (const std::exception& error) {
+      leave_reason(error.what());
+      throw;
+    }
+  }
+
+ private:
+  void work() {
+    progress_.stage("reading " + arguments_.map.string());
+    map_ = read_map(arguments_.map);
+    source_ = open_images(arguments_, map_);
+    progress_.message("images: " + source_->description());
+    step_ = std::make_unique<WorkspaceStep>(workspace_, arguments_, options_, map_, false);
+    const std::optional<workspace::ShardJob> before = workspace_.shards().job(workspace_.record().step);
+    if (before) require_same(*before);
+    look();
+    step_->decide();
+    require_same(workspace_.shards().post(my_job()));
+    for (const PlanEntry& entry : step_->step().plan.entries) {
+      if (entry.has_depth_map()) depth_maps_.push_back(entry.id);
+    }
+    const workspace::Stretch stretch = stretch_of(shard_, depth_maps_.size());
+    mine_.assign(depth_maps_.begin() + static_cast<std::ptrdiff_t>(stretch.first),
+                 depth_maps_.begin() + static_cast<std::ptrdiff_t>(stretch.last));
+    nlohmann::ordered_json waves = nlohmann::ordered_json::object();
+    for (const Wave wave : {Wave::kPlanes, Wave::kPoints}) {
+      if (arguments_.wave && *arguments_.wave != wave) continue;
+      wave_ = wave;
+      const Clock::time_point start = Clock::now();
+      WaveReport report = wave == Wave::kPlanes ? make_planes() : make_points();
+      report.seconds = seconds_since(start);
+      workspace_.shards().mark(marker(report));
+      tell(report);
+      waves[name_of(wave)] = {{"keyframes", report.keyframes},
+                              {"made", report.made},
+                              {"found", report.found},
+                              {"without", report.without.size()},
+                              {"seconds", report.seconds}};
+    }
+    finish(waves);
+  }
+
+  // --- before the plan -----------------------------------------------------------------------------------------------
+
+  workspace::ShardJob my_job() const {
+    workspace::ShardJob job = shared_job(arguments_, options_, workspace_);
+    job.count = shard_.count;
+    job.step = step_->step().name;
+    job.engine = step_->inputs().engine;
+    job.build = build_;
+    return job;
+  }
+
+  void require_same(const workspace::ShardJob& job) const {
+    const std::string other = workspace::difference(my_job(), job);
+    if (other.empty()) return;
+    throw InvalidInput(arguments_.workspace.string() + ": shard " + text_of(shard_) +
+                       " does not go with the shards that work here: " + other +
+                       "; run it as they are, or in another workspace (for the same in other shares, delete " +
+                       workspace_.shards().path().string() + ")");
+  }
+
+  /// Images that nobody has looked at: this shard's share of them first, then those of others from the end, so that
+  /// shards that work at once look at each about once.
+  void look() {
+    std::vector<SkippedKeyframe> unreadable;
+    fresh_ = step_->new_images(*source_, unreadable);
+    for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);
+    for (const SkippedKeyframe& skipped : unreadable) skip(skipped);
+    if (fresh_.empty()) return;
+    progress_.stage("looking at up to " + std::to_string(fresh_.size()) + " new images");
+    const InterruptGuard guard(nullptr);
+    const Ids& all = source_->keyframe_ids();  // the same for all shards
+    for (int turn = 0; turn < shard_.count; ++turn) {
+      const workspace::Stretch stretch =
+          workspace::stretch_of({(shard_.index + turn) % shard_.count, shard_.count}, all.size());
+      std::size_t first = stretch.first, last = stretch.last;
+      while (first < last) {
+        // A video is read from its beginning each time.
+        const std::size_t number = arguments_.video.empty() ? std::min(kLookedAtOnce, last - first) : last - first;
+        const std::size_t begin = turn == 0 ? first : last - number;
+        look_at({all.begin() + static_cast<std::ptrdiff_t>(begin),
+                 all.begin() + static_cast<std::ptrdiff_t>(begin + number)},
+                guard);
+        if (turn == 0) first += number;
+        if (turn != 0) last -= number;
+      }
+    }
+    if (readable_ == 0 && !first_error_.empty() && fresh_.size() == source_->keyframe_ids().size()) {
+      throw IoError("no image can be read; the first one: " + first_error_);
+    }
+  }
+
+  /// A few images that follow each other: others may have seen those before and after, so they are verified among
+  /// themselves.
+  void look_at(const Ids& ids, const InterruptGuard& guard) {
+    std::set<std::int64_t> wanted;
+    for (const std::int64_t id : ids) {
+      if (fresh_.count(id) == 0) continue;
+      const bool is_known = step_->find_look(id);
+      readable_ += is_known;
+      if (!is_known) wanted.insert(id);
+    }
+    if (wanted.empty()) return;
+    std::optional<PairingVerifier> verifier;
+    if (!arguments_.no_verify) verifier.emplace(map_);
+    const std::unique_ptr<ImageSource> images = open_images(arguments_, map_);
+    images->restrict_to(wanted);
+    const auto lost = [this](const SkippedKeyframe& skipped) {
+      if (first_error_.empty()) first_error_ = skipped.reason;
+      skip(skipped);
+    };
+    each_image(*images, guard, lost, [&](const ImageSource::Item& item) {
+      if (verifier) verify(*verifier, item);
+      step_->look_at(item.keyframe_id, item.image);
+      step_->save_look(item.keyframe_id);
+      ++readable_;
+    });
+  }
+
+  static void verify(PairingVerifier& verifier, const ImageSource::Item& item) {
+    verifier.add(item.keyframe_id, item.image.view());
+    const PairingVerifier::Verdict verdict = verifier.verdict();
+    if (verdict.conclusive && !verdict.belongs) throw InvalidInput(verdict.message);
+  }
+
+  void skip(const SkippedKeyframe& skipped) {
+    if (!skipped_.insert(skipped.keyframe_id).second) return;
+    progress_.warning("keyframe " + std::to_string(skipped.keyframe_id) + " skipped: " + skipped.reason);
+  }
+
+  // --- waves ---------------------------------------------------------------------------------------------------------
+
+  WaveReport make_planes() {
+    Ids missing;
+    for (const std::int64_t id : mine_) {
+      if (!step_->has_planes(id)) missing.push_back(id);
+    }
+    return make(missing, [&](const auto& made) { return step_->planes_densifier(missing, made); });
+  }
+
+  WaveReport make_points() {
+    Ids missing;
+    for (const std::int64_t id : mine_) {
+      if (!step_->has_points(id)) missing.push_back(id);
+    }
+    const SharedStep shared(*step_, workspace_.shards().markers(), shard_.count);
+    const Ids lacking = step_->planes_lacking(missing, shared.without(Wave::kPlanes));
+    if (!lacking.empty() && arguments_.wave == Wave::kPoints) {
+      throw IoError(
+          arguments_.workspace.string() + ": points of shard " + text_of(shard_) +
+          " need planes that are not there: " + shared.who_lacks(lacking, {}) +
+          "; run them first, with --wave planes, or leave --wave out: this shard then makes these planes, too");
+    }
+    return make(missing, [&](const auto& made) { return step_->points_densifier(missing, lacking.empty(), made); });
+  }
+
+  template <class Open>
+  WaveReport make(const Ids& missing, const Open& open) {
+    WaveReport report;
+    report.keyframes = static_cast<std::int64_t>(mine_.size());
+    report.found = report.keyframes - static_cast<std::int64_t>(missing.size());
+    if (missing.empty()) return report;
+    std::set<std::int64_t> without(missing.begin(), missing.end());
+    const std::unique_ptr<Densifier> densifier =
+        open([&](std::int64_t id) { report.made += static_cast<std::int64_t>(without.erase(id)); });
+    densify(*densifier);
+    report.without.assign(without.begin(), without.end());
+    return report;
+  }
+
+  void densify(Densifier& densifier) {
+    if (announced_backend_ != densifier.backend()) progress_.message("backend: " + densifier.backend());
+    announced_backend_ = densifier.backend();
+    const InterruptGuard guard(&densifier);
+    const Ids needed = densifier.images();
+    const std::unique_ptr<ImageSource> images = open_images(arguments_, map_);
+    images->restrict_to({needed.begin(), needed.end()});
+    const auto lost = [](const SkippedKeyframe& skipped) {
+      throw IoError("the image of keyframe " + std::to_string(skipped.keyframe_id) +
+                    ", which results depend on, can no longer be read: " + skipped.reason +
+                    "; leave images as they are while shards work");
+    };
+    std::size_t index = 0;
+    each_image(*images, guard, lost, [&](const ImageSource::Item& item) {
+      Keyframe keyframe = io::keyframe_of(map_, *map_.find_keyframe(item.keyframe_id));
+      keyframe.scale = step_->scale_of(keyframe.id);
+      keyframe.image = item.image.view();
+      keyframe.mask = mask_for(item.image);
+      const bool taken = densifier.add(keyframe);
+      progress_.step({name_of(wave_), ++index, needed.size(), keyframe.id, taken, densifier.stats().points});
+    });
+    progress_.stage("finishing the last keyframes");
+    densifier.flush();
+    guard.check();
+  }
+
+  /// While one keyframe is worked on, the next images are decoded.
+  void each_image(ImageSource& source, const InterruptGuard& guard,
+                  const std::function<void(const SkippedKeyframe&)>& lost,
+                  const std::function<void(const ImageSource::Item&)>& visit) const {
+    source.read_ahead(images_ahead(map_, options_.threads > 0 ? options_.threads : usable_cpus()));
+    Decoder decoder(source);
+    const auto decode = [&decoder] { return decoder.next(); };
+    std::future<Decoded> next = std::async(std::launch::async, decode);
+    for (;;) {
+      const Decoded decoded = next.get();
+      guard.check();
+      for (const SkippedKeyframe& skipped : decoded.skipped) lost(skipped);
+      if (!decoded.item) return;
+      next = std::async(std::launch::async, decode);
+      visit(*decoded.item);
+      guard.check();
+    }
+  }
+
+  ImageView<const std::uint8_t> mask_for(const Image<Rgb>& image) {
+    if (arguments_.mask.empty()) return {};
+    if (mask_.width() != image.width() || mask_.height() != image.height()) {
+      mask_ = read_mask(arguments_.mask, image.width(), image.height());
+    }
+    return static_cast<const Image<std::uint8_t>&>(mask_).view();
+  }
+
+  // --- what is told --------------------------------------------------------------------------------------------------
+
+  ShardMarker marker(const WaveReport& report) const {
+    ShardMarker marker;
+    marker.shard = shard_;
+    marker.wave = wave_;
+    if (step_) marker.step = step_->step().name;
+    if (step_) marker.engine = step_->inputs().engine;
+    marker.build = build_;
+    marker.host = host_name();
+    marker.seconds = report.seconds;
+    marker.keyframes = report.keyframes;
+    marker.made = report.made;
+    marker.without = report.without;
+    return marker;
+  }
+
+  void leave_reason(const std::string& reason) noexcept {
+    try {
+      ShardMarker it = marker({});
+      it.failure = reason;
+      workspace_.shards().mark(it);
+    } catch (const std::exception&) {  // what went wrong first is what is told
+    }
+  }
+
+  void tell(const WaveReport& report) {
+    std::string text = "shard " + text_of(shard_) + ": " + name_of(wave_) + " of " + std::to_string(report.keyframes) +
+                       " of " + std::to_string(depth_maps_.size()) + " depth maps: " + std::to_string(report.made) +
+                       " made, " + std::to_string(report.found) + " found";
+    if (!report.without.empty()) text += ", " + std::to_string(report.without.size()) + " have none";
+    progress_.message(text + "; " + duration_text(report.seconds));
+  }
+
+  void finish(const nlohmann::ordered_json& waves) {
+    nlohmann::ordered_json json{{"generator", version_text()},
+                                {"shard", shard_.index},
+                                {"of", shard_.count},
+                                {"step", step_->step().name},
+                                {"engine", step_->inputs().engine},
+                                {"build", build_},
+                                {"host", host_name()},
+                                {"depth_maps", depth_maps_.size()},
+                                {"waves", waves},
+                                {"seconds", seconds_since(start_)},
+                                {"peak_memory_mib", peak_memory_mib()}};
+    if (!arguments_.stats.empty()) write_file(arguments_.stats, json.dump(2) + "\n");
+    progress_.done(json);
+  }
+
+  static constexpr std::size_t kLookedAtOnce = 16;
+
+  const Arguments& arguments_;
+  const DensifierOptions& options_;
+  workspace::Workspace& workspace_;
+  const workspace::Shard shard_;
+  const std::string build_;
+  Wave wave_;  ///< in which it is, or that comes first
+  const Clock::time_point start_ = Clock::now();
+  Progress progress_;
+  SlamMap map_;
+  std::unique_ptr<ImageSource> source_;
+  std::unique_ptr<WorkspaceStep> step_;
+  std::set<std::int64_t> fresh_;
+  std::set<std::int64_t> skipped_;
+  std::size_t readable_ = 0;
+  std::string first_error_;
+  Ids depth_maps_;  ///< keyframes that get one
+  Ids mine_;        ///< this shard's
+  Image<std::uint8_t> mask_;
+  std::string announced_backend_;
+};
+
+}  // namespace
+
+void run_shard(const Arguments& arguments) {
+  DensifierOptions options = effective_options(arguments);
+  refuse_endless_chain(options);
+  check_names(arguments);
+  workspace::Workspace workspace(arguments.workspace, workspace::Workspace::Access::kShared);
+  check_targets(arguments);
+  if (options.free_space.whole_mission) {
+    options.scratch_folder = (arguments.scratch.empty() ? arguments.workspace : arguments.scratch).string();
+  }
+  ShardRun(arguments, options, workspace)();
+}
+
+}  // namespace pmsp::tool
