@@ -169,11 +169,31 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
 }
 
 void Pipeline::advance(bool last) {
+  if (options_.backend == Backend::kCuda && options_.devices.size() > 1) return advance_in_step(last);
   while (const std::optional<Task> task = next_task(last)) {
     run(schedule_.stages()[task->stage], task->keyframe);
     progress_.mark(task->stage, task->keyframe);
     forget(last);
   }
+}
+
+/// One task of each stage that needs nothing of the others: then no processor waits for what another one has just
+/// begun.
+void Pipeline::advance_in_step(bool last) {
+  std::vector<Task> tasks;
+  do {
+    tasks.clear();
+    for (std::size_t stage = schedule_.stages().size(); stage-- > 0;) {
+      const Task task{stage, progress_.next(stage)};
+      if (task.keyframe < end() && is_ready(task, last)) tasks.push_back(task);
+    }
+    for (const Task& task : tasks) {
+      if (stopped()) return;
+      run(schedule_.stages()[task.stage], task.keyframe);
+      progress_.mark(task.stage, task.keyframe);
+      forget(last);
+    }
+  } while (last && !tasks.empty());
 }
 
 /// The last stage that has something to do, so that keyframes wait for others no longer than they must.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <utility>
+#include <vector>
 
 #include "cpu/cpu_engine.h"
 #include "cuda/cuda_engine.h"
@@ -45,13 +46,26 @@ std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptio
   options.simd = executor.simd();
   std::string why_not;
   if (options.backend != Backend::kCpu) {
-    const cuda::Device device = cuda::find_device(options.device);
-    why_not = device.why_not;
-    if (why_not.empty()) why_not = why_too_small(device, options);
+    std::vector<int> devices = options.devices;
+    for (int k = 0; options.devices.empty() && k < std::max(1, std::min(kMostDevices, cuda::device_count())); ++k) {
+      devices.push_back(k);
+    }
+    bool keeps_scratch = false;
+    std::string names;
+    for (const int number : devices) {
+      cuda::Device device = cuda::find_device(number);
+      device.free_bytes /= static_cast<std::size_t>(std::count(devices.begin(), devices.end(), number));
+      why_not = device.why_not;
+      if (why_not.empty()) why_not = why_too_small(device, options);
+      if (!why_not.empty()) break;
+      keeps_scratch = keeps_scratch || !needs_no_scratch(device, options);
+      names += (names.empty() ? "CUDA device " : "; device ") + std::to_string(number) + ", " + device.name;
+    }
     if (why_not.empty()) {
-      if (needs_no_scratch(device, options)) options.scratch_folder.clear();
+      if (!keeps_scratch) options.scratch_folder.clear();
       options.backend = Backend::kCuda;
-      description = "CUDA device " + std::to_string(options.device) + ", " + device.name;
+      options.devices = devices;
+      description = names;
       return cuda::make_engine(context, std::move(executor));
     }
     if (options.backend == Backend::kCuda) {

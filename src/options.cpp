@@ -133,7 +133,8 @@ void FreeSpaceOptions::validate() const {
 void DensifierOptions::validate() const {
   check_size("width", width, 32, 16384);
   check_size("height", height, 16, 8192);
-  check_option("device", device, 0, 255);
+  check_option("number of devices", static_cast<int>(devices.size()), 0, kMostDevices);
+  for (const int device : devices) check_option("device", device, 0, 255);
   check_option("threads", threads, 0, 1024);
   view_filter.validate();
   init.validate();

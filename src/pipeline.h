@@ -89,6 +89,7 @@ class Pipeline {
   void finish();
   void prepare(const Keyframe& keyframe, std::size_t place);
   void advance(bool last);
+  void advance_in_step(bool last);
   std::optional<Task> next_task(bool last);
   std::vector<Task> ready_tasks(bool last);
   bool is_ready(const Task& task, bool last);

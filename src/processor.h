@@ -19,6 +19,13 @@
 //   Planes                         an array of planes and scores, as a map or in checkerboard order
 //   Counts                         numbers of pixels that a stage counts
 //
+//   Queue                          what was asked of an engine's processors; its deliver(all) is Engine::deliver
+//   Mark                           a moment in a processor's work
+//
+//   number_of(context), number()   how many an engine has, and which one of them this is
+//   mark()                         when all that was asked for up to now is done
+//   bring(array, count, home, made)            a copy of an array of another processor, which is there from `made` on
+//   settle()                       nothing of other processors' is needed any more
 //   enter()                        called first in each piece of work; what it returns is kept until its end
 //   set_size(width, height)        of the depth maps, before anything else
 //   may_go_on()                    false after Densifier::cancel
@@ -39,7 +46,6 @@
 //   hand_out_depths, hand_out_points, hand_out_planes   results on their way to a callback
 //   planes_of(plane_map)           what was handed out so
 //   save(array, count, scratch, at), load<T>(count, scratch, at)
-//   deliver(all)                   as Engine::deliver
 namespace pmsp {
 
 /// Memory of a processor, given back when nobody holds it any more. Uninitialised.

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 #include "processor.h"
 #include "util/scratch_file.h"
@@ -24,6 +25,8 @@ class Shelved {
   /// `count` elements. `room`: for the most that will ever be put here, the same in each call.
   void put(Array<T> array, std::size_t count, std::size_t room) {
     count_ = count;
+    copies_.clear();
+    made_ = on_.mark();
     if (scratch_ == nullptr) {
       array_ = std::move(array);
       return;
@@ -40,10 +43,21 @@ class Shelved {
     if (room_ == 0 || count_ == 0) return array_;
     return on_.template load<T>(count_, *scratch_, begin_);
   }
+  /// The same on a processor of the engine: a copy, made once, where it is another one.
+  Array<T> get(Processor& reader) const {
+    if (&reader == &on_) return get();
+    if (count_ == 0) return nullptr;
+    if (room_ > 0) return reader.template load<T>(count_, *scratch_, begin_);
+    for (const auto& [holder, copy] : copies_) {
+      if (holder == &reader) return copy;
+    }
+    return copies_.emplace_back(&reader, reader.bring(array_, count_, on_, made_)).second;
+  }
   std::size_t count() const { return count_; }
 
   void reset() {
     array_.reset();
+    copies_.clear();
     if (room_ > 0) scratch_->give_back(begin_, room_ * sizeof(T));
     room_ = 0;
     count_ = 0;
@@ -53,6 +67,8 @@ class Shelved {
   Processor& on_;
   ScratchFile* scratch_;
   Array<T> array_;
+  typename Processor::Mark made_{};  ///< when it is there
+  mutable std::vector<std::pair<const Processor*, Array<T>>> copies_;
   std::size_t count_ = 0;
   std::size_t room_ = 0;  ///< elements in the scratch file; 0 = it is not there
   std::uint64_t begin_ = 0;

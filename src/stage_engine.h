@@ -21,88 +21,99 @@
 
 namespace pmsp {
 
-/// The stages of the pipeline on a processor (processor.h): what each of them reads and writes of which keyframe.
+/// The stages of the pipeline on processors (processor.h): what each of them reads and writes of which keyframe. Where
+/// there are several, keyframes are dealt out to them in turns: while one works on a keyframe, the next one's is at the
+/// stage before, and finds there what it needs. A stage runs on the processor of its keyframe; what it reads of others
+/// is copied there, once.
 template <class Processor>
 class StageEngine final : public Engine {
  public:
   StageEngine(const EngineContext& context, Executor executor)
-      : Engine(context, std::move(executor)), on_(context_, executor_) {}
+      : Engine(context, std::move(executor)), queue_(context_) {
+    for (int k = 0; k < Processor::number_of(context_); ++k) {
+      processors_.push_back(std::make_unique<Processor>(context_, executor_, k, queue_));
+    }
+  }
+  ~StageEngine() override {
+    for (const auto& on : processors_) on->settle();
+  }
+  StageEngine(const StageEngine&) = delete;
+  StageEngine& operator=(const StageEngine&) = delete;
 
   std::unique_ptr<Frame> prepare(const Keyframe& keyframe) override {
-    [[maybe_unused]] const auto scope = on_.enter();
     const DensifierOptions& options = context_.options;
-    on_.set_size(options.width, options.height);
-    const bool priors = options.patchmatch.plane_priors && options.patchmatch.geometric_passes > 0;
-    if (!looks_ && priors) looks_ = on_.upload(look_table({options.width, options.height}));
+    const std::size_t home = prepared_++ % processors_.size();
     if (!scratch_ && !options.scratch_folder.empty()) scratch_ = std::make_unique<ScratchFile>(options.scratch_folder);
-    auto frame =
-        std::make_unique<StageFrame>(keyframe, on_, scratch_.get(), options.unordered ? scratch_.get() : nullptr);
-    typename Processor::Prepared prepared = on_.prepare(keyframe, context_.stats.seconds_prepare);
-    frame->cubes = std::move(prepared.cubes);
-    frame->color.put(std::move(prepared.color), pixels());
-    if (prepared.mask) frame->mask.put(std::move(prepared.mask), pixels());
+    auto frame = std::make_unique<StageFrame>(keyframe, *processors_[home], home, scratch_.get(),
+                                              options.unordered ? scratch_.get() : nullptr);
+    for (const auto& on : processors_) frame->cubes.push_back(prepare(keyframe, *on, *frame));
     if (options.unordered && (scratch_ || context_.image_again)) put_away(*frame);
     return frame;
   }
 
   void match(const MatchTask& task) override {
-    [[maybe_unused]] const auto scope = on_.enter();
-    if (!on_.may_go_on()) return;
+    Processor& on = processor_of(*task.reference);
+    [[maybe_unused]] const auto scope = on.enter();
+    if (!on.may_go_on()) return;
     StageFrame& reference = own(*task.reference);
     auto& passed_on = reference.raws[task.pass % 2];
     passed_on.reset();
-    Planes raw = on_.planes();
-    run_pass(task, raw);
+    Planes raw = on.planes();
+    run_pass(task, raw, on);
     reference.matched = !cancelled();
     if (!reference.matched) return;
     if (task.last) {
-      finish_match(reference, raw);
+      finish_match(reference, raw, on);
     } else {
-      passed_on.put(std::move(raw), on_.plane_numbers());
+      passed_on.put(std::move(raw), on.plane_numbers());
     }
   }
 
   void take(Frame& frame, const PlaneMap& planes) override {
-    [[maybe_unused]] const auto scope = on_.enter();
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
     StageFrame& reference = own(frame);
-    reference.median.put(on_.planes_of(planes), on_.plane_numbers());
+    reference.median.put(on.planes_of(planes), on.plane_numbers());
     reference.matched = true;
   }
 
   void carry(Frame& frame, int pass) override {
-    [[maybe_unused]] const auto scope = on_.enter();
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
     StageFrame& reference = own(frame);
-    if (reference.median.count() > 0) reference.raws[pass % 2].put(reference.median.get(), on_.plane_numbers());
+    if (reference.median.count() > 0) reference.raws[pass % 2].put(reference.median.get(), on.plane_numbers());
   }
 
   void filter(Frame& frame, const std::vector<const Frame*>& others) override {
-    [[maybe_unused]] const auto scope = on_.enter();
-    if (!on_.may_go_on()) return;
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
+    if (!on.may_go_on()) return;
     StageFrame& reference = own(frame);
     const Planes planes = reference.median.get();
-    auto confidence = on_.template array<float>(pixels());
-    auto stage = consistency_stage<Views>(on_.map(planes), on_.grid(), others.size(), context_.options.consistency,
+    auto confidence = on.template array<float>(pixels());
+    auto stage = consistency_stage<Views>(on.map(planes), on.grid(), others.size(), context_.options.consistency,
                                           confidence.get());
     std::vector<Planes> held;
     for (std::size_t k = 0; k < others.size(); ++k) {
-      held.push_back(own(*others[k]).median.get());
-      stage.others[k] = {on_.map(held.back()), relation(others[k]->pose, reference.pose).other_from_first};
+      held.push_back(own(*others[k]).median.get(on));
+      stage.others[k] = {on.map(held.back()), relation(others[k]->pose, reference.pose).other_from_first};
     }
-    on_.counted(
-        context_.stats.seconds_consistency, [&](Counts* counts) { on_.launch(stage, counts); },
+    on.counted(
+        context_.stats.seconds_consistency, [&](Counts* counts) { on.launch(stage, counts); },
         [&stats = context_.stats](const std::int64_t* numbers) { stats.pixels_after_consistency += numbers[1]; });
     if (context_.results.cloud && context_.options.free_space.enabled) {
-      find_sight(reference, filtered(planes, confidence));
+      find_sight(reference, filtered(planes, confidence, on), on);
     }
     if (context_.results.filtered_depth && reference.asked_for) {
-      hand_out_depths(reference, planes, confidence.get(), context_.results.filtered_depth);
+      hand_out_depths(reference, planes, confidence.get(), context_.results.filtered_depth, on);
     }
     reference.confidence.put(std::move(confidence), pixels());
   }
 
   void fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) override {
-    [[maybe_unused]] const auto scope = on_.enter();
-    if (!on_.may_go_on()) return;
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
+    if (!on.may_go_on()) return;
     StageFrame& reference = own(frame);
     struct Held {
       Planes planes;
@@ -112,13 +123,13 @@ class StageEngine final : public Engine {
     std::vector<Held> held;  // as long as the stage looks at them
     const auto view = [&](const StageFrame& member) {
       const Relation to = relation(member.pose, reference.pose);
-      const Held& its = held.emplace_back(Held{member.median.get(), member.confidence.get(), member.color.get()});
-      return kernels::FusionView<Views>{filtered(its.planes, its.confidence), on_.color(its.color), to.other_from_first,
-                                        to.zoom};
+      const Held& its = held.emplace_back(Held{member.median.get(on), member.confidence.get(on), member.color.get(on)});
+      return kernels::FusionView<Views>{filtered(its.planes, its.confidence, on), on.color(its.color),
+                                        to.other_from_first, to.zoom};
     };
     reference.window_ids.clear();
     kernels::FusePixels<Views> stage{};
-    stage.grid = on_.grid();
+    stage.grid = on.grid();
     stage.limits = fusion_limits(context_.options.fusion);
     stage.first = view(reference);
     for (std::size_t i = 0; i < window.size(); ++i) {
@@ -128,13 +139,13 @@ class StageEngine final : public Engine {
     }
     const int agree_bytes = pmsp::agree_bytes(context_.options.fusion);
     const std::size_t agree_size = pixels() * static_cast<std::size_t>(agree_bytes);
-    auto surfels = on_.template array<std::uint32_t>(pixels());
-    auto details = on_.template array<std::uint32_t>(pixels());
-    auto standings = on_.template array<std::uint8_t>(pixels());
-    auto agree = on_.template array<std::uint8_t>(agree_size);
+    auto surfels = on.template array<std::uint32_t>(pixels());
+    auto details = on.template array<std::uint32_t>(pixels());
+    auto standings = on.template array<std::uint8_t>(pixels());
+    auto agree = on.template array<std::uint8_t>(agree_size);
     stage.to = {surfels.get(), details.get(), standings.get(), agree.get(), agree_bytes};
-    on_.counted(
-        context_.stats.seconds_fusion, [&](Counts* counts) { on_.launch(stage, counts); },
+    on.counted(
+        context_.stats.seconds_fusion, [&](Counts* counts) { on.launch(stage, counts); },
         [&stats = context_.stats, eligible = reference.eligible](const std::int64_t* numbers) {
           stats.points_fused += numbers[0];
           *eligible = numbers[0];
@@ -146,22 +157,23 @@ class StageEngine final : public Engine {
   }
 
   void judge(Frame& frame, const std::vector<const Frame*>& viewers) override {
-    [[maybe_unused]] const auto scope = on_.enter();
-    if (!on_.may_go_on()) return;
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
+    if (!on.may_go_on()) return;
     StageFrame& reference = own(frame);
     const auto surfels = reference.surfels.get();
     const auto details = reference.details.get();
-    auto standings = on_.template array<std::uint8_t>(pixels());
+    auto standings = on.template array<std::uint8_t>(pixels());
     std::vector<Array<float>> sights;  // as long as the stage looks at them
     kernels::Eligibility stage{};
     stage.surfels = surfels.get();
     stage.details = details.get();
-    stage.grid = on_.grid();
+    stage.grid = on.grid();
     for (const Frame* asked : viewers) {
       const StageFrame& viewer = own(*asked);
       const Relation to = relation(viewer.pose, reference.pose);
-      const float* const nearest = sights.emplace_back(viewer.nearest.get()).get();
-      const float* const farthest = sights.emplace_back(viewer.farthest.get()).get();
+      const float* const nearest = sights.emplace_back(viewer.nearest.get(on)).get();
+      const float* const farthest = sights.emplace_back(viewer.farthest.get(on)).get();
       stage.viewers[stage.count++] = {{nearest, farthest, context_.options.width / kernels::kSightCell,
                                        context_.options.height / kernels::kSightCell},
                                       to.other_from_first,
@@ -170,16 +182,17 @@ class StageEngine final : public Engine {
     stage.limits = sight_limits(context_.options.free_space);
     stage.max_contradiction = static_cast<float>(context_.options.free_space.max_contradiction);
     stage.standings = standings.get();
-    on_.counted(
-        context_.stats.seconds_free_space, [&](Counts* counts) { on_.launch(stage, counts); },
+    on.counted(
+        context_.stats.seconds_free_space, [&](Counts* counts) { on.launch(stage, counts); },
         [eligible = reference.eligible](const std::int64_t* numbers) { *eligible = numbers[0]; });
     reference.standings[0].put(std::move(standings), pixels());
     reference.asked.reset();  // of a time when all of this was asked before
   }
 
   void round(Frame& frame, const std::vector<const Frame*>& others, int round) override {
-    [[maybe_unused]] const auto scope = on_.enter();
-    if (!on_.may_go_on()) return;
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
+    if (!on.may_go_on()) return;
     StageFrame& reference = own(frame);
     struct Held {
       Array<std::uint32_t> surfels;
@@ -187,14 +200,14 @@ class StageEngine final : public Engine {
     };
     std::vector<Held> held;
     const auto view = [&](const StageFrame& viewed) {
-      const Held& its = held.emplace_back(Held{viewed.surfels.get(), viewed.standings[(round - 1) % 2].get()});
+      const Held& its = held.emplace_back(Held{viewed.surfels.get(on), viewed.standings[(round - 1) % 2].get(on)});
       return kernels::SurfelView{its.surfels.get(), its.standings.get(), context_.options.width,
                                  context_.options.height, static_cast<float>(viewed.pose.scale)};
     };
-    auto standings = on_.template array<std::uint8_t>(pixels());
+    auto standings = on.template array<std::uint8_t>(pixels());
     kernels::OwnershipRound stage{};
     stage.map = view(reference);
-    stage.grid = on_.grid();
+    stage.grid = on.grid();
     for (const Frame* asked : others) {
       const StageFrame& viewer = own(*asked);
       const Relation to = relation(viewer.pose, reference.pose);
@@ -204,13 +217,14 @@ class StageEngine final : public Engine {
     stage.limits = ownership_limits(context_.options.fusion);
     stage.standings = standings.get();
     Asked asked{reference.asked.get(), reference.asked.count()};
-    on_.timed(context_.stats.seconds_ownership, [&] { on_.own(stage, asked); });
+    on.timed(context_.stats.seconds_ownership, [&] { on.own(stage, asked); });
     reference.standings[round % 2].put(std::move(standings), pixels());
     reference.asked.put(std::move(asked.bits), asked.count, pixels());
   }
 
   void hand_out(Frame& frame) override {
-    [[maybe_unused]] const auto scope = on_.enter();
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
     const StageFrame& reference = own(frame);
     const auto surfels = reference.surfels.get();
     const auto details = reference.details.get();
@@ -221,7 +235,7 @@ class StageEngine final : public Engine {
     cloud.cam_from_world = reference.pose.cam_from_world;
     cloud.scale = reference.pose.scale;
     cloud.window_ids = reference.window_ids;
-    on_.hand_out_points(
+    on.hand_out_points(
         {surfels.get(), details.get(), standings.get(), agree.get(), agree_bytes(context_.options.fusion)},
         std::move(cloud), context_.stats.seconds_ownership,
         [this, eligible = reference.eligible](const KeyframeCloud& made) {
@@ -231,14 +245,15 @@ class StageEngine final : public Engine {
   }
 
   void release(Frame& frame, Artefact artefact) override {
-    [[maybe_unused]] const auto scope = on_.enter();
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
     StageFrame& done = own(frame);
     switch (artefact) {
       case Artefact::kImage:
-        if (context_.options.patchmatch.revisits > 0 && done.cubes.gray) put_away(done);
+        if (context_.options.patchmatch.revisits > 0 && done.cubes[done.home].gray) put_away(done);
         break;
       case Artefact::kFarImage:
-        done.cubes = {};
+        for (Cubes& cubes : done.cubes) cubes = {};
         done.packed.reset();
         break;
       case Artefact::kColor:
@@ -270,10 +285,7 @@ class StageEngine final : public Engine {
     }
   }
 
-  void deliver(bool all) override {
-    [[maybe_unused]] const auto scope = on_.enter();
-    on_.deliver(all);
-  }
+  void deliver(bool all) override { queue_.deliver(all); }
 
  private:
   using Views = typename Processor::Views;
@@ -288,8 +300,9 @@ class StageEngine final : public Engine {
   /// What a keyframe leaves behind for others.
   struct StageFrame : Frame {
     /// `scratch`: for what waits long; `brief`: for what flights keep for a few keyframes only; nullptr = in memory.
-    StageFrame(const Keyframe& keyframe, Processor& on, ScratchFile* scratch, ScratchFile* brief)
+    StageFrame(const Keyframe& keyframe, Processor& on, std::size_t at, ScratchFile* scratch, ScratchFile* brief)
         : Frame(keyframe),
+          home(at),
           packed(on, scratch),
           color(on, brief),
           mask(on, brief),
@@ -308,7 +321,8 @@ class StageEngine final : public Engine {
     using Waiting = Shelved<Processor, T>;
 
     using Plane = typename Planes::element_type;
-    Cubes cubes;                              ///< matched with; none while they are put away
+    std::size_t home;                         ///< number of the processor that works on it
+    std::vector<Cubes> cubes;                 ///< matched with, on each processor; none while they are put away
     Waiting<std::uint16_t> packed;            ///< those that are, where they cannot be asked for again
     Waiting<Color> color;                     ///< of the depth map's pixels
     Waiting<std::uint8_t> mask;               ///< there, too; none: see Processor::mask
@@ -331,11 +345,13 @@ class StageEngine final : public Engine {
     Array<Color> color;  ///< on processors that keep the mask in it
     Array<std::uint8_t> mask;
   };
-  static HeldMask mask_of(const StageFrame& frame) {
-    if constexpr (Processor::kMaskInColor) return {frame.color.get(), nullptr};
-    return {nullptr, frame.mask.get()};
+  static HeldMask mask_of(const StageFrame& frame, Processor& on) {
+    if constexpr (Processor::kMaskInColor) return {frame.color.get(on), nullptr};
+    return {nullptr, frame.mask.get(on)};
   }
-  typename Views::Mask view_of(const HeldMask& held) const { return on_.mask(held.color, held.mask); }
+  static typename Views::Mask view_of(const HeldMask& held, const Processor& on) {
+    return on.mask(held.color, held.mask);
+  }
 
   /// What a pass's views point into.
   struct Sources {
@@ -349,146 +365,172 @@ class StageEngine final : public Engine {
     Planes landmarks, previous, warped, priors;
   };
 
-  void run_pass(const MatchTask& task, const Planes& result) {
+  void run_pass(const MatchTask& task, const Planes& result, Processor& on) {
     DensifierStats& stats = context_.stats;
     Pass pass{};
     Sources sources;
-    fetch(task, sources);
+    fetch(task, sources, on);
     if (cancelled()) return;
-    on_.timed(stats.seconds_init, [&] {
-      look_around(task, pass, sources);
+    on.timed(stats.seconds_init, [&] {
+      look_around(task, pass, sources, on);
       if (task.pass == 0) {
-        propose_first_planes(task, pass, sources);
+        propose_first_planes(task, pass, sources, on);
       } else if (context_.options.patchmatch.plane_priors) {
-        sources.priors = on_.planes();
-        find_plane_priors(on_, looks_, on_.map(sources.before), pass.matching.reference, pass.matching.limits,
-                          context_.options.patchmatch, on_.to(sources.priors));
-        pass.priors = on_.map(sources.priors);
+        sources.priors = on.planes();
+        find_plane_priors(on, looks_[own(*task.reference).home], on.map(sources.before), pass.matching.reference,
+                          pass.matching.limits, context_.options.patchmatch, on.to(sources.priors));
+        pass.priors = on.map(sources.priors);
       }
     });
-    on_.timed(stats.seconds_patchmatch, [&] {
-      const Planes state = on_.planes();
-      pass.state = on_.to(state);
+    on.timed(stats.seconds_patchmatch, [&] {
+      const Planes state = on.planes();
+      pass.state = on.to(state);
       if (task.pass == 0) {
-        on_.start(pass);
+        on.start(pass);
       } else {
-        on_.launch(kernels::ReorderPlanes<Views>{on_.map(sources.before), pass.state, false}, nullptr);
+        on.launch(kernels::ReorderPlanes<Views>{on.map(sources.before), pass.state, false}, nullptr);
       }
-      run_iterations(on_, pass, iterations_of(context_.options.patchmatch, task.pass), task.pass > 0,
+      run_iterations(on, pass, iterations_of(context_.options.patchmatch, task.pass), task.pass > 0,
                      [&] { return cancelled(); });
-      on_.launch(kernels::ReorderPlanes<Views>{on_.map(state), on_.to(result), true}, nullptr);
+      on.launch(kernels::ReorderPlanes<Views>{on.map(state), on.to(result), true}, nullptr);
     });
   }
 
   /// A keyframe's map of the pass before; of one that is through with its passes, the one that it has.
-  static Planes before(const StageFrame& frame, int pass) {
+  static Planes before(const StageFrame& frame, int pass, Processor& on) {
     const auto& raw = frame.raws[(pass - 1) % 2];
-    return raw.count() > 0 ? raw.get() : frame.median.get();
+    return raw.count() > 0 ? raw.get(on) : frame.median.get(on);
   }
 
   /// The images and maps that a pass compares.
-  void fetch(const MatchTask& task, Sources& sources) {
+  void fetch(const MatchTask& task, Sources& sources, Processor& on) {
     const StageFrame& reference = own(*task.reference);
-    sources.reference = cubes_of(reference);
-    sources.mask = mask_of(reference);
-    if (task.pass > 0) sources.before = before(reference, task.pass);
+    sources.reference = cubes_of(reference, on);
+    sources.mask = mask_of(reference, on);
+    if (task.pass > 0) sources.before = before(reference, task.pass, on);
     for (const Frame* frame : task.neighbours) {
       if (cancelled()) return;
       const StageFrame& neighbour = own(*frame);
       const bool lends_planes = task.pass > 0 && sources.maps.size() < task.near;
-      sources.neighbours.push_back(cubes_of(neighbour));
-      sources.maps.push_back(lends_planes ? before(neighbour, task.pass) : Planes{});
+      sources.neighbours.push_back(cubes_of(neighbour, on));
+      sources.maps.push_back(lends_planes ? before(neighbour, task.pass, on) : Planes{});
     }
   }
 
   /// None after cancel.
-  Cubes cubes_of(const StageFrame& frame) {
-    if (frame.cubes.gray) return frame.cubes;
+  Cubes cubes_of(const StageFrame& frame, Processor& on) {
+    const Cubes& prepared = frame.cubes[on.number()];
+    if (prepared.gray) return prepared;
     if (frame.packed.count() > 0) {
       Cubes cubes;
-      on_.timed(context_.stats.seconds_prepare, [&] { cubes = on_.unpack(frame.packed.get(), frame.packed.count()); });
+      on.timed(context_.stats.seconds_prepare, [&] { cubes = on.unpack(frame.packed.get(on), frame.packed.count()); });
       return cubes;
     }
     const auto ask = [&] {
-      [[maybe_unused]] const auto scope = on_.enter();  // whoever answers may leave it
+      [[maybe_unused]] const auto scope = on.enter();  // whoever answers may leave it
       return context_.image_again(frame.id);
     };
     const Keyframe again = ask();
     if (cancelled()) return {};
-    return on_.prepare(again, context_.stats.seconds_prepare).cubes;
+    return on.prepare(again, context_.stats.seconds_prepare).cubes;
   }
 
   /// Lets a keyframe's cubes go where they take less memory, or none.
   void put_away(StageFrame& frame) {
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
+    const Cubes& cubes = frame.cubes[frame.home];
     const bool packs = scratch_ || (Processor::kPacks && !context_.image_again);
-    if (packs) frame.packed.put(on_.pack(frame.cubes), on_.packed_size(frame.cubes));
-    if (packs || context_.image_again) frame.cubes = {};
+    if (packs) frame.packed.put(on.pack(cubes), on.packed_size(cubes));
+    if (packs || context_.image_again) frame.cubes.assign(processors_.size(), {});
   }
 
-  void look_around(const MatchTask& task, Pass& pass, const Sources& sources) {
+  /// The keyframe's image on a processor, and on the frame's own what else is made of it.
+  Cubes prepare(const Keyframe& keyframe, Processor& on, StageFrame& frame) {
+    [[maybe_unused]] const auto scope = on.enter();
+    const DensifierOptions& options = context_.options;
+    on.set_size(options.width, options.height);
+    const bool priors = options.patchmatch.plane_priors && options.patchmatch.geometric_passes > 0;
+    looks_.resize(processors_.size());
+    Array<int>& looks = looks_[on.number()];
+    if (!looks && priors) looks = on.upload(look_table({options.width, options.height}));
+    typename Processor::Prepared prepared = on.prepare(keyframe, context_.stats.seconds_prepare);
+    if (&on == &processor_of(frame)) {
+      frame.color.put(std::move(prepared.color), pixels());
+      if (prepared.mask) frame.mask.put(std::move(prepared.mask), pixels());
+    }
+    return std::move(prepared.cubes);
+  }
+
+  void look_around(const MatchTask& task, Pass& pass, const Sources& sources, Processor& on) const {
     const DensifierOptions& options = context_.options;
     const StageFrame& reference = own(*task.reference);
-    pass.grid = on_.grid();
-    pass.mask = view_of(sources.mask);
-    pass.matching = make_matching(on_.gray(sources.reference), options.patchmatch, options.width, task.range,
+    pass.grid = on.grid();
+    pass.mask = view_of(sources.mask, on);
+    pass.matching = make_matching(on.gray(sources.reference), options.patchmatch, options.width, task.range,
                                   options.seed, reference.id);
     for (std::size_t i = 0; i < task.neighbours.size(); ++i) {
       const Cubes& cubes = sources.neighbours[i];
       pass.matching.views[pass.matching.num_views++] = {
-          on_.gray(cubes), on_.usable(cubes), relation(task.neighbours[i]->pose, reference.pose).other_from_first,
-          on_.map(sources.maps[i])};
+          on.gray(cubes), on.usable(cubes), relation(task.neighbours[i]->pose, reference.pose).other_from_first,
+          on.map(sources.maps[i])};
     }
   }
 
   /// Planes of landmarks, and those of the previous keyframe, moved.
-  void propose_first_planes(const MatchTask& task, Pass& pass, Sources& sources) {
+  void propose_first_planes(const MatchTask& task, Pass& pass, Sources& sources, Processor& on) {
     const InitOptions& options = context_.options.init;
     if (options.sparse_points) {
-      sources.landmark_keys = on_.keys();
-      const auto [points, count] = on_.landmarks(*task.keyframe);
+      sources.landmark_keys = on.keys();
+      const auto [points, count] = on.landmarks(*task.keyframe);
       sources.points = points;
-      on_.splat(
+      on.splat(
           kernels::SplatLandmarks<Keys>{
-              points.get(), on_.grid(), static_cast<float>(options.sparse_radius_px), {sources.landmark_keys.get()}},
+              points.get(), on.grid(), static_cast<float>(options.sparse_radius_px), {sources.landmark_keys.get()}},
           count);
       pass.landmarks =
-          on_.first_planes(kernels::LandmarkPlanes{sources.landmark_keys.get(), points.get()}, sources.landmarks);
+          on.first_planes(kernels::LandmarkPlanes{sources.landmark_keys.get(), points.get()}, sources.landmarks);
     }
     if (task.previous == nullptr) return;
     const StageFrame& previous = own(*task.previous);
-    sources.previous =
-        previous.median.count() > 0 ? previous.median.get() : median_of(previous, previous.raws[0].get(), nullptr);
-    sources.warped_keys = on_.keys();
-    const Map map = on_.map(sources.previous);
-    on_.launch(kernels::WarpPixels<Views, Keys>{map,
-                                                on_.grid(),
-                                                relation(task.reference->pose, previous.pose).other_from_first,
-                                                map.width,
-                                                map.height,
-                                                {sources.warped_keys.get()}},
-               nullptr);
+    sources.previous = first_planes_of(previous, on);
+    sources.warped_keys = on.keys();
+    const Map map = on.map(sources.previous);
+    on.launch(kernels::WarpPixels<Views, Keys>{map,
+                                               on.grid(),
+                                               relation(task.reference->pose, previous.pose).other_from_first,
+                                               map.width,
+                                               map.height,
+                                               {sources.warped_keys.get()}},
+              nullptr);
     pass.warped =
-        on_.first_planes(kernels::WarpedPlanes<Map>{sources.warped_keys.get(), map,
-                                                    relation(previous.pose, task.reference->pose).other_from_first},
-                         sources.warped);
+        on.first_planes(kernels::WarpedPlanes<Map>{sources.warped_keys.get(), map,
+                                                   relation(previous.pose, task.reference->pose).other_from_first},
+                        sources.warped);
   }
 
-  Planes median_of(const StageFrame& frame, const Planes& raw, Counts* counts) {
-    Planes filtered = on_.planes();
-    const HeldMask mask = mask_of(frame);
-    on_.launch(median_stage<Views>(on_.map(raw), on_.grid(), view_of(mask), context_.options.median, on_.to(filtered)),
-               counts);
+  /// After the first pass, on the processor that asks.
+  Planes first_planes_of(const StageFrame& frame, Processor& on) {
+    if (frame.median.count() > 0) return frame.median.get(on);
+    return median_of(frame, frame.raws[0].get(on), nullptr, on);
+  }
+
+  Planes median_of(const StageFrame& frame, const Planes& raw, Counts* counts, Processor& on) {
+    Planes filtered = on.planes();
+    const HeldMask mask = mask_of(frame, on);
+    on.launch(median_stage<Views>(on.map(raw), on.grid(), view_of(mask, on), context_.options.median, on.to(filtered)),
+              counts);
     return filtered;
   }
 
   /// Nobody else asks for the planes of the last pass.
-  void finish_match(StageFrame& reference, const Planes& raw) {
+  void finish_match(StageFrame& reference, const Planes& raw, Processor& on) {
     if (context_.results.raw_depth && reference.asked_for) {
-      hand_out_depths(reference, raw, nullptr, context_.results.raw_depth);
+      hand_out_depths(reference, raw, nullptr, context_.results.raw_depth, on);
     }
     Planes median;
-    on_.counted(
-        context_.stats.seconds_median, [&](Counts* counts) { median = median_of(reference, raw, counts); },
+    on.counted(
+        context_.stats.seconds_median, [&](Counts* counts) { median = median_of(reference, raw, counts, on); },
         [&stats = context_.stats](const std::int64_t* numbers) {
           ++stats.depth_maps;
           stats.pixels += numbers[0];
@@ -496,28 +538,28 @@ class StageEngine final : public Engine {
           stats.pixels_after_median += numbers[2];
         });
     if (context_.results.planes && !cancelled()) {
-      on_.hand_out_planes(reference.id, reference.pose, median, context_.results.planes);
+      on.hand_out_planes(reference.id, reference.pose, median, context_.results.planes);
     }
-    reference.median.put(std::move(median), on_.plane_numbers());
+    reference.median.put(std::move(median), on.plane_numbers());
   }
 
-  void find_sight(StageFrame& frame, const kernels::FilteredMap<Map>& map) {
-    auto nearest = on_.template array<float>(cells());
-    auto farthest = on_.template array<float>(cells());
-    on_.timed(context_.stats.seconds_free_space, [&] {
-      on_.launch(kernels::FindSight<Views>{map, on_.grid(), nearest.get(), farthest.get()}, nullptr);
+  void find_sight(StageFrame& frame, const kernels::FilteredMap<Map>& map, Processor& on) {
+    auto nearest = on.template array<float>(cells());
+    auto farthest = on.template array<float>(cells());
+    on.timed(context_.stats.seconds_free_space, [&] {
+      on.launch(kernels::FindSight<Views>{map, on.grid(), nearest.get(), farthest.get()}, nullptr);
     });
     frame.nearest.put(std::move(nearest), cells());
     frame.farthest.put(std::move(farthest), cells());
   }
 
   void hand_out_depths(const StageFrame& frame, const Planes& planes, const float* confidence,
-                       const std::function<void(const DepthMap&)>& to) {
-    on_.hand_out_depths(frame.id, frame.pose, on_.map(planes), confidence, to);
+                       const std::function<void(const DepthMap&)>& to, Processor& on) {
+    on.hand_out_depths(frame.id, frame.pose, on.map(planes), confidence, to);
   }
 
-  kernels::FilteredMap<Map> filtered(const Planes& planes, const Array<float>& confidence) const {
-    return {on_.map(planes), confidence.get(), context_.options.width, context_.options.height};
+  kernels::FilteredMap<Map> filtered(const Planes& planes, const Array<float>& confidence, Processor& on) const {
+    return {on.map(planes), confidence.get(), context_.options.width, context_.options.height};
   }
   std::size_t pixels() const {
     return static_cast<std::size_t>(context_.options.width) * static_cast<std::size_t>(context_.options.height);
@@ -525,9 +567,13 @@ class StageEngine final : public Engine {
   std::size_t cells() const { return pixels() / (kernels::kSightCell * kernels::kSightCell); }
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
 
+  Processor& processor_of(const Frame& frame) { return *processors_[own(frame).home]; }
+
   std::unique_ptr<ScratchFile> scratch_;  ///< where a folder is given; before all that waits there
-  Processor on_;
-  Array<int> looks_;  ///< see look_table
+  std::vector<std::unique_ptr<Processor>> processors_;
+  typename Processor::Queue queue_;  ///< of all of them; goes first, since it holds what is theirs
+  std::vector<Array<int>> looks_;    ///< see look_table; on each processor
+  std::size_t prepared_ = 0;         ///< frames
 };
 
 }  // namespace pmsp

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 namespace pmsp {
 
@@ -146,6 +147,8 @@ enum class Quality {
   kHigh,    ///< the video's own size up to 5760 x 2880, 6 neighbours
 };
 
+constexpr int kMostDevices = 16;
+
 /// Everything that a Densifier can be told.
 struct DensifierOptions {
   int width = 640;         ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images, at most 5760, or
@@ -153,7 +156,9 @@ struct DensifierOptions {
   int height = 320;        ///< of the depth maps [px], even, 16 to 8192; 0 = as the images' shape asks
   std::uint64_t seed = 1;  ///< of the random planes; same input, seed and backend (see Simd, too), same bytes
   Backend backend = Backend::kAuto;
-  int device = 0;           ///< CUDA device, as the driver numbers them, 0 to 255
+  /// CUDA devices that share the work, as the driver numbers them, 0 to 255, 16 at most; empty = all that there are.
+  /// Results are those of one. A device that is named twice works on two keyframes at a time.
+  std::vector<int> devices = {0};
   bool pipelined = true;    ///< CUDA: `add` returns while its work goes on, and results come with the next call, so
                             ///< that copies and kernels of successive keyframes overlap; the CPU ignores it
   int threads = 0;          ///< 1 to 1024; 0 = one for each CPU that the process may use

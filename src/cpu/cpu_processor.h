@@ -59,10 +59,25 @@ class CpuProcessor {
   static constexpr bool kPacks = true;
   static constexpr bool kMaskInColor = false;
 
-  CpuProcessor(const EngineContext& context, const Executor& executor)
+  using Mark = std::nullptr_t;
+  struct Queue {
+    explicit Queue(const EngineContext& /*context*/) {}
+    void deliver(bool /*all*/) const {}
+  };
+
+  static int number_of(const EngineContext& /*context*/) { return 1; }
+  CpuProcessor(const EngineContext& context, const Executor& executor, int /*number*/, Queue& /*queue*/)
       : cancel_(&context.cancel), executor_(executor) {}
   /// For stages alone.
   CpuProcessor(const Executor& executor, int width, int height) : executor_(executor) { set_size(width, height); }
+
+  std::size_t number() const { return 0; }
+  Mark mark() const { return nullptr; }
+  template <class T>
+  Array<T> bring(const Array<T>& from, std::size_t /*count*/, const CpuProcessor& /*home*/, Mark /*made*/) const {
+    return from;
+  }
+  void settle() const {}
 
   int enter() const { return 0; }
   void set_size(int width, int height) {
@@ -154,8 +169,6 @@ class CpuProcessor {
     scratch.read(at, copy.get(), count * sizeof(T));
     return copy;
   }
-
-  void deliver(bool /*all*/) const {}
 
  private:
   const std::atomic<bool>* cancel_ = nullptr;

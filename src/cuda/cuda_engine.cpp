@@ -9,7 +9,7 @@
 namespace pmsp::cuda {
 
 std::unique_ptr<Engine> make_engine(const EngineContext& context, Executor executor) {
-  const DeviceScope scope(context.options.device);
+  connect(context.options.devices);
   return std::make_unique<StageEngine<CudaProcessor>>(context, std::move(executor));
 }
 

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "engine.h"
 #include "pmsp/executor.h"
@@ -30,7 +31,13 @@ Device find_device(int number);
 /// Device memory that a Densifier with these options takes at most [bytes]; sizes must be filled in.
 std::size_t memory_needed(const DensifierOptions& options);
 
-/// The stages on CUDA device `context.options.device`. `executor`: for what little the host does.
+/// Number of devices that answer.
+int device_count();
+
+/// Devices read each other's memory without the host between them, where they can.
+void connect(const std::vector<int>& devices);
+
+/// The stages on the CUDA devices `context.options.devices`. `executor`: for what little the host does.
 std::unique_ptr<Engine> make_engine(const EngineContext& context, Executor executor);
 
 }  // namespace pmsp::cuda

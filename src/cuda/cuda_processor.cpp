@@ -27,12 +27,41 @@ static_assert(sizeof(DevicePoint) == sizeof(CloudPoint) &&
 
 }  // namespace
 
-CudaProcessor::CudaProcessor(const EngineContext& context, const Executor& executor)
-    : context_(context), executor_(executor), device_number_(context.options.device), device_(device_number_) {}
+CudaProcessor::CudaProcessor(const EngineContext& context, const Executor& executor, int number, Queue& queue)
+    : context_(context),
+      executor_(executor),
+      queue_(queue),
+      number_(static_cast<std::size_t>(number)),
+      device_number_(context.options.devices[number_]),
+      making_(device_number_),
+      device_(device_number_) {
+  making_.reset();
+}
 
 CudaProcessor::~CudaProcessor() {
   device_.enter();
   for (const Stream* stream : {&compute_, &up_, &down_}) cudaStreamSynchronize(stream->get());
+}
+
+CudaProcessor::Mark CudaProcessor::mark() {
+  if (context_.options.devices.size() < 2) return nullptr;
+  const Mark mark = marks_.get();
+  mark->record(compute_);
+  return mark;
+}
+
+void CudaProcessor::bring_bytes(void* to, std::shared_ptr<const void> from, std::size_t bytes,
+                                const CudaProcessor& home, const Mark& made) {
+  while (!borrowed_.empty() && borrowed_.front().first->has_come()) borrowed_.pop_front();
+  made->wait_on(compute_);
+  PMSP_CUDA_CHECK(cudaMemcpyPeerAsync(to, device_number_, from.get(), home.device_number_, bytes, compute_.get()));
+  borrowed_.emplace_back(mark(), std::move(from));
+}
+
+void CudaProcessor::settle() {
+  const DeviceScope scope = enter();
+  cudaStreamSynchronize(compute_.get());
+  borrowed_.clear();
 }
 
 void CudaProcessor::set_size(int width, int height) {
@@ -53,7 +82,7 @@ void CudaProcessor::set_image_size(int width, int height) {
 
 /// Asked before each pass, while not too much is queued.
 bool CudaProcessor::may_go_on() {
-  while (!cancelled() && pending_.size() > kMostPending) hand_out_first();
+  while (!cancelled() && queue_.size() > kMostPending * context_.options.devices.size()) queue_.hand_out_first();
   return !cancelled();
 }
 
@@ -180,7 +209,7 @@ CudaProcessor::Planes CudaProcessor::planes_of(const PlaneMap& map) {
 
 void CudaProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
                                     std::function<void(const KeyframeCloud&)> to) {
-  while (clouds_out_ >= kDownloads) hand_out_first();
+  while (clouds_out_ >= kDownloads) queue_.hand_out_first();
   if (select_scratch_.empty()) {
     select_scratch_ = DeviceArray<unsigned char>(owned_scratch_bytes(static_cast<int>(pixels())));
   }
@@ -204,8 +233,10 @@ void CudaProcessor::copy_bytes(void* to, const void* from, std::size_t bytes, cu
   PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));
 }
 
-void CudaProcessor::deliver(bool all) {
-  const std::int64_t until = all || !context_.options.pipelined ? round_ : round_ - 1;
+/// While a round goes on, there is one before on each of the devices.
+void ResultQueue::deliver(bool all) {
+  const std::int64_t behind = static_cast<std::int64_t>(context_.options.devices.size());
+  const std::int64_t until = all || !context_.options.pipelined ? round_ : round_ - behind;
   while (!pending_.empty() && pending_.front().round <= until) hand_out_first();
   ++round_;
 }
@@ -218,14 +249,15 @@ MapDownload& CudaProcessor::free_download() {
     if (downloads_.size() < kDownloads) {
       downloads_.push_back(std::make_unique<MapDownload>(grid().width, grid().height));
     } else {
-      hand_out_first();
+      queue_.hand_out_first();
     }
   }
 }
 
-void CudaProcessor::hand_out_first() {
+void ResultQueue::hand_out_first() {
   Pending first = std::move(pending_.front());
   pending_.pop_front();
+  const DeviceScope scope(first.device);
   first.hand_out();
 }
 

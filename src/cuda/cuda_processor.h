@@ -19,6 +19,29 @@
 
 namespace pmsp::cuda {
 
+/// What was asked of an engine's devices and is to be handed out, in the order in which it was asked for.
+class ResultQueue {
+ public:
+  explicit ResultQueue(const EngineContext& context) : context_(context) {}
+
+  /// `hand_out`: waits for what it needs.
+  void push(int device, std::function<void()> hand_out) { pending_.push_back({device, std::move(hand_out), round_}); }
+  void hand_out_first();
+  std::size_t size() const { return pending_.size(); }
+  void deliver(bool all);
+
+ private:
+  struct Pending {
+    int device;
+    std::function<void()> hand_out;
+    std::int64_t round;  ///< Densifier::add or flush during which it was asked for
+  };
+
+  const EngineContext& context_;
+  std::deque<Pending> pending_;
+  std::int64_t round_ = 0;
+};
+
 /// A CUDA device (see processor.h). All work is queued on one stream, in the order of the calls; only copies run beside
 /// it. So whatever a kernel reads was written by an earlier one, and memory that goes back to its pool may be used
 /// again at once. What is to be called when work is done is called in that order, too, by `deliver` or before.
@@ -40,10 +63,24 @@ class CudaProcessor {
   static constexpr bool kPacks = false;
   static constexpr bool kMaskInColor = true;
 
-  CudaProcessor(const EngineContext& context, const Executor& executor);
+  using Mark = std::shared_ptr<Event>;
+  using Queue = ResultQueue;
+
+  static int number_of(const EngineContext& context) { return static_cast<int>(context.options.devices.size()); }
+  CudaProcessor(const EngineContext& context, const Executor& executor, int number, Queue& queue);
   ~CudaProcessor();
   CudaProcessor(const CudaProcessor&) = delete;
   CudaProcessor& operator=(const CudaProcessor&) = delete;
+
+  std::size_t number() const { return number_; }
+  Mark mark();  ///< none where there is nobody else
+  template <class T>
+  Array<T> bring(const Array<T>& from, std::size_t count, const CudaProcessor& home, const Mark& made) {
+    const Array<T> copy = array<T>(count);
+    bring_bytes(copy.get(), {from, from.get()}, count * sizeof(T), home, made);
+    return copy;
+  }
+  void settle();
 
   DeviceScope enter() const { return DeviceScope(device_number_); }
   void set_size(int width, int height);
@@ -146,8 +183,6 @@ class CudaProcessor {
     return copy;
   }
 
-  void deliver(bool all);
-
  private:
   /// How long work took and what it counted, on its way to the host.
   struct Record {
@@ -168,15 +203,10 @@ class CudaProcessor {
     DeviceArray<unsigned int> pixels;
     DeviceArray<std::uint32_t> agree;
   };
-  /// Something that was asked of the device.
-  struct Pending {
-    std::function<void()> hand_out;  ///< waits for what it needs
-    std::int64_t round;              ///< Densifier::add or flush during which it was asked for
-  };
-
   void set_image_size(int width, int height);
-  void expect(std::function<void()> hand_out) { pending_.push_back({std::move(hand_out), round_}); }
-  void hand_out_first();
+  void expect(std::function<void()> hand_out) { queue_.push(device_number_, std::move(hand_out)); }
+  void bring_bytes(void* to, std::shared_ptr<const void> from, std::size_t bytes, const CudaProcessor& home,
+                   const Mark& made);
   MapDownload& free_download();
   /// After what is queued; waits.
   void copy_bytes(void* to, const void* from, std::size_t bytes, cudaMemcpyKind kind) const;
@@ -187,8 +217,11 @@ class CudaProcessor {
 
   const EngineContext& context_;
   const Executor& executor_;
+  Queue& queue_;
+  std::size_t number_;
   int device_number_;
-  LastScope device_;  ///< before all that lies on the device
+  std::optional<DeviceScope> making_;  ///< while the members that follow are made
+  LastScope device_;                   ///< before all that lies on the device
   Stream compute_, up_, down_;
   DevicePool memory_;
   int image_width_ = 0;
@@ -205,11 +238,12 @@ class CudaProcessor {
   DeviceArray<unsigned char> select_scratch_;
   Pool<Record> records_;
   std::vector<std::unique_ptr<MapDownload>> downloads_;
-  std::deque<Pending> pending_;
+  Pool<Event> marks_;
+  /// What others have, until the copies of it are made.
+  std::deque<std::pair<std::shared_ptr<Event>, std::shared_ptr<const void>>> borrowed_;
   std::vector<unsigned char> host_;  ///< on its way to or from a scratch file
   CloudDownload cloud_;              ///< handed out last
   std::size_t clouds_out_ = 0;
-  std::int64_t round_ = 0;
 };
 
 }  // namespace pmsp::cuda

@@ -42,6 +42,25 @@ std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::si
 
 }  // namespace
 
+int device_count() {
+  int count = 0;
+  if (cudaGetDeviceCount(&count) == cudaSuccess) return count;
+  cudaGetLastError();  // clears it
+  return 0;
+}
+
+void connect(const std::vector<int>& devices) {
+  for (const int from : devices) {
+    for (const int to : devices) {
+      int can = 0;
+      if (from == to || cudaDeviceCanAccessPeer(&can, from, to) != cudaSuccess || can == 0) continue;
+      const DeviceScope scope(from);
+      cudaDeviceEnablePeerAccess(to, 0);
+    }
+  }
+  cudaGetLastError();  // that they are connected already is no error; without it copies take longer
+}
+
 Device find_device(int number) {
   Device device;
   int count = 0;

@@ -40,6 +40,12 @@ Stream::~Stream() { cudaStreamDestroy(stream_); }
 Event::Event() { PMSP_CUDA_CHECK(cudaEventCreate(&event_)); }
 Event::~Event() { cudaEventDestroy(event_); }
 void Event::record(const Stream& stream) { PMSP_CUDA_CHECK(cudaEventRecord(event_, stream.get())); }
+bool Event::has_come() const {
+  const bool come = cudaEventQuery(event_) == cudaSuccess;
+  if (!come) cudaGetLastError();  // "not ready" counts as one
+  return come;
+}
+
 void Event::wait() const { PMSP_CUDA_CHECK(cudaEventSynchronize(event_)); }
 void Event::wait_on(const Stream& stream) const { PMSP_CUDA_CHECK(cudaStreamWaitEvent(stream.get(), event_, 0)); }
 double Event::seconds_since(const Event& start) const {

@@ -38,7 +38,7 @@ std::string other_value(const tool::OptionEntry& entry) {
 TEST_CASE("the table covers every option of the library") {
   // These stop compiling when a struct gains or loses a field; then the table needs the same change.
   const DensifierOptions all;
-  [[maybe_unused]] const auto& [width, height, seed, backend, device, pipelined, threads, simd, scratch_folder,
+  [[maybe_unused]] const auto& [width, height, seed, backend, devices, pipelined, threads, simd, scratch_folder,
                                 unordered, view_filter, init, patchmatch, median, consistency, fusion, free_space] =
       all;
   [[maybe_unused]] const auto& [v1, v2, v3, v4, v5] = view_filter;

@@ -163,7 +163,7 @@ TEST_CASE("after a callback has thrown, nothing more is taken or handed out", "[
 
 TEST_CASE("a CUDA device that is not there is an error, and with auto a reason for the CPU", "[densifier][errors]") {
   DensifierOptions options = fast_options(kTinyWidth);
-  options.device = 255;
+  options.devices = {255};
   options.backend = Backend::kCuda;
   CHECK_THROWS_AS(Densifier(options, {}), BackendUnavailable);
   CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("cuda") && Catch::Contains("backend cpu"));

@@ -166,6 +166,31 @@ TEST_CASE("two Densifiers in turns on one thread do not disturb each other", "[c
   CHECK(same(second, cuda_result()));
 }
 
+TEST_CASE("several processors that share the work give what one gives", "[cuda][densifier]") {
+  for (const int count : {2, 3}) {
+    for (const bool pipelined : {false, true}) {
+      INFO(count << " processors, pipelined " << pipelined);
+      DensifierOptions options = cuda_options(kFlightWidth, pipelined);
+      options.devices = std::vector<int>(static_cast<std::size_t>(count), 0);
+      CHECK(same(densify(test_flight(), options), cuda_result()));
+    }
+  }
+  DensifierOptions options = cuda_options(kFlightWidth, true);
+  options.devices = {};  // all that there are
+  CHECK(same(densify(test_flight(), options), cuda_result()));
+}
+
+TEST_CASE("several processors share out what waits for the whole mission, too", "[cuda][densifier]") {
+  DensifierOptions options = cuda_options(kFlightWidth, true);
+  options.free_space.whole_mission = true;
+  options.patchmatch.revisits = 2;
+  const Recording one = densify(test_flight(), options);
+  options.devices = {0, 0};
+  CHECK(same(densify(test_flight(), options), one));
+  options.scratch_folder = ".";
+  CHECK(same(densify(test_flight(), options), one));
+}
+
 TEST_CASE("a second device gives what the first gives", "[cuda][densifier]") {
   if (!cuda::find_device(1).why_not.empty()) {
     WARN("not tested, there is one device only: " + cuda::find_device(1).why_not);
@@ -173,7 +198,7 @@ TEST_CASE("a second device gives what the first gives", "[cuda][densifier]") {
   }
   cuda_result();
   DensifierOptions options = cuda_options();
-  options.device = 1;
+  options.devices = {1};
   Recording first;
   Recording second;
   std::thread one([&] { first = densify(test_flight(), cuda_options()); });
@@ -369,7 +394,7 @@ TEST_CASE("statistics count pixels and seconds of the device", "[cuda][densifier
 
 TEST_CASE("a device that is not there is named", "[cuda][densifier][small]") {
   DensifierOptions options = cuda_options();
-  options.device = 217;
+  options.devices = {217};
   CHECK_THROWS_AS(Densifier(options, {}), BackendUnavailable);
   CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("217") && Catch::Contains("auto"));
 }
@@ -384,7 +409,7 @@ TEST_CASE("auto takes the device, and the CPU where it cannot, and says why", "[
   CHECK_THAT(densifier.backend(), Catch::Contains("CUDA device 0") && Catch::Contains(cuda::find_device(0).name));
   fly_through(densifier, mission);
   CHECK(same(recording, densify(mission, cuda_options(kTinyWidth))));
-  options.device = 217;
+  options.devices = {217};
   Densifier fallen_back(options, {});
   CHECK(fallen_back.options().backend == Backend::kCpu);
   CHECK_THAT(fallen_back.backend(), Catch::Contains("CPU") && Catch::Contains("217"));

@@ -54,7 +54,7 @@ class Runner {
   DensifierOptions options_for(bool pipelined) const {
     DensifierOptions options = workload_.options;
     options.backend = Backend::kCuda;
-    options.device = request_.device;
+    options.devices = {request_.device};
     options.pipelined = pipelined;
     return options;
   }

@@ -2,6 +2,7 @@
 #include "engine.h"
 
 #include <opencv2/core.hpp>
+#include <set>
 #include <sstream>
 
 #include "pmsp/error.h"
@@ -23,6 +24,16 @@ std::string library_text(const std::string& name) {
   return name;
 }
 
+/// "NVIDIA H200" of "CUDA device 0, NVIDIA H200; device 1, NVIDIA H200": how many there are changes no result.
+std::string kinds_of_devices(const std::string& backend) {
+  std::set<std::string> kinds;
+  std::istringstream devices(backend);
+  for (std::string device; std::getline(devices, device, ';');) kinds.insert(device.substr(device.find(',') + 2));
+  std::string text;
+  for (const std::string& kind : kinds) text += (text.empty() ? "" : "; ") + kind;
+  return text;
+}
+
 std::string decoder_text(const Arguments& arguments) {
   return "OpenCV " + cv::getVersionString() + " with " + library_text(arguments.video.empty() ? "JPEG" : "avcodec");
 }
@@ -31,7 +42,7 @@ std::string decoder_text(const Arguments& arguments) {
 
 std::string engine_text(const DensifierOptions& options, const std::string& backend, const Arguments& arguments) {
   std::string processor = options.simd == Simd::kScalar ? "CPU, plain code" : "CPU, fused multiply-add";
-  if (options.backend == Backend::kCuda) processor = backend.substr(backend.find(',') + 2);
+  if (options.backend == Backend::kCuda) processor = kinds_of_devices(backend);
   return version_text() + ", " + processor + ", " + decoder_text(arguments);
 }
 

@@ -27,6 +27,7 @@ std::string range_text(const OptionEntry& entry) {
   if (entry.is_switch()) return "true or false";
   if (entry.access.index() == 4) return "auto, scalar, avx2 or avx512";
   if (entry.access.index() == 5) return "auto, cpu or cuda";
+  if (entry.access.index() == 6) return "numbers from 0 to 255 such as 0,1, or all";
   if (entry.access.index() == 3) return "a whole number from 0 to 18446744073709551615";
   if (entry.access.index() == 1) {
     return "a whole number from " + std::to_string(static_cast<int>(entry.min)) + " to " +
@@ -49,6 +50,12 @@ void set_from_json(Options& options, const OptionEntry& entry, const Json& value
   if (const auto* as_switch = std::get_if<0>(&entry.access)) {
     if (!value.is_boolean()) refuse(entry, where, text);
     (*as_switch)(options) = value.get<bool>();
+  } else if (entry.access.index() == 6 && value.is_array()) {
+    std::string list;
+    for (const Json& device : value) list += (list.empty() ? "" : ",") + device.dump();
+    set_from_text(options, entry, list, where);
+  } else if (entry.access.index() == 6) {
+    set_from_text(options, entry, value.is_string() ? value.get<std::string>() : text, where);
   } else if (entry.access.index() >= 4) {  // names
     if (!value.is_string()) refuse(entry, where, text);
     set_from_text(options, entry, value.get<std::string>(), where);
@@ -98,7 +105,9 @@ const std::vector<OptionEntry>& option_table() {
       {"backend", "Size and machine", "", 0, 0,
        "Where the stages run; auto takes CUDA where it is built in, a device answers and its memory suffices",
        +PMSP_AT(Backend, backend)},
-      {"device", "Size and machine", "", 0, 255, "CUDA device, as the driver numbers them", +PMSP_AT(int, device)},
+      {"device", "Size and machine", "", 0, 255,
+       "CUDA devices that share the work, as the driver numbers them; the result is that of one",
+       +PMSP_AT(std::vector<int>, devices)},
       {"pipelined", "Size and machine", "", 0, 1,
        "CUDA: overlap copies and work of successive keyframes; results come one keyframe later",
        +PMSP_AT(bool, pipelined)},
@@ -244,6 +253,10 @@ std::string OptionEntry::text_of(const DensifierOptions& options) const {
           return name_of(at(copy));
         } else if constexpr (std::is_same_v<T, double>) {
           return number_text(at(copy));
+        } else if constexpr (std::is_same_v<T, std::vector<int>>) {
+          std::string list;
+          for (const int device : at(copy)) list += (list.empty() ? "" : ",") + std::to_string(device);
+          return list.empty() ? "all" : list;
         } else {
           return std::to_string(at(copy));
         }
@@ -282,6 +295,15 @@ void set_from_text(DensifierOptions& options, const OptionEntry& entry, const st
     (*as_double)(options) = value;
   } else if (const auto* as_seed = std::get_if<3>(&entry.access)) {
     (*as_seed)(options) = number(number_from<std::uint64_t>(text));
+  } else if (const auto* as_list = std::get_if<6>(&entry.access)) {
+    std::vector<int> devices;
+    for (std::size_t at = 0; text != "all" && at <= text.size();) {
+      const std::size_t end = std::min(text.find(',', at), text.size());
+      devices.push_back(number(number_from<int>(text.substr(at, end - at))));
+      check_range(entry, devices.back(), where, text);
+      at = end + 1;
+    }
+    (*as_list)(options) = std::move(devices);
   } else {
     try {
       if (const auto* as_simd = std::get_if<4>(&entry.access)) (*as_simd)(options) = simd_from_name(text);
@@ -303,6 +325,11 @@ nlohmann::ordered_json to_json(const DensifierOptions& options) {
         [&](auto access) {
           if constexpr (std::is_enum_v<std::remove_reference_t<decltype(access(copy))>>) {
             at = name_of(access(copy));
+          } else if constexpr (std::is_same_v<std::decay_t<decltype(access(copy))>, std::vector<int>>) {
+            const std::vector<int>& devices = access(copy);
+            at = devices;
+            if (devices.size() == 1) at = devices[0];
+            if (devices.empty()) at = "all";
           } else {
             at = access(copy);
           }

@@ -20,7 +20,7 @@ namespace pmsp::tool {
 struct OptionEntry {
   using Access = std::variant<bool& (*)(DensifierOptions&), int& (*)(DensifierOptions&), double& (*)(DensifierOptions&),
                               std::uint64_t& (*)(DensifierOptions&), Simd& (*)(DensifierOptions&),
-                              Backend& (*)(DensifierOptions&)>;
+                              Backend& (*)(DensifierOptions&), std::vector<int>& (*)(DensifierOptions&)>;
   const char* key;    ///< in the configuration file, dots separate levels: "patchmatch.iterations"
   const char* group;  ///< heading in the help: the stage
   const char* unit;   ///< "" for none
