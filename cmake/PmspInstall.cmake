@@ -40,6 +40,13 @@ foreach(tool pmsp-densify pmsp-eval pmsp-synth)
   endif()
 endforeach()
 
+if(TARGET pmsp-densify)
+  install(PROGRAMS ${PROJECT_SOURCE_DIR}/tools/slurm/batch.sbatch ${PROJECT_SOURCE_DIR}/tools/slurm/mission.sh
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/pmsp/slurm COMPONENT tools)
+  install(FILES ${PROJECT_SOURCE_DIR}/tools/slurm/Snakefile
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/pmsp/slurm COMPONENT tools)
+endif()
+
 # A static library brings along what it is made of; a shared one has linked it already.
 if(BUILD_SHARED_LIBS)
   set(PMSP_IS_STATIC OFF)

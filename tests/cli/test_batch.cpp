@@ -354,3 +354,84 @@ TEST_CASE("--scan finds maps with the images or the video beside them, and its l
   fs::create_directory(dir / "nothing");
   CHECK(densify({"batch", "--scan", (dir / "nothing").string()}).code == 3);
 }
+
+TEST_CASE("processes that have a share each make a batch together; the table says how far they are") {
+  const Missions missions;
+  std::vector<Json> lines;
+  for (const char* name : {"a", "b", "c", "d", "e"}) lines.push_back(Missions::line(name));
+  lines[3]["map"] = "nowhere.msg";
+  missions.write(lines);
+  const Result nothing = missions.batch({"--summary"});
+  CHECK(nothing.code == 8);
+  CHECK_THAT(nothing.out, Contains("0 of 5 missions done, 0 failed, 5 waiting"));
+  CHECK_FALSE(fs::exists(missions.result("a")));
+
+  Command first(densify_words(missions.words({"--only", "0/2"})));
+  const pid_t child = stop_run_of(missions, "a");
+  const Result second = missions.batch({"--only", "1/2"});
+  CHECK(second.code == 7);
+  CHECK_THAT(second.out, Contains("\nb ") && Contains("1 of 2 missions done, 1 failed") && !Contains("\na "));
+  CHECK(missions.report()["waiting"] == 5);  // that of the summary: a share writes none
+  const Result middle = missions.batch({"--summary"});
+  CHECK(middle.code == 7);
+  CHECK_THAT(middle.out, Contains("1 of 5 missions done (1 of them before), 1 failed, 1 running, 2 waiting"));
+  CHECK_THAT(missions.batch().err, Contains("another process works in this folder of a batch"));
+
+  const std::string before = read_text(missions.result("a") / "status.json");
+  const Result same = missions.batch({"--only", "0/5"});  // somebody makes it already
+  CHECK(same.code == 8);
+  CHECK_THAT(same.out, Contains("another process works in this folder of a mission"));
+  CHECK(read_text(missions.result("a") / "status.json") == before);
+
+  kill(first.pid(), SIGKILL);
+  first.wait();
+#if defined(__linux__)
+  CHECK(comes([&] { return !is_alive(child); }));
+#endif
+  CHECK_THAT(missions.batch({"--summary"}).out, Contains("1 failed, 1 interrupted, 2 waiting"));
+  CHECK(missions.batch({"--only", "0/2"}).code == 0);
+  const Result all = missions.batch({"--summary", "--retry"});
+  CHECK(all.code == 7);
+  CHECK_THAT(all.out, Contains("4 of 5 missions done (4 of them before), 1 failed"));
+  CHECK(missions.report()["done"] == 4);
+  for (const char* name : {"b", "c", "e"}) {
+    CHECK(read_text(missions.result(name) / "cloud.ply") == read_text(missions.result("a") / "cloud.ply"));
+  }
+}
+
+TEST_CASE("--slurm prints what submits a batch") {
+  const Missions missions;
+  missions.write({Missions::line("a"), Missions::line("b"), Missions::line("c")});
+  const Result script = missions.batch({"--slurm", "--sbatch", "--time=2:00:00 --comment 'a b'", "--retry"});
+  CHECK(script.code == 0);
+  CHECK_FALSE(fs::exists(missions / "out"));
+  CHECK_THAT(script.out, Contains("--array=0-2 ") && Contains("--only auto") && Contains("--summary") &&
+                             Contains("options=(--time=2:00:00 --comment 'a b')") && Contains("--retry)") &&
+                             Contains("#SBATCH --requeue"));
+  const auto refused = [&](const std::vector<std::string>& more, const std::string& complaint) {
+    const Result result = missions.batch(more);
+    CHECK(result.code == 2);
+    CHECK_THAT(result.err, Contains(complaint));
+  };
+  refused({"--slurm=run"}, "--slurm is \"run\"");
+  refused({"--slurm", "--only", "0/2"}, "--slurm excludes --only");
+  refused({"--sbatch", "-p x"}, "--sbatch needs --slurm");
+  refused({"--only", "2/2"}, "--only is \"2/2\"");
+  refused({"--only", "auto"}, "--only auto: SLURM_ARRAY_TASK_ID");
+  refused({"--only", "0/2", "--summary"}, "exclude each other");
+
+  // With programs of its own for sbatch, which fail or say which job it is.
+  const auto submit = [&](const std::string& sbatch) {
+    fs::create_directories(missions / "bin");
+    write_text(missions / "bin/sbatch", "#!/bin/sh\n" + sbatch + "\n");
+    fs::permissions(missions / "bin/sbatch", fs::perms::owner_all);
+    std::vector<std::string> words{"/usr/bin/env", "PATH=" + (missions / "bin").string() + ":/usr/bin:/bin"};
+    for (const std::string& word : densify_words(missions.words({"--slurm=submit"}))) words.push_back(word);
+    return Command(words).wait();
+  };
+  const Result submitted = submit("echo \"$*\" >>" + (missions / "said").string() + "; echo '12;cluster'");
+  CHECK(submitted.code == 0);
+  CHECK_THAT(submitted.out, Contains("job 12 makes the missions"));
+  CHECK_THAT(read_text(missions / "said"), Contains("--array=0-2") && Contains("--dependency=afterany:12 "));
+  CHECK(submit("exit 3").code == 6);
+}

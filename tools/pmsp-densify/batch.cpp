@@ -12,6 +12,7 @@
 #include "batch_report.h"
 #include "batch_run.h"
 #include "batch_scan.h"
+#include "batch_slurm.h"
 #include "batch_status.h"
 #include "child_process.h"
 #include "depth_output.h"
@@ -33,28 +34,36 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
 class Batch {
  public:
   explicit Batch(const BatchArguments& arguments)
-      : arguments_(arguments), progress_(arguments.progress, arguments.quiet, false) {
+      : arguments_(arguments),
+        progress_(arguments.progress, arguments.quiet, false),
+        slots_(static_cast<std::size_t>(arguments.jobs)) {
     const Manifest manifest = read_manifest(arguments.manifest);
     inputs_ = manifest.folder;
     report_.manifest = arguments.manifest;
-    for (const Mission& mission : manifest.missions) {
+    for (std::size_t i = 0; i < manifest.missions.size(); ++i) {
+      if (!is_ours(i)) continue;
+      const Mission& mission = manifest.missions[i];
       report_.missions.push_back({mission, arguments.output / mission.name, {}, false, false});
     }
-    slots_.resize(static_cast<std::size_t>(arguments.jobs));
     if (arguments.jobs > 1) cpus_ = Executor().threads();
   }
 
   int operator()() {
     make_folder(arguments_.output);
-    const FolderLock lock(arguments_.output, "folder of a batch");
+    const bool is_alone = !arguments_.only && !arguments_.summary;
+    const FolderLock lock(arguments_.output, "folder of a batch", {},
+                          is_alone ? FolderLock::For::kOne : FolderLock::For::kMany);
     std::vector<BatchMission*> waiting;
     for (BatchMission& mission : report_.missions) {
       look_at(mission);
       if (mission.status.state == MissionState::kWaiting) waiting.push_back(&mission);
     }
-    announce(waiting.size());
-    SignalQueue signals;
-    const int stopped = work_through(waiting, signals);
+    int stopped = 0;
+    if (!arguments_.summary) {
+      announce(waiting.size());
+      SignalQueue signals;
+      stopped = work_through(waiting, signals);
+    }
     report_.seconds = seconds_since(start_);
     tell();
     if (stopped != 0) return kExitSignal + stopped;
@@ -68,7 +77,14 @@ class Batch {
     BatchMission* mission = nullptr;  ///< nullptr: free
     pid_t process = -1;
     Clock::time_point start;
+    std::optional<FolderLock> lock;  ///< of the mission's folder
   };
+
+  bool is_ours(std::size_t mission) const {
+    if (!arguments_.only) return true;
+    return mission % static_cast<std::size_t>(arguments_.only->count) ==
+           static_cast<std::size_t>(arguments_.only->index);
+  }
 
   void check_options(const BatchMission& mission) const {
     try {
@@ -90,10 +106,11 @@ class Batch {
       check_options(mission);
       if (earlier && is_settled(*earlier, fresh, mission)) {
         mission.status = *earlier;
-        if (earlier->state == MissionState::kDone) drop_workspace(mission);
+        if (earlier->state == MissionState::kDone && !arguments_.summary) drop_workspace(mission);
         return;
       }
       mission.status = fresh;
+      if (arguments_.summary && earlier) mission.status = unfinished(mission, *earlier, fresh);
     } catch (const std::exception& error) {
       mission.status = fresh;
       finish(mission, MissionState::kFailed, error.what());
@@ -102,22 +119,44 @@ class Batch {
 
   std::optional<MissionStatus> status_before(BatchMission& mission) const {
     std::optional<MissionStatus> earlier = read_status(mission.folder);
-    std::error_code error;
-    if (!earlier && fs::exists(mission.folder, error) && !fs::is_empty(mission.folder, error)) {
+    if (!earlier && holds_anything(mission.folder)) {
       throw OutputError(mission.folder.string() +
                         ": is there already, and not of a batch; give the mission another \"name\", or another -o");
     }
-    if (earlier && earlier->state == MissionState::kRunning && fs::is_directory(workspace_of(mission.folder), error)) {
-      wait_for_killed(workspace_of(mission.folder));
-    }
-    mission.has_folder = true;
+    mission.has_folder = !arguments_.summary;
     return earlier;
+  }
+
+  /// Besides the lock, which comes before the status.
+  static bool holds_anything(const fs::path& folder) {
+    std::error_code error;
+    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+      if (it->path().filename() != FolderLock::kName) return true;
+    }
+    return false;
+  }
+
+  /// For the table: a mission that is being made, or was when something killed its batch, or that waits.
+  static MissionStatus unfinished(const BatchMission& mission, const MissionStatus& earlier,
+                                  const MissionStatus& fresh) {
+    if (earlier.state == MissionState::kInterrupted) return earlier;
+    if (earlier.state != MissionState::kRunning) return fresh;
+    MissionStatus status = earlier;
+    try {
+      const FolderLock lock(mission.folder, kLockedFolder);
+      status.state = MissionState::kInterrupted;
+    } catch (const OutputError&) {
+      // it is being made
+    }
+    return status;
   }
 
   /// What ran in a batch that was killed is killed as well, but may take a moment to end.
   static void wait_for_killed(const fs::path& workspace) {
+    std::error_code error;
+    if (!fs::is_directory(workspace, error)) return;
     try {
-      const FolderLock lock(workspace, "workspace", std::chrono::seconds(20));
+      const FolderLock lock(workspace, "workspace", kPatience);
     } catch (const OutputError&) {
       return;  // its run will say so
     }
@@ -126,7 +165,7 @@ class Batch {
   bool is_settled(const MissionStatus& earlier, const MissionStatus& fresh, const BatchMission& mission) const {
     std::error_code ignored;
     if (earlier.fingerprint != fresh.fingerprint) return false;
-    if (earlier.state == MissionState::kFailed) return !arguments_.retry;
+    if (earlier.state == MissionState::kFailed) return !arguments_.retry || arguments_.summary;
     return earlier.state == MissionState::kDone && fs::exists(cloud_of(mission.folder), ignored);
   }
 
@@ -170,9 +209,9 @@ class Batch {
   void start(std::size_t index, BatchMission& mission) {
     Slot& slot = slots_[index];
     MissionStatus& status = mission.status;
-    mission.has_run = true;
     try {
-      make_folder(mission.folder);
+      if (!is_still_to_do(slot, mission)) return;
+      mission.has_run = true;
       status.command = run_words(mission, arguments_, inputs_);
       share_out(index, status.command);
       status.started = time_text();
@@ -186,8 +225,24 @@ class Batch {
     } catch (const std::exception& error) {
       if (slot.mission != nullptr) return;  // it runs; its end will be written
       finish(mission, MissionState::kFailed, error.what());
+      slot.lock.reset();
       tell_end(mission);
     }
+  }
+
+  /// Takes its folder. Another process may have made it meanwhile, or may be about to: then nothing is written there.
+  bool is_still_to_do(Slot& slot, BatchMission& mission) {
+    make_folder(mission.folder);
+    mission.has_folder = false;
+    slot.lock.emplace(mission.folder, kLockedFolder, kPatience);
+    mission.has_folder = true;
+    const std::optional<MissionStatus> earlier = read_status(mission.folder);
+    if (!earlier) return true;
+    if (earlier->state == MissionState::kRunning) wait_for_killed(workspace_of(mission.folder));
+    if (!is_settled(*earlier, mission.status, mission)) return true;
+    mission.status = *earlier;
+    slot.lock.reset();
+    return false;
   }
 
   /// Its share of CPUs and GPUs, unless it is given them.
@@ -230,6 +285,7 @@ class Batch {
         finish(mission, MissionState::kFailed, reason_of(*end, log_of(mission.folder)));
       }
     }
+    slot.lock.reset();
     tell_end(mission);
   }
 
@@ -271,14 +327,17 @@ class Batch {
   void tell() {
     nlohmann::ordered_json json = to_json(report_);
     const fs::path file = arguments_.output / "batch.json";
-    write_file(file, json_text(json));
+    if (!arguments_.only) write_file(file, json_text(json));  // of all missions
     if (arguments_.progress != ProgressMode::kJson && !arguments_.quiet) {
       std::cout << table_text(report_) << summary(report_) << "\n";
     }
     json.erase("missions");
-    json["output"] = file.string();
+    if (!arguments_.only) json["output"] = file.string();
     progress_.done(json);
   }
+
+  static constexpr const char* kLockedFolder = "folder of a mission";
+  static constexpr std::chrono::seconds kPatience{20};  ///< with a process that has been killed
 
   const BatchArguments& arguments_;
   Clock::time_point start_ = Clock::now();
@@ -311,6 +370,15 @@ int batch(int argc, const char* const* argv) {
   if (!arguments) return kExitOk;
   if (!arguments->scan.empty()) {
     scan(arguments->scan);
+    return kExitOk;
+  }
+  if (!arguments->slurm.empty()) {
+    const std::string script = slurm_script(*arguments, read_manifest(arguments->manifest).missions.size());
+    if (arguments->slurm == "submit") {
+      submit(script);
+    } else {
+      std::cout << script;
+    }
     return kExitOk;
   }
   const int code = Batch(*arguments)();

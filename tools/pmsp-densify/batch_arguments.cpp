@@ -9,6 +9,7 @@
 #include "batch_options.h"
 #include "batch_run.h"
 #include "exit_code.h"
+#include "shard_arguments.h"
 
 namespace pmsp::tool {
 namespace {
@@ -36,6 +37,7 @@ constexpr const char* kMore =
     "Examples:\n"
     "  pmsp-densify batch --scan flights/ > missions.jsonl\n"
     "  pmsp-densify batch missions.jsonl -o results/ --jobs 2 --quality normal\n"
+    "  pmsp-densify batch missions.jsonl -o results/ --slurm=submit --sbatch \"--time=2:00:00 --cpus-per-task=8\"\n"
     "\n"
     "Exit codes: 0 all missions are done, 7 some failed, 8 all failed; 2 usage, 3 manifest, 6 output,\n"
     "128 + n stopped by signal n (130 Ctrl-C, 143 SIGTERM)";
@@ -68,7 +70,8 @@ ProgressMode progress_from(const std::string& name) {
 
 void add_own(CLI::App& app, BatchArguments& a) {
   app.add_option("manifest", a.manifest, "List of missions; - = standard input")->type_name("MANIFEST");
-  app.add_option("-o,--output", a.output, "Folder of the results; one batch at a time works in it")->type_name("DIR");
+  app.add_option("-o,--output", a.output, "Folder of the results; one batch at a time works in it, but see --only")
+      ->type_name("DIR");
   app.add_option_function<std::string>(
          "--jobs", [&a](const std::string& text) { a.jobs = jobs_from(text); },
          "Missions at once, which share the CPUs: each has its share as --threads, unless that is given [1 to 256; "
@@ -78,6 +81,20 @@ void add_own(CLI::App& app, BatchArguments& a) {
          "--device", [&a](const std::string& text) { a.devices = devices_from(text); },
          "CUDA devices, such as 0,1: the first job has the first one, and so on, in turns")
       ->type_name("LIST");
+  app.add_option_function<std::string>(
+         "--only", [&a](const std::string& text) { a.only = shard_from(text, "--only"); },
+         "Every N-th mission, from number K on (from 0); others may make theirs in DIR at the same time. auto: K and N "
+         "of this task of a SLURM job array")
+      ->type_name("K/N");
+  app.add_flag("--summary", a.summary, "Make no mission: the table of how far they are, also while others make them");
+  app.add_flag("--slurm{print}", a.slurm,
+               "Instead of all else: print a script that submits a SLURM job array over the missions, and the job of "
+               "their table; --slurm=submit runs it")
+      ->type_name("WHAT");
+  app.add_option_function<std::string>(
+         "--sbatch", [&a](const std::string& text) { a.sbatch = split_words(text); },
+         "With --slurm: options for sbatch, such as \"--partition=gpu --gres=gpu:1\"")
+      ->type_name("WORDS");
   app.add_flag("--retry", a.retry, "Run missions again that have failed, though their inputs are the same");
   app.add_flag(
       "--keep-workspaces", a.keep_workspaces,
@@ -106,7 +123,30 @@ void check(const BatchArguments& a) {
   }
   if (a.manifest.empty()) throw UsageError("MANIFEST is missing: pmsp-densify batch MANIFEST -o DIR; see batch --help");
   if (a.output.empty()) throw UsageError("-o DIR is missing: the folder of the results");
+  if (a.only && a.summary) throw UsageError("--only and --summary exclude each other");
+  if (a.slurm.empty()) {
+    if (!a.sbatch.empty()) throw UsageError("--sbatch needs --slurm");
+  } else {
+    if (a.slurm != "print" && a.slurm != "submit") {
+      throw UsageError("--slurm is \"" + a.slurm + "\"; expected --slurm=print or --slurm=submit");
+    }
+    if (a.only || a.summary) throw UsageError("--slurm excludes --only and --summary, which its jobs are given");
+    if (a.manifest == "-") throw UsageError("--slurm needs a MANIFEST that is a file, which its jobs can read");
+  }
   check_options(a.options);
+}
+
+/// The words that jobs are given, too: all but what says how they are submitted.
+std::vector<std::string> words_for_jobs(const std::vector<std::string>& words) {
+  std::vector<std::string> result;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (words[i] == "--sbatch") {
+      ++i;
+    } else if (words[i] != "--slurm" && words[i].rfind("--slurm=", 0) != 0 && words[i].rfind("--sbatch=", 0) != 0) {
+      result.push_back(words[i]);
+    }
+  }
+  return result;
 }
 
 }  // namespace
@@ -115,6 +155,7 @@ std::optional<BatchArguments> parse_batch_arguments(int argc, const char* const*
   BatchArguments a;
   a.program = argv[0];
   std::vector<std::string> words(argv + 2, argv + argc);
+  a.words = words_for_jobs(words);
   CLI::App app(kAbout, "pmsp-densify batch");
   app.get_formatter()->column_width(30);
   app.option_defaults()->take_last();

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "arguments.h"
+#include "workspace/shards.h"
 
 namespace pmsp::tool {
 
@@ -17,6 +18,11 @@ struct BatchArguments {
   std::filesystem::path scan;  ///< instead of a manifest
   std::filesystem::path output;
   int jobs = 1;
+  std::optional<workspace::Shard> only;  ///< every count-th mission, from number index on
+  bool summary = false;                  ///< no mission
+  std::string slurm;                     ///< "", "print" or "submit"
+  std::vector<std::string> sbatch;       ///< words for it
+  std::vector<std::string> words;        ///< as it was called, without those two
   bool retry = false;
   bool keep_workspaces = false;
   std::vector<int> devices;

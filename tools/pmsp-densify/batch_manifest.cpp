@@ -57,7 +57,8 @@ void check_name(const std::string& name) {
     throw InvalidInput("the name \"" + name +
                        "\" cannot be that of a folder; expected up to 200 of A-Z a-z 0-9 . _ -, the first one no dot");
   }
-  if (name == "lock" || name == "batch.json") throw InvalidInput("the name \"" + name + "\" is taken by the batch");
+  if (name == "lock" || name == "batch.json" || name == "batch.sbatch")
+    throw InvalidInput("the name \"" + name + "\" is taken by the batch");
 }
 
 /// As the map is called, or as its folder where the map is just "map".

@@ -68,7 +68,7 @@ std::string summary(const BatchReport& report) {
                      std::to_string(report.missions.size()) + " missions done";
   if (before > 0) text += " (" + std::to_string(before) + " of them before)";
   text += ", " + std::to_string(report.count(MissionState::kFailed)) + " failed";
-  for (const MissionState state : {MissionState::kInterrupted, MissionState::kWaiting}) {
+  for (const MissionState state : {MissionState::kRunning, MissionState::kInterrupted, MissionState::kWaiting}) {
     if (report.count(state) > 0) text += ", " + std::to_string(report.count(state)) + " " + name_of(state);
   }
   return text + "; " + duration_text(report.seconds);
@@ -83,8 +83,8 @@ nlohmann::ordered_json to_json(const BatchMission& mission) {
 
 nlohmann::ordered_json to_json(const BatchReport& report) {
   nlohmann::ordered_json json{{"generator", version_text()}, {"manifest", report.manifest}};
-  for (const MissionState state :
-       {MissionState::kDone, MissionState::kFailed, MissionState::kInterrupted, MissionState::kWaiting}) {
+  for (const MissionState state : {MissionState::kDone, MissionState::kFailed, MissionState::kRunning,
+                                   MissionState::kInterrupted, MissionState::kWaiting}) {
     json[name_of(state)] = report.count(state);
   }
   json["seconds"] = report.seconds;

@@ -15,21 +15,23 @@ std::optional<int> number_in_environment(const char* name) {
 }
 
 /// Tasks of an array are numbered from any minimum in any steps.
-workspace::Shard shard_of_array_task() {
+workspace::Shard shard_of_array_task(const std::string& option) {
   const auto id = number_in_environment("SLURM_ARRAY_TASK_ID");
   const auto count = number_in_environment("SLURM_ARRAY_TASK_COUNT");
   if (!id || !count) {
     throw UsageError(
-        "--shard auto: SLURM_ARRAY_TASK_ID or SLURM_ARRAY_TASK_COUNT is not set to a number; expected a job array "
-        "(sbatch --array=0-6), or --shard K/N");
+        option +
+        " auto: SLURM_ARRAY_TASK_ID or SLURM_ARRAY_TASK_COUNT is not set to a number; expected a job array "
+        "(sbatch --array=0-6), or " +
+        option + " K/N");
   }
   const int first = number_in_environment("SLURM_ARRAY_TASK_MIN").value_or(0);
   const int step = number_in_environment("SLURM_ARRAY_TASK_STEP").value_or(1);
   const workspace::Shard shard{step > 0 ? (*id - first) / step : -1, *count};
   if (shard.index >= 0 && shard.index < shard.count) return shard;
-  throw UsageError("--shard auto: task " + std::to_string(*id) + " of an array of " + std::to_string(*count) +
+  throw UsageError(option + " auto: task " + std::to_string(*id) + " of an array of " + std::to_string(*count) +
                    " that begins at " + std::to_string(first) +
-                   " is none of them; expected tasks without gaps (sbatch --array=0-6), or --shard K/N");
+                   " is none of them; expected tasks without gaps (sbatch --array=0-6), or " + option + " K/N");
 }
 
 workspace::Wave wave_from(const std::string& text) {
@@ -41,8 +43,8 @@ workspace::Wave wave_from(const std::string& text) {
 
 }  // namespace
 
-workspace::Shard shard_from(const std::string& text) {
-  if (text == "auto") return shard_of_array_task();
+workspace::Shard shard_from(const std::string& text, const std::string& option) {
+  if (text == "auto") return shard_of_array_task(option);
   const std::size_t slash = text.find('/');
   if (slash != std::string::npos) {
     const auto index = number_from<int>(text.substr(0, slash));
@@ -50,13 +52,13 @@ workspace::Shard shard_from(const std::string& text) {
     constexpr int kMost = 1000000;
     if (index && count && *index >= 0 && *index < *count && *count <= kMost) return {*index, *count};
   }
-  throw UsageError("--shard is \"" + text + "\"; expected K/N, from 0/N to N-1/N, such as 2/7, or auto");
+  throw UsageError(option + " is \"" + text + "\"; expected K/N, from 0/N to N-1/N, such as 2/7, or auto");
 }
 
 void add_shard_options(CLI::App& run, Arguments& a) {
   const char* group = "Sharing a mission out";
   run.add_option_function<std::string>(
-         "--shard", [&a](const std::string& text) { a.shard = shard_from(text); },
+         "--shard", [&a](const std::string& text) { a.shard = shard_from(text, "--shard"); },
          "With --workspace: make one of N shares of the mission, number K from 0, and no cloud; `merge` joins them. "
          "auto: K and N of this task of a SLURM job array")
       ->type_name("K/N")

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "batch_slurm.h"
+
+#include <sys/wait.h>
+#include <algorithm>
+#include <cstdio>
+#include <vector>
+
+#include "batch_sbatch.h"
+#include "pmsp/error.h"
+
+namespace pmsp::tool {
+namespace {
+
+constexpr std::size_t kMostTasks = 1000;  ///< what Slurm takes where MaxArraySize is not set
+
+std::string quoted(const std::string& word) {
+  const char* plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=./,:@%";
+  if (!word.empty() && word.find_first_not_of(plain) == std::string::npos) return word;
+  std::string result = "'";
+  for (const char c : word) result += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return result + "'";
+}
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : " ") + quoted(word);
+  return text;
+}
+
+}  // namespace
+
+std::string slurm_script(const BatchArguments& batch, std::size_t missions) {
+  const std::string tasks = std::to_string(std::min(missions, kMostTasks) - 1);
+  const std::string folder = quoted(batch.output.string());
+  const std::string sbatch = quoted((batch.output / "batch.sbatch").string());
+  return "#!/usr/bin/env bash\n"
+         "# " +
+         std::to_string(missions) +
+         " missions: an array of tasks makes them, a job after it their table.\n"
+         "set -euo pipefail\n"
+         "export PMSP_DENSIFY=" +
+         quoted(batch.program) +
+         "\n"
+         "batch=(" +
+         joined(batch.words) +
+         ")\n"
+         "options=(" +
+         joined(batch.sbatch) +
+         ")\n"
+         "mkdir -p " +
+         folder +
+         "\n"
+         "cat >" +
+         sbatch + " <<'END'\n" + kBatchSbatch +
+         "END\n"
+         "tasks=$(sbatch --parsable --array=0-" +
+         tasks + " \"${options[@]}\" " + sbatch +
+         " \"${batch[@]}\" --only auto)\n"
+         "table=$(sbatch --parsable --dependency=\"afterany:${tasks%%;*}\" \"${options[@]}\" " +
+         sbatch +
+         " \"${batch[@]}\" --summary)\n"
+         "echo \"job ${tasks%%;*} makes the missions, job ${table%%;*} then their table\"\n";
+}
+
+void submit(const std::string& script) {
+  std::FILE* const bash = popen("bash", "w");
+  if (bash == nullptr) throw OutputError("bash cannot be started");
+  const bool is_written = std::fwrite(script.data(), 1, script.size(), bash) == script.size();
+  const int status = pclose(bash);
+  if (is_written && WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+  throw OutputError("the jobs could not all be submitted; see what sbatch has said, and `scancel` what was");
+}
+
+}  // namespace pmsp::tool
