@@ -63,12 +63,23 @@ class AtomicFile {
     }
   }
 
-  /// Lets the system bring to the disk what has been written so far, so that `commit` has less to wait for.
-  void start_sync() {
+  /// Writes bytes at a place of the file, and lets the system bring them to the disk at once, so that `commit` has less
+  /// to wait for. Several threads may do so at a time; not to be mixed with `write`.
+  void write_at(std::int64_t offset, const char* data, std::size_t bytes) {
 #ifdef SYNC_FILE_RANGE_WRITE
-    flush();
-    ::sync_file_range(fd_, synced_, written_ - synced_, SYNC_FILE_RANGE_WRITE);  // where it cannot, commit does it all
-    synced_ = written_;
+    const std::int64_t begin = offset;
+    const std::int64_t size = static_cast<std::int64_t>(bytes);
+#endif
+    while (bytes > 0) {
+      const ssize_t written = ::pwrite(fd_, data, bytes, static_cast<off_t>(offset));
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) throw OutputError(failure("write"));
+      data += written;
+      bytes -= static_cast<std::size_t>(written);
+      offset += written;
+    }
+#ifdef SYNC_FILE_RANGE_WRITE
+    ::sync_file_range(fd_, begin, size, SYNC_FILE_RANGE_WRITE);  // where it cannot, commit does it all
 #endif
   }
 
@@ -103,12 +114,17 @@ class AtomicFile {
  private:
   static constexpr std::size_t kBufferBytes = std::size_t{1} << 20;
 
-  [[noreturn]] void fail(const std::string& what) {
+  std::string failure(const std::string& what) const {
     const int code = errno;
-    discard();
     std::string message = target_.string() + ": cannot " + what + ": " + std::strerror(code);
     if (code == ENOENT) message += "; does the folder exist?";
     if (code == EEXIST) message += "; runs that were killed left such files, remove them";
+    return message;
+  }
+
+  [[noreturn]] void fail(const std::string& what) {
+    const std::string message = failure(what);
+    discard();
     throw OutputError(message);
   }
 
@@ -192,7 +208,6 @@ class AtomicFile {
       if (written < 0 && errno == EINTR) continue;
       if (written <= 0) fail("write");
       data += written;
-      written_ += written;
       bytes -= static_cast<std::size_t>(written);
     }
   }
@@ -201,7 +216,6 @@ class AtomicFile {
   std::filesystem::path folder_;
   std::filesystem::path temporary_;
   int fd_ = -1;
-  std::int64_t written_ = 0, synced_ = 0;  ///< bytes
   std::vector<char> buffer_;
 };
 

@@ -5,6 +5,10 @@
 
 namespace pmsp {
 
+BackgroundFile::BackgroundFile(const std::filesystem::path& target) : file_(target) {
+  for (int i = 0; i < kThreads; ++i) threads_.emplace_back([this] { work(); });
+}
+
 BackgroundFile::~BackgroundFile() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -12,7 +16,7 @@ BackgroundFile::~BackgroundFile() {
     waiting_.clear();
   }
   changed_.notify_all();
-  thread_.join();
+  for (std::thread& thread : threads_) thread.join();
 }
 
 BackgroundFile::Block BackgroundFile::block() {
@@ -28,7 +32,9 @@ void BackgroundFile::write(Block block) {
     std::unique_lock<std::mutex> lock(mutex_);
     changed_.wait(lock, [&] { return failed_ || waiting_.size() < kMostWaiting; });
     rethrow();
-    waiting_.push_back(std::move(block));
+    const std::int64_t bytes = static_cast<std::int64_t>(block.size());
+    waiting_.push_back({std::move(block), end_});
+    end_ += bytes;
   }
   changed_.notify_all();
 }
@@ -46,7 +52,7 @@ void BackgroundFile::commit() {
 }
 
 void BackgroundFile::wait_until_written(std::unique_lock<std::mutex>& lock) {
-  changed_.wait(lock, [&] { return failed_ || (waiting_.empty() && !writing_); });
+  changed_.wait(lock, [&] { return failed_ || (waiting_.empty() && writing_ == 0); });
   rethrow();
 }
 
@@ -59,21 +65,20 @@ void BackgroundFile::work() {
   while (true) {
     changed_.wait(lock, [&] { return stop_ || !waiting_.empty(); });
     if (stop_) return;
-    Block block = std::move(waiting_.front());
+    Waiting next = std::move(waiting_.front());
     waiting_.pop_front();
-    writing_ = true;
+    ++writing_;
     lock.unlock();
     std::exception_ptr failed;
     try {
-      file_.write(block.data(), block.size());
-      file_.start_sync();
+      file_.write_at(next.offset, next.block.data(), next.block.size());
     } catch (...) {
       failed = std::current_exception();
     }
     lock.lock();
-    writing_ = false;
-    failed_ = failed;
-    written_.push_back(std::move(block));
+    --writing_;
+    if (failed) failed_ = failed;
+    written_.push_back(std::move(next.block));
     if (failed_) waiting_.clear();
     lock.unlock();
     changed_.notify_all();
