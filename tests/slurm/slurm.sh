@@ -167,7 +167,6 @@ kill_in_the_middle() { # FOLDER
   sleep 8 # a job that has just begun (MessageTimeout + BatchStartTimeout) is not missed when its node comes back
   start_node n2
   wait_for "the requeue of job $job" is_requeued "$job"
-  scontrol update JobId="$job" StartTime=now # Slurm lets it wait two minutes
   say "node n2 was killed with a job of $1, and is back; the job is requeued"
 }
 
@@ -177,7 +176,13 @@ export PMSP_DENSIFY=$program
 "$mission_sh" "$map" --images "$images" --workspace shards -o shards.ply --quality normal "${small[@]}"
 kill_in_the_middle shards
 
-nothing_waits() { [[ -z $(squeue -h) ]]; }
+nothing_waits() {
+  local job
+  for job in $(squeue -h -o '%A %r' | sed -n 's/ BeginTime$//p'); do
+    scontrol update JobId="$job" StartTime=now # Slurm lets a requeued job wait two minutes
+  done
+  [[ -z $(squeue -h) ]]
+}
 wait_for "the end of all jobs" nothing_waits
 say "all jobs have ended"
 
