@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "cuda/memory_needed.h"
 #include "engine.h"
 #include "pmsp/executor.h"
 
@@ -26,9 +27,6 @@ struct Device {
 
 /// Looks at one device, and lets go of it again.
 Device find_device(int number);
-
-/// Device memory that a Densifier with these options takes at most [bytes]; sizes must be filled in.
-std::size_t memory_needed(const DensifierOptions& options);
 
 /// The stages on CUDA device `context.options.device`. `executor`: for what little the host does.
 std::unique_ptr<Engine> make_engine(const EngineContext& context, Executor executor);

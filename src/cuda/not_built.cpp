@@ -11,8 +11,6 @@ Device find_device(int /*number*/) {
   return device;
 }
 
-std::size_t memory_needed(const DensifierOptions& /*options*/) { return 0; }
-
 std::unique_ptr<Engine> make_engine(const EngineContext& /*context*/, Executor /*executor*/) {
   throw BackendUnavailable(find_device(0).why_not);
 }
