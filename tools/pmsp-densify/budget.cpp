@@ -144,7 +144,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
     share.add(own_share.of(entry));
   }
   // Larger maps find less of what they compare in the caches than those of the pace's small panoramas do.
-  const double cache_misses = 1.0 + 0.06 * std::max(0.0, std::log2(b.width / 96.0));
+  const double cache_misses = 1.0 + 0.06 * std::max(0.0, std::log2(b.width / 80.0));
   const double all_pixels = pixels * static_cast<double>(b.depth_maps);
   b.views = views.value();
   b.points_per_pixel = kKept * share.value();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <ctime>
+#include <deque>
 #include <vector>
 
 #include "pmsp/camera.h"
@@ -14,11 +15,13 @@ namespace pmsp::tool {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr int kWidth = 96;  // of depth maps and images
+constexpr int kWidth = 80;  // of depth maps and images
 constexpr int kHeight = kWidth / 2;
 constexpr int kKeyframes = 8;
 constexpr double kStep = 0.4;                   // between keyframes, of which each sees all of the box
 const Eigen::Vector3d kHalf = {4.0, 1.6, 3.0};  // of the box, around the middle of the flight
+constexpr int kRepetitions = 3;                 // the fastest counts: others may use the machine meanwhile
+constexpr double kLongEnough = 1.0;             // for all of them [s]
 constexpr int kLandmarkColumns = 20, kLandmarkRows = 10;
 
 /// Where a ray from inside meets the box.
@@ -86,12 +89,24 @@ Image<Rgb> picture_from(const Eigen::Vector3d& center) {
   return image;
 }
 
+/// CPU time of a run.
+double seconds_of(const DensifierOptions& options, const std::vector<Keyframe>& keyframes, DensifierStats& stats) {
+  DensifierCallbacks callbacks;
+  callbacks.cloud = [](const KeyframeCloud&) {};
+  Densifier densifier(options, callbacks);
+  const double start = cpu_seconds();
+  for (const Keyframe& keyframe : keyframes) densifier.add(keyframe);
+  densifier.flush();
+  stats = densifier.stats();
+  return cpu_seconds() - start;
+}
+
 }  // namespace
 
 CpuPace measure_cpu_pace(const DensifierOptions& given) {
   const DensifierOptions options = small(given);
   std::vector<Keyframe> keyframes;
-  std::vector<Image<Rgb>> images;
+  std::deque<Image<Rgb>> images;
   std::vector<PlanKeyframe> planned;
   for (int i = 0; i < kKeyframes; ++i) {
     Keyframe keyframe;
@@ -100,8 +115,9 @@ CpuPace measure_cpu_pace(const DensifierOptions& given) {
     keyframe.cam_from_world.translation = -center;
     keyframe.landmarks = landmarks();
     images.push_back(picture_from(center));
+    keyframe.image = images.back().view();
     keyframes.push_back(keyframe);
-    planned.push_back(plan_keyframe(keyframe, options));
+    planned.push_back({keyframe.id, keyframe.cam_from_world, keyframe.landmarks, {}});
   }
   double views = 0.0, owners = 0.0, maps = 0.0;
   for (const PlanEntry& entry : make_plan(planned, options).entries) {
@@ -110,26 +126,23 @@ CpuPace measure_cpu_pace(const DensifierOptions& given) {
     owners += static_cast<double>(entry.owners.size());
     maps += 1.0;
   }
-  DensifierCallbacks callbacks;
-  callbacks.cloud = [](const KeyframeCloud&) {};
-  Densifier densifier(options, callbacks);
-  const double start = cpu_seconds();
-  for (std::size_t i = 0; i < keyframes.size(); ++i) {
-    keyframes[i].image = images[i].view();
-    densifier.add(keyframes[i]);
-  }
-  densifier.flush();
-  CpuPace pace;
-  pace.took = cpu_seconds() - start;
-  const DensifierStats& s = densifier.stats();
-  const double others = s.seconds_prepare + s.seconds_init + s.seconds_median + s.seconds_consistency +
-                        s.seconds_fusion + s.seconds_free_space;
-  // Others may use the machine meanwhile: the stages' clock tells shares, the thread's own how much.
-  const double scale = pace.took / std::max(s.seconds_patchmatch + others + s.seconds_ownership, 1e-9);
   const double pixels = static_cast<double>(kWidth) * kHeight;
-  pace.matching = scale * s.seconds_patchmatch / (pixels * std::max(views, 1.0));
-  pace.rest = scale * others / (pixels * std::max(maps, 1.0));
-  pace.ownership = scale * s.seconds_ownership / (pixels * std::max(owners, 1.0));
+  CpuPace pace;
+  double fastest = 0.0, spent = 0.0;
+  for (int i = 0; i < kRepetitions && spent < kLongEnough; ++i) {
+    DensifierStats s;
+    const double took = seconds_of(options, keyframes, s);
+    spent += took;
+    if (fastest > 0.0 && took >= fastest) continue;
+    fastest = took;
+    const double others = s.seconds_prepare + s.seconds_init + s.seconds_median + s.seconds_consistency +
+                          s.seconds_fusion + s.seconds_free_space;
+    // The stages' clock goes on while the thread waits for a CPU: it tells shares, the thread's own tells how much.
+    const double scale = took / std::max(s.seconds_patchmatch + others + s.seconds_ownership, 1e-9);
+    pace.matching = scale * s.seconds_patchmatch / (pixels * std::max(views, 1.0));
+    pace.rest = scale * others / (pixels * std::max(maps, 1.0));
+    pace.ownership = scale * s.seconds_ownership / (pixels * std::max(owners, 1.0));
+  }
   return pace;
 }
 

@@ -10,11 +10,10 @@ struct CpuPace {
   double matching = 0.0;   ///< for a pixel and a view that it is matched with: PatchMatch, all passes
   double rest = 0.0;       ///< for a pixel of a depth map: all other stages but ownership
   double ownership = 0.0;  ///< for a pixel and a keyframe that is asked who makes the point of a place
-  double took = 0.0;       ///< CPU time of the measurement
 };
 
-/// Densifies a few small panoramas of an analytic box with all stages that `options` ask for, on one thread: about half
-/// a second.
+/// Densifies a few small panoramas of an analytic box with all stages that `options` ask for, on one thread: about a
+/// second.
 CpuPace measure_cpu_pace(const DensifierOptions& options);
 
 }  // namespace pmsp::tool
