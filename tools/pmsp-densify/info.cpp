@@ -200,14 +200,21 @@ void info(const Arguments& arguments) {
     write_plan(arguments.plan, plan);
     json["plan"] = plan_figures(plan, arguments.plan);
   }
-  const Budget budget = estimate_budget({map, plan, options, size.width, size.height, measure_cpu_pace(options)});
-  json["budget"] = to_json(budget);
+  std::string budget;
+  try {
+    const Budget told = estimate_budget({map, plan, options, size.width, size.height, measure_cpu_pace(options)});
+    json["budget"] = to_json(told);
+    budget = budget_text(told);
+  } catch (const InvalidInput& error) {  // what a run would say; the rest is worth telling all the same
+    json["budget"] = {{"error", error.what()}};
+    budget = std::string("a run:      refuses this: ") + error.what() + "\n";
+  }
   if (source) json["images"] = images_json(*source, skipped);
   if (arguments.json) {
     std::cout << json_text(json);
   } else {
     print(json);
-    std::cout << budget_text(budget);
+    std::cout << budget;
   }
 }
 
