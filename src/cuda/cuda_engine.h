@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cuda/memory_needed.h"
 #include "engine.h"
 #include "pmsp/executor.h"
 
@@ -27,9 +28,6 @@ struct Device {
 
 /// Looks at one device, and lets go of it again.
 Device find_device(int number);
-
-/// Device memory that a Densifier with these options takes at most [bytes]; sizes must be filled in.
-std::size_t memory_needed(const DensifierOptions& options);
 
 /// Number of devices that answer.
 int device_count();

@@ -8,6 +8,7 @@
 
 #include "plan/halo.h"
 #include "plan/moves.h"
+#include "plan/planner.h"
 #include "plan/scale_recovery.h"
 #include "util/median.h"
 #include "workspace/fingerprint.h"
@@ -70,10 +71,11 @@ class StepPlanner {
   Step plan() {
     Step step;
     step.name = name_of(record_, inputs_);
-    std::vector<PlanKeyframe> keyframes;
-    for (const StepKeyframe& it : inputs_.keyframes) keyframes.push_back(it.keyframe);
     const bool grows = inputs_.growing && record_.options == inputs_.options_json;  // else the plan is that of a run
-    step.plan = make_plan(keyframes, inputs_.options, grows ? &record_.plan : nullptr);
+    Planner planner(inputs_.options, grows ? &record_.plan : nullptr);  // keeps no landmarks of a long mission
+    for (const StepKeyframe& it : inputs_.keyframes) planner.add(it.keyframe);
+    planner.finish();
+    step.plan.entries.assign(planner.entries().begin(), planner.entries().end());
     for (const PlanEntry& entry : step.plan.entries) {
       if (entry.has_depth_map()) plan_planes(step, entry);
     }

@@ -206,3 +206,93 @@ TEST_CASE("info writes the plan of a run with the same options") {
   CHECK(read_plan(file).entries.size() == 4);
   CHECK(densify({"info", map, "--plan", map, "--force"}).code == 2);  // would overwrite the map
 }
+
+namespace {
+
+nlohmann::json budget_of(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), "info");
+  arguments.push_back("--json");
+  const Result result = densify(arguments);
+  INFO(result.err);
+  REQUIRE(result.code == 0);
+  return nlohmann::json::parse(result.out).at("budget");
+}
+
+}  // namespace
+
+TEST_CASE("info predicts what a run takes") {
+  const std::string map = (mission() / "map.msg").string();
+  const std::string images = (mission() / "images").string();
+  const Result people = densify({"info", map, "--images", images, "--quality", "normal"});
+  CHECK(people.code == 0);
+  for (const char* word : {"a run:", "1440 x 720", "disk:", "scratch file", "CPU:", "CPU time", "GPU:", "H200"}) {
+    CHECK_THAT(people.out, Contains(word));
+  }
+  const nlohmann::json online = budget_of({map, "--images", images});
+  CHECK(online["width"] == 640);
+  CHECK(online["keyframes"] == 5);
+  CHECK(online["scratch_bytes"] == 0);
+  CHECK(online["cpu"]["cpu_seconds"].get<double>() > 0.0);
+  CHECK(online["gpu"]["device_bytes"].get<double>() >= online["gpu"]["least_device_bytes"].get<double>());
+  CHECK(online["gpu"]["least_device_bytes"].get<double>() > 1e7);  // in builds without CUDA, too
+
+  const nlohmann::json high = budget_of({map, "--images", images, "--quality", "high"});
+  CHECK(high["width"] == 256);  // that of the images
+  const nlohmann::json normal = budget_of({map, "--images", images, "--quality", "normal"});
+  const nlohmann::json wide =
+      budget_of({map, "--images", images, "--quality", "normal", "--width", "2880", "--height", "1440"});
+  for (const char* key : {"cloud_bytes", "workspace_bytes", "scratch_bytes"}) {
+    CHECK(normal[key].get<double>() > 100.0);
+    CHECK(wide[key].get<double>() == Approx(4.0 * normal[key].get<double>()).epsilon(0.1));
+  }
+  CHECK(wide["cpu"]["memory_bytes"].get<double>() > 2.0 * normal["cpu"]["memory_bytes"].get<double>());
+  CHECK(wide["gpu"]["device_bytes"].get<double>() > 2.0 * normal["gpu"]["device_bytes"].get<double>());
+}
+
+TEST_CASE("what info predicts grows with the mission, and is what a run takes") {
+  const TempDir dir;
+  const std::string map = (mission() / "map.msg").string();
+  std::filesystem::copy(mission() / "images", dir / "images");
+  const std::vector<std::string> options{"--width", "128", "--height", "64", "--view-filter-min-parallax-deg", "0.1"};
+  const auto predicted = [&] {
+    std::vector<std::string> arguments{map, "--images", (dir / "images").string()};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    return budget_of(arguments);
+  };
+  const nlohmann::json all = predicted();
+  std::vector<std::string> run{map,
+                               "--images",
+                               (dir / "images").string(),
+                               "--backend",
+                               "cpu",
+                               "-o",
+                               (dir / "c.ply").string(),
+                               "--workspace",
+                               (dir / "w").string(),
+                               "--stats",
+                               (dir / "s.json").string()};
+  run.insert(run.end(), options.begin(), options.end());
+  const Result result = densify(run);
+  INFO(result.err);
+  REQUIRE(result.code == 0);
+  const auto stats = nlohmann::json::parse(read_text(dir / "s.json"));
+  CHECK(all["depth_maps"] == stats["keyframes"]["depth_maps"]);
+  const double factor = all["points"].get<double>() / stats["points"].get<double>();
+  CHECK(factor > 0.5);
+  CHECK(factor < 2.0);
+  const double cloud = static_cast<double>(std::filesystem::file_size(dir / "c.ply"));
+  CHECK(all["cloud_bytes"].get<double>() / cloud == Approx(factor).epsilon(0.05));
+  double workspace = 0.0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(dir / "w")) {
+    if (entry.is_regular_file()) workspace += static_cast<double>(entry.file_size());
+  }
+  CHECK(all["workspace_bytes"].get<double>() / workspace == Approx(1.0).epsilon(0.5));
+
+  std::filesystem::remove(dir / "images/000004.png");
+  const nlohmann::json less = predicted();
+  CHECK(less["keyframes"] == 4);
+  for (const char* key : {"points", "cloud_bytes", "workspace_bytes"}) {
+    CHECK(less[key].get<double>() < all[key].get<double>());
+  }
+  CHECK(less["cpu"]["memory_bytes"].get<double>() <= all["cpu"]["memory_bytes"].get<double>());
+}

@@ -8,6 +8,7 @@
 #include <malloc.h>
 
 #include "core/recording.h"
+#include "cpu/memory_needed.h"
 #include "plan/reach.h"
 #include "schedule.h"
 #include "support/temp_dir.h"
@@ -136,5 +137,23 @@ TEST_CASE("a long flight takes no more memory than a short one", "[schedule][den
     constexpr std::size_t kFrame = kTinyWidth * kTinyWidth / 2 * 100;  // what a keyframe holds while it is matched
     CHECK(after < before + kFrame / 4);
     CHECK(points > 0);
+  }
+}
+
+TEST_CASE("what a flight takes on the CPU is bounded, and grows with it before") {
+  for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh, Quality::kPaper}) {
+    DensifierOptions options = preset(quality);
+    options.width = 640;
+    options.height = 320;
+    for (const char* folder : {"", "somewhere"}) {
+      options.scratch_folder = folder;
+      const cpu::MemoryNeeded few = cpu::memory_needed(options, 5);
+      const cpu::MemoryNeeded many = cpu::memory_needed(options, 1000);
+      const cpu::MemoryNeeded most = cpu::memory_needed(options, 1000000);
+      CHECK(few.memory < many.memory);
+      CHECK(many.memory == most.memory);
+      CHECK(many.scratch == most.scratch);
+      CHECK((many.scratch > 0.0) == (options.scratch_folder != ""));
+    }
   }
 }

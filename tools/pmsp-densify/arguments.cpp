@@ -267,7 +267,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   app.add_flag("--version", version, "Version, build type, instruction set");
   CLI::App& run = *app.add_subcommand("run", "Map and images to a cloud (the default verb)");
   CLI::App& merge = *app.add_subcommand("merge", "What shards have made (run --shard) to a cloud");
-  CLI::App& info = *app.add_subcommand("info", "What is in a map, and which images belong to it");
+  CLI::App& info = *app.add_subcommand("info", "What is in a map, which images belong to it, and what a run takes");
   CLI::App& config = *app.add_subcommand("config", "Print the options in force as JSON, for --config");
   app.add_subcommand("batch", "A list of missions, each by a process and in a folder of its own; see batch --help");
   for (CLI::App* verb : {&run, &merge, &info, &config}) verb->allow_extras();

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <cstdio>
 #include <iostream>
+#include <set>
 
+#include "budget_text.h"
 #include "decoder.h"
 #include "depth_output.h"
 #include "io/map_keyframe.h"
@@ -71,9 +73,23 @@ Json images_json(const ImageSource& source, const std::vector<SkippedKeyframe>& 
   return images;
 }
 
+struct ImageSize {
+  int width = 0;
+  int height = 0;
+};
+
+/// Of the first image that is left; none where it cannot be read.
+ImageSize first_size(ImageSource& source) {
+  try {
+    if (const auto item = source.next()) return {item->image.width(), item->image.height()};
+  } catch (const std::exception&) {  // a run will tell
+  }
+  return {};
+}
+
 /// The keyframes that have images, as a plan sees them; `skipped` takes those whose images turn out unusable.
 std::vector<PlanKeyframe> keyframes_with_image(const SlamMap& map, ImageSource& source, const DensifierOptions& options,
-                                               std::vector<SkippedKeyframe>& skipped) {
+                                               std::vector<SkippedKeyframe>& skipped, ImageSize& size) {
   std::vector<PlanKeyframe> keyframes;
   Decoder decoder(source);
   for (;;) {
@@ -84,6 +100,7 @@ std::vector<PlanKeyframe> keyframes_with_image(const SlamMap& map, ImageSource& 
     if (found == nullptr) continue;
     Keyframe keyframe = io::keyframe_of(map, *found);
     keyframe.image = decoded.item->image.view();
+    size = {keyframe.image.width, keyframe.image.height};
     keyframes.push_back(plan_keyframe(keyframe, options));
   }
   if (keyframes.empty() && !decoder.first_error().empty()) {
@@ -92,10 +109,14 @@ std::vector<PlanKeyframe> keyframes_with_image(const SlamMap& map, ImageSource& 
   return keyframes;
 }
 
-/// All keyframes of the map; their images count as sharp.
-std::vector<PlanKeyframe> keyframes_without_image(const SlamMap& map, const DensifierOptions& options) {
+/// All keyframes of the map, or those that `source` has images of; these count as sharp, and none is looked at.
+std::vector<PlanKeyframe> keyframes_without_image(const SlamMap& map, const ImageSource* source,
+                                                  const DensifierOptions& options) {
+  std::set<std::int64_t> there;
+  if (source != nullptr) there.insert(source->keyframe_ids().begin(), source->keyframe_ids().end());
   std::vector<PlanKeyframe> keyframes;
   for (const MapKeyframe* keyframe : in_order_of_flight(map)) {
+    if (source != nullptr && there.count(keyframe->id) == 0) continue;
     keyframes.push_back(plan_keyframe(io::keyframe_of(map, *keyframe), options));
   }
   return keyframes;
@@ -169,17 +190,31 @@ void info(const Arguments& arguments) {
   const std::unique_ptr<ImageSource> source = open_images(arguments, map);
   std::vector<SkippedKeyframe> skipped;
   if (source) skipped = source->skipped();
+  ImageSize size;
+  const bool looks = source && !arguments.plan.empty();
+  const Plan plan = make_plan(looks ? keyframes_with_image(map, *source, options, skipped, size)
+                                    : keyframes_without_image(map, source.get(), options),
+                              options);
+  if (source && !looks) size = first_size(*source);
   if (!arguments.plan.empty()) {
-    const Plan plan = make_plan(
-        source ? keyframes_with_image(map, *source, options, skipped) : keyframes_without_image(map, options), options);
     write_plan(arguments.plan, plan);
     json["plan"] = plan_figures(plan, arguments.plan);
+  }
+  std::string budget;
+  try {
+    const Budget told = estimate_budget({map, plan, options, size.width, size.height, measure_cpu_pace(options)});
+    json["budget"] = to_json(told);
+    budget = budget_text(told);
+  } catch (const InvalidInput& error) {  // what a run would say; the rest is worth telling all the same
+    json["budget"] = {{"error", error.what()}};
+    budget = std::string("a run:      refuses this: ") + error.what() + "\n";
   }
   if (source) json["images"] = images_json(*source, skipped);
   if (arguments.json) {
     std::cout << json_text(json);
   } else {
     print(json);
+    std::cout << budget;
   }
 }
 

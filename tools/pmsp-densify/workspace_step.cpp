@@ -144,6 +144,7 @@ void WorkspaceStep::decide(const std::string& engine) {
   for (const char* later : {"view_filter", "consistency", "fusion", "free_space"}) json.erase(later);
   inputs_.planes_options_json = json.dump();
   step_ = plan_step(workspace_.record(), inputs_);
+  for (workspace::StepKeyframe& it : inputs_.keyframes) std::vector<Landmark>().swap(it.keyframe.landmarks);
   shortcuts_ = find_shortcuts();
   for (const PlanEntry& entry : step_.plan.entries) {
     if (!entry.has_depth_map()) continue;

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "budget.h"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+
+#include "cpu/memory_needed.h"
+#include "cuda/memory_needed.h"
+#include "decoder.h"
+#include "densifier_checks.h"
+#include "util/thread_pool.h"
+
+namespace pmsp::tool {
+
+const char* const kReferenceGpu = "NVIDIA H200 with 16 CPU cores";
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kMiB = 1024.0 * 1024.0;
+
+// Measured on a drone's flight, a furnished flat and a rendered room, where it was 0.72 to 0.91: pixels of a depth map
+// that make a point before one asks whose place it is.
+constexpr double kKept = 0.82;
+// Fitted there, to what was left of these points after the free-space filter and ownership: how much of a keyframe's
+// places another one of the fusion window, and one farther away, has a point for.
+constexpr double kShownNear = 1.15;  // besides, the free-space filter takes some
+constexpr double kShownFar = 0.5;
+
+constexpr double kPlanesBytes = 16.0;  // of a pixel
+constexpr double kPointBytes = 40.0;   // of a point in a workspace
+constexpr double kPlyBytes = 32.0;     // of one in the cloud
+constexpr double kRecordBytes = 12e3;  // of a keyframe in a workspace's record and looks
+
+// Measured on one core: an image's pixel decoded, its sharpness looked at, its landmarks compared [s].
+constexpr double kImagePixelSeconds = 14e-9;
+// The box that the pace is measured in has texture everywhere; bare walls take plane priors a longer search.
+constexpr double kBareWalls = 1.5;
+constexpr double kPointSeconds = 20e-9;  // encoded and written
+
+/// Mean of what decides over places.
+class Mean {
+ public:
+  void add(double value) {
+    sum_ += value;
+    ++count_;
+  }
+  double value() const { return count_ > 0 ? sum_ / count_ : 0.0; }
+
+ private:
+  double sum_ = 0.0;
+  int count_ = 0;
+};
+
+/// Of a keyframe's points those that are left when every place has one owner. A landmark of the map stands for what is
+/// around it. Where others show the place twice as finely, or more, all of their points rank higher; of those that show
+/// it about as finely half do. A point with `m` higher ones around on a pixel's area is left with a probability of
+/// 1 / (1 + a m), `a` being the area from which they drive it out: the fewer there is room for, the fewer are there.
+class OwnShare {
+ public:
+  OwnShare(const SlamMap& map, const DensifierOptions& options)
+      : map_(map), area_(kPi * options.fusion.spacing_px * options.fusion.spacing_px) {
+    for (const MapKeyframe& keyframe : map.keyframes) centers_.emplace(keyframe.id, keyframe.cam_from_world.center());
+  }
+
+  double of(const PlanEntry& entry) const {
+    constexpr std::size_t kSamples = 64;
+    const MapKeyframe* const keyframe = map_.find_keyframe(entry.id);
+    if (keyframe == nullptr || area_ == 0.0) return 1.0;
+    const Eigen::Vector3d center = centers_.at(entry.id);
+    const std::size_t stride = std::max<std::size_t>(1, keyframe->observations.size() / kSamples);
+    Mean share;
+    for (std::size_t i = 0; i < keyframe->observations.size(); i += stride) {
+      const MapLandmark* const landmark = map_.find_landmark(keyframe->observations[i].landmark_id);
+      if (landmark == nullptr) continue;
+      share.add(of_place(landmark->position_world, center, entry));
+    }
+    return share.value() > 0.0 ? share.value() : 1.0;
+  }
+
+ private:
+  double of_place(const Eigen::Vector3d& place, const Eigen::Vector3d& center, const PlanEntry& entry) const {
+    const double own = (place - center).norm();
+    double higher = 0.0, even = 0.0;
+    for (const std::int64_t id : entry.owners) {
+      const bool is_near = std::find(entry.fusion.begin(), entry.fusion.end(), id) != entry.fusion.end();
+      const auto at = centers_.find(id);
+      if (at == centers_.end()) continue;
+      const double ratio = own / std::max((place - at->second).norm(), 1e-9);
+      const double density = area_ * (is_near ? kShownNear : kShownFar) * std::min(ratio * ratio, 1.0 / area_);
+      // octaves of the distance: within a factor of two there is a border with the probability of its logarithm
+      const double octaves = std::clamp(std::log2(ratio), -1.0, 1.0);
+      if (octaves > 0.0) higher += octaves * density;
+      even += (1.0 - std::abs(octaves)) * density;
+    }
+    if (even <= 1e-6) return 1.0 / (1.0 + higher);
+    return std::log((1.0 + higher + even) / (1.0 + higher)) / even;
+  }
+
+  const SlamMap& map_;
+  double area_;
+  std::unordered_map<std::int64_t, Eigen::Vector3d> centers_;
+};
+
+double map_bytes(const SlamMap& map) {
+  double bytes = static_cast<double>(map.landmarks.size() * sizeof(MapLandmark));
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    bytes += static_cast<double>(sizeof(MapKeyframe) + keyframe.observations.size() * sizeof(MapObservation));
+  }
+  return bytes;
+}
+
+int iterations(const PatchMatchOptions& options) {
+  return options.iterations + options.geometric_passes * options.geometric_iterations;
+}
+
+}  // namespace
+
+Budget estimate_budget(const BudgetQuestion& question) {
+  BudgetQuestion sized = question;
+  DensifierOptions& options = sized.options;
+  if (sized.image_width == 0 && !question.map.cameras.empty()) {
+    sized.image_width = question.map.cameras[0].width;
+    sized.image_height = question.map.cameras[0].height;
+  }
+  fill_in_size(options, sized.image_width, sized.image_height);
+  const double one_image = static_cast<double>(sized.image_width) * sized.image_height;
+  Budget b;
+  b.width = options.width;
+  b.height = options.height;
+  b.threads = options.threads > 0 ? options.threads : usable_cpus();
+  const double pixels = static_cast<double>(b.width) * b.height;
+
+  const OwnShare own_share(question.map, options);
+  Mean share, views, owners;
+  for (const PlanEntry& entry : question.plan.entries) {
+    ++b.keyframes;
+    b.used += entry.used();
+    if (!entry.has_depth_map()) continue;
+    ++b.depth_maps;
+    views.add(static_cast<double>(entry.near.size() + entry.far.size()));
+    owners.add(static_cast<double>(entry.owners.size()));
+    share.add(own_share.of(entry));
+  }
+  // Larger maps find less of what they compare in the caches than those of the pace's small panoramas do.
+  const double cache_misses = 1.0 + 0.06 * std::max(0.0, std::log2(b.width / 80.0));
+  const double all_pixels = pixels * static_cast<double>(b.depth_maps);
+  b.views = views.value();
+  b.points_per_pixel = kKept * share.value();
+  b.points = b.points_per_pixel * all_pixels;
+  b.cloud_bytes = kPlyBytes * b.points;
+  b.workspace_bytes =
+      kPlanesBytes * all_pixels + kPointBytes * b.points + kRecordBytes * static_cast<double>(b.keyframes);
+
+  options.scratch_folder = options.free_space.whole_mission ? "beside the cloud" : "";
+  const cpu::MemoryNeeded memory = cpu::memory_needed(options, b.used);
+  b.scratch_bytes = memory.scratch;
+  constexpr double kProcess = 72.0 * kMiB, kGpuProcess = 150.0 * kMiB;  // libraries, a driver's context, threads
+  const double image = 3.0 * one_image;
+  const double around = map_bytes(question.map) + image * (images_ahead(question.map, b.threads) + 3);
+  b.memory_bytes = kProcess + around + memory.memory;
+  b.gpu_host_bytes = kGpuProcess + around;
+  options.scratch_folder.clear();
+  b.gpu_bytes = static_cast<double>(cuda::memory_needed(options));
+  options.scratch_folder = "beside the cloud";
+  b.gpu_least_bytes = std::min(b.gpu_bytes, static_cast<double>(cuda::memory_needed(options)));
+
+  const double image_pixels = one_image * static_cast<double>(b.keyframes);
+  const CpuPace& pace = question.pace;
+  b.cpu_seconds =
+      all_pixels * (pace.matching * cache_misses * b.views + kBareWalls * pace.rest + pace.ownership * owners.value()) +
+      kImagePixelSeconds * image_pixels + kPointSeconds * b.points;
+  // Fits what pmsp-bench and whole runs take on that machine, from 640 x 320 to 5760 x 2880, to 10 %.
+  const double matching = iterations(options.patchmatch) * (1.38e-9 + 0.44e-9 * b.views);
+  b.reference_seconds = all_pixels * (matching + 3e-9) + 1.3e-9 * image_pixels + 5.7e-9 * b.points;
+  return b;
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "cpu_pace.h"
+#include "pmsp/io/map.h"
+#include "pmsp/options.h"
+#include "pmsp/plan.h"
+
+namespace pmsp::tool {
+
+/// What a run is expected to take. Bytes are bytes.
+struct Budget {
+  int width = 0;  ///< of the depth maps
+  int height = 0;
+  std::int64_t keyframes = 0;   ///< that have an image
+  std::int64_t used = 0;        ///< of them
+  std::int64_t depth_maps = 0;  ///< of the used ones
+  double views = 0.0;           ///< that a depth map is matched with, on average
+  double points_per_pixel = 0.0;
+  double points = 0.0;
+  double cloud_bytes = 0.0;
+  double workspace_bytes = 0.0;    ///< where one is kept
+  double scratch_bytes = 0.0;      ///< on the CPU, and on a GPU on which not all finds room
+  double memory_bytes = 0.0;       ///< of the host at the most, on the CPU
+  double gpu_host_bytes = 0.0;     ///< the same with a GPU
+  double gpu_bytes = 0.0;          ///< of a GPU
+  double gpu_least_bytes = 0.0;    ///< of one that puts into the scratch folder what waits
+  double cpu_seconds = 0.0;        ///< of all threads together
+  double reference_seconds = 0.0;  ///< on the GPU that figures are known of
+  int threads = 1;                 ///< that the CPU backend would use
+};
+
+/// What is asked about.
+struct BudgetQuestion {
+  const SlamMap& map;
+  const Plan& plan;          ///< of the keyframes that have an image
+  DensifierOptions options;  ///< sizes may be 0
+  int image_width = 0;       ///< 0 = the map's camera's
+  int image_height = 0;
+  CpuPace pace;
+};
+
+Budget estimate_budget(const BudgetQuestion& question);
+
+/// The GPU of `Budget::reference_seconds`, in words.
+extern const char* const kReferenceGpu;
+
+}  // namespace pmsp::tool

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "budget_text.h"
+
+#include <cmath>
+#include <cstdio>
+
+#include "progress.h"
+
+namespace pmsp::tool {
+namespace {
+
+std::string bytes_text(double bytes) {
+  const char* unit = "MiB";
+  double number = bytes / (1024.0 * 1024.0);
+  for (const char* larger : {"GiB", "TiB"}) {
+    if (number < 1000.0) break;
+    number /= 1024.0;
+    unit = larger;
+  }
+  char text[48];
+  std::snprintf(text, sizeof(text), number < 10.0 ? "%.1f %s" : "%.0f %s", number, unit);
+  return text;
+}
+
+std::string time_text(double seconds) {
+  char text[48];
+  if (seconds < 100.0) {
+    std::snprintf(text, sizeof(text), "%.0f s", std::ceil(seconds));
+  } else if (seconds < 6000.0) {
+    std::snprintf(text, sizeof(text), "%.0f min", seconds / 60.0);
+  } else {
+    std::snprintf(text, sizeof(text), "%.1f h", seconds / 3600.0);
+  }
+  return text;
+}
+
+std::int64_t whole(double number) { return static_cast<std::int64_t>(std::llround(number)); }
+
+}  // namespace
+
+nlohmann::ordered_json to_json(const Budget& b) {
+  return {{"width", b.width},
+          {"height", b.height},
+          {"keyframes", b.keyframes},
+          {"used", b.used},
+          {"depth_maps", b.depth_maps},
+          {"views", b.views},
+          {"points_per_pixel", b.points_per_pixel},
+          {"points", whole(b.points)},
+          {"cloud_bytes", whole(b.cloud_bytes)},
+          {"workspace_bytes", whole(b.workspace_bytes)},
+          {"scratch_bytes", whole(b.scratch_bytes)},
+          {"cpu",
+           {{"memory_bytes", whole(b.memory_bytes)},
+            {"threads", b.threads},
+            {"cpu_seconds", b.cpu_seconds},
+            {"seconds", b.cpu_seconds / b.threads}}},
+          {"gpu",
+           {{"memory_bytes", whole(b.gpu_host_bytes)},
+            {"device_bytes", whole(b.gpu_bytes)},
+            {"least_device_bytes", whole(b.gpu_least_bytes)},
+            {"reference", kReferenceGpu},
+            {"reference_seconds", b.reference_seconds}}}};
+}
+
+std::string budget_text(const Budget& b) {
+  const std::string size = std::to_string(b.width) + " x " + std::to_string(b.height);
+  char points[160];
+  std::snprintf(points, sizeof(points), " points (%.2f a pixel)", b.points_per_pixel);
+  std::string text = "a run:      " + std::to_string(b.depth_maps) + " depth maps of " + size + " px; about " +
+                     count_text(whole(b.points)) + points + "; as a rule within 30 %\n";
+  text += "  disk:     cloud " + bytes_text(b.cloud_bytes);
+  if (b.scratch_bytes > 0.0) text += ", scratch file meanwhile " + bytes_text(b.scratch_bytes);
+  text += ", a workspace, where one is kept, " + bytes_text(b.workspace_bytes) + "\n";
+  text += "  CPU:      " + time_text(b.cpu_seconds / b.threads) + " on " + std::to_string(b.threads) +
+          (b.threads == 1 ? " thread" : " threads") + " (" + time_text(b.cpu_seconds) +
+          " of CPU time at the pace of a test on this machine), " + bytes_text(b.memory_bytes) + " of memory\n";
+  text += "  GPU:      " + bytes_text(b.gpu_bytes) + " of its memory";
+  if (b.gpu_least_bytes < 0.9 * b.gpu_bytes)
+    text += " (" + bytes_text(b.gpu_least_bytes) + " do, with the scratch file)";
+  text += ", " + bytes_text(b.gpu_host_bytes) + " of the host's; " + time_text(b.reference_seconds) + " with an " +
+          kReferenceGpu + "\n";
+  return text;
+}
+
+}  // namespace pmsp::tool
