@@ -64,6 +64,12 @@ DensifierOptions small(DensifierOptions options) {
   options.scratch_folder.clear();
   options.unordered = false;
   options.view_filter.enabled = false;
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)  // which make it so slow that its pace says nothing
+  options.simd = Simd::kScalar;
+  options.patchmatch.iterations = 1;
+  options.patchmatch.refinements = 1;
+  options.patchmatch.geometric_passes = 0;
+#endif
   return options;
 }
 
