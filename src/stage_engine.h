@@ -33,6 +33,7 @@ class StageEngine final : public Engine {
     for (int k = 0; k < Processor::number_of(context_); ++k) {
       processors_.push_back(std::make_unique<Processor>(context_, executor_, k, queue_));
     }
+    looks_.resize(processors_.size());
   }
   ~StageEngine() override {
     for (const auto& on : processors_) on->settle();
@@ -451,7 +452,6 @@ class StageEngine final : public Engine {
     const DensifierOptions& options = context_.options;
     on.set_size(options.width, options.height);
     const bool priors = options.patchmatch.plane_priors && options.patchmatch.geometric_passes > 0;
-    looks_.resize(processors_.size());
     Array<int>& looks = looks_[on.number()];
     if (!looks && priors) looks = on.upload(look_table({options.width, options.height}));
     typename Processor::Prepared prepared = on.prepare(keyframe, context_.stats.seconds_prepare);

@@ -48,7 +48,7 @@ class AtomicFile {
     const char* first = static_cast<const char*>(data);
     if (buffer_.size() + bytes > kBufferBytes) flush();
     if (bytes >= kBufferBytes) {
-      write_through(first, bytes);
+      append(first, bytes);
     } else {
       buffer_.insert(buffer_.end(), first, first + bytes);
     }
@@ -58,28 +58,16 @@ class AtomicFile {
   /// Overwrites bytes that were written before.
   void patch(std::int64_t offset, const std::string& text) {
     flush();
-    if (::pwrite(fd_, text.data(), text.size(), static_cast<off_t>(offset)) != static_cast<ssize_t>(text.size())) {
-      fail("write");
-    }
+    put(offset, text.data(), text.size());
   }
 
   /// Writes bytes at a place of the file, and lets the system bring them to the disk at once, so that `commit` has less
   /// to wait for. Several threads may do so at a time; not to be mixed with `write`.
   void write_at(std::int64_t offset, const char* data, std::size_t bytes) {
+    put(offset, data, bytes);
 #ifdef SYNC_FILE_RANGE_WRITE
-    const std::int64_t begin = offset;
     const std::int64_t size = static_cast<std::int64_t>(bytes);
-#endif
-    while (bytes > 0) {
-      const ssize_t written = ::pwrite(fd_, data, bytes, static_cast<off_t>(offset));
-      if (written < 0 && errno == EINTR) continue;
-      if (written <= 0) throw OutputError(failure("write"));
-      data += written;
-      bytes -= static_cast<std::size_t>(written);
-      offset += written;
-    }
-#ifdef SYNC_FILE_RANGE_WRITE
-    ::sync_file_range(fd_, begin, size, SYNC_FILE_RANGE_WRITE);  // where it cannot, commit does it all
+    ::sync_file_range(fd_, offset, size, SYNC_FILE_RANGE_WRITE);  // where it cannot, commit does it all
 #endif
   }
 
@@ -198,16 +186,22 @@ class AtomicFile {
   }
 
   void flush() {
-    write_through(buffer_.data(), buffer_.size());
+    append(buffer_.data(), buffer_.size());
     buffer_.clear();
   }
 
-  void write_through(const char* data, std::size_t bytes) {
+  void append(const char* data, std::size_t bytes) {
+    put(end_, data, bytes);
+    end_ += static_cast<std::int64_t>(bytes);
+  }
+
+  void put(std::int64_t offset, const char* data, std::size_t bytes) const {
     while (bytes > 0) {
-      const ssize_t written = ::write(fd_, data, bytes);
+      const ssize_t written = ::pwrite(fd_, data, bytes, static_cast<off_t>(offset));
       if (written < 0 && errno == EINTR) continue;
-      if (written <= 0) fail("write");
+      if (written <= 0) throw OutputError(failure("write"));
       data += written;
+      offset += written;
       bytes -= static_cast<std::size_t>(written);
     }
   }
@@ -216,6 +210,7 @@ class AtomicFile {
   std::filesystem::path folder_;
   std::filesystem::path temporary_;
   int fd_ = -1;
+  std::int64_t end_ = 0;  ///< of what `write` has brought to the file
   std::vector<char> buffer_;
 };
 

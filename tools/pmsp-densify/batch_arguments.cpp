@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "batch_arguments.h"
 
+#include <algorithm>
 #include <iostream>
-#include <sstream>
 
 #include <CLI/CLI.hpp>
 
 #include "batch_options.h"
 #include "batch_run.h"
 #include "exit_code.h"
+#include "option_table.h"
 #include "shard_arguments.h"
 
 namespace pmsp::tool {
@@ -49,16 +50,10 @@ int jobs_from(const std::string& text) {
 }
 
 std::vector<int> devices_from(const std::string& text) {
-  std::vector<int> devices;
-  std::istringstream list(text + ",");
-  for (std::string item; std::getline(list, item, ',');) {
-    const auto device = number_from<int>(item);
-    if (!device || *device < 0 || *device > 255) {
-      throw UsageError("--device is \"" + text + "\"; expected CUDA devices, 0 to 255, such as 0,1");
-    }
-    devices.push_back(*device);
-  }
-  return devices;
+  const auto devices = numbers_from(text);
+  const auto is_device = [](int number) { return number >= 0 && number <= 255; };
+  if (devices && std::all_of(devices->begin(), devices->end(), is_device)) return *devices;
+  throw UsageError("--device is \"" + text + "\"; expected CUDA devices, 0 to 255, such as 0,1");
 }
 
 ProgressMode progress_from(const std::string& name) {

@@ -44,4 +44,40 @@ int images_ahead(const SlamMap& map, int threads) {
   return static_cast<int>(std::clamp(kBytes / largest, std::size_t{2}, most));
 }
 
+ImageReader::ImageReader(ImageSource& source, const SlamMap& map, int threads, PairingVerifier* verifier)
+    : decoder_(source), verifier_(verifier) {
+  source.read_ahead(images_ahead(map, threads));
+  begin();
+}
+
+void ImageReader::begin() {
+  next_ = std::async(std::launch::async, [this, done = std::exchange(done_, std::nullopt)]() mutable {
+    done.reset();
+    return read();
+  });
+}
+
+ImageReader::Read ImageReader::read() {
+  Read read{decoder_.next(), std::nullopt};
+  if (verifier_ == nullptr || !read.item) return read;
+  verifier_->add(read.item->keyframe_id, read.item->image.view());
+  read.pairing = verifier_->verdict();
+  if (read.pairing->conclusive && !read.pairing->belongs) throw InvalidInput(read.pairing->message);
+  return read;
+}
+
+ImageReader::Read ImageReader::next() {
+  Read read = next_.get();
+  if (read.item) begin();
+  return read;
+}
+
+ImageView<const std::uint8_t> MaskReader::mask_for(const Image<Rgb>& image) {
+  if (path_.empty()) return {};
+  if (mask_.width() != image.width() || mask_.height() != image.height()) {
+    mask_ = read_mask(path_, image.width(), image.height());
+  }
+  return static_cast<const Image<std::uint8_t>&>(mask_).view();
+}
+
 }  // namespace pmsp::tool

@@ -2,8 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <future>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "pmsp/io/image_source.h"
@@ -38,5 +42,48 @@ class Decoder {
 
 /// How many images may be decoded ahead by so many threads: as many as take 512 MiB, but two at least.
 int images_ahead(const SlamMap& map, int threads);
+
+/// Decodes and verifies the next images on other threads, while whoever asks works on one.
+class ImageReader {
+ public:
+  /// Nothing else may ask the source meanwhile. `threads`: that decode. `verifier`: nullptr = images are not compared
+  /// with the map.
+  ImageReader(ImageSource& source, const SlamMap& map, int threads, PairingVerifier* verifier);
+
+  struct Read : Decoded {
+    std::optional<PairingVerifier::Verdict> pairing;  ///< of the images so far
+  };
+  /// Throws InvalidInput where the images so far evidently belong to other keyframes.
+  Read next();
+
+  /// Another thread gives the image's memory back, which takes a while.
+  void let_go(ImageSource::Item item) { done_ = std::move(item); }
+
+  /// When there is no image any more: as Decoder::first_error.
+  const std::string& first_error() const { return decoder_.first_error(); }
+
+ private:
+  void begin();
+  Read read();
+
+  Decoder decoder_;
+  PairingVerifier* verifier_;
+  std::optional<ImageSource::Item> done_;
+  std::future<Read> next_;  ///< after all that it uses
+};
+
+/// A mask in the size of the image that it is for.
+class MaskReader {
+ public:
+  /// `path`: empty = there is no mask.
+  explicit MaskReader(std::filesystem::path path) : path_(std::move(path)) {}
+
+  /// Stays until the next call. Throws as read_mask.
+  ImageView<const std::uint8_t> mask_for(const Image<Rgb>& image);
+
+ private:
+  std::filesystem::path path_;
+  Image<std::uint8_t> mask_;
+};
 
 }  // namespace pmsp::tool

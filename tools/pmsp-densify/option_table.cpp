@@ -5,6 +5,7 @@
 #include <charconv>
 #include <limits>
 #include <numeric>
+#include <sstream>
 
 #include "pmsp/error.h"
 
@@ -297,12 +298,8 @@ void set_from_text(DensifierOptions& options, const OptionEntry& entry, const st
     (*as_seed)(options) = number(number_from<std::uint64_t>(text));
   } else if (const auto* as_list = std::get_if<6>(&entry.access)) {
     std::vector<int> devices;
-    for (std::size_t at = 0; text != "all" && at <= text.size();) {
-      const std::size_t end = std::min(text.find(',', at), text.size());
-      devices.push_back(number(number_from<int>(text.substr(at, end - at))));
-      check_range(entry, devices.back(), where, text);
-      at = end + 1;
-    }
+    if (text != "all") devices = number(numbers_from(text));
+    for (const int device : devices) check_range(entry, device, where, text);
     (*as_list)(options) = std::move(devices);
   } else {
     try {
@@ -350,6 +347,17 @@ void apply_json(DensifierOptions& options, const nlohmann::json& json, const std
   Json rest = json;
   rest.erase("quality");  // chooses the preset below these values; whoever reads the file looks at it first
   apply_level(options, rest, "", source);
+}
+
+std::optional<std::vector<int>> numbers_from(const std::string& list) {
+  std::vector<int> numbers;
+  std::istringstream items(list + ",");
+  for (std::string item; std::getline(items, item, ',');) {
+    const auto number = number_from<int>(item);
+    if (!number) return std::nullopt;
+    numbers.push_back(*number);
+  }
+  return numbers;
 }
 
 std::string nearest(const std::string& word, const std::vector<std::string>& candidates) {

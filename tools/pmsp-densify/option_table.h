@@ -67,6 +67,9 @@ std::optional<T> number_from(const std::string& text) {
   return whole ? std::optional<T>(value) : std::nullopt;
 }
 
+/// The whole numbers of a list such as "0,1", nullopt where it is none.
+std::optional<std::vector<int>> numbers_from(const std::string& list);
+
 /// The candidate that differs from `word` in the fewest letters; "" when there is none.
 std::string nearest(const std::string& word, const std::vector<std::string>& candidates);
 

@@ -245,51 +245,26 @@ class Run {
   /// can; else "".
   std::string each_image(ImageSource& source, const InterruptGuard& guard,
                          const std::function<void(std::size_t index, const ImageSource::Item&)>& visit) {
-    source.read_ahead(images_ahead(map_, threads_));
-    Decoder decoder(source);
-    struct Seen {
-      Decoded decoded;
-      std::optional<PairingVerifier::Verdict> pairing;
-    };
-    const auto see = [&] {
-      Seen seen{decoder.next(), std::nullopt};
-      if (verifier_ && seen.decoded.item) seen.pairing = verify(*seen.decoded.item);
-      return seen;
-    };
-    std::future<Seen> next = std::async(std::launch::async, see);
-    std::optional<ImageSource::Item> done;  // the other thread gives its memory back, which takes a while
+    ImageReader images(source, map_, threads_, verifier_.get());
     std::size_t index = 0;
     for (;; ++index) {
-      Seen seen = [&] {
+      ImageReader::Read read = [&] {
         const Spent spent(report_.time, Busy::kWait);
-        return next.get();
+        return images.next();
       }();
-      Decoded& decoded = seen.decoded;
-      if (seen.pairing) report_.pairing = seen.pairing;
+      if (read.pairing) report_.pairing = read.pairing;
       guard.check();
-      for (const SkippedKeyframe& skipped : decoded.skipped) {
+      for (const SkippedKeyframe& skipped : read.skipped) {
         if (densifier_ && step_) refuse_lost(skipped);
         skip(skipped);
       }
-      report_.with_image -= decoded.skipped.size();
-      if (!decoded.item) break;
-      next = std::async(std::launch::async, [&see, done = std::move(done)]() mutable {
-        done.reset();
-        return see();
-      });
-      visit(index, *decoded.item);
-      done = std::move(decoded.item);
+      report_.with_image -= read.skipped.size();
+      if (!read.item) break;
+      visit(index, *read.item);
+      images.let_go(std::move(*read.item));
       guard.check();
     }
-    return index == 0 ? decoder.first_error() : "";
-  }
-
-  /// Whether the images so far belong to their keyframes.
-  PairingVerifier::Verdict verify(const ImageSource::Item& item) {
-    verifier_->add(item.keyframe_id, item.image.view());
-    const PairingVerifier::Verdict verdict = verifier_->verdict();
-    if (verdict.conclusive && !verdict.belongs) throw InvalidInput(verdict.message);
-    return verdict;
+    return index == 0 ? images.first_error() : "";
   }
 
   void add(std::size_t index, const ImageSource::Item& item) {
@@ -299,7 +274,7 @@ class Run {
     Keyframe keyframe = io::keyframe_of(map_, *found);
     if (step_) keyframe.scale = step_->scale_of(keyframe.id);
     keyframe.image = item.image.view();
-    keyframe.mask = mask_for(item.image);
+    keyframe.mask = mask_.mask_for(item.image);
     if (preview_) {
       const Spent spent(report_.time, Busy::kPreview);
       const int width = report_.options.width > 0 ? report_.options.width : item.image.width();
@@ -314,14 +289,6 @@ class Run {
     if (preview_ && !accepted) preview_->drop_keyframe(keyframe.id);
     progress_.step(
         {"densify", index + 1, step_ ? steps_ : report_.with_image, keyframe.id, accepted, writer_->points()});
-  }
-
-  ImageView<const std::uint8_t> mask_for(const Image<Rgb>& image) {
-    if (arguments_.mask.empty()) return {};
-    if (mask_.width() != image.width() || mask_.height() != image.height()) {
-      mask_ = read_mask(arguments_.mask, image.width(), image.height());
-    }
-    return static_cast<const Image<std::uint8_t>&>(mask_).view();
   }
 
   void finish_depth_maps() {
@@ -362,7 +329,7 @@ class Run {
   std::optional<DepthMapFolder> filtered_;
   std::optional<Preview> preview_;
   std::unique_ptr<PairingVerifier> verifier_;
-  Image<std::uint8_t> mask_;
+  MaskReader mask_{arguments_.mask};
   std::unique_ptr<WorkspaceStep> step_;  ///< before the densifier, which calls it
   std::size_t steps_ = 0;                ///< images that it needs
   std::unique_ptr<Densifier> densifier_;

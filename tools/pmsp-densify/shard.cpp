@@ -4,11 +4,11 @@
 #include <chrono>
 #include <exception>
 #include <functional>
-#include <future>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "decoder.h"
@@ -175,18 +175,11 @@ class ShardRun {
       if (first_error_.empty()) first_error_ = skipped.reason;
       skip(skipped);
     };
-    each_image(*images, guard, lost, [&](const ImageSource::Item& item) {
-      if (verifier) verify(*verifier, item);
+    each_image(*images, verifier ? &*verifier : nullptr, guard, lost, [&](const ImageSource::Item& item) {
       step_->look_at(item.keyframe_id, item.image);
       step_->save_look(item.keyframe_id);
       ++readable_;
     });
-  }
-
-  static void verify(PairingVerifier& verifier, const ImageSource::Item& item) {
-    verifier.add(item.keyframe_id, item.image.view());
-    const PairingVerifier::Verdict verdict = verifier.verdict();
-    if (verdict.conclusive && !verdict.belongs) throw InvalidInput(verdict.message);
   }
 
   void skip(const SkippedKeyframe& skipped) {
@@ -247,11 +240,11 @@ class ShardRun {
                     "; leave images as they are while shards work");
     };
     std::size_t index = 0;
-    each_image(*images, guard, lost, [&](const ImageSource::Item& item) {
+    each_image(*images, nullptr, guard, lost, [&](const ImageSource::Item& item) {
       Keyframe keyframe = io::keyframe_of(map_, *map_.find_keyframe(item.keyframe_id));
       keyframe.scale = step_->scale_of(keyframe.id);
       keyframe.image = item.image.view();
-      keyframe.mask = mask_for(item.image);
+      keyframe.mask = mask_.mask_for(item.image);
       const bool taken = densifier.add(keyframe);
       progress_.step({name_of(wave_), ++index, needed.size(), keyframe.id, taken, densifier.stats().points});
     });
@@ -260,31 +253,19 @@ class ShardRun {
     guard.check();
   }
 
-  /// While one keyframe is worked on, the next images are decoded.
-  void each_image(ImageSource& source, const InterruptGuard& guard,
+  void each_image(ImageSource& source, PairingVerifier* verifier, const InterruptGuard& guard,
                   const std::function<void(const SkippedKeyframe&)>& lost,
                   const std::function<void(const ImageSource::Item&)>& visit) const {
-    source.read_ahead(images_ahead(map_, options_.threads > 0 ? options_.threads : usable_cpus()));
-    Decoder decoder(source);
-    const auto decode = [&decoder] { return decoder.next(); };
-    std::future<Decoded> next = std::async(std::launch::async, decode);
+    ImageReader images(source, map_, options_.threads > 0 ? options_.threads : usable_cpus(), verifier);
     for (;;) {
-      const Decoded decoded = next.get();
+      ImageReader::Read read = images.next();
       guard.check();
-      for (const SkippedKeyframe& skipped : decoded.skipped) lost(skipped);
-      if (!decoded.item) return;
-      next = std::async(std::launch::async, decode);
-      visit(*decoded.item);
+      for (const SkippedKeyframe& skipped : read.skipped) lost(skipped);
+      if (!read.item) return;
+      visit(*read.item);
+      images.let_go(std::move(*read.item));
       guard.check();
     }
-  }
-
-  ImageView<const std::uint8_t> mask_for(const Image<Rgb>& image) {
-    if (arguments_.mask.empty()) return {};
-    if (mask_.width() != image.width() || mask_.height() != image.height()) {
-      mask_ = read_mask(arguments_.mask, image.width(), image.height());
-    }
-    return static_cast<const Image<std::uint8_t>&>(mask_).view();
   }
 
   // --- what is told --------------------------------------------------------------------------------------------------
@@ -356,7 +337,7 @@ class ShardRun {
   std::string first_error_;
   Ids depth_maps_;  ///< keyframes that get one
   Ids mine_;        ///< this shard's
-  Image<std::uint8_t> mask_;
+  MaskReader mask_{arguments_.mask};
   std::string announced_backend_;
 };
 

@@ -74,7 +74,7 @@ constexpr struct {
                             {"finish", "waiting for the disk"}};
 
 /// "densifying 82 %, waiting for images 12 %, ...", the largest first; what is less than one percent is left out.
-std::string shares_of(TimeAccount& time) {
+std::string shares_of(const TimeAccount& time) {
   std::vector<std::pair<double, const char*>> shares;
   for (std::size_t i = 0; i < kBusyKinds; ++i) {
     shares.emplace_back(100.0 * time.seconds(static_cast<Busy>(i)) / std::max(time.total(), 1e-9), kBusyNames[i].words);
@@ -102,7 +102,7 @@ double peak_memory_mib() {
 #endif
 }
 
-nlohmann::ordered_json to_json(RunReport& report) {
+nlohmann::ordered_json to_json(const RunReport& report) {
   const DensifierStats& s = report.stats;
   nlohmann::ordered_json json{{"generator", version_text()},
                               {"build_type", PMSP_BUILD_TYPE},
@@ -155,7 +155,7 @@ nlohmann::ordered_json to_json(RunReport& report) {
   return json;
 }
 
-std::string summary(RunReport& report) {
+std::string summary(const RunReport& report) {
   const DensifierStats& s = report.stats;
   const double total = report.time.total();
   const auto rate = s.keyframes_added > 0 ? total / static_cast<double>(s.keyframes_added) : 0.0;

@@ -30,10 +30,10 @@ struct RunReport {
 };
 
 /// Times up to now.
-nlohmann::ordered_json to_json(RunReport& report);
+nlohmann::ordered_json to_json(const RunReport& report);
 
 /// Counts of each stage and times up to now, a few lines for people.
-std::string summary(RunReport& report);
+std::string summary(const RunReport& report);
 
 /// Which stage lost the points, and the option to try.
 std::string explain_empty(const DensifierStats& stats);

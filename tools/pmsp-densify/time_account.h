@@ -38,31 +38,29 @@ class TimeAccount {
     Busy before_;
   };
 
-  double seconds(Busy with) {
-    turn_to(now_);
-    return seconds_[static_cast<std::size_t>(with)];
+  /// Up to now.
+  double seconds(Busy with) const {
+    const double before = seconds_[static_cast<std::size_t>(with)];
+    return with == now_ ? before + since(since_) : before;
   }
 
-  double total() {
-    turn_to(now_);
-    double sum = 0.0;
-    for (const double seconds : seconds_) sum += seconds;
-    return sum;
-  }
+  double total() const { return since(begin_); }
 
  private:
   using Clock = std::chrono::steady_clock;
 
+  static double since(Clock::time_point time) { return std::chrono::duration<double>(Clock::now() - time).count(); }
+
   void turn_to(Busy with) {
-    const Clock::time_point time = Clock::now();
-    seconds_[static_cast<std::size_t>(now_)] += std::chrono::duration<double>(time - since_).count();
-    since_ = time;
+    seconds_[static_cast<std::size_t>(now_)] = seconds(now_);
+    since_ = Clock::now();
     now_ = with;
   }
 
   std::array<double, kBusyKinds> seconds_{};
   Busy now_ = Busy::kOther;
-  Clock::time_point since_ = Clock::now();
+  const Clock::time_point begin_ = Clock::now();
+  Clock::time_point since_ = begin_;
 };
 
 }  // namespace pmsp::tool
