@@ -17,6 +17,9 @@ namespace {
 constexpr double kQueryTolerance = 0.1;
 /// While a keyframe has not had all its passes, moves up to this many times the tolerance wait until it has.
 constexpr double kFarInBetween = 3.0;
+/// Moves up to this many times the tolerance let it have all its passes first; beyond, as when a loop is closed, what
+/// it has is worth nothing, and it begins anew.
+constexpr double kFarToGoOn = 12.0;
 /// Keyframes that have moved in the world by more than this may have been brought to others [rad].
 constexpr double kFarMove = 0.01;
 /// Neighbours whose scales have changed against each other by more than this saw what was stretched since; however well
@@ -307,7 +310,7 @@ bool LiveBuilder::match() {
   for (const auto& [map_id, flight] : flights_) {
     for (const std::int64_t id : flight) {
       LiveNode& node = nodes_.at(id);
-      if (!lacks_passes(node)) continue;
+      if (!lacks_passes(node) || is_due_again(node)) continue;
       candidates.push_back(&node);
     }
   }
@@ -318,9 +321,10 @@ bool LiveBuilder::match() {
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
       if (node->passes == 0 || node->wants_images_alone(kFarInBetween * options_.max_move_px)) return true;
       if (!other->linked || (other->passes < node->passes && lacks_passes(*other))) return false;
+      if (begins_anew(*other)) return false;
       if (node->anew && is_due_again(*other)) return false;
       const bool waits = other->wants_images_alone(kFarInBetween * options_.max_move_px) && can_match(*other);
-      return node->passes < kLevels[0] || !waits;  // first points wait for nobody's move
+      return (node->passes < kLevels[0] && !node->anew) || !waits;  // first points wait for nobody's move
     });
     if (!ready) continue;
     const auto urgency = [&](const LiveNode& of) { return (all_at_once ? 0 : level_of(of)) + (of.anew ? full_ : 0); };
@@ -331,12 +335,25 @@ bool LiveBuilder::match() {
   return true;
 }
 
-/// Whether it has all its passes, but neighbours have moved since, or have moved far in between.
-bool LiveBuilder::is_due_again(const LiveNode& node) const {
-  return node.passes >= full_ && node.badness() > 0.0 && can_match(node);
+/// Whether neighbours have moved so far that what it has is worth nothing.
+bool LiveBuilder::begins_anew(const LiveNode& node) const {
+  return node.passes > 0 && node.moved_px > kFarToGoOn * options_.max_move_px && can_match(node);
 }
 
-/// Of the keyframes that are due again, the one where it is worst is matched anew.
+/// Whether it has all its passes, but neighbours have moved since, or far in between; or it need not have the others
+/// first.
+bool LiveBuilder::is_due_again(const LiveNode& node) const {
+  return begins_anew(node) || (node.passes >= full_ && node.badness() > 0.0 && can_match(node));
+}
+
+/// The used keyframe before it in its flight, null = it is the first.
+LiveNode* LiveBuilder::previous_of(const LiveNode& node) {
+  const std::size_t place = place_of(node);
+  return place > 0 ? find(flights_.at(node.map_id)[place - 1]) : nullptr;
+}
+
+/// Of the keyframes that are due again, the one where it is worst is matched anew; but first those before it that begin
+/// anew, too: it starts from the planes of the one before.
 bool LiveBuilder::match_again() {
   LiveNode* worst = nullptr;
   for (auto& [id, node] : nodes_) {
@@ -344,10 +361,14 @@ bool LiveBuilder::match_again() {
     if (worst == nullptr || node.badness() > worst->badness()) worst = &node;
   }
   if (worst == nullptr) return false;
+  for (LiveNode* before = previous_of(*worst); before != nullptr && begins_anew(*before);
+       before = previous_of(*worst)) {
+    worst = before;
+  }
   ++stats_.matched_again;
   worst->passes = 0;
   worst->owed_px = 0.0;
-  worst->anew = true;
+  worst->anew = worst->shown > 0;
   match(*worst);
   return true;
 }
@@ -358,22 +379,24 @@ void LiveBuilder::match(LiveNode& node) {
   task.reference = node.frame.get();
   task.keyframe = &keyframe;
   LiveInputs inputs;
-  for (const LiveNode* near : neighbours_of(node)) {
+  // Maps of before a move agree with each other, and would hold a keyframe where it was: such neighbours lend their
+  // images only, and a pass that looks at images alone comes in between.
+  const double far = kFarInBetween * options_.max_move_px;
+  std::vector<const LiveNode*> neighbours = neighbours_of(node);
+  const auto outdated = std::stable_partition(neighbours.begin(), neighbours.end(),
+                                              [&](const LiveNode* near) { return near->moved_px <= far; });
+  for (const LiveNode* near : neighbours) {
     task.neighbours.push_back(near->frame.get());
     inputs.push_back(input(*near, node, near->planes_made));
   }
-  // Maps of before a move agree with each other, and would hold a keyframe where it was: a pass that looks at images
-  // alone comes in between.
-  const bool in_between = node.wants_images_alone(kFarInBetween * options_.max_move_px);
+  const bool in_between = node.wants_images_alone(far);
   if (in_between) node.owed_px = node.moved_px;
   const bool photometric = node.passes == 0 || in_between;
-  task.near = photometric ? 0 : task.neighbours.size();
+  task.near = photometric ? 0 : static_cast<std::size_t>(outdated - neighbours.begin());
   task.range = node.depths;
   if (node.passes == 0 && densifier_.init.warp_previous) {
-    const std::size_t place = place_of(node);
-    const Flight& flight = flights_.at(node.map_id);
-    const LiveNode* const previous = place > 0 ? find(flight[place - 1]) : nullptr;
-    if (previous != nullptr && previous->has_map()) task.previous = previous->frame.get();
+    const LiveNode* const previous = previous_of(node);
+    if (previous != nullptr && previous->has_map() && !begins_anew(*previous)) task.previous = previous->frame.get();
   }
   task.pass = std::min(node.passes, std::max(1, full_ - 1));
   engine_->match(task);

@@ -97,7 +97,9 @@ class LiveBuilder {
   int level_of(const LiveNode& node) const;
   bool lacks_passes(const LiveNode& node) const { return node.passes < full_ && can_match(node); }
   bool match();
+  bool begins_anew(const LiveNode& node) const;
   bool is_due_again(const LiveNode& node) const;
+  LiveNode* previous_of(const LiveNode& node);
   bool match_again();
   void match(LiveNode& node);
   void filter(LiveNode& node);

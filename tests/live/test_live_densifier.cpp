@@ -112,7 +112,7 @@ TEST_CASE("Keyframes that converge as a SLAM's do are as good in the end as if t
 
 TEST_CASE("A loop closure moves, turns and scales what was seen before it", PMSP_ACCURACY) {
   const LiveOptions options = small_live(kRoomWidth);
-  const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0), options), room());
+  const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0, 0.0), options), room());
   for (const double drift : {0.1, -0.15}) {
     LiveStats stats;
     const auto snapshot = played(FakeSlam(live_keyframes(room()), drift), options, &stats);
@@ -121,7 +121,7 @@ TEST_CASE("A loop closure moves, turns and scales what was seen before it", PMSP
     CHECK(closed.clouds == still.clouds);
     // Places that were seen as two are merged: some of the points go.
     CHECK(closed.right > still.right - 0.012);
-    CHECK(closed.covered > still.covered - 0.01);
+    CHECK(closed.covered > still.covered - 0.02);
     CHECK(closed.misplaced < 0.01);
     CHECK(stats.rescaled > 0);
     CHECK(std::any_of(snapshot->clouds.begin(), snapshot->clouds.end(),
