@@ -3,6 +3,7 @@
 
 #include "equirect.h"
 #include "plane.h"
+#include "rigid.h"
 
 // How a surface point of one keyframe looks from another one's depth map: the common ground of the consistency filter
 // and of fusion. Depths are compared along the ray, with the other map's plane rather than its pixel's depth, so that a
@@ -48,7 +49,7 @@ template <class F, class Map>
 PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map& other,
                                const Rigid& other_from_first) {
   const Vec3<F> turned = rotate(other_from_first, bearing);
-  const Vec3<F> t = translation<F>(other_from_first);
+  const Vec3<F> t = translation(other_from_first, bearing, Vec3<F>(depth * turned), F(1));
   const Vec3<F> p = fma(depth, turned, t);
   const IntOf<F> index = pixel_index(p, other.width, other.height);
   const Vec3<F> plane = plane_at<F>(other, index);
@@ -94,7 +95,8 @@ struct Votes {
 template <class F, class Map>
 PMSP_HD F disagreement(const Vec3<F>& bearing, const F& inverse_depth, const Map& other,
                        const Rigid& other_from_first) {
-  const Vec3<F> p = fma(inverse_depth, translation<F>(other_from_first), rotate(other_from_first, bearing));
+  const Vec3<F> turned = rotate(other_from_first, bearing);
+  const Vec3<F> p = fma(inverse_depth, translation(other_from_first, bearing, turned, inverse_depth), turned);
   const IntOf<F> index = pixel_index(p, other.width, other.height);
   const Vec3<F> plane = plane_at<F>(other, index);
   return abs(dot(plane, p) / inverse_depth - F(1));

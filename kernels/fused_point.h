@@ -51,6 +51,7 @@ struct ConstSurfelArrays {
   const std::uint8_t* standings;
   const std::uint8_t* agree;
   int agree_bytes;
+  float lens;  ///< how far in front of the camera's centre its forward lens lies
 };
 
 /// Makes the points of a keyframe's pixels; a stage. Counts them.
@@ -124,7 +125,7 @@ struct FusePixels {
   }
 };
 
-/// What the points of a keyframe are handed out as.
+/// What the points of a keyframe are handed out as: in the camera's frame.
 struct OwnedPoint {
   Vec3<float> position, normal;
   std::uint8_t color[3];
@@ -136,6 +137,7 @@ PMSP_HD OwnedPoint owned_point(const ConstSurfelArrays& map, const GridView& gri
   OwnedPoint point{};
   point.position =
       depth_of_surfel<float>(packed.surfel) * bearing_at<float>(grid, pixel % grid.width, pixel / grid.width);
+  point.position.z += of_lens(point.position.z, map.lens);
   point.normal = normal_of(packed);
   for (unsigned i = 0; i < 3; ++i) point.color[i] = static_cast<std::uint8_t>(packed.detail >> (8U * i));
   point.confidence = confidence_of_level<float>(static_cast<std::uint32_t>(map.standings[pixel]) >> 2U);

@@ -149,10 +149,12 @@ struct SourceView {
 template <class Patch, class F, class Cube>
 PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view, const Vec3<F>& plane,
                      const PatchLayout& layout) {
-  const Vec3<F> t = translation<F>(view.view_from_ref);
+  const Vec3<F> turned = rotate(view.view_from_ref, frame.bearing);
+  const F inverse_depth = dot(plane, frame.bearing);
+  const Vec3<F> t = translation(view.view_from_ref, frame.bearing, turned, inverse_depth);
   const Vec3<F> right = fma(dot(plane, frame.right), t, rotate(view.view_from_ref, frame.right));
   const Vec3<F> down = fma(dot(plane, frame.down), t, rotate(view.view_from_ref, frame.down));
-  const Vec3<F> center = fma(dot(plane, frame.bearing), t, rotate(view.view_from_ref, frame.bearing));
+  const Vec3<F> center = fma(inverse_depth, t, turned);
   Vec3<F> left = fma(F(patch_offset(0)), right, fma(F(patch_offset(0)), down, center));
   F sum(0);
   F square(0);

@@ -3,6 +3,7 @@
 
 #include "elementary.h"
 #include "random.h"
+#include "rigid.h"
 #include "vec3.h"
 
 // A hypothesis is a plane, written as the vector v with v . X = 1 for all its points X (camera frame). The range along
@@ -59,7 +60,7 @@ PMSP_HD Vec3<F> perturbed(const Vec3<F>& plane, const RandomKey& key, const UInt
 }
 
 /// The plane of another camera's frame in this one: v . (R X + t) = 1 becomes (R^T v) . X = 1 - v . t. Zero when the
-/// camera lies on the plane or behind it.
+/// camera lies on the plane or behind it. From centre to centre: good enough for a plane to begin with.
 template <class F>
 PMSP_HD Vec3<F> moved_plane(const Vec3<F>& plane, const Rigid& from_here) {
   const F rest = F(1) - dot(plane, translation<F>(from_here));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "equirect.h"
+#include "rigid.h"
 #include "stage.h"
 #include "vec3.h"
 

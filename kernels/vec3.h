@@ -45,31 +45,4 @@ PMSP_HD Vec3<F> select(const M& mask, const Vec3<F>& a, const Vec3<F>& b) {
   return {select(mask, a.x, b.x), select(mask, a.y, b.y), select(mask, a.z, b.z)};
 }
 
-/// `target_from_source` in single precision: the same for all pixels of a keyframe. Rotation row-major.
-struct Rigid {
-  float r[9];
-  float t[3];
-};
-
-template <class F>
-PMSP_HD Vec3<F> rotate(const Rigid& m, const Vec3<F>& a) {
-  return {fma(F(m.r[0]), a.x, fma(F(m.r[1]), a.y, F(m.r[2]) * a.z)),
-          fma(F(m.r[3]), a.x, fma(F(m.r[4]), a.y, F(m.r[5]) * a.z)),
-          fma(F(m.r[6]), a.x, fma(F(m.r[7]), a.y, F(m.r[8]) * a.z))};
-}
-template <class F>
-PMSP_HD Vec3<F> rotate_back(const Rigid& m, const Vec3<F>& a) {
-  return {fma(F(m.r[0]), a.x, fma(F(m.r[3]), a.y, F(m.r[6]) * a.z)),
-          fma(F(m.r[1]), a.x, fma(F(m.r[4]), a.y, F(m.r[7]) * a.z)),
-          fma(F(m.r[2]), a.x, fma(F(m.r[5]), a.y, F(m.r[8]) * a.z))};
-}
-template <class F>
-PMSP_HD Vec3<F> translation(const Rigid& m) {
-  return {F(m.t[0]), F(m.t[1]), F(m.t[2])};
-}
-template <class F>
-PMSP_HD Vec3<F> transform(const Rigid& m, const Vec3<F>& a) {
-  return rotate(m, a) + translation<F>(m);
-}
-
 }  // namespace pmsp::kernels

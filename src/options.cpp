@@ -6,6 +6,7 @@
 
 #include "ownership.h"
 #include "pmsp/error.h"
+#include "pmsp/keyframe.h"
 #include "util/check_option.h"
 
 namespace pmsp {
@@ -135,6 +136,7 @@ void DensifierOptions::validate() const {
   check_size("height", height, 16, 8192);
   check_option("number of devices", static_cast<int>(devices.size()), 0, kMostDevices);
   for (const int device : devices) check_option("device", device, 0, 255);
+  check_option("lens_distance", lens_distance, -kMaxPosition, kMaxPosition);
   check_option("threads", threads, 0, 1024);
   view_filter.validate();
   init.validate();

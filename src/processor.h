@@ -36,7 +36,7 @@
 //   prepare(keyframe, seconds)                 the keyframe's image
 //   gray(cubes), usable(cubes), color(colors), mask(colors, mask)   views of it
 //   pack(cubes), packed_size(cubes), unpack(packed, size)           cubes as one array, and back
-//   landmarks(keyframe)            the landmarks that make planes, and their number
+//   landmarks(keyframe, lens)       the landmarks that make planes, and their number
 //   first_planes(source, planes)   view of the planes that keys stand for; they may be put into `planes`
 //   launch(stage, counts)          runs a stage over all its pixels; `counts`: nullptr = not wanted
 //   splat(stage, count), start(pass), iterate(pass, colour, iteration, rescore), own(stage, asked)

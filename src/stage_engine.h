@@ -97,7 +97,7 @@ class StageEngine final : public Engine {
     std::vector<Planes> held;
     for (std::size_t k = 0; k < others.size(); ++k) {
       held.push_back(own(*others[k]).median.get(on));
-      stage.others[k] = {on.map(held.back()), relation(others[k]->pose, reference.pose).other_from_first};
+      stage.others[k] = {on.map(held.back()), relation(others[k]->pose, reference.pose, lens()).other_from_first};
     }
     on.counted(
         context_.stats.seconds_consistency, [&](Counts* counts) { on.launch(stage, counts); },
@@ -123,7 +123,7 @@ class StageEngine final : public Engine {
     };
     std::vector<Held> held;  // as long as the stage looks at them
     const auto view = [&](const StageFrame& member) {
-      const Relation to = relation(member.pose, reference.pose);
+      const Relation to = relation(member.pose, reference.pose, lens());
       const Held& its = held.emplace_back(Held{member.median.get(on), member.confidence.get(on), member.color.get(on)});
       return kernels::FusionView<Views>{filtered(its.planes, its.confidence, on), on.color(its.color),
                                         to.other_from_first, to.zoom};
@@ -172,7 +172,7 @@ class StageEngine final : public Engine {
     stage.grid = on.grid();
     for (const Frame* asked : viewers) {
       const StageFrame& viewer = own(*asked);
-      const Relation to = relation(viewer.pose, reference.pose);
+      const Relation to = relation(viewer.pose, reference.pose, lens());
       const float* const nearest = sights.emplace_back(viewer.nearest.get(on)).get();
       const float* const farthest = sights.emplace_back(viewer.farthest.get(on)).get();
       stage.viewers[stage.count++] = {{nearest, farthest, context_.options.width / kernels::kSightCell,
@@ -211,7 +211,7 @@ class StageEngine final : public Engine {
     stage.grid = on.grid();
     for (const Frame* asked : others) {
       const StageFrame& viewer = own(*asked);
-      const Relation to = relation(viewer.pose, reference.pose);
+      const Relation to = relation(viewer.pose, reference.pose, lens());
       stage.others[stage.count++] = {view(viewer), to.other_from_first, to.zoom, viewer.id < reference.id};
     }
     stage.first = round == 1;
@@ -237,7 +237,8 @@ class StageEngine final : public Engine {
     cloud.scale = reference.pose.scale;
     cloud.window_ids = reference.window_ids;
     on.hand_out_points(
-        {surfels.get(), details.get(), standings.get(), agree.get(), agree_bytes(context_.options.fusion)},
+        {surfels.get(), details.get(), standings.get(), agree.get(), agree_bytes(context_.options.fusion),
+         static_cast<float>(lens())},
         std::move(cloud), context_.stats.seconds_ownership,
         [this, eligible = reference.eligible](const KeyframeCloud& made) {
           context_.stats.points_repeated += *eligible - static_cast<std::int64_t>(made.points.size());
@@ -472,7 +473,7 @@ class StageEngine final : public Engine {
     for (std::size_t i = 0; i < task.neighbours.size(); ++i) {
       const Cubes& cubes = sources.neighbours[i];
       pass.matching.views[pass.matching.num_views++] = {
-          on.gray(cubes), on.usable(cubes), relation(task.neighbours[i]->pose, reference.pose).other_from_first,
+          on.gray(cubes), on.usable(cubes), relation(task.neighbours[i]->pose, reference.pose, lens()).other_from_first,
           on.map(sources.maps[i])};
     }
   }
@@ -482,7 +483,7 @@ class StageEngine final : public Engine {
     const InitOptions& options = context_.options.init;
     if (options.sparse_points) {
       sources.landmark_keys = on.keys();
-      const auto [points, count] = on.landmarks(*task.keyframe);
+      const auto [points, count] = on.landmarks(*task.keyframe, lens());
       sources.points = points;
       on.splat(
           kernels::SplatLandmarks<Keys>{
@@ -498,14 +499,14 @@ class StageEngine final : public Engine {
     const Map map = on.map(sources.previous);
     on.launch(kernels::WarpPixels<Views, Keys>{map,
                                                on.grid(),
-                                               relation(task.reference->pose, previous.pose).other_from_first,
+                                               relation(task.reference->pose, previous.pose, lens()).other_from_first,
                                                map.width,
                                                map.height,
                                                {sources.warped_keys.get()}},
               nullptr);
     pass.warped =
         on.first_planes(kernels::WarpedPlanes<Map>{sources.warped_keys.get(), map,
-                                                   relation(previous.pose, task.reference->pose).other_from_first},
+                                                   relation(previous.pose, task.reference->pose, lens()).other_from_first},
                         sources.warped);
   }
 
@@ -565,6 +566,7 @@ class StageEngine final : public Engine {
     return static_cast<std::size_t>(context_.options.width) * static_cast<std::size_t>(context_.options.height);
   }
   std::size_t cells() const { return pixels() / (kernels::kSightCell * kernels::kSightCell); }
+  double lens() const { return 0.5 * context_.options.lens_distance; }
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
 
   Processor& processor_of(const Frame& frame) { return *processors_[own(frame).home]; }

@@ -99,9 +99,9 @@ CpuProcessor::Cubes CpuProcessor::unpack(const Array<std::uint16_t>& packed, std
   return cubes;
 }
 
-std::pair<Array<kernels::SparsePoint>, int> CpuProcessor::landmarks(const Keyframe& keyframe) const {
+std::pair<Array<kernels::SparsePoint>, int> CpuProcessor::landmarks(const Keyframe& keyframe, double lens) const {
   const auto points = array<kernels::SparsePoint>(keyframe.landmarks.size());
-  const std::size_t count = sparse_points(keyframe, grid_->width(), grid_->height(), points.get());
+  const std::size_t count = sparse_points(keyframe, lens, grid_->width(), grid_->height(), points.get());
   return {points, static_cast<int>(count)};
 }
 

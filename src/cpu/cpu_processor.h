@@ -113,7 +113,7 @@ class CpuProcessor {
   const std::uint32_t* color(const Array<Color>& color) const { return color.get(); }
   kernels::ByteMask mask(const Array<Color>& /*color*/, const Array<std::uint8_t>& mask) const { return {mask.get()}; }
 
-  std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe) const;
+  std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe, double lens) const;
   template <class Source>
   kernels::PlaneMapView first_planes(const Source& source, Planes& planes) const {
     planes = this->planes();

@@ -154,11 +154,11 @@ CudaProcessor::Cubes CudaProcessor::unpack(const Array<std::uint16_t>& packed, s
   return cubes;
 }
 
-std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyframe& keyframe) {
+std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyframe& keyframe, double lens) {
   const std::size_t most = keyframe.landmarks.size();
   points_arrived_.wait();  // the previous keyframe's
   if (points_host_.size() < most) points_host_ = PinnedArray<kernels::SparsePoint>(2 * most);
-  const std::size_t count = sparse_points(keyframe, grid().width, grid().height, points_host_.get());
+  const std::size_t count = sparse_points(keyframe, lens, grid().width, grid().height, points_host_.get());
   const auto points = array<kernels::SparsePoint>(points_host_.size());
   PMSP_CUDA_CHECK(cudaMemcpyAsync(points.get(), points_host_.get(), count * sizeof(kernels::SparsePoint),
                                   cudaMemcpyHostToDevice, compute_.get()));

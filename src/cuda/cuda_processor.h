@@ -114,7 +114,7 @@ class CudaProcessor {
   }
   ColorMask mask(const Array<Color>& color, const Array<std::uint8_t>& /*mask*/) const { return {color.get()}; }
 
-  std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe);
+  std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe, double lens);
   /// Kernels look keys up.
   template <class Source>
   Source first_planes(const Source& source, Planes& /*planes*/) const {

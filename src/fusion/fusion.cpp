@@ -163,7 +163,7 @@ KeyframeCloud owned_points(const SurfelsFrom& made) {
   const SphereGrid grid(map.surfels.width(), map.surfels.height());
   KeyframeCloud cloud{map.keyframe_id, made.pose.cam_from_world, {}, made.pose.scale, {}, {}, map.window_ids};
   collect_points({map.surfels.pixels().data(), map.details.pixels().data(), made.standings->pixels().data(),
-                  map.agree.data(), map.agree_bytes()},
+                  map.agree.data(), map.agree_bytes(), 0.0F},
                  grid.view(), cloud);
   return cloud;
 }

@@ -11,10 +11,13 @@
 namespace pmsp {
 
 /// The landmarks that make planes, as the kernels take them. Writes at most as many as there are; returns their number.
-inline std::size_t sparse_points(const Keyframe& keyframe, int width, int height, kernels::SparsePoint* to) {
+/// `lens`: how far in front of the camera's centre its forward lens lies [keyframe's unit].
+inline std::size_t sparse_points(const Keyframe& keyframe, double lens, int width, int height,
+                                 kernels::SparsePoint* to) {
   std::size_t count = 0;
   for (const Landmark& landmark : keyframe.landmarks) {
-    const Eigen::Vector3d p = keyframe.cam_from_world * landmark.position_world;
+    Eigen::Vector3d p = keyframe.cam_from_world * landmark.position_world;
+    p.z() -= (p.z() < 0.0 ? -lens : lens) * keyframe.scale;
     if (!is_usable_depth(p.norm() / keyframe.scale)) continue;
     const Eigen::Vector2f at = pixel_from_bearing(p, width, height).cast<float>();
     const Eigen::Vector3f plane = (keyframe.scale / p.squaredNorm() * p).cast<float>();

@@ -10,7 +10,7 @@ PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, 
   using kernels::HostMachine;
   const CpuProcessor on(executor, width, height);
   const auto keys = on.keys();
-  const auto [points, count] = on.landmarks(keyframe);
+  const auto [points, count] = on.landmarks(keyframe, 0.0);
   on.splat({points.get(), on.grid(), static_cast<float>(options.sparse_radius_px), {keys.get()}}, count);
   PlaneMap planes(width, height);
   planes.keyframe_id = keyframe.id;

@@ -3,6 +3,7 @@
 
 #include "equirect.h"
 #include "pmsp/transform.h"
+#include "rigid.h"
 #include "vec3.h"
 
 namespace pmsp {
@@ -29,8 +30,13 @@ struct Relation {
   kernels::Rigid other_from_first;
   float zoom;  ///< the first one's scale over the other's
 };
-inline Relation relation(const KeyframePose& other, const KeyframePose& first) {
-  return {to_rigid(other_from_first(other, first)), static_cast<float>(first.scale / other.scale)};
+/// `lens`: how far in front of a camera's centre its forward lens lies [keyframe's unit].
+inline Relation relation(const KeyframePose& other, const KeyframePose& first, double lens = 0.0) {
+  const RigidTransform transform = other_from_first(other, first);
+  Relation result{to_rigid(transform), static_cast<float>(first.scale / other.scale)};
+  for (int i = 0; i < 3; ++i) result.other_from_first.source_lens[i] = static_cast<float>(lens * transform.rotation(i, 2));
+  result.other_from_first.target_lens = static_cast<float>(lens);
+  return result;
 }
 
 inline kernels::Vec3<float> to_vec3(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }

@@ -116,6 +116,10 @@ const std::vector<OptionEntry>& option_table() {
        +PMSP_AT(int, threads)},
       {"simd", "Size and machine", "", 0, 0, "Instruction set; auto takes the widest that this machine has",
        +PMSP_AT(Simd, simd)},
+      {"lens_distance", "Size and machine", "map units", -1e12, 1e12,
+       "Distance of the camera's two lenses along its forward axis, where panoramas are stitched as if they had one "
+       "centre; 0 = one centre; estimated where it is not given",
+       +PMSP_AT(double, lens_distance)},
       {"unordered", "Size and machine", "", 0, 1,
        "The images are a set, such as photo captures: their order means nothing", +PMSP_AT(bool, unordered)},
       {"view_filter.enabled", "View filter", "", 0, 1,
