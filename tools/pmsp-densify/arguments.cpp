@@ -174,6 +174,10 @@ void add_run(CLI::App& app, Arguments& a) {
       ->type_name("FILE")
       ->group("Input");
   app.add_flag("--no-verify", a.no_verify, "Do not check that the images belong to their keyframes")->group("Input");
+  app.add_flag_callback(
+         "--no-lens-calibration", [&a] { a.calibrate_lenses = false; },
+         "Do not estimate the distance of the camera's two lenses (--lens-distance) from some of the images")
+      ->group("Input");
   add_outputs(app, a);
   add_behaviour(app, a);
   add_table(app, a);

@@ -27,6 +27,7 @@ struct Arguments {
   std::int64_t frame_offset = 0;
   double fps = 0.0;
   bool no_verify = false;
+  bool calibrate_lenses = true;
 
   std::filesystem::path output = "cloud.ply";
   bool double_positions = false;

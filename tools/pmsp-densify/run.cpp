@@ -15,6 +15,7 @@
 #include "follow.h"
 #include "interrupt.h"
 #include "io/map_keyframe.h"
+#include "lenses.h"
 #include "pmsp/densifier.h"
 #include "pmsp/io/ply.h"
 #include "preview.h"
@@ -55,7 +56,7 @@ std::future<void> start_device(const DensifierOptions& options) {
 class Run {
  public:
   /// `workspace`: nullptr = none. `growing`: more keyframes will come. `merge`: what shards have made is all there is.
-  Run(const Arguments& arguments, const DensifierOptions& options, workspace::Workspace* workspace, bool growing,
+  Run(const Arguments& arguments, DensifierOptions options, workspace::Workspace* workspace, bool growing,
       const Merge* merge = nullptr)
       : arguments_(arguments),
         growing_(growing),
@@ -80,6 +81,13 @@ class Run {
     report_.keyframes = map_.keyframes.size();
     report_.with_image = source_->keyframe_ids().size();
     announce();
+    if (merge == nullptr) {  // shards have done so
+      progress_.stage("looking at the lenses");
+      const Spent spent(report_.time, Busy::kImages);
+      report_.lenses = find_lenses(arguments, options, map_, workspace != nullptr ? workspace->record().options : "{}");
+      options.lens_distance = report_.lenses.distance;
+      if (report_.lenses.estimated) progress_.message(describe(report_.lenses));
+    }
     if (!arguments.no_verify) verifier_ = std::make_unique<PairingVerifier>(map_);
     if (workspace != nullptr) open_step(*workspace, options);
     open_outputs(options);

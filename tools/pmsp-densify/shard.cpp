@@ -17,6 +17,7 @@
 #include "export/atomic_file.h"
 #include "interrupt.h"
 #include "io/map_keyframe.h"
+#include "lenses.h"
 #include "plan/halo.h"
 #include "progress.h"
 #include "shared_step.h"
@@ -75,6 +76,9 @@ class ShardRun {
     map_ = read_map(arguments_.map);
     source_ = open_images(arguments_, map_);
     progress_.message("images: " + source_->description());
+    const Lenses lenses = find_lenses(arguments_, options_, map_, workspace_.record().options);
+    options_.lens_distance = lenses.distance;  // of all shards the same: they look at the same images
+    if (lenses.estimated) progress_.message(describe(lenses));
     step_ = std::make_unique<WorkspaceStep>(workspace_, arguments_, options_, map_, false);
     const std::optional<workspace::ShardJob> before = workspace_.shards().job(workspace_.record().step);
     if (before) require_same(*before);
@@ -321,7 +325,7 @@ class ShardRun {
   static constexpr std::size_t kLookedAtOnce = 16;
 
   const Arguments& arguments_;
-  const DensifierOptions& options_;
+  DensifierOptions options_;
   workspace::Workspace& workspace_;
   const workspace::Shard shard_;
   const std::string build_;

@@ -139,6 +139,14 @@ nlohmann::ordered_json to_json(const RunReport& report) {
     json["critical_path"][kBusyNames[i].key] = report.time.seconds(static_cast<Busy>(i));
   }
   json["peak_memory_mib"] = peak_memory_mib();
+  if (report.lenses.estimated) {
+    const LensDistance& it = *report.lenses.estimated;
+    json["lenses"] = {{"distance", it.distance},
+                      {"standard_error", it.standard_error},
+                      {"shift_px_of_1920", it.shift_px},
+                      {"landmarks", it.landmarks},
+                      {"corrected", it.significant}};
+  }
   if (report.pairing) {
     json["pairing"] = {{"comparisons", report.pairing->comparisons},
                        {"agreement", report.pairing->agreement},

@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "lenses.h"
 #include "pmsp/densifier.h"
 #include "pmsp/io/image_source.h"
 #include "time_account.h"
@@ -24,6 +25,7 @@ struct RunReport {
   std::size_t with_image = 0;
   std::vector<SkippedKeyframe> skipped;
   std::optional<PairingVerifier::Verdict> pairing;
+  Lenses lenses;
   TimeAccount time;                  ///< of the main thread
   std::string empty_reason;          ///< of an empty result
   nlohmann::ordered_json workspace;  ///< what was kept and what was made; null without one

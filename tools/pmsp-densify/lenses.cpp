@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "lenses.h"
+
+#include <memory>
+#include <set>
+#include <sstream>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "decoder.h"
+#include "io/map_keyframe.h"
+#include "pmsp/executor.h"
+#include "verbs.h"
+
+namespace pmsp::tool {
+namespace {
+
+LensDistance estimate(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map) {
+  const std::unique_ptr<ImageSource> source = open_images(arguments, map);
+  std::vector<std::int64_t> ids = keyframes_for_lens_distance(source->keyframe_ids());
+  if (!arguments.video.empty()) {  // the beginning, since all before the last one is decoded
+    const std::vector<std::int64_t>& all = source->keyframe_ids();
+    ids.assign(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(ids.size()));
+  }
+  source->restrict_to({ids.begin(), ids.end()});
+  const Executor executor(options.threads, options.simd);
+  ImageReader images(*source, map, executor.threads(), nullptr);
+  MaskReader mask(arguments.mask);
+  LensDistanceEstimator estimator;
+  while (true) {
+    ImageReader::Read read = images.next();
+    if (!read.item) break;
+    const MapKeyframe* const found = map.find_keyframe(read.item->keyframe_id);
+    if (found == nullptr) continue;
+    Keyframe keyframe = io::keyframe_of(map, *found);
+    keyframe.image = read.item->image.view();
+    keyframe.mask = mask.mask_for(read.item->image);
+    estimator.add(keyframe);
+    images.let_go(std::move(*read.item));
+  }
+  return estimator.estimate(executor);
+}
+
+}  // namespace
+
+Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
+                   const std::string& recorded) {
+  Lenses lenses;
+  lenses.distance = options.lens_distance;
+  if (lenses.distance != 0.0 || !arguments.calibrate_lenses || arguments.quality == "paper") return lenses;
+  lenses.distance = nlohmann::json::parse(recorded).value("lens_distance", 0.0);
+  if (lenses.distance != 0.0) return lenses;
+  lenses.estimated = estimate(arguments, options, map);
+  if (lenses.estimated->significant) lenses.distance = lenses.estimated->distance;
+  return lenses;
+}
+
+std::string describe(const Lenses& lenses) {
+  if (!lenses.estimated) return "";
+  const LensDistance& it = *lenses.estimated;
+  if (it.landmarks == 0) return "lenses: taken for one; nothing tells their distance";
+  std::ostringstream text;
+  text.precision(3);
+  text << "lenses: " << it.distance << " map units apart (standard error " << it.standard_error << ", "
+       << it.landmarks << " landmarks), " << (it.significant ? "corrected" : "taken for one");
+  return text.str();
+}
+
+}  // namespace pmsp::tool
