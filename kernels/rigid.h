@@ -4,18 +4,19 @@
 #include "vec3.h"
 
 // From one camera's frame into another's. Many 360-degree cameras have two lenses, back to back and a finger apart, and
-// their panorama is stitched as if both were in one place: the forward half of it (z > 0) is seen from a little in front
-// of the camera's centre, the other half from as much behind it. Bearings, depths and planes of a pixel are therefore
-// those of its lens: the frame of a pixel has the camera's axes and its lens for an origin. Whatever goes from one
-// keyframe to another goes from lens to lens; where the direction points tells which lenses these are.
+// their panorama is stitched as if both were in one place: the forward half of it (z > 0) is seen from a little in
+// front of the camera's centre, the other half from as much behind it. Bearings, depths and planes of a pixel are
+// therefore those of its lens: the frame of a pixel has the camera's axes and its lens for an origin. Whatever goes
+// from one keyframe to another goes from lens to lens; where the direction points tells which lenses these are.
 namespace pmsp::kernels {
 
 /// `target_from_source` in single precision: the same for all pixels of a keyframe. Rotation row-major.
 struct Rigid {
   float r[9];
-  float t[3];           ///< from centre to centre
-  float source_lens[3];  ///< place of the source's forward lens, turned into the target's frame and unit; 0 = one centre
-  float target_lens;    ///< how far in front of its centre the target's forward lens lies
+  float t[3];  ///< from centre to centre
+  float
+      source_lens[3];  ///< place of the source's forward lens, turned into the target's frame and unit; 0 = one centre
+  float target_lens;   ///< how far in front of its centre the target's forward lens lies
 };
 
 template <class F>

@@ -236,14 +236,13 @@ class StageEngine final : public Engine {
     cloud.cam_from_world = reference.pose.cam_from_world;
     cloud.scale = reference.pose.scale;
     cloud.window_ids = reference.window_ids;
-    on.hand_out_points(
-        {surfels.get(), details.get(), standings.get(), agree.get(), agree_bytes(context_.options.fusion),
-         static_cast<float>(lens())},
-        std::move(cloud), context_.stats.seconds_ownership,
-        [this, eligible = reference.eligible](const KeyframeCloud& made) {
-          context_.stats.points_repeated += *eligible - static_cast<std::int64_t>(made.points.size());
-          context_.results.cloud(made);
-        });
+    on.hand_out_points({surfels.get(), details.get(), standings.get(), agree.get(),
+                        agree_bytes(context_.options.fusion), static_cast<float>(lens())},
+                       std::move(cloud), context_.stats.seconds_ownership,
+                       [this, eligible = reference.eligible](const KeyframeCloud& made) {
+                         context_.stats.points_repeated += *eligible - static_cast<std::int64_t>(made.points.size());
+                         context_.results.cloud(made);
+                       });
   }
 
   void release(Frame& frame, Artefact artefact) override {
@@ -504,10 +503,10 @@ class StageEngine final : public Engine {
                                                map.height,
                                                {sources.warped_keys.get()}},
               nullptr);
-    pass.warped =
-        on.first_planes(kernels::WarpedPlanes<Map>{sources.warped_keys.get(), map,
-                                                   relation(previous.pose, task.reference->pose, lens()).other_from_first},
-                        sources.warped);
+    pass.warped = on.first_planes(
+        kernels::WarpedPlanes<Map>{sources.warped_keys.get(), map,
+                                   relation(previous.pose, task.reference->pose, lens()).other_from_first},
+        sources.warped);
   }
 
   /// After the first pass, on the processor that asks.

@@ -15,8 +15,9 @@ namespace pmsp {
 struct DepthMap {
   std::int64_t keyframe_id = 0;
   RigidTransform cam_from_world;  ///< as it was when the keyframe was added
-  Image<float> depth;  ///< Euclidean distance from the camera centre along the bearing [keyframe's unit]; 0 = no
-                       ///< estimate
+  /// Euclidean distance along the bearing [keyframe's unit] from the camera's centre, or from the lens where it has two
+  /// (DensifierOptions::lens_distance); 0 = no estimate.
+  Image<float> depth;
   Image<Eigen::Vector3f> normal;  ///< unit, camera frame, facing the camera; (0, 0, 0) where depth is 0
   /// 0 (none) to 1; 0 where depth is 0. Straight from PatchMatch it is the photometric score (NCC), and it stays that
   /// where the consistency filter is off or has no other map to look at. After that filter it says how far the depth

@@ -21,11 +21,11 @@ struct LensDistance {
 };
 
 /// Estimates it from some keyframes, best from stretches of flight: a landmark that was in front and is behind, or to
-/// the side of a turning camera, has been seen by both lenses. Patches around landmarks are looked up in other keyframes,
-/// to a fraction of a pixel; then landmarks are triangulated anew from the directions found, with the distance of the
-/// lenses as the one unknown that all have in common (a linear problem, from which each landmark's place is
-/// eliminated). A SLAM that took the camera to have one centre has put landmarks wrong by about as much as the lenses
-/// are off, so that its landmarks tell where to look, nothing more.
+/// the side of a turning camera, has been seen by both lenses. Patches around landmarks are looked up in other
+/// keyframes, to a fraction of a pixel; then landmarks are triangulated anew from the directions found, with the
+/// distance of the lenses as the one unknown that all have in common (a linear problem, from which each landmark's
+/// place is eliminated). A SLAM that took the camera to have one centre has put landmarks wrong by about as much as the
+/// lenses are off, so that its landmarks tell where to look, nothing more.
 class LensDistanceEstimator {
  public:
   LensDistanceEstimator();

@@ -21,10 +21,10 @@ namespace pmsp {
 namespace {
 
 constexpr std::size_t kStretches = 3;
-constexpr std::size_t kStretch = 8;  ///< keyframes
-constexpr int kMostWidth = 1920;     ///< of the gray images
-constexpr std::size_t kReach = 5;    ///< keyframes before and after one in which its landmarks are looked up
-constexpr std::size_t kMostLandmarks = 96;  ///< of a keyframe, the nearest ones: those tell most
+constexpr std::size_t kStretch = 8;          ///< keyframes
+constexpr int kMostWidth = 1920;             ///< of the gray images
+constexpr std::size_t kReach = 7;            ///< keyframes before and after one in which its landmarks are looked up
+constexpr std::size_t kMostLandmarks = 128;  ///< of a keyframe, the nearest ones: those tell most
 
 constexpr int kRadius = 5;  ///< of a patch [px]
 constexpr int kSearch = 6;  ///< how far it is looked for [px]
@@ -35,14 +35,14 @@ constexpr float kMinDeviation = 6.0F;  ///< of a patch [gray levels]
 constexpr float kMinScore = 0.8F;      ///< NCC
 constexpr float kMinPeak = 0.02F;      ///< by how much the score falls a pixel beside the best place
 
-constexpr double kSeam = 0.1;        ///< directions whose z is smaller may be of either lens, or of both
+constexpr double kSeam = 0.06;         ///< directions whose z is smaller may be of either lens, or of both
 constexpr double kMaxLatitude = 0.85;  ///< sine
-constexpr double kMinCosView = 0.7;  ///< of the angle between two views of a landmark
-constexpr double kMaxZoom = 1.8;     ///< ratio of its distances
+constexpr double kMinCosView = 0.5;    ///< of the angle between two views of a landmark
+constexpr double kMaxZoom = 2.0;       ///< ratio of its distances
 
-constexpr std::size_t kFewestLandmarks = 60;
+constexpr std::size_t kFewestLandmarks = 25;
 constexpr double kMinSigmas = 5.0;
-constexpr double kMinShiftPx = 0.15;
+constexpr double kMinShiftPx = 0.5;
 
 /// A landmark as some keyframe sees it.
 struct Sighting {

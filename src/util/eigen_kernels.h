@@ -34,7 +34,8 @@ struct Relation {
 inline Relation relation(const KeyframePose& other, const KeyframePose& first, double lens = 0.0) {
   const RigidTransform transform = other_from_first(other, first);
   Relation result{to_rigid(transform), static_cast<float>(first.scale / other.scale)};
-  for (int i = 0; i < 3; ++i) result.other_from_first.source_lens[i] = static_cast<float>(lens * transform.rotation(i, 2));
+  for (int i = 0; i < 3; ++i)
+    result.other_from_first.source_lens[i] = static_cast<float>(lens * transform.rotation(i, 2));
   result.other_from_first.target_lens = static_cast<float>(lens);
   return result;
 }

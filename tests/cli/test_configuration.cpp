@@ -38,9 +38,9 @@ std::string other_value(const tool::OptionEntry& entry) {
 TEST_CASE("the table covers every option of the library") {
   // These stop compiling when a struct gains or loses a field; then the table needs the same change.
   const DensifierOptions all;
-  [[maybe_unused]] const auto& [width, height, seed, backend, devices, pipelined, threads, simd, scratch_folder, lens_distance,
-                                unordered, view_filter, init, patchmatch, median, consistency, fusion, free_space] =
-      all;
+  [[maybe_unused]] const auto& [width, height, seed, backend, devices, pipelined, threads, simd, scratch_folder,
+                                lens_distance, unordered, view_filter, init, patchmatch, median, consistency, fusion,
+                                free_space] = all;
   [[maybe_unused]] const auto& [v1, v2, v3, v4, v5] = view_filter;
   [[maybe_unused]] const auto& [i1, i2, i3, i4, i5] = init;
   [[maybe_unused]] const auto& [p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15, p16, p17, p18] =

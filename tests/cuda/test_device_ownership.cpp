@@ -223,7 +223,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   for (OnDevice& frame : frames) {
     cuda::owned_points({grid.view(),
                         {frame.surfels.get(), frame.details.get(), frame.standings.get(), frame.agree.get(),
-                         static_cast<int>(kAgreeBytes)},
+                         static_cast<int>(kAgreeBytes), 0.0F},
                         points.get(),
                         indices.get(),
                         agree.get(),

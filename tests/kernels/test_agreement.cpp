@@ -53,7 +53,7 @@ PlaneMap wall_map() {
   });
 }
 
-const k::Rigid kIdentity{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}};
+const k::Rigid kIdentity{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}, {}, 0};
 
 }  // namespace
 
@@ -189,7 +189,7 @@ TEST_CASE("agreement: nothing there, behind the other map's surface, or behind t
   CHECK(closeness({0.0, 0.0, 2.0}, kIdentity) == Approx(0.9));
   CHECK(closeness({0.0, 0.0, -2.0}, kIdentity) == 0.0F);  // the map has no plane there
   // the first camera stands behind the other one's wall
-  const k::Rigid behind{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 5}};
+  const k::Rigid behind{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 5}, {}, 0};
   CHECK(closeness({0.0, 0.0, 1.0}, behind) == 0.0F);
 }
 

@@ -111,7 +111,7 @@ TEST_CASE("a moved plane holds the same points") {
 
 TEST_CASE("a plane through the camera or behind it is moved to none, not to infinity") {
   const Vec3<float> plane{0.0F, 0.0F, 0.5F};  // z = 2
-  k::Rigid other_from_here{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 2}};
+  k::Rigid other_from_here{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 2}, {}, 0};
   for (const float z : {2.0F, 2.0000002F, 3.0F, 1e20F}) {
     other_from_here.t[2] = z;
     const Vec3<float> moved = k::moved_plane(plane, other_from_here);

@@ -36,13 +36,15 @@ class Renderer {
   }
 
  private:
-  std::optional<Hit> cast(double u, double v) const {
+  std::optional<Hit> cast(double u, double v, double lens_distance) const {
     const Eigen::Vector3d bearing = bearing_from_pixel({u, v}, view_.image.width(), view_.image.height());
-    return scene_.intersect(center_, cam_from_world_.rotation.transpose() * bearing);
+    const Eigen::Vector3d lens(0.0, 0.0, bearing.z() < 0.0 ? -0.5 * lens_distance : 0.5 * lens_distance);
+    const Eigen::Matrix3d world_from_cam = cam_from_world_.rotation.transpose();
+    return scene_.intersect(center_ + world_from_cam * lens, world_from_cam * bearing);
   }
 
   void render_truth(int x, int y) const {
-    if (const std::optional<Hit> hit = cast(x + 0.5, y + 0.5)) {
+    if (const std::optional<Hit> hit = cast(x + 0.5, y + 0.5, 0.0)) {
       view_.depth(x, y) = static_cast<float>(hit->distance);
       view_.normal(x, y) = (cam_from_world_.rotation * hit->normal).cast<float>();
       view_.surface(x, y) = hit->surface;
@@ -54,11 +56,13 @@ class Renderer {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (int j = 0; j < n; ++j) {
       for (int i = 0; i < n; ++i) {
-        const std::optional<Hit> hit = cast(x + (i + 0.5) / n, y + (j + 0.5) / n);
+        const auto place = [&](int k) { return 0.5 + ((k + 0.5) / n - 0.5) * options_.footprint_px; };
+        const double v = std::clamp(y + place(j), 0.0, static_cast<double>(view_.image.height()));
+        const std::optional<Hit> hit = cast(x + place(i), v, options_.lens_distance);
         sum += hit ? scene_.color(*hit).cwiseMax(0.0).cwiseMin(255.0).eval() : kSky;
       }
     }
-    Eigen::Vector3d color = sum * (options_.gain / (n * n));
+    Eigen::Vector3d color = sum * (options_.gain * shading(x, y) / (n * n));
     if (options_.noise_sigma > 0.0) {
       const auto pixel = static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(view_.image.width()) +
                          static_cast<std::uint64_t>(x);
@@ -67,6 +71,13 @@ class Renderer {
       }
     }
     view_.image(x, y) = {to_level(color[0]), to_level(color[1]), to_level(color[2])};
+  }
+
+  /// What the lens leaves of the light.
+  double shading(int x, int y) const {
+    const double forward = bearing_from_pixel({x + 0.5, y + 0.5}, view_.image.width(), view_.image.height()).z();
+    const double beside = 1.0 - std::abs(forward);
+    return (1.0 - options_.vignetting * beside * beside) * (forward < 0.0 ? 1.0 - options_.lens_gain : 1.0);
   }
 
   const Scene& scene_;

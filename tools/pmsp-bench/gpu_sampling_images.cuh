@@ -12,6 +12,7 @@
 
 #include "cube.h"
 #include "elementary.h"
+#include "rigid.h"
 #include "vec3.h"
 
 // One panorama in all the forms whose look-ups pmsp-gpu-sampling compares. The picture is a sum of waves over the

@@ -62,8 +62,8 @@ std::string describe(const Lenses& lenses) {
   if (it.landmarks == 0) return "lenses: taken for one; nothing tells their distance";
   std::ostringstream text;
   text.precision(3);
-  text << "lenses: " << it.distance << " map units apart (standard error " << it.standard_error << ", "
-       << it.landmarks << " landmarks), " << (it.significant ? "corrected" : "taken for one");
+  text << "lenses: " << it.distance << " map units apart (standard error " << it.standard_error << ", " << it.landmarks
+       << " landmarks), " << (it.significant ? "corrected" : "taken for one");
   return text.str();
 }
 

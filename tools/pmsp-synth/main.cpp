@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <functional>
 #include <iostream>
 #include <map>
@@ -27,6 +28,7 @@ struct Arguments {
   std::string scene = "room";
   synth::Recipe recipe;
   synth_tool::MissionFilesOptions files;
+  bool cheap = false;
 };
 
 constexpr const char* kFooter = R"(
@@ -93,6 +95,18 @@ void add_image_options(CLI::App& app, Arguments& arguments) {
       ->check(CLI::Range(0.0, 0.9))
       ->capture_default_str()
       ->group(group);
+  app.add_option_function<std::string>(
+         "--camera", [&arguments](const std::string& name) { arguments.cheap = name == "cheap"; },
+         "perfect, or cheap: two lenses 24 mm apart, stitched as if they had one centre; vignetting where they meet, "
+         "unequal gains; blur, noise, exposure drift, JPEG 75")
+      ->check(CLI::IsMember({"perfect", "cheap"}))
+      ->default_str("perfect")
+      ->group(group);
+  app.add_option("--lens-distance", mission.render.lens_distance,
+                 "distance of two lenses along the forward axis; the truth stays that of the centre [m]")
+      ->check(CLI::Range(-1.0, 1.0))
+      ->capture_default_str()
+      ->group(group);
   app.add_option("--jpeg", arguments.files.jpeg_quality, "write JPEG of this quality, 1 to 100; 0 = PNG")
       ->check(CLI::Range(0, 100))
       ->capture_default_str()
@@ -125,12 +139,30 @@ void add_map_options(CLI::App& app, Arguments& arguments) {
       ->group(group);
 }
 
+/// What such a camera does to images, where nothing else was asked for.
+void make_cheap(Arguments& arguments) {
+  synth::MissionOptions& mission = arguments.recipe.mission;
+  synth::RenderOptions& render = mission.render;
+  const auto unless_given = [](auto& value, auto unset, auto cheap) {
+    if (value == unset) value = cheap;
+  };
+  unless_given(render.lens_distance, 0.0, 0.024);
+  unless_given(render.noise_sigma, 0.0, 3.0);
+  unless_given(mission.gain_drift, 0.0, 0.1);
+  unless_given(arguments.files.jpeg_quality, 0, 75);
+  render.footprint_px = 2.8;  // as a Gaussian of 0.8 px
+  render.samples = std::max(render.samples, 4);
+  render.vignetting = 0.35;
+  render.lens_gain = 0.08;
+}
+
 void run(Arguments& arguments) {
   synth::Recipe& recipe = arguments.recipe;
   if (recipe.width % 4 != 0) {
     throw InvalidOption("--width = " + std::to_string(recipe.width) + " is no multiple of 4.");
   }
   recipe.height = recipe.width / 2;
+  if (arguments.cheap) make_cheap(arguments);
   recipe.mission.render.seed = recipe.texture_seed;
   recipe.mission.landmarks.seed = recipe.texture_seed + 7;
   arguments.files.map.seed = recipe.texture_seed;

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+#include "core/recording.h"
+#include "pmsp/lens_distance.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+constexpr double kDistance = 0.03;
+
+synth::Mission room(double lens_distance, int width) {
+  synth::Recipe recipe;
+  recipe.keyframes = 10;
+  recipe.width = width;
+  recipe.height = width / 2;
+  recipe.mission.render.samples = 2;
+  recipe.mission.render.lens_distance = lens_distance;
+  return synth::textured_room(recipe);
+}
+
+LensDistance estimated(const synth::Mission& mission, int threads = 0) {
+  LensDistanceEstimator estimator;
+  for (std::size_t i = 0; i < mission.frames.size(); ++i) estimator.add(keyframe_of(mission, i));
+  return estimator.estimate(Executor(threads));
+}
+
+/// Median distance of the points from the surfaces, relative to that from the camera.
+double error_of_points(const synth::Mission& mission, double lens_distance) {
+  DensifierOptions options = preset(Quality::kOnline);
+  options.width = 320;
+  options.height = 160;
+  options.lens_distance = lens_distance;
+  std::vector<double> errors;
+  DensifierCallbacks callbacks;
+  callbacks.cloud = [&](const KeyframeCloud& cloud) {
+    const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
+    for (const CloudPoint& point : cloud.points) {
+      const Eigen::Vector3d ray = world_from_cam.rotation * point.position.cast<double>();
+      const auto hit = mission.scene.intersect(world_from_cam.translation, ray);
+      if (hit) errors.push_back(std::abs(ray.norm() / hit->distance - 1.0));
+    }
+  };
+  Densifier densifier(options, callbacks);
+  fly_through(densifier, mission);
+  REQUIRE(errors.size() > 1000);
+  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
+  return errors[errors.size() / 2];
+}
+
+}  // namespace
+
+TEST_CASE("the distance of the lenses is found from the images", PMSP_ACCURACY) {
+  const synth::Mission two = room(kDistance, 1280);
+  const LensDistance found = estimated(two);
+  CAPTURE(found.distance, found.standard_error, found.shift_px, found.landmarks);
+  CHECK(found.significant);
+  CHECK(found.distance == Approx(kDistance).epsilon(0.12));
+  const LensDistance alone = estimated(two, 1);
+  CHECK(alone.distance == found.distance);
+  CHECK(alone.standard_error == found.standard_error);
+
+  const LensDistance behind = estimated(room(-kDistance, 1280));
+  CHECK(behind.significant);
+  CHECK(behind.distance == Approx(-kDistance).epsilon(0.12));
+}
+
+TEST_CASE("a camera with one centre is left alone", PMSP_ACCURACY) {
+  const LensDistance found = estimated(room(0.0, 1280));
+  CAPTURE(found.distance, found.standard_error, found.landmarks);
+  CHECK_FALSE(found.significant);
+  CHECK(std::abs(found.distance) < 0.1 * kDistance);
+}
+
+TEST_CASE("nothing to go by, no distance") {
+  CHECK_FALSE(LensDistanceEstimator().estimate(Executor(1)).significant);
+  synth::Mission mission = room(kDistance, 64);
+  mission.frames.resize(2);
+  const LensDistance found = estimated(mission);
+  CHECK_FALSE(found.significant);
+  CHECK(found.distance == 0.0);
+}
+
+TEST_CASE("points lie on the surfaces where the distance of the lenses is told", PMSP_ACCURACY) {
+  const double one_centre = error_of_points(room(0.0, 640), 0.0);
+  const synth::Mission two = room(kDistance, 640);
+  const double ignored = error_of_points(two, 0.0);
+  const double corrected = error_of_points(two, kDistance);
+  CAPTURE(one_centre, ignored, corrected);
+  CHECK(corrected < 0.6 * ignored);
+  CHECK(corrected < 1.3 * one_centre);
+}
+
+TEST_CASE("stretches of a mission are enough to find the lenses") {
+  std::vector<std::int64_t> ids(1000);
+  std::iota(ids.begin(), ids.end(), 5);
+  const std::vector<std::int64_t> chosen = keyframes_for_lens_distance(ids);
+  REQUIRE(chosen.size() == 24);
+  CHECK(chosen.front() == 5);
+  CHECK(chosen.back() == 1004);
+  CHECK(std::is_sorted(chosen.begin(), chosen.end()));
+  ids.resize(24);
+  CHECK(keyframes_for_lens_distance(ids) == ids);
+}
