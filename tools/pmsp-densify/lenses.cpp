@@ -10,6 +10,7 @@
 
 #include "decoder.h"
 #include "io/map_keyframe.h"
+#include "pmsp/error.h"
 #include "pmsp/executor.h"
 #include "verbs.h"
 
@@ -51,7 +52,11 @@ Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, 
   if (lenses.distance != 0.0 || !arguments.calibrate_lenses || arguments.quality == "paper") return lenses;
   lenses.distance = nlohmann::json::parse(recorded).value("lens_distance", 0.0);
   if (lenses.distance != 0.0) return lenses;
-  lenses.estimated = estimate(arguments, options, map);
+  try {
+    lenses.estimated = estimate(arguments, options, map);
+  } catch (const Error&) {
+    return lenses;  // the run will meet that image or mask, and say what is wrong
+  }
   if (lenses.estimated->significant) lenses.distance = lenses.estimated->distance;
   return lenses;
 }
@@ -59,7 +64,9 @@ Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, 
 std::string describe(const Lenses& lenses) {
   if (!lenses.estimated) return "";
   const LensDistance& it = *lenses.estimated;
-  if (it.landmarks == 0) return "lenses: taken for one; nothing tells their distance";
+  if (it.standard_error == 0.0) {
+    return "lenses: taken for one; too few landmarks that both would have seen (" + std::to_string(it.landmarks) + ")";
+  }
   std::ostringstream text;
   text.precision(3);
   text << "lenses: " << it.distance << " map units apart (standard error " << it.standard_error << ", " << it.landmarks

@@ -18,7 +18,7 @@ struct Lenses {
 };
 
 /// `recorded`: options of a workspace's record, "{}" = there are none; what was found significant once stays. Looks at
-/// some of the images; what is wrong with them others will tell.
+/// some of the images; where one of them is of no use nothing is estimated, and the run will say why.
 Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
                    const std::string& recorded);
 

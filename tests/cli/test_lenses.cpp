@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "cli/command.h"
+
+using namespace pmsp_test;
+using Catch::Matchers::Contains;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A room seen by two lenses 30 mm apart.
+const fs::path& two_lenses() {
+  static const TempDir dir;
+  static const fs::path folder = [] {
+    const Result made = Command({PMSP_SYNTH, "--scene", "room", "--keyframes", "10", "--width", "1280", "--samples",
+                                 "2", "--lens-distance", "0.03", "-o", (dir / "room").string()})
+                            .wait();
+    if (made.code != 0) throw std::runtime_error("pmsp-synth: " + made.err);
+    return dir / "room";
+  }();
+  return folder;
+}
+
+Result run(const TempDir& dir, std::vector<std::string> more) {
+  std::vector<std::string> words{"run",
+                                 (two_lenses() / "map.msg").string(),
+                                 "--images",
+                                 (two_lenses() / "images").string(),
+                                 "--width",
+                                 "64",
+                                 "--height",
+                                 "32",
+                                 "--force",
+                                 "-o",
+                                 (dir / "c.ply").string(),
+                                 "--stats",
+                                 (dir / "s.json").string(),
+                                 "--patchmatch-geometric-passes",
+                                 "0"};
+  words.insert(words.end(), more.begin(), more.end());
+  const Result result = densify(words);
+  INFO(result.err);
+  REQUIRE(result.code == 0);
+  return result;
+}
+
+nlohmann::json stats(const TempDir& dir) {
+  std::ifstream file(dir / "s.json");
+  return nlohmann::json::parse(file);
+}
+
+}  // namespace
+
+TEST_CASE("two lenses are noticed, told, and corrected") {
+  const TempDir dir;
+  const Result result = run(dir, {});
+  CHECK_THAT(result.err, Contains("lenses: 0.0") && Contains("map units apart") && Contains("corrected"));
+  const nlohmann::json found = stats(dir);
+  CHECK(found["lenses"]["corrected"] == true);
+  CHECK(found["lenses"]["distance"].get<double>() == Approx(0.03).epsilon(0.15));
+  CHECK(found["options"]["lens_distance"] == found["lenses"]["distance"]);
+}
+
+TEST_CASE("a distance that is given is not estimated, nor where nobody wants it") {
+  const TempDir dir;
+  CHECK_THAT(run(dir, {"--lens-distance", "0.05"}).err, !Contains("map units apart"));
+  CHECK(stats(dir)["options"]["lens_distance"] == 0.05);
+  CHECK_FALSE(stats(dir).contains("lenses"));
+  CHECK_THAT(run(dir, {"--no-lens-calibration"}).err, !Contains("map units apart"));
+  CHECK(stats(dir)["options"]["lens_distance"] == 0.0);
+}
+
+TEST_CASE("in a workspace the lenses stay as they were found first") {
+  const TempDir dir;
+  const std::string workspace = (dir / "work").string();
+  CHECK_THAT(run(dir, {"--workspace", workspace}).err, Contains("map units apart"));
+  const nlohmann::json first = stats(dir);
+  CHECK_THAT(run(dir, {"--workspace", workspace}).err, !Contains("map units apart") && Contains("0 made"));
+  CHECK(stats(dir)["options"]["lens_distance"] == first["options"]["lens_distance"]);
+}
