@@ -14,9 +14,9 @@ namespace pmsp::kernels {
 struct Rigid {
   float r[9];
   float t[3];  ///< from centre to centre
-  float
-      source_lens[3];  ///< place of the source's forward lens, turned into the target's frame and unit; 0 = one centre
-  float target_lens;   ///< how far in front of its centre the target's forward lens lies
+  /// Place of the source's forward lens, turned into the target's frame and unit; 0 = one centre.
+  float source_lens[3];
+  float target_lens;  ///< how far in front of its centre the target's forward lens lies
 };
 
 template <class F>
