@@ -19,7 +19,7 @@ constexpr double kQueryTolerance = 0.1;
 constexpr double kFarInBetween = 3.0;
 /// Moves up to this many times the tolerance let it have all its passes first; beyond, as when a loop is closed, what
 /// it has is worth nothing, and it begins anew.
-constexpr double kFarToGoOn = 12.0;
+constexpr double kFarToGoOn = 24.0;
 /// Keyframes that have moved in the world by more than this may have been brought to others [rad].
 constexpr double kFarMove = 0.01;
 /// Neighbours whose scales have changed against each other by more than this saw what was stretched since; however well
@@ -321,7 +321,7 @@ bool LiveBuilder::match() {
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
       if (node->passes == 0 || node->wants_images_alone(kFarInBetween * options_.max_move_px)) return true;
       if (!other->linked || (other->passes < node->passes && lacks_passes(*other))) return false;
-      if (begins_anew(*other)) return false;
+      if (node->passes >= kLevels[0] && begins_anew(*other)) return false;
       if (node->anew && is_due_again(*other)) return false;
       const bool waits = other->wants_images_alone(kFarInBetween * options_.max_move_px) && can_match(*other);
       return (node->passes < kLevels[0] && !node->anew) || !waits;  // first points wait for nobody's move
