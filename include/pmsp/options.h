@@ -171,7 +171,7 @@ struct DensifierOptions {
   /// Distance of the camera's two lenses along its forward axis, -1e12 to 1e12 [scene units; with LiveDensifier in the
   /// unit that the SLAM had when the keyframe came]: the forward half of the panorama (z > 0) is seen from half of it
   /// in front of the camera's centre, the other half from as much behind it, as where two fisheye images are stitched
-  /// as if they had one centre. 0 = they have. See estimate_lens_distance (pmsp/lens_distance.h). Depth maps then tell
+  /// as if they had one centre. 0 = they have. See LensDistanceEstimator (pmsp/lens_distance.h). Depth maps then tell
   /// ranges from the lens; clouds are in the camera's frame as ever.
   double lens_distance = 0.0;
   bool unordered = false;  ///< keyframes are a set, such as photo captures: their order means nothing (see make_plan)

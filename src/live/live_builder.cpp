@@ -310,7 +310,7 @@ bool LiveBuilder::match() {
   for (const auto& [map_id, flight] : flights_) {
     for (const std::int64_t id : flight) {
       LiveNode& node = nodes_.at(id);
-      if (!lacks_passes(node) || is_due_again(node)) continue;
+      if (!lacks_passes(node) || begins_anew(node)) continue;
       candidates.push_back(&node);
     }
   }

@@ -52,10 +52,7 @@ Result run(const TempDir& dir, std::vector<std::string> more) {
   return result;
 }
 
-nlohmann::json stats(const TempDir& dir) {
-  std::ifstream file(dir / "s.json");
-  return nlohmann::json::parse(file);
-}
+nlohmann::json stats(const TempDir& dir) { return nlohmann::json::parse(read_text(dir / "s.json")); }
 
 }  // namespace
 
@@ -76,6 +73,8 @@ TEST_CASE("a distance that is given is not estimated, nor where nobody wants it"
   CHECK_FALSE(stats(dir).contains("lenses"));
   CHECK_THAT(run(dir, {"--no-lens-calibration"}).err, !Contains("map units apart"));
   CHECK(stats(dir)["options"]["lens_distance"] == 0.0);
+  std::ofstream(dir / "paper.json") << R"({"quality": "paper"})";
+  CHECK_THAT(run(dir, {"--config", (dir / "paper.json").string()}).err, !Contains("map units apart"));
 }
 
 TEST_CASE("in a workspace the lenses stay as they were found first") {

@@ -70,6 +70,9 @@ std::vector<RunOption> run_options();
 /// Switches take a value inside, so that the last of several wins: --x is --x=true, --no-x is --x=false.
 void spell_out_switches(std::vector<std::string>& words);
 
+/// The preset that flag or configuration file name. Throws as effective_options.
+Quality quality_of(const Arguments& arguments);
+
 /// Defaults, then the preset of the quality, then the configuration file, then flags; validated. Throws InvalidOption,
 /// IoError.
 DensifierOptions effective_options(const Arguments& arguments);

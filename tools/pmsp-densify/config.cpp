@@ -43,6 +43,8 @@ DensifierOptions options_over(Quality quality, const Arguments& arguments, const
 
 }  // namespace
 
+Quality quality_of(const Arguments& arguments) { return quality_of(arguments, config_of(arguments)); }
+
 DensifierOptions effective_options(const Arguments& arguments) {
   const nlohmann::json file = config_of(arguments);
   const DensifierOptions options = options_over(quality_of(arguments, file), arguments, file);

@@ -49,7 +49,7 @@ Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, 
                    const std::string& recorded) {
   Lenses lenses;
   lenses.distance = options.lens_distance;
-  if (lenses.distance != 0.0 || !arguments.calibrate_lenses || arguments.quality == "paper") return lenses;
+  if (lenses.distance != 0.0 || !arguments.calibrate_lenses || quality_of(arguments) == Quality::kPaper) return lenses;
   lenses.distance = nlohmann::json::parse(recorded).value("lens_distance", 0.0);
   if (lenses.distance != 0.0) return lenses;
   try {
