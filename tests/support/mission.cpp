@@ -136,6 +136,7 @@ Mission make_mission(const Scene& scene, const std::vector<RigidTransform>& pose
     frame.depth = std::move(view.depth);
     frame.normal = std::move(view.normal);
     frame.surface = std::move(view.surface);
+    frame.label = std::move(view.label);
     mission.frames.push_back(std::move(frame));
   }
   if (!mission.frames.empty()) {
@@ -187,6 +188,7 @@ Mission turned(const Mission& mission, int columns) {
     frame.depth = rolled_left(frame.depth, shift);
     frame.normal = rolled_left(frame.normal, shift);
     frame.surface = rolled_left(frame.surface, shift);
+    frame.label = rolled_left(frame.label, shift);
     for (Eigen::Vector3f& normal : frame.normal.pixels()) {
       normal = turn * normal;
     }

@@ -59,6 +59,7 @@ struct Frame {
   Image<float> depth;
   Image<Eigen::Vector3f> normal;
   Image<int> surface;
+  Image<std::uint8_t> label;        ///< as in RenderedView
   std::vector<Landmark> landmarks;  ///< ascending id, with noise
 };
 
@@ -111,6 +112,10 @@ Mission textured_room(const Recipe& recipe = {});  ///< 6 x 3 x 8 room with furn
 Mission empty_room(const Recipe& recipe = {});     ///< the same without furniture
 /// The room with painted walls and ceiling, a door, pictures, skirting boards and a lamp: as flats are.
 Mission painted_room(const Recipe& recipe = {});
+/// A long room with a mirroring floor, a polished column and a glass wall, behind which there is a street.
+Mission glossy_room(const Recipe& recipe = {});
+/// A long room with poles, rails, hanging cables and chairs in front of its walls.
+Mission thin_room(const Recipe& recipe = {});
 Mission sphere_inside(const Recipe& recipe = {});  ///< sphere of radius 2.8 around the flight
 Mission slanted_plane(const Recipe& recipe = {});  ///< plane, slanted in all directions, in a dome of radius 3
 Mission corridor_across_seam(

@@ -55,11 +55,91 @@ Box furniture(double x, double z, const Eigen::Vector3d& size, double turned_deg
   return box;
 }
 
+Box block(double x, double y, double z, const Eigen::Vector3d& size) {
+  return Box{{x, y, z}, 0.5 * size, Eigen::Matrix3d::Identity()};
+}
+
+Cylinder rod(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double diameter) {
+  return Cylinder{0.5 * (from + to), (to - from).normalized(), 0.5 * diameter, 0.5 * (to - from).norm()};
+}
+
+/// `texture` with another mean colour and contrast.
+TextureOptions tinted(TextureOptions texture, const Eigen::Vector3d& base, double contrast) {
+  texture.base = base;
+  texture.contrast = contrast;
+  return texture;
+}
+
 Flight through_room() {
   Flight flight;
   flight.start = Eigen::Vector3d(0.2, 0.1, -1.6);
   flight.step = 0.36;
   return flight;
+}
+
+/// In rooms twice as long as the others.
+Flight through_long_room() {
+  Flight flight = through_room();
+  flight.start.z() = -5.0;
+  return flight;
+}
+
+/// Behind the glass wall of glossy_room, x < -3.1: what is far and plain there shows the room's reflection best.
+void add_street(Scene& scene, Textures& textures) {
+  const Eigen::Vector3d plaster(205.0, 190.0, 165.0);
+  const Eigen::Vector3d dark(70.0, 80.0, 95.0);
+  scene.add(block(-4.3, 1.65, 0.0, {2.4, 0.2, 60.0}), textures.at(3.0));                                    // pavement
+  scene.add(block(-9.0, 1.75, 0.0, {7.0, 0.2, 60.0}), tinted(textures.at(5.0), {95.0, 95.0, 98.0}, 10.0));  // road
+  scene.add(block(-13.0, -4.2, 0.0, {1.0, 12.0, 60.0}), tinted(textures.at(9.0), plaster, 12.0));           // house
+  scene.add(block(-12.45, 0.9, 0.0, {0.2, 1.6, 60.0}), textures.at(9.0));                                   // its base
+  scene.add(block(-8.0, -4.2, 26.0, {10.0, 12.0, 1.0}), textures.at(20.0));  // street's ends
+  scene.add(block(-8.0, -4.2, -26.0, {10.0, 12.0, 1.0}), textures.at(20.0));
+  for (int i = -5; i <= 5; ++i) {
+    const double z = 3.6 * i;
+    scene.add(block(-12.45, -1.6, z, {0.2, 1.8, 1.3}), tinted(textures.at(9.0), dark, 25.0));  // windows
+    scene.add(block(-12.45, -4.8, z, {0.2, 1.8, 1.3}), tinted(textures.at(9.0), dark, 25.0));
+  }
+  for (const double z : {-5.5, -0.4, 4.9}) {  // parked cars
+    scene.add(block(-7.2, 1.2, z, {1.7, 0.7, 3.9}), tinted(textures.at(4.0), {150.0, 50.0 + 8.0 * z, 60.0}, 20.0));
+    scene.add(block(-7.2, 0.6, z - 0.2, {1.4, 0.6, 2.0}), tinted(textures.at(4.0), dark, 25.0));
+  }
+  for (const double z : {-3.4, 2.3, 8.5}) {  // trees
+    scene.add(rod({-5.0, 1.6, z}, {-5.0, -1.2, z}, 0.2), textures.at(2.0));
+    scene.add(Sphere{{-5.0, -2.0, z}, 1.1}, tinted(textures.at(2.0), {70.0, 110.0, 60.0}, 35.0));
+  }
+}
+
+void add_chair(Scene& scene, double x, double z, double turned_deg, const TextureOptions& texture) {
+  constexpr double kFloor = 1.5;
+  const Eigen::Matrix3d turn =
+      Eigen::AngleAxisd(turned_deg * 3.14159265358979323846 / 180.0, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  const auto at = [&](double right, double up, double ahead) -> Eigen::Vector3d {
+    return Eigen::Vector3d(x, kFloor - up, z) + turn * Eigen::Vector3d(right, 0.0, ahead);
+  };
+  const auto add_rod = [&](const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+    scene.add(rod(from, to, 0.03), texture, {}, Label::kThin);
+  };
+  for (const double side : {-0.19, 0.19}) {
+    add_rod(at(side, 0.0, 0.19), at(side, 0.44, 0.19));
+    add_rod(at(side, 0.0, -0.19), at(side, 0.95, -0.19));
+  }
+  for (const double height : {0.7, 0.92}) {
+    add_rod(at(-0.19, height, -0.19), at(0.19, height, -0.19));
+  }
+  scene.add(Box{at(0.0, 0.46, 0.0), {0.21, 0.02, 0.21}, turn}, texture);
+}
+
+/// A cable that hangs between two points, as pieces of a parabola.
+void add_cable(Scene& scene, const Eigen::Vector3d& from, const Eigen::Vector3d& to, double sag, double diameter,
+               const TextureOptions& texture) {
+  constexpr int kPieces = 10;
+  const auto at = [&](int i) -> Eigen::Vector3d {
+    const double t = static_cast<double>(i) / kPieces;
+    return from + t * (to - from) + 4.0 * sag * t * (1.0 - t) * Eigen::Vector3d::UnitY();
+  };
+  for (int i = 0; i < kPieces; ++i) {
+    scene.add(rod(at(i), at(i + 1), diameter), texture, {}, Label::kThin);
+  }
 }
 
 }  // namespace
@@ -116,6 +196,104 @@ Mission painted_room(const Recipe& recipe) {
   Recipe with_marks = recipe;
   with_marks.mission.landmarks.min_contrast = 20.0;
   return make(with_marks, scene, through_room());
+}
+
+Mission glossy_room(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  scene.add(block(0.0, 1.55, 0.0, {6.2, 0.1, 13.0}), tinted(textures.at(1.2), {125.0, 115.0, 105.0}, 10.0), {0.15},
+            Label::kGlossy);  // floor
+  scene.add(block(0.0, -1.55, 0.0, {6.2, 0.1, 13.0}),
+            tinted(textures.at(2.6), {195.0, 188.0, 175.0}, 20.0));      // ceiling
+  scene.add(block(3.05, 0.0, 0.0, {0.1, 3.0, 13.0}), textures.at(2.8));  // walls
+  scene.add(block(0.0, 0.0, 6.55, {6.2, 3.0, 0.1}), textures.at(2.8));
+  scene.add(block(0.0, 0.0, -6.55, {6.2, 3.0, 0.1}), textures.at(2.8));
+  TextureOptions lamp;
+  lamp.base = Eigen::Vector3d(1000.0, 990.0, 960.0);  // so bright that the floor mirrors it as white
+  lamp.contrast = lamp.shading = 0.0;
+  for (const double z : {-4.8, -1.6, 1.6, 4.8}) {
+    scene.add(block(0.4, -1.48, z, {0.3, 0.04, 1.3}), lamp);
+  }
+  scene.add(rod({1.25, -1.5, 0.2}, {1.25, 1.5, 0.2}, 0.7), tinted(textures.at(1.2), {140.0, 135.0, 125.0}, 12.0),
+            {0.35},
+            Label::kGlossy);  // column
+
+  scene.add(block(-3.05, 1.35, 0.0, {0.1, 0.3, 13.0}), textures.at(2.8));  // below and above the glass wall
+  scene.add(block(-3.05, -1.3, 0.0, {0.1, 0.4, 13.0}), textures.at(2.8));
+  for (const double z : {-6.3, -3.15, 0.0, 3.15, 6.3}) {  // its posts
+    scene.add(block(-3.05, 0.0, z, {0.1, 3.0, 0.16}), tinted(textures.at(1.5), {90.0, 90.0, 95.0}, 20.0));
+  }
+  scene.add(block(-3.05, 0.05, 0.0, {0.012, 2.3, 13.0}), lamp, {0.1, true});
+  add_street(scene, textures);
+
+  scene.add(block(2.97, -0.3, -2.6, {0.06, 0.9, 1.3}), textures.at(2.0));  // pictures
+  scene.add(block(2.97, -0.2, 3.4, {0.06, 0.8, 0.8}), textures.at(2.0));
+  scene.add(furniture(2.6, -4.4, {0.7, 2.0, 1.4}, 0.0), textures.at(2.0));    // cupboard
+  scene.add(furniture(2.3, -1.2, {0.9, 0.75, 1.7}, 8.0), textures.at(2.0));   // desk
+  scene.add(furniture(-1.9, 1.9, {0.8, 0.5, 1.8}, -10.0), textures.at(2.0));  // bench beside the glass
+  scene.add(furniture(2.2, 4.4, {1.0, 1.1, 0.8}, 30.0), textures.at(2.0));    // crate
+  scene.add(furniture(-1.6, -4.2, {0.5, 0.5, 0.5}, 45.0), textures.at(1.5));  // stool
+  Recipe without_lamps = recipe;
+  without_lamps.mission.landmarks.min_contrast = recipe.weak_texture ? 1.0 : 5.0;
+  return make(without_lamps, scene, through_long_room());
+}
+
+Mission thin_room(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  scene.add(Box{Eigen::Vector3d::Zero(), {3.0, 1.5, 6.5}, Eigen::Matrix3d::Identity()},
+            tinted(textures.at(2.6), {165.0, 150.0, 130.0}, 30.0));                                           // walls
+  scene.add(block(0.0, 1.54, 0.0, {6.0, 0.1, 13.0}), tinted(textures.at(1.8), {115.0, 105.0, 100.0}, 30.0));  // floor
+  scene.add(block(0.0, -1.54, 0.0, {6.0, 0.1, 13.0}),
+            tinted(textures.at(2.0), {200.0, 195.0, 185.0}, 18.0));  // ceiling
+  const auto thin = [&](const Eigen::Vector3d& from, const Eigen::Vector3d& to, double diameter,
+                        const TextureOptions& texture) {
+    scene.add(rod(from, to, diameter), texture, {}, Label::kThin);
+  };
+  const TextureOptions steel = tinted(textures.at(0.5), {60.0, 62.0, 68.0}, 12.0);
+  const TextureOptions white = tinted(textures.at(0.5), {225.0, 222.0, 215.0}, 8.0);
+  const TextureOptions red = tinted(textures.at(0.5), {170.0, 50.0, 45.0}, 12.0);
+  const TextureOptions wood = tinted(textures.at(0.5), {125.0, 85.0, 55.0}, 15.0);
+  // Diameters [m] that a panorama of 960 pixels shows 2 to 6 pixels wide where the flight passes.
+  const auto pole = [&](double x, double z, double diameter, const TextureOptions& texture) {
+    thin({x, -1.5, z}, {x, 1.5, z}, diameter, texture);
+  };
+  pole(-1.0, -4.3, 0.025, white);
+  pole(1.5, -3.4, 0.04, steel);
+  pole(-1.5, -2.0, 0.04, red);
+  pole(-1.7, -1.7, 0.025, steel);
+  pole(1.2, -0.6, 0.02, white);
+  pole(-1.3, 1.3, 0.03, steel);
+  pole(1.7, 2.3, 0.05, red);
+  pole(-1.1, 3.8, 0.02, wood);
+  pole(0.7, 5.4, 0.04, steel);  // ahead, with little parallax
+
+  for (const double height : {0.45, 0.95}) {  // a railing along the right wall, and one across the room behind
+    thin({2.0, 1.5 - height, 0.4}, {2.0, 1.5 - height, 4.6}, 0.04, steel);
+    thin({-2.0, 1.5 - height, -5.8}, {2.0, 1.5 - height, -5.8}, 0.03, wood);
+  }
+  for (const double z : {0.4, 1.8, 3.2, 4.6}) {
+    thin({2.0, 1.5, z}, {2.0, 0.5, z}, 0.03, steel);
+  }
+  for (const double x : {-2.0, 0.0, 2.0}) {
+    thin({x, 1.5, -5.8}, {x, 0.5, -5.8}, 0.03, wood);
+  }
+  thin({-2.2, -0.6, -0.6}, {-2.2, -0.6, 5.0}, 0.03, white);  // a pipe along the left wall
+
+  const TextureOptions black = tinted(textures.at(0.5), {35.0, 35.0, 38.0}, 8.0);
+  add_cable(scene, {-2.9, -1.3, -3.0}, {2.9, -1.3, -2.4}, 0.35, 0.02, black);  // across the flight, above it
+  add_cable(scene, {-2.9, -1.3, 2.0}, {2.9, -1.3, 1.2}, 0.3, 0.025, black);
+  add_cable(scene, {-0.9, -1.4, -5.0}, {-0.9, -1.4, 0.5}, 0.5, 0.015, white);  // along it
+  add_cable(scene, {1.3, -1.5, 0.6}, {1.6, 0.2, 0.8}, 0.5, 0.015, black);      // loose
+
+  add_chair(scene, 1.2, -4.6, 25.0, wood);
+  add_chair(scene, -1.2, -3.2, -70.0, black);
+  add_chair(scene, 1.3, -1.9, 160.0, red);
+  add_chair(scene, -1.4, 0.2, 100.0, wood);
+  add_chair(scene, -1.2, 2.6, -20.0, white);
+  scene.add(furniture(2.3, -3.0, {0.9, 0.75, 1.6}, 0.0), textures.at(2.0));  // desk
+  scene.add(furniture(-2.6, -4.9, {0.7, 2.0, 1.2}, 0.0), textures.at(2.0));  // cupboard
+  return make(recipe, scene, through_long_room());
 }
 
 Mission sphere_inside(const Recipe& recipe) {

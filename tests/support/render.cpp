@@ -14,9 +14,6 @@
 namespace pmsp::synth {
 namespace {
 
-/// Shown where a ray meets nothing.
-const Eigen::Vector3d kSky(200.0, 215.0, 235.0);
-
 std::uint8_t to_level(double value) { return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0, 255.0))); }
 
 class Renderer {
@@ -36,18 +33,25 @@ class Renderer {
   }
 
  private:
-  std::optional<Hit> cast(double u, double v, double lens_distance) const {
+  struct Ray {
+    Eigen::Vector3d origin;
+    Eigen::Vector3d direction;
+  };
+
+  Ray ray(double u, double v, double lens_distance) const {
     const Eigen::Vector3d bearing = bearing_from_pixel({u, v}, view_.image.width(), view_.image.height());
     const Eigen::Vector3d lens(0.0, 0.0, bearing.z() < 0.0 ? -0.5 * lens_distance : 0.5 * lens_distance);
     const Eigen::Matrix3d world_from_cam = cam_from_world_.rotation.transpose();
-    return scene_.intersect(center_ + world_from_cam * lens, world_from_cam * bearing);
+    return {center_ + world_from_cam * lens, world_from_cam * bearing};
   }
 
   void render_truth(int x, int y) const {
-    if (const std::optional<Hit> hit = cast(x + 0.5, y + 0.5, 0.0)) {
+    const Ray centre = ray(x + 0.5, y + 0.5, 0.0);
+    if (const std::optional<Hit> hit = scene_.intersect(centre.origin, centre.direction)) {
       view_.depth(x, y) = static_cast<float>(hit->distance);
       view_.normal(x, y) = (cam_from_world_.rotation * hit->normal).cast<float>();
       view_.surface(x, y) = hit->surface;
+      view_.label(x, y) = static_cast<std::uint8_t>(hit->label);
     }
   }
 
@@ -58,8 +62,8 @@ class Renderer {
       for (int i = 0; i < n; ++i) {
         const auto place = [&](int k) { return 0.5 + ((k + 0.5) / n - 0.5) * options_.footprint_px; };
         const double v = std::clamp(y + place(j), 0.0, static_cast<double>(view_.image.height()));
-        const std::optional<Hit> hit = cast(x + place(i), v, options_.lens_distance);
-        sum += hit ? scene_.color(*hit).cwiseMax(0.0).cwiseMin(255.0).eval() : kSky;
+        const Ray sample = ray(x + place(i), v, options_.lens_distance);
+        sum += scene_.radiance(sample.origin, sample.direction).cwiseMin(255.0);
       }
     }
     Eigen::Vector3d color = sum * (options_.gain * shading(x, y) / (n * n));
@@ -92,7 +96,8 @@ class Renderer {
 RenderedView render(const Scene& scene, const RigidTransform& cam_from_world, int width, int height,
                     const RenderOptions& options) {
   RenderedView view{Image<Rgb>(width, height), Image<float>(width, height),
-                    Image<Eigen::Vector3f>(width, height, Eigen::Vector3f::Zero()), Image<int>(width, height, -1)};
+                    Image<Eigen::Vector3f>(width, height, Eigen::Vector3f::Zero()), Image<int>(width, height, -1),
+                    Image<std::uint8_t>(width, height)};
   const Renderer renderer(scene, cam_from_world, options, view);
   std::atomic<int> next_row{0};
   const auto work = [&] {

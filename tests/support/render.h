@@ -28,8 +28,9 @@ struct RenderedView {
   Image<Rgb> image;
   Image<float> depth;  ///< Euclidean distance along the ray of the pixel's centre [scene units]; 0 = no surface
   Image<Eigen::Vector3f>
-      normal;          ///< of the surface there: unit, camera frame, facing the camera; (0, 0, 0) = no surface
-  Image<int> surface;  ///< Hit::surface there; -1 = no surface
+      normal;                 ///< of the surface there: unit, camera frame, facing the camera; (0, 0, 0) = no surface
+  Image<int> surface;         ///< Hit::surface there; -1 = no surface
+  Image<std::uint8_t> label;  ///< Hit::label there; 0 = no surface, too
 };
 
 RenderedView render(const Scene& scene, const RigidTransform& cam_from_world, int width, int height,

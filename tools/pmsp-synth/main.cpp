@@ -20,7 +20,7 @@ const std::map<std::string, MakeMission>& scenes() {
   static const std::map<std::string, MakeMission> kScenes = {
       {"room", synth::textured_room},   {"empty", synth::empty_room},    {"painted", synth::painted_room},
       {"sphere", synth::sphere_inside}, {"plane", synth::slanted_plane}, {"corridor", synth::corridor_across_seam},
-      {"floor", synth::floor_at_nadir}};
+      {"floor", synth::floor_at_nadir}, {"gloss", synth::glossy_room},   {"thin", synth::thin_room}};
   return kScenes;
 }
 
@@ -36,7 +36,10 @@ What it writes into DIR:
   images/%06d.png        the keyframes' images, named by frame index (.jpg with --jpeg)
   map.msg                the map, as stella_vslam stores it (MessagePack); frame f has the timestamp f / 10 s
   gt/traj_tum.txt        true poses, "ts tx ty tz qx qy qz qw", camera to world, metres
-  gt/range_mm/%06d.png   16-bit: true distance along the ray of each pixel's centre [mm]; 0 = unknown
+  gt/range_mm/%06d.png   16-bit: true distance along the ray of each pixel's centre [mm]; 0 = unknown. Through glass: of
+                         what is behind
+  gt/label/%06d.png      gloss and thin, 16-bit: 1 on a thin thing, 2 on a mirroring surface, 3 seen through glass, 0
+                         elsewhere; pmsp-eval reports by these labels
   mask.png               with --mask-nadir: 0 = ignore
 
 Examples:
@@ -57,11 +60,14 @@ void add_scene_options(CLI::App& app, Arguments& arguments) {
   app.add_option(
          "--scene", arguments.scene,
          "room (with furniture), empty (the same without), painted (with bare walls, a door, pictures), sphere (from "
-         "inside), plane (slanted), corridor (a wall across the seam), floor (at the nadir)")
+         "inside), plane (slanted), corridor (a wall across the seam), floor (at the nadir), gloss (long room with a "
+         "mirroring floor, a "
+         "polished column and a glass wall), thin (long room with poles, rails, cables, chairs)")
       ->check(CLI::IsMember(names))
       ->capture_default_str()
       ->group(group);
-  app.add_option("--keyframes", arguments.recipe.keyframes, "keyframes; each scene has room for about ten")
+  app.add_option("--keyframes", arguments.recipe.keyframes,
+                 "keyframes; each scene has room for about ten, gloss and thin for 30")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str()
       ->group(group);

@@ -91,11 +91,19 @@ void prepare_folder(const fs::path& folder) {
     make_folder(folder / name);
     remove_frames(folder / name);
   }
+  remove_frames(folder / "gt/label");
   std::error_code error;
+  fs::remove(folder / "gt/label", error);  // stays where it holds something else
   if (!fs::remove(folder / "mask.png", error) && error) {
     throw OutputError((folder / "mask.png").string() +
                       ": cannot remove this file of an earlier mission: " + error.message());
   }
+}
+
+bool has_labels(const synth::Mission& mission) {
+  return std::any_of(mission.frames.begin(), mission.frames.end(), [](const synth::Frame& frame) {
+    return std::any_of(frame.label.pixels().begin(), frame.label.pixels().end(), [](std::uint8_t l) { return l != 0; });
+  });
 }
 
 }  // namespace
@@ -131,6 +139,10 @@ void check_folder(const MissionFilesOptions& options) {
 
 void write_mission(synth::Mission& mission, const MissionFilesOptions& options) {
   prepare_folder(options.folder);
+  const bool labels = has_labels(mission);
+  if (labels) {
+    make_folder(options.folder / "gt" / "label");
+  }
   for (std::size_t i = 0; i < mission.frames.size(); ++i) {
     synth::Frame& frame = mission.frames[i];
     const std::int64_t number = static_cast<std::int64_t>(i) * options.frame_step;
@@ -143,6 +155,11 @@ void write_mission(synth::Mission& mission, const MissionFilesOptions& options) 
       write_image(options.folder / "images" / (name + ".png"), bgr_of(frame.image), {});
     }
     write_png16(options.folder / "gt" / "range_mm" / (name + ".png"), frame.depth, kMillimetres);
+    if (labels) {
+      Image<float> label(frame.label.width(), frame.label.height());
+      std::copy(frame.label.pixels().begin(), frame.label.pixels().end(), label.pixels().begin());
+      write_png16(options.folder / "gt" / "label" / (name + ".png"), label, 1.0);
+    }
   }
   if (!mission.mask.empty()) {
     write_image(options.folder / "mask.png",

@@ -25,7 +25,8 @@ void add_rig(synth::Mission& mission, double radius_deg);
 void check_folder(const MissionFilesOptions& options);
 
 /// Makes the folder, removes the frames of an earlier mission and writes images/, map.msg, gt/traj_tum.txt,
-/// gt/range_mm/ and, when there is one, mask.png. One unit of the scene is one metre of the truth. Throws OutputError.
+/// gt/range_mm/ and, where there are any, gt/label/ and mask.png. One unit of the scene is one metre of the truth.
+/// Throws OutputError.
 void write_mission(synth::Mission& mission, const MissionFilesOptions& options);
 
 }  // namespace pmsp::synth_tool
