@@ -133,6 +133,10 @@ void run_cloud(const CommonArguments& common, CloudArguments arguments) {
   const AlignedCloud cloud =
       align_cloud(read_ply(arguments.cloud).positions, keyframes, alignment.truth_from_map, truth.origin());
   const ViewMeasures views = views_with_pictures(cloud, alignment, truth, arguments);
+  const LabelOptions label_options;
+  const Behind behind = {cloud.points.size(),
+                         count_behind(cloud.points, true_views(cloud, alignment, truth, arguments.views),
+                                      label_options.max_offset, common.threads)};
   const CloudMeasures measures = measure_cloud(cloud, build_surface(truth, arguments.surface), arguments.measures);
 
   Json json = {{"cloud", arguments.cloud.string()}};
@@ -140,10 +144,11 @@ void run_cloud(const CommonArguments& common, CloudArguments arguments) {
   json["alignment"] = to_json(alignment);
   json["points_not_finite"] = cloud.dropped;
   json["views"] = to_json(views);
+  json["behind"] = to_json(behind);
   json["surface"] = to_json(measures);
   deliver(common, json,
           "cloud       " + arguments.cloud.string() + "\n" + to_table(alignment) + to_table(views, arguments.views) +
-              to_table(measures));
+              to_table(behind, label_options) + to_table(measures));
 }
 
 void run_depth(const CommonArguments& common, DepthArguments arguments) {
@@ -151,7 +156,7 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
   const GroundTruth truth(common.truth, common.truth_fps);
   const std::vector<TimedPose> keyframes = read_keyframes(common);
   const Alignment alignment = align(keyframes, truth.trajectory(), common.alignment);
-  arguments.measures.scale = alignment.truth_from_map.scale;
+  arguments.measures.scale = arguments.labels.scale = alignment.truth_from_map.scale;
   const auto pairs = pair_with_truth(files, keyframes, alignment, truth);
   if (!arguments.render.folder.empty()) make_folder(arguments.render.folder);
   const auto wanted = pictured(arguments.render, pairs, [](const Pair& pair) { return pair.file.keyframe_id; });
@@ -162,8 +167,9 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
     const std::int64_t id = pairs[i].file.keyframe_id;
     const Image<float> depth = load_depth(pairs[i].file.path, arguments.png_scale);
     Image<float> error;
-    maps[i] = {id, depth.width(), depth.height(),
-               measure_depth(depth, GroundTruth::load(*pairs[i].truth), arguments.measures, &error)};
+    const Image<float> range = GroundTruth::load(*pairs[i].truth);
+    maps[i] = {id, depth.width(), depth.height(), measure_depth(depth, range, arguments.measures, &error), {}};
+    maps[i].labels = measure_labels(depth, error, range, GroundTruth::load_labels(*pairs[i].truth), arguments.labels);
     samples[i] = samples_of(pairs[i], error, pairs.size());
     if (wanted.count(id) > 0) {
       write_depth_error_image(picture_path(arguments.render.folder, "depth_error", id), error, 720);
@@ -185,7 +191,8 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
   json["without_truth"] = files.size() - pairs.size();
   json["depth"] = to_json(maps);
   json["calibration"] = calibration ? to_json(*calibration) : Json();
-  std::string table = to_table(alignment) + to_table(maps) + (calibration ? to_table(*calibration) : "");
+  std::string table =
+      to_table(alignment) + to_table(maps, arguments.labels) + (calibration ? to_table(*calibration) : "");
   if (files.size() > pairs.size()) {
     table += "  " + std::to_string(files.size() - pairs.size()) + " further depth maps have no truth\n";
   }

@@ -10,6 +10,7 @@
 #include "pmsp-eval/alignment.h"
 #include "pmsp-eval/cloud_measures.h"
 #include "pmsp-eval/depth_measures.h"
+#include "pmsp-eval/label_measures.h"
 #include "pmsp-eval/surface.h"
 #include "pmsp-eval/view_measures.h"
 
@@ -44,6 +45,7 @@ struct DepthArguments {
   std::optional<std::int64_t> keyframe;
   double png_scale = 0.0;  ///< 0 = not given
   DepthMeasureOptions measures;
+  LabelOptions labels;
   RenderArguments render;
   std::filesystem::path calibration;  ///< plot; empty = none
 };

@@ -83,4 +83,18 @@ Image<float> GroundTruth::load(const RangeMap& map) {
   return range;
 }
 
+Image<std::uint8_t> GroundTruth::load_labels(const RangeMap& map) {
+  const fs::path path = map.path.parent_path().parent_path() / "label" / (map.path.stem().string() + ".png");
+  if (!fs::exists(path)) return {};
+  const Image<float> values = read_png16(path, 1.0);
+  if (values.empty() || values.width() != 2 * values.height()) {
+    throw InvalidInput(path.string() + ": the label image has " + std::to_string(values.width()) + " x " +
+                       std::to_string(values.height()) + " pixels, expected twice as wide as high");
+  }
+  Image<std::uint8_t> labels(values.width(), values.height());
+  std::transform(values.pixels().begin(), values.pixels().end(), labels.pixels().begin(),
+                 [](float value) { return static_cast<std::uint8_t>(std::min(value, 255.0F)); });
+  return labels;
+}
+
 }  // namespace pmsp::eval

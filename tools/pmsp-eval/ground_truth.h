@@ -19,6 +19,7 @@ inline bool is_range(float range) { return range > 1e-3F && range < 1e4F; }
 ///   traj_tum.txt        true poses, camera to world, metres
 ///   range_mm/%06d.png   16-bit gray, distance along the ray through each pixel's centre [mm], 0 = no surface; or
 ///   range/%06d.pfm      the same in metres
+///   label/%06d.png      16-bit gray, may be missing: what each pixel shows, see Label in label_measures.h
 /// Range maps are equirectangular and named by frame index; frame f was taken at f / fps seconds.
 class GroundTruth {
  public:
@@ -45,6 +46,9 @@ class GroundTruth {
 
   /// Range of each pixel [m]. Throws IoError, InvalidInput.
   static Image<float> load(const RangeMap& map);
+
+  /// The labels of its pixels; empty where there are none. Throws IoError, InvalidInput.
+  static Image<std::uint8_t> load_labels(const RangeMap& map);
 
  private:
   std::vector<TimedPose> trajectory_;

@@ -10,9 +10,6 @@
 namespace pmsp::eval {
 namespace {
 
-/// Index of the pixel of a row of `size` pixels that holds the centre of pixel i of a row of `of`.
-int centre_index(int i, int of, int size) { return std::min(static_cast<int>((i + 0.5) * size / of), size - 1); }
-
 float best_error(float estimate, const Image<float>& truth, int x, int y, int slack_px) {
   float best = std::numeric_limits<float>::infinity();
   for (int dy = -slack_px; dy <= slack_px; ++dy) {

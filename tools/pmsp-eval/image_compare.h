@@ -1,9 +1,25 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <algorithm>
+
 #include "pmsp/image.h"
 
 namespace pmsp::eval {
+
+/// Index of the pixel of a row of `size` pixels that holds the centre of pixel i of a row of `of`.
+inline int centre_index(int i, int of, int size) { return std::min(static_cast<int>((i + 0.5) * size / of), size - 1); }
+
+/// The values at the pixels' centres of an image of another size.
+template <class T>
+Image<T> resampled(const Image<T>& image, int width, int height) {
+  Image<T> result(width, height);
+  for (int y = 0; y < height; ++y) {
+    const int row = centre_index(y, height, image.height());
+    for (int x = 0; x < width; ++x) result(x, y) = image(centre_index(x, width, image.width()), row);
+  }
+  return result;
+}
 
 /// |estimate - truth| / truth of each pixel of `estimate`, NaN where the truth is unknown. Both images cover the whole
 /// sphere in any size; the truth of a pixel is the value at its centre. With `slack_px` > 0 the best of the

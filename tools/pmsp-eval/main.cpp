@@ -29,9 +29,11 @@ struct Arguments {
 };
 
 void add_common(CLI::App& app, Arguments& a, bool truth_required) {
-  CLI::Option* truth = app.add_option("--gt", a.common.truth,
-                                      "Folder of ground truth: traj_tum.txt, and range_mm/<frame>.png (16-bit, mm) or "
-                                      "range/<frame>.pfm (m)");
+  CLI::Option* truth =
+      app.add_option("--gt", a.common.truth,
+                     "Folder of ground truth: traj_tum.txt, and range_mm/<frame>.png (16-bit, mm) or "
+                     "range/<frame>.pfm (m); label/<frame>.png, where it is there (16-bit: 1 thin thing, "
+                     "2 mirroring surface, 3 behind glass, 0 other), gives figures by label");
   truth->required(truth_required)->type_name("DIR");
   CLI::Option_group* poses = app.add_option_group("keyframes", "Poses of the keyframes, one of:");
   poses->add_option("--map", a.common.map, "Map that they came from (MessagePack or SQLite)")->type_name("FILE");
@@ -156,6 +158,8 @@ CLI::App* add_depth(CLI::App& app, Arguments& a) {
       ->type_name("UNITS");
   add_number(*depth, "--slack", a.depth.measures.slack_px,
              "Pixels of the range map about the true one that also count [px]", 0, 100);
+  add_number(*depth, "--correct", a.correct_percent,
+             "By label, an estimate is wrong beyond this share of the true range [%]", 1e-6, 1e3);
   depth
       ->add_option("--calibration", a.depth.calibration,
                    "Plot error over confidence (PNG); needs confidence_<keyframe id>.pfm beside the depth maps")
@@ -189,6 +193,7 @@ void run(const CLI::App& cloud, const CLI::App& depth, Arguments& a) {
     run_cloud(a.common, a.cloud);
   } else if (depth.parsed()) {
     a.depth.measures.relative = relative;
+    a.depth.labels.max_relative_error = a.correct_percent / 100.0;
     if (depth.count("--keyframe") > 0) a.depth.keyframe = a.keyframe;
     run_depth(a.common, a.depth);
   } else {

@@ -58,6 +58,12 @@ DepthMeasures mean_of(const std::vector<KeyframeDepth>& maps) {
   return eval::mean_of(measures);
 }
 
+LabelTable labels_of(const std::vector<KeyframeDepth>& maps) {
+  LabelTable sum;
+  for (const KeyframeDepth& map : maps) sum += map.labels;
+  return sum;
+}
+
 std::string depth_line(const std::string& name, const DepthMeasures& m) {
   std::string line = format("  %-10s %7.2f", name.c_str(), 100.0 * m.valid);
   for (const auto& within : m.within) line += format("   %7.2f", 100.0 * within.share);
@@ -131,6 +137,7 @@ Json to_json(const ViewMeasures& m) {
   Json json = to_json(m.mean);
   json["keyframes"] = m.views.size();
   json["keyframes_with_truth"] = m.with_truth;
+  json["labels"] = to_json(m.mean.labels);
   json["per_keyframe"] = Json::array();
   for (const View& view : m.views) {
     Json entry = {{"id", view.keyframe_id}, {"timestamp", view.timestamp}};
@@ -155,7 +162,7 @@ Json to_json(const DepthMeasures& m) {
 }
 
 Json to_json(const std::vector<KeyframeDepth>& maps) {
-  Json json = {{"keyframes", maps.size()}, {"mean", to_json(mean_of(maps))}};
+  Json json = {{"keyframes", maps.size()}, {"mean", to_json(mean_of(maps))}, {"labels", to_json(labels_of(maps))}};
   json["per_keyframe"] = Json::array();
   for (const KeyframeDepth& map : maps) {
     Json entry = {{"id", map.keyframe_id}, {"width", map.width}, {"height", map.height}};
@@ -170,6 +177,28 @@ Json to_json(const Calibration& c) {
           {"threshold", c.threshold},
           {"plain", to_json(c.plain)},
           {"solid_angle", to_json(c.solid_angle)}};
+}
+
+Json to_json(const LabelTable& labels) {
+  Json json = Json::object();
+  for (const auto& [label, m] : labels) {
+    Json& entry = json[label_name(label)];
+    entry = {{"share", m.pixels / labels.at(kAllLabels).pixels},
+             {"missing", m.missing_share()},
+             {"wrong", m.wrong_share()},
+             {"behind_of_estimates", m.behind_share()},
+             {"in_front_of_estimates", m.in_front_share()}};
+    if (label == kThin) entry["grown_of_beside"] = m.grown_share();
+  }
+  return json;
+}
+
+Json to_json(const Behind& behind) {
+  Json json = Json::object();
+  for (const auto& [label, count] : behind.counts) {
+    json[label_name(label)] = static_cast<double>(count) / static_cast<double>(behind.points);
+  }
+  return json;
 }
 
 std::string to_table(const Alignment& a) {
@@ -202,10 +231,13 @@ std::string to_table(const ViewMeasures& m, const ViewOptions& options) {
   text += format("  correct (%3g %%)    %8.2f %%   %8.2f %%\n", 100.0 * options.max_relative_error, 100.0 * c.share,
                  100.0 * c.share_solid_angle);
   text += format("  correct of hit     %8.2f %%\n", 100.0 * c.of_hit);
-  return text + format("  median error of hit %7.3f %%\n", 100.0 * c.error_median);
+  text += format("  median error of hit %7.3f %%\n", 100.0 * c.error_median);
+  LabelOptions label_options;
+  label_options.max_relative_error = options.max_relative_error;
+  return text + to_table(m.mean.labels, label_options);
 }
 
-std::string to_table(const std::vector<KeyframeDepth>& maps) {
+std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions& options) {
   const DepthMeasures mean = mean_of(maps);
   std::string text =
       format("depth       %zu keyframes; all figures in %%, shares of the pixels with truth\n", maps.size());
@@ -218,7 +250,7 @@ std::string to_table(const std::vector<KeyframeDepth>& maps) {
   for (const auto& within : mean.within) text += format("   %7.2f", 100.0 * within.share_solid_angle);
   text += "\n  of valid          ";
   for (const auto& within : mean.within) text += format("   %7.2f", 100.0 * within.of_valid);
-  return text + "\n";
+  return text + "\n" + to_table(labels_of(maps), options);
 }
 
 std::string to_table(const Calibration& c) {
@@ -233,6 +265,32 @@ std::string to_table(const Calibration& c) {
   }
   text += "  confident half     " + bin_figures(c.plain.confident_half) + bin_figures(c.solid_angle.confident_half);
   return text + "\n" + verdict("plain", c.plain.monotone) + verdict("by solid angle", c.solid_angle.monotone);
+}
+
+std::string to_table(const LabelTable& labels, const LabelOptions& options) {
+  std::string text =
+      format("labels      by solid angle, in %%; wrong: > %g %%; behind, in front: > %g %%, of the estimates\n",
+             100.0 * options.max_relative_error, 100.0 * options.max_offset);
+  text += "                     share    missing      wrong     behind   in front\n";
+  for (const auto& [label, m] : labels) {
+    text += format("  %-14s  %8.3f   %8.3f   %8.3f   %8.3f   %8.3f\n", label_name(label).c_str(),
+                   100.0 * m.pixels / labels.at(kAllLabels).pixels, 100.0 * m.missing_share(), 100.0 * m.wrong_share(),
+                   100.0 * m.behind_share(), 100.0 * m.in_front_share());
+  }
+  const auto thin = labels.find(kThin);
+  if (thin == labels.end()) return text;
+  return text + format("  thin grown      %8.3f %% of what lies beside thin things, by up to %d px, has their range\n",
+                       100.0 * thin->second.grown_share(), options.beside_px);
+}
+
+std::string to_table(const Behind& behind, const LabelOptions& options) {
+  std::string text = format("behind      points more than %g %% behind the true surface from everywhere\n",
+                            100.0 * options.max_offset);
+  for (const auto& [label, count] : behind.counts) {
+    text += format("  %-14s  %8.3f %%\n", label_name(label).c_str(),
+                   100.0 * static_cast<double>(count) / static_cast<double>(behind.points));
+  }
+  return text;
 }
 
 }  // namespace pmsp::eval

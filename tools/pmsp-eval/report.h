@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -11,6 +13,7 @@
 #include "pmsp-eval/calibration.h"
 #include "pmsp-eval/cloud_measures.h"
 #include "pmsp-eval/depth_measures.h"
+#include "pmsp-eval/label_measures.h"
 #include "pmsp-eval/view_measures.h"
 
 namespace pmsp::eval {
@@ -23,6 +26,13 @@ struct KeyframeDepth {
   int width = 0;
   int height = 0;
   DepthMeasures measures;
+  LabelTable labels;
+};
+
+/// Points of a cloud that lie behind the true surface, see count_behind.
+struct Behind {
+  std::size_t points = 0;  ///< of the cloud
+  std::map<int, std::size_t> counts;
 };
 
 /// Shares are numbers from 0 to 1; lengths are metres; a figure that does not exist is null.
@@ -32,12 +42,16 @@ Json to_json(const ViewMeasures& measures);
 Json to_json(const DepthMeasures& measures);
 Json to_json(const std::vector<KeyframeDepth>& maps);
 Json to_json(const Calibration& calibration);
+Json to_json(const LabelTable& labels);
+Json to_json(const Behind& behind);
 
 /// The same for people, lines of at most 100 characters.
 std::string to_table(const Alignment& alignment);
 std::string to_table(const CloudMeasures& measures);
 std::string to_table(const ViewMeasures& measures, const ViewOptions& options);
-std::string to_table(const std::vector<KeyframeDepth>& maps);
+std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions& options);
 std::string to_table(const Calibration& calibration);
+std::string to_table(const LabelTable& labels, const LabelOptions& options);
+std::string to_table(const Behind& behind, const LabelOptions& options);
 
 }  // namespace pmsp::eval

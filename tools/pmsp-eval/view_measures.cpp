@@ -50,6 +50,7 @@ View mean_view(const std::vector<View>& views, int with_truth) {
   for (const View& view : views) {
     mean.hit += view.hit / static_cast<double>(views.size());
     mean.hit_solid_angle += view.hit_solid_angle / static_cast<double>(views.size());
+    mean.labels += view.labels;
     if (!view.correct) continue;
     correct.share += view.correct->share / with_truth;
     correct.share_solid_angle += view.correct->share_solid_angle / with_truth;
@@ -81,6 +82,21 @@ Image<float> render_range(const std::vector<Eigen::Vector3f>& points, const Rigi
   return range;
 }
 
+std::vector<TrueView> true_views(const AlignedCloud& cloud, const Alignment& alignment, const GroundTruth& truth,
+                                 const ViewOptions& options) {
+  std::vector<TrueView> views;
+  for (const std::size_t i : spread_indices(cloud.keyframes.size(), static_cast<std::size_t>(options.max_keyframes))) {
+    const int row = alignment.truth_row[i];
+    const GroundTruth::RangeMap* map = row >= 0 ? truth.find(row) : nullptr;
+    if (map == nullptr) continue;
+    const Image<std::uint8_t> labels = GroundTruth::load_labels(*map);
+    views.push_back({cloud.keyframes[i].world_from_cam.inverse(),
+                     resampled(GroundTruth::load(*map), 2 * options.height, options.height),
+                     labels.empty() ? labels : resampled(labels, 2 * options.height, options.height)});
+  }
+  return views;
+}
+
 ViewMeasures measure_views(const AlignedCloud& cloud, const Alignment& alignment, const GroundTruth& truth,
                            const ViewOptions& options, const ViewObserver& observe) {
   const auto chosen = spread_indices(cloud.keyframes.size(), static_cast<std::size_t>(options.max_keyframes));
@@ -96,8 +112,12 @@ ViewMeasures measure_views(const AlignedCloud& cloud, const Alignment& alignment
     Image<float> error;
     const int row = alignment.truth_row[chosen[i]];
     if (const GroundTruth::RangeMap* map = row >= 0 ? truth.find(row) : nullptr) {
-      error = relative_error(range, GroundTruth::load(*map), options.slack_px);
+      const Image<float> true_range = GroundTruth::load(*map);
+      error = relative_error(range, true_range, options.slack_px);
       view.correct = measure_correct(range, error, options.max_relative_error);
+      LabelOptions label_options;
+      label_options.max_relative_error = options.max_relative_error;
+      view.labels = measure_labels(range, error, true_range, GroundTruth::load_labels(*map), label_options);
     }
     if (observe) observe(view, range, error);
   });

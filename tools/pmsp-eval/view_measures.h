@@ -8,6 +8,7 @@
 #include "pmsp-eval/alignment.h"
 #include "pmsp-eval/cloud_measures.h"
 #include "pmsp-eval/ground_truth.h"
+#include "pmsp-eval/label_measures.h"
 
 namespace pmsp::eval {
 
@@ -33,16 +34,21 @@ struct View {
     double error_median = 0.0;  ///< relative, over pixels that were hit; NaN without any
   };
   std::optional<Correct> correct;
+  LabelTable labels;  ///< empty without a range map
 };
 
 struct ViewMeasures {
   std::vector<View> views;
   int with_truth = 0;
-  View mean;  ///< over all views; `correct` over those with truth, nullopt without any
+  View mean;  ///< over all views; `correct` over those with truth, nullopt without any; `labels`: the sum
 };
 
 /// Range of the nearest point in each pixel of an equirectangular view, without any size of points; 0 = none.
 Image<float> render_range(const std::vector<Eigen::Vector3f>& points, const RigidTransform& cam_from_world, int height);
+
+/// The truth of the keyframes that measure_views looks at, in its size, where there is one.
+std::vector<TrueView> true_views(const AlignedCloud& cloud, const Alignment& alignment, const GroundTruth& truth,
+                                 const ViewOptions& options = {});
 
 /// Looks at each view: estimated range and relative error (NaN where unknown; empty without truth).
 using ViewObserver = std::function<void(const View&, const Image<float>& range, const Image<float>& error)>;

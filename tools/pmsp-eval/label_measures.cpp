@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp-eval/label_measures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <optional>
+
+#include "pmsp-eval/ground_truth.h"
+#include "pmsp-eval/image_compare.h"
+#include "pmsp-eval/parallel.h"
+#include "pmsp/camera.h"
+
+namespace pmsp::eval {
+namespace {
+
+constexpr std::size_t kChunk = 4096;
+
+/// Pixels beside thin things and what the estimate makes of them.
+class Growth {
+ public:
+  Growth(const Image<float>& estimate, const Image<float>& error, const Image<float>& truth,
+         const Image<std::uint8_t>& labels, const LabelOptions& options)
+      : estimate_(estimate),
+        error_(error),
+        truth_(truth),
+        labels_(labels),
+        options_(options),
+        found_(estimate.width(), estimate.height()) {}
+
+  void measure(LabelMeasures& thin) {
+    for (int y = 0; y < labels_.height(); ++y) {
+      for (int x = 0; x < labels_.width(); ++x) {
+        if (labels_(x, y) == kThin && is_range(truth_(x, y))) look_around(x, y);
+      }
+    }
+    for (int y = 0; y < found_.height(); ++y) {
+      const double weight = row_weight(y, found_.height());
+      for (int x = 0; x < found_.width(); ++x) {
+        thin.beside += found_(x, y) != 0 ? weight : 0.0;
+        thin.grown += found_(x, y) == kGrown ? weight : 0.0;
+      }
+    }
+  }
+
+ private:
+  enum : std::uint8_t { kBeside = 1, kGrown = 2 };
+
+  void look_around(int x, int y) {
+    const int reach = options_.beside_px;
+    const int width = found_.width();
+    for (int row = std::max(y - reach, 0); row <= std::min(y + reach, found_.height() - 1); ++row) {
+      // Rows shrink towards the poles.
+      const int columns = std::min(static_cast<int>(std::lround(reach / row_weight(row, found_.height()))), width / 4);
+      for (int column = x - columns; column <= x + columns; ++column) look_at((column + width) % width, row, x, y);
+    }
+  }
+
+  void look_at(int x, int y, int thin_x, int thin_y) {
+    if (labels_(x, y) == kThin || !is_range(truth_(x, y))) return;
+    std::uint8_t& found = found_(x, y);
+    found = std::max(found, static_cast<std::uint8_t>(kBeside));
+    const double range = options_.scale * static_cast<double>(estimate_(x, y));
+    const double thin_range = static_cast<double>(truth_(thin_x, thin_y));
+    const bool wrong = static_cast<double>(error_(x, y)) > options_.max_relative_error;  // false without an estimate
+    if (wrong && range > 0.0 && std::abs(range - thin_range) <= options_.max_relative_error * thin_range) {
+      found = kGrown;
+    }
+  }
+
+  const Image<float>& estimate_;
+  const Image<float>& error_;
+  const Image<float>& truth_;
+  const Image<std::uint8_t>& labels_;
+  const LabelOptions& options_;
+  Image<std::uint8_t> found_;
+};
+
+/// Label of the surface that the point lies least behind; nullopt where it is not behind from every view.
+std::optional<int> behind_which(const Eigen::Vector3d& point, const std::vector<TrueView>& views, double max_offset) {
+  double least = std::numeric_limits<double>::infinity();
+  std::uint8_t label = kOther;
+  for (const TrueView& view : views) {
+    const Eigen::Vector3d in_cam = view.cam_from_world * point;
+    const double distance = in_cam.norm();
+    if (!(distance > 0.0)) return std::nullopt;
+    const int width = view.range.width();
+    const int height = view.range.height();
+    const Eigen::Vector2d pixel = pixel_from_bearing(in_cam, width, height);
+    const int x = std::min(static_cast<int>(pixel.x()), width - 1);
+    const int y = std::min(static_cast<int>(pixel.y()), height - 1);
+    if (!is_range(view.range(x, y))) continue;
+    const double offset = distance / static_cast<double>(view.range(x, y)) - 1.0;
+    if (offset <= max_offset) return std::nullopt;
+    if (offset >= least) continue;
+    least = offset;
+    if (!view.labels.empty()) label = view.labels(x, y);
+  }
+  if (std::isinf(least)) return std::nullopt;
+  return label;
+}
+
+}  // namespace
+
+std::string label_name(int label) {
+  switch (label) {
+    case kAllLabels:
+      return "all";
+    case kOther:
+      return "other";
+    case kThin:
+      return "thin";
+    case kGlossy:
+      return "glossy";
+    case kBehindGlass:
+      return "behind glass";
+    default:
+      return "label " + std::to_string(label);
+  }
+}
+
+LabelMeasures& LabelMeasures::operator+=(const LabelMeasures& other) {
+  for (const auto field :
+       {&LabelMeasures::pixels, &LabelMeasures::estimates, &LabelMeasures::wrong, &LabelMeasures::behind,
+        &LabelMeasures::in_front, &LabelMeasures::beside, &LabelMeasures::grown}) {
+    this->*field += other.*field;
+  }
+  return *this;
+}
+
+LabelTable& operator+=(LabelTable& sum, const LabelTable& table) {
+  for (const auto& [label, measures] : table) sum[label] += measures;
+  return sum;
+}
+
+LabelTable measure_labels(const Image<float>& estimate, const Image<float>& error, const Image<float>& truth,
+                          const Image<std::uint8_t>& labels, const LabelOptions& options) {
+  const int width = estimate.width();
+  const int height = estimate.height();
+  const Image<float> range = resampled(truth, width, height);
+  const Image<std::uint8_t> label = labels.empty() ? labels : resampled(labels, width, height);
+  LabelTable table;
+  table[kAllLabels];
+  for (int y = 0; y < height; ++y) {
+    const double weight = row_weight(y, height);
+    for (int x = 0; x < width; ++x) {
+      if (!is_range(range(x, y))) continue;
+      LabelMeasures pixel;
+      pixel.pixels = weight;
+      const double estimated = options.scale * static_cast<double>(estimate(x, y));
+      if (std::isfinite(estimated) && estimated > 0.0) {
+        const double e = static_cast<double>(error(x, y));
+        const bool farther = estimated > static_cast<double>(range(x, y));
+        pixel.estimates = weight;
+        pixel.wrong = e > options.max_relative_error ? weight : 0.0;
+        pixel.behind = e > options.max_offset && farther ? weight : 0.0;
+        pixel.in_front = e > options.max_offset && !farther ? weight : 0.0;
+      }
+      table[kAllLabels] += pixel;
+      if (!label.empty()) table[label(x, y)] += pixel;
+    }
+  }
+  const auto thin = table.find(kThin);
+  if (thin != table.end()) Growth(estimate, error, range, label, options).measure(thin->second);
+  return table;
+}
+
+std::map<int, std::size_t> count_behind(const std::vector<Eigen::Vector3f>& points, const std::vector<TrueView>& views,
+                                        double max_offset, int threads) {
+  std::map<int, std::size_t> counts = {{kAllLabels, 0}};
+  std::mutex mutex;
+  parallel_chunks(points.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    std::map<int, std::size_t> chunk;
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::optional<int> label = behind_which(points[i].cast<double>(), views, max_offset);
+      if (!label) continue;
+      ++chunk[kAllLabels];
+      ++chunk[*label];
+    }
+    const std::lock_guard<std::mutex> lock(mutex);
+    for (const auto& [label, count] : chunk) counts[label] += count;
+  });
+  return counts;
+}
+
+}  // namespace pmsp::eval
