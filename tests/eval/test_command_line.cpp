@@ -232,6 +232,33 @@ TEST_CASE("confidence beside the depth maps gives a calibration and its plot") {
   CHECK_THAT(m.err, Catch::Contains("confidence_000042.pfm") && Catch::Contains("8 x 4"));
 }
 
+TEST_CASE("figures by label are in the table and in the JSON") {
+  Mission m;
+  std::filesystem::create_directory(m.folder / "gt" / "label");
+  for (int i = 0; i < 5; ++i) {
+    pmsp::Image<float> label(120, 60);
+    for (int y = 20; y < 40; ++y) label(60, y) = label(61, y) = 1.0F;
+    pmsp::write_png16(m.folder.path() / "gt" / "label" / ("00000" + std::to_string(i) + ".png"), label, 1.0);
+  }
+  const std::string rest = " --gt gt --map map.msg --time-offset=-1763660000.25 --json f.json";
+  REQUIRE(m.run("depth depth --correct 1" + rest) == 0);
+  CHECK_THAT(m.out, Catch::Contains("thin grown") && Catch::Contains("behind"));
+  json labels = json::parse(read_text(m.folder / "f.json"))["depth"]["labels"];
+  CHECK(labels["thin"]["wrong"].get<double>() == 1.0);  // the depth maps are 1.5 % off
+  CHECK(labels["thin"]["missing"].get<double>() == 0.0);
+  CHECK(labels["all"]["behind_of_estimates"].get<double>() == 0.0);
+  REQUIRE(m.run("depth depth" + rest) == 0);
+  labels = json::parse(read_text(m.folder / "f.json"))["depth"]["labels"];
+  CHECK(labels["thin"]["wrong"].get<double>() == 0.0);
+  CHECK(labels["thin"]["grown_of_beside"].get<double>() == 0.0);
+
+  REQUIRE(m.run("cloud cloud.ply" + rest) == 0);
+  const json figures = json::parse(read_text(m.folder / "f.json"));
+  CHECK(figures["behind"]["all"].get<double>() == 0.0);
+  CHECK(figures["views"]["labels"]["thin"]["wrong"].get<double>() == 0.0);
+  CHECK(figures["views"]["labels"]["other"]["share"].get<double>() > 0.9);
+}
+
 TEST_CASE("align writes the map's keyframes") {
   Mission m;
   REQUIRE(m.run("align --map map.msg --write-trajectory plain.txt") == 0);

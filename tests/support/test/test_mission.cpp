@@ -30,8 +30,10 @@ Recipe small(int keyframes = 4) {
 
 const std::vector<std::pair<std::string, std::function<Mission(const Recipe&)>>>& all_missions() {
   static const std::vector<std::pair<std::string, std::function<Mission(const Recipe&)>>> kAll = {
-      {"textured_room", textured_room}, {"empty_room", empty_room},         {"sphere_inside", sphere_inside},
-      {"slanted_plane", slanted_plane}, {"corridor", corridor_across_seam}, {"floor_at_nadir", floor_at_nadir}};
+      {"textured_room", textured_room},   {"empty_room", empty_room},
+      {"sphere_inside", sphere_inside},   {"slanted_plane", slanted_plane},
+      {"corridor", corridor_across_seam}, {"floor_at_nadir", floor_at_nadir},
+      {"glossy_room", glossy_room},       {"thin_room", thin_room}};
   return kAll;
 }
 

@@ -148,6 +148,25 @@ TEST_CASE("--mask-nadir hides a rig in the mask, shows it in the images and leav
   }
 }
 
+TEST_CASE("scenes with things to tell apart have label images, the others none") {
+  const TempDir folder;
+  const fs::path out = folder / "mission";
+  REQUIRE(synth_tool(folder, "--scene gloss --camera cheap --keyframes 2 -w 128 -o " + quoted(out)).code == 0);
+  CHECK(files_in(out / "gt" / "label") == 2);
+  const Image<float> label = read_png16(out / "gt" / "label" / "000001.png", 1.0);
+  const Image<float> range = read_png16(out / "gt" / "range_mm" / "000001.png", 1e-3);
+  REQUIRE(label.width() == 128);
+  CHECK(label(64, 63) == 2.0F);  // the floor
+  CHECK(range(64, 63) == Approx(1.4F).margin(0.1));
+  const auto count = [&](float value) { return std::count(label.pixels().begin(), label.pixels().end(), value); };
+  CHECK(count(3.0F) > 100);
+  CHECK(count(1.0F) == 0);
+  REQUIRE(synth_tool(folder, "--scene thin --keyframes 1 -w 128 --force -o " + quoted(out)).code == 0);
+  CHECK(files_in(out / "gt" / "label") == 1);
+  REQUIRE(synth_tool(folder, "--scene room --keyframes 1 -w 64 --force -o " + quoted(out)).code == 0);
+  CHECK_FALSE(fs::exists(out / "gt" / "label"));
+}
+
 TEST_CASE("the same seed gives the same bytes, another one does not") {
   const TempDir folder;
   const auto make = [&](const std::string& name, const std::string& seed) {
