@@ -89,6 +89,9 @@ TEST_CASE("a thin thing that is lost is missing or wrong, one that has grown is 
   CHECK(half.wrong_share() == Approx(0.5));
   CHECK(half.behind_share() == Approx(1.0));
 
+  const Image<float> slack = relative_error(lost, truth, 1);  // the wall is one pixel aside
+  CHECK(measure_labels(lost, slack, truth, labels, options).at(kThin).wrong_share() == Approx(0.5));
+
   Image<float> grown = truth;
   for (int y = 15; y < 25; ++y) grown(kWidth - 2, y) = grown(1, y) = 2.0F;
   grown(10, 20) = 2.0F;  // too far from it to be counted

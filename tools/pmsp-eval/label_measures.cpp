@@ -150,8 +150,10 @@ LabelTable measure_labels(const Image<float>& estimate, const Image<float>& erro
       pixel.pixels = weight;
       const double estimated = options.scale * static_cast<double>(estimate(x, y));
       if (std::isfinite(estimated) && estimated > 0.0) {
-        const double e = static_cast<double>(error(x, y));
-        const bool farther = estimated > static_cast<double>(range(x, y));
+        const auto true_range = static_cast<double>(range(x, y));
+        const bool thin = !label.empty() && label(x, y) == kThin;
+        const double e = thin ? std::abs(estimated - true_range) / true_range : static_cast<double>(error(x, y));
+        const bool farther = estimated > true_range;
         pixel.estimates = weight;
         pixel.wrong = e > options.max_relative_error ? weight : 0.0;
         pixel.behind = e > options.max_offset && farther ? weight : 0.0;

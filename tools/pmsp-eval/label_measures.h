@@ -55,7 +55,8 @@ using LabelTable = std::map<int, LabelMeasures>;
 LabelTable& operator+=(LabelTable& sum, const LabelTable& table);
 
 /// `estimate` of any size, 0 where there is none; `error` as from relative_error for it (NaN also where there is no
-/// estimate); `truth` [m] and `labels` of any size. Without labels only kAllLabels is measured.
+/// estimate), which on thin things is taken without slack: that would accept the wall beside them. `truth` [m] and
+/// `labels` of any size. Without labels only kAllLabels is measured.
 LabelTable measure_labels(const Image<float>& estimate, const Image<float>& error, const Image<float>& truth,
                           const Image<std::uint8_t>& labels, const LabelOptions& options = {});
 
