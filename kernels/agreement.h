@@ -90,16 +90,16 @@ struct Votes {
   }
 };
 
-/// How far a hypothesis lies from another map's surface: |range of its point / range of the surface in that direction -
-/// 1|, 1 where the map has no estimate. `inverse_depth` > 0 along the unit `bearing` of the first keyframe.
+/// How far a hypothesis lies behind another map's surface: range of its point / range of the surface in that direction
+/// - 1, negative in front of it, -1 where the map has no estimate. `inverse_depth` > 0 along the unit `bearing` of the
+/// first keyframe.
 template <class F, class Map>
-PMSP_HD F disagreement(const Vec3<F>& bearing, const F& inverse_depth, const Map& other,
-                       const Rigid& other_from_first) {
+PMSP_HD F beyond_surface(const Vec3<F>& bearing, const F& inverse_depth, const Map& other,
+                         const Rigid& other_from_first) {
   const Vec3<F> turned = rotate(other_from_first, bearing);
   const Vec3<F> p = fma(inverse_depth, translation(other_from_first, bearing, turned, inverse_depth), turned);
   const IntOf<F> index = pixel_index(p, other.width, other.height);
-  const Vec3<F> plane = plane_at<F>(other, index);
-  return abs(dot(plane, p) / inverse_depth - F(1));
+  return dot(plane_at<F>(other, index), p) / inverse_depth - F(1);
 }
 
 }  // namespace pmsp::kernels

@@ -18,15 +18,16 @@ constexpr int kMaxViews = 8;  ///< neighbour views of one depth map
 
 /// How patches are taken. All of it is the same for all pixels.
 struct PatchLayout {
-  float spacing;                      ///< distance of samples on the tangent plane (tangent of the angle)
-  float fine_spacing;                 ///< the same where the fine patch has texture enough to be told from others
-  float fine_variance;                ///< that much: variance [gray levels squared]
-  float min_sigma_color;              ///< bilateral weights: smallest and largest standard deviation
-  float max_sigma_color;              ///< [gray levels]
-  float space_weight[kPatchSamples];  ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
-  float min_variance;                 ///< variance (gray levels squared) that is noise rather than texture
-  float disagreement_cost;            ///< what leaving a neighbour's surface by the tolerance or more takes off a score
-  float disagreement_tolerance;       ///< relative depth
+  float spacing;                           ///< distance of samples on the tangent plane (tangent of the angle)
+  float fine_spacing;                      ///< the same where the fine patch has texture enough to be told from others
+  float fine_variance;                     ///< that much: variance [gray levels squared]
+  float min_sigma_color;                   ///< bilateral weights: smallest and largest standard deviation
+  float max_sigma_color;                   ///< [gray levels]
+  float space_weight[kPatchSamples];       ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
+  float fine_space_weight[kPatchSamples];  ///< those of the fine patch
+  float min_variance;                      ///< variance (gray levels squared) that is noise rather than texture
+  float disagreement_cost;       ///< what leaving a neighbour's surface by the tolerance or more takes off a score
+  float disagreement_tolerance;  ///< relative depth
 };
 
 /// Offset of sample i (0 to kPatchSide - 1) from the centre, in steps of `spacing`.
@@ -42,6 +43,7 @@ struct ReferencePatch {
   F variance;      ///< of the patch [gray levels squared]
   F weight_sum;    ///< 1 but for rounding
   F contrast_sum;  ///< 0 but for rounding
+  MaskOf<F> fine;  ///< whether it is the fine one, which varies enough
 
   PMSP_HD F weight(int k) const { return weights[k]; }      ///< bilateral weight
   PMSP_HD F contrast(int k) const { return contrasts[k]; }  ///< weight * (gray - mean) / standard deviation
@@ -65,15 +67,18 @@ PMSP_HD PatchFrame<F> patch_frame(const F& sin_lon, const F& cos_lon, const F& s
           spacing * tangent_down(sin_lon, cos_lon, sin_lat, cos_lat)};
 }
 
-/// Standard deviation of the bilateral weights, in proportion to how far the patch's gray values (its contrasts here)
-/// spread around the centre's. Spread is what 15 of the 36 samples keep within: half a patch of plaster beside a
-/// silhouette has little of it, and then the silhouette's edge has no say; a patch that is textured all over keeps all
-/// its samples.
+/// Standard deviation of the bilateral weights over how far the patch's gray values spread around the centre's. Spread
+/// is what 15 of the 36 samples keep within: half a patch of plaster beside a silhouette has little of it, and then the
+/// silhouette's edge has no say; a patch that is textured all over keeps all its samples. Where there is texture, fewer
+/// of them tell enough, and tighter weights keep edges better; without it, the weak edges around are all that there is.
+constexpr float kSigmaPerSpread = 3.0F;
+constexpr float kFineSigmaPerSpread = 1.5F;
+
+/// `per_spread`: one of the two.
 template <class F, class Patch>
-PMSP_HD F sigma_color(const Patch& patch, const PatchLayout& layout) {
-  constexpr float kPerSpread = 3.0F;
+PMSP_HD F sigma_color(const Patch& patch, const PatchLayout& layout, const F& per_spread) {
   F low(0);
-  F high(layout.max_sigma_color / kPerSpread);
+  F high = F(layout.max_sigma_color) / per_spread;
   PMSP_ROLL
   for (int step = 0; step < 5; ++step) {  // bisection
     const F middle = F(0.5F) * (low + high);
@@ -83,16 +88,17 @@ PMSP_HD F sigma_color(const Patch& patch, const PatchLayout& layout) {
     high = select(enough, middle, high);
     low = select(enough, low, middle);
   }
-  return min(max(F(kPerSpread) * high, F(layout.min_sigma_color)), F(layout.max_sigma_color));
+  return min(max(per_spread * high, F(layout.min_sigma_color)), F(layout.max_sigma_color));
 }
 
 /// Logarithm of a sample's least weight: half precision, in which a GPU keeps weights, still holds all 36 of them.
 constexpr float kLeastLogWeight = -9.0F;
 
 /// `Cube`: CubeView, or any other type for which `sample` and `is_empty` are there. `Patch`: ReferencePatch<F> or
-/// alike.
+/// alike. `fine`: whether the frame is that of the fine patch.
 template <class Patch, class F, class Cube>
-PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& frame, const PatchLayout& layout) {
+PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& frame, const PatchLayout& layout,
+                        const MaskOf<F>& fine) {
   patch.center = sample(image, frame.bearing);
   PMSP_ROLL
   for (int j = 0; j < kPatchSide; ++j) {
@@ -102,14 +108,16 @@ PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& fr
       patch.put(j * kPatchSide + i, F(0), sample(image, fma(F(patch_offset(i)), frame.right, left)) - patch.center);
     }
   }
-  const F sigma = sigma_color<F>(patch, layout);
+  patch.fine = fine;
+  const F sigma = sigma_color<F>(patch, layout, select(fine, F(kFineSigmaPerSpread), F(kSigmaPerSpread)));
   const F color_factor = F(-0.5F) / (sigma * sigma);
   F sum(0);
   F sum_gray(0);
   F sum_square(0);
   for (int k = 0; k < kPatchSamples; ++k) {
     const F gray = patch.contrast(k);
-    const F weight = F(layout.space_weight[k]) * kernels::exp(max(gray * gray * color_factor, F(kLeastLogWeight)));
+    const F space = select(fine, F(layout.fine_space_weight[k]), F(layout.space_weight[k]));
+    const F weight = space * kernels::exp(max(gray * gray * color_factor, F(kLeastLogWeight)));
     patch.put(k, weight, gray);
     sum = sum + weight;
     sum_gray = fma(weight, gray, sum_gray);
@@ -182,30 +190,46 @@ PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const Sourc
   return select(sample(view.usable, center) > F(127), score, F(-1));
 }
 
-/// view_score, less what the neighbour's own depth map has against the plane (Schoenberger et al. 2016; Xu and Tao
-/// 2019): a wrong depth that looks alike in one pair of images rarely does in another.
+/// What a neighbour says of a plane.
+template <class F>
+struct Opinion {
+  F score;   ///< view_score, less what its own depth map has against the plane
+  F hidden;  ///< 1 where that has a surface in front of the plane, 0 where it has not, and in between
+};
+
+/// A wrong depth that looks alike in one pair of images rarely does in another: leaving the neighbour's surface costs
+/// (Schoenberger et al. 2016; Xu and Tao 2019). Behind the surface there may be another one that the neighbour cannot
+/// see; where there is no texture, nothing speaks for that.
 template <class Patch, class F, class Cube>
-PMSP_HD F checked_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view,
-                        const Vec3<F>& plane, const PatchLayout& layout) {
+PMSP_HD Opinion<F> opinion(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view,
+                           const Vec3<F>& plane, const PatchLayout& layout) {
   const F score = view_score(patch, frame, view, plane, layout);
-  if (is_empty(view.surface)) return score;
-  const F off = disagreement(frame.bearing, dot(plane, frame.bearing), view.surface, view.view_from_ref);
-  return score - F(layout.disagreement_cost) * min(off * F(1.0F / layout.disagreement_tolerance), F(1));
+  if (is_empty(view.surface)) return {score, F(0)};
+  const F off = F(1.0F / layout.disagreement_tolerance) *
+                beyond_surface(frame.bearing, dot(plane, frame.bearing), view.surface, view.view_from_ref);
+  return {score - F(layout.disagreement_cost) * min(abs(off), F(1)),
+          select(patch.fine, min(max(off - F(1), F(0)), F(1)), F(0))};
 }
 
 /// Score of a plane over all views, between the mean over the better half of them and the mean over all. In the better
 /// half, a view that does not see the surface has no say; all together are less noisy. Half of each measured best (two
-/// views: 0.75 and 0.25). The order of the views does not matter.
+/// views: 0.75 and 0.25). Views from which the plane is hidden are left out of the mean over all, but for half of the
+/// views. The order of the views does not matter.
 template <class Patch, class F, class Cube>
 PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>* views, int num_views,
                       const Vec3<F>& plane, const PatchLayout& layout) {
   const int kept = (num_views + 1) / 2;
   F best[(kMaxViews + 1) / 2] = {F(-1), F(-1), F(-1), F(-1)};
   F all(0);
+  F hidden(0);
+  F of_hidden(0);
   PMSP_ROLL
   for (int view = 0; view < num_views; ++view) {
-    F score = checked_score(patch, frame, views[view], plane, layout);
+    const Opinion<F> said = opinion(patch, frame, views[view], plane, layout);
+    F score = said.score;
     all = all + score;
+    hidden = hidden + said.hidden;
+    of_hidden = fma(said.hidden, score, of_hidden);
     for (int k = 0; k < kept; ++k) {  // insertion into the sorted list of the best
       const F better = max(best[k], score);
       score = min(best[k], score);
@@ -214,7 +238,9 @@ PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const Sour
   }
   F sum = best[0];
   for (int k = 1; k < kept; ++k) sum = sum + best[k];
-  return fma(sum, F(0.5F / static_cast<float>(kept)), all * F(0.5F / static_cast<float>(num_views)));
+  const F left_out = min(F(1), F(static_cast<float>(num_views - kept)) / max(hidden, F(1e-3F)));
+  const F seen = (all - left_out * of_hidden) / (F(static_cast<float>(num_views)) - left_out * hidden);
+  return fma(sum, F(0.5F / static_cast<float>(kept)), F(0.5F) * seen);
 }
 
 }  // namespace pmsp::kernels

@@ -39,12 +39,12 @@ PMSP_HD void begin_visit(Visit<F, Patch>& visit, const Matching<Cube>& m, const 
                          const F& sin_lat, const F& cos_lat) {
   const F fine(m.layout.fine_spacing);
   visit.frame = patch_frame(sin_lon, cos_lon, sin_lat, cos_lat, fine);
-  take_patch(visit.patch, m.reference, visit.frame, m.layout);
-  const auto textured = visit.patch.variance > F(m.layout.fine_variance);
+  take_patch(visit.patch, m.reference, visit.frame, m.layout, fine > F(0));
+  const MaskOf<F> textured = visit.patch.variance > F(m.layout.fine_variance);
   if (!all(textured)) {
     const F spacing = select(textured, fine, F(m.layout.spacing));
     visit.frame = patch_frame(sin_lon, cos_lon, sin_lat, cos_lat, spacing);
-    take_patch(visit.patch, m.reference, visit.frame, m.layout);
+    take_patch(visit.patch, m.reference, visit.frame, m.layout, textured);
   }
 }
 

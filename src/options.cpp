@@ -49,6 +49,7 @@ DensifierOptions paper() {
   options.patchmatch.sigma_color = 50.0;
   options.patchmatch.min_sigma_color = 50.0;
   options.patchmatch.sigma_space_px = 5.0;
+  options.patchmatch.fine_sigma_space_px = 5.0;
   options.patchmatch.plane_priors = false;
   options.patchmatch.geometric_passes = 0;
   options.median = {true, 0.05, 0.1};
@@ -95,6 +96,7 @@ void PatchMatchOptions::validate() const {
   check_option("patchmatch.sigma_color", sigma_color, 1.0, 1000.0);
   check_option("patchmatch.min_sigma_color", min_sigma_color, 1.0, 1000.0);
   check_option("patchmatch.sigma_space_px", sigma_space_px, 0.5, 100.0);
+  check_option("patchmatch.fine_sigma_space_px", fine_sigma_space_px, 0.5, 100.0);
   check_option("patchmatch.prior_weight", prior_weight, 0.0, 4.0);
   check_option("patchmatch.max_slant_deg", max_slant_deg, 10.0, 89.0);
   check_option("patchmatch.geometric_passes", geometric_passes, 0, 8);

@@ -49,14 +49,16 @@ struct PatchMatchOptions {
   int history = 100;    ///< keyframes whose images are remembered for that, 1 to 100000
   int refinements = 4;  ///< random draws per pixel and iteration, 0 to 32
   double patch_spacing_px =
-      2.0;                  ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
-  double fine_patch = 0.6;  ///< size of the patch of textured pixels, relative to that of others, 0.1 to 1
+      2.0;  ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
+  /// Size of the patch of textured pixels, relative to that of others, 0.1 to 1; 1: all pixels count as textured.
+  double fine_patch = 0.6;
   double fine_patch_contrast = 1.5;  ///< standard deviation that makes a patch textured [gray levels], 0 to 255
   double sigma_color = 20.0;         ///< bilateral weight: gray levels (0 to 255), 1 to 1000
   /// Where the surface around the pixel is smoother, sigma_color shrinks down to this, so that the edge of a near thing
   /// does not decide for the wall behind it, 1 to 1000; sigma_color or more: never.
   double min_sigma_color = 4.0;
-  double sigma_space_px = 5.0;  ///< bilateral weight: pixels of the depth map, 0.5 to 100
+  double sigma_space_px = 5.0;       ///< bilateral weight: pixels of the depth map, 0.5 to 100
+  double fine_sigma_space_px = 2.1;  ///< the same of textured pixels, 0.5 to 100
   /// Before each geometric pass, planes through the reliable surface around are proposed to pixels without texture, and
   /// preferred there; see pmsp/plane_priors.h.
   bool plane_priors = true;

@@ -26,6 +26,7 @@ class SharedPatch {
   float variance = 0.0F;
   float weight_sum = 1.0F;
   float contrast_sum = 0.0F;
+  bool fine = false;
 
  private:
   __half2* samples_;  ///< this thread's, those of the other threads between them

@@ -2,6 +2,7 @@
 #include "patchmatch/match_setup.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "elementary.h"
 
@@ -22,18 +23,22 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width) {
   const auto spacing = [&](double pixels) { return static_cast<float>(std::tan(pixels * 2.0 * kernels::kPi / width)); };
   layout.spacing = spacing(options.patch_spacing_px);
   layout.fine_spacing = spacing(options.patch_spacing_px * options.fine_patch);
-  layout.fine_variance = static_cast<float>(options.fine_patch_contrast * options.fine_patch_contrast);
+  const double contrast = options.fine_patch_contrast;
+  layout.fine_variance = options.fine_patch < 1.0 ? static_cast<float>(contrast * contrast) : -1.0F;
   layout.min_sigma_color = static_cast<float>(std::min(options.min_sigma_color, options.sigma_color));
   layout.max_sigma_color = static_cast<float>(options.sigma_color);
   layout.min_variance = kNoiseVariance;
   layout.disagreement_cost = static_cast<float>(options.geometric_weight);
   layout.disagreement_tolerance = static_cast<float>(options.geometric_tolerance);
-  const double steps = options.sigma_space_px / options.patch_spacing_px;
-  for (int k = 0; k < kernels::kPatchSamples; ++k) {
-    const double dx = kernels::patch_offset(k % kernels::kPatchSide);
-    const double dy = kernels::patch_offset(k / kernels::kPatchSide);
-    layout.space_weight[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (steps * steps)));
-  }
+  const auto weigh = [](float* weights, double steps) {
+    for (int k = 0; k < kernels::kPatchSamples; ++k) {
+      const double dx = kernels::patch_offset(k % kernels::kPatchSide);
+      const double dy = kernels::patch_offset(k / kernels::kPatchSide);
+      weights[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (steps * steps)));
+    }
+  };
+  weigh(layout.space_weight, options.sigma_space_px / options.patch_spacing_px);
+  weigh(layout.fine_space_weight, options.fine_sigma_space_px / (options.patch_spacing_px * options.fine_patch));
   return layout;
 }
 

@@ -43,13 +43,13 @@ TEST_CASE("the table covers every option of the library") {
                                 free_space] = all;
   [[maybe_unused]] const auto& [v1, v2, v3, v4, v5] = view_filter;
   [[maybe_unused]] const auto& [i1, i2, i3, i4, i5] = init;
-  [[maybe_unused]] const auto& [p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15, p16, p17, p18] =
+  [[maybe_unused]] const auto& [p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15, p16, p17, p18, p19] =
       patchmatch;
   [[maybe_unused]] const auto& [m1, m2, m3] = median;
   [[maybe_unused]] const auto& [c1, c2, c3, c4] = consistency;
   [[maybe_unused]] const auto& [f1, f2, f3, f4, f5, f6] = fusion;
   [[maybe_unused]] const auto& [s1, s2, s3, s4, s5, s6, s7] = free_space;
-  CHECK(tool::option_table().size() == 10 + 5 + 5 + 18 + 3 + 4 + 6 + 7);
+  CHECK(tool::option_table().size() == 10 + 5 + 5 + 19 + 3 + 4 + 6 + 7);
 }
 
 TEST_CASE("every option is in the help, in the configuration, and taken from flag and file") {

@@ -51,6 +51,8 @@ const std::vector<Field>& fields() {
       {"patchmatch.prior_weight", [](O& o, double v) { o.patchmatch.prior_weight = v; }, -0.01, 0, 4, 4.01},
       {"patchmatch.sigma_color", [](O& o, double v) { o.patchmatch.sigma_color = v; }, 0.99, 1, 1000, 1000.1},
       {"patchmatch.min_sigma_color", [](O& o, double v) { o.patchmatch.min_sigma_color = v; }, 0.99, 1, 1000, 1000.1},
+      {"patchmatch.fine_sigma_space_px", [](O& o, double v) { o.patchmatch.fine_sigma_space_px = v; }, 0.49, 0.5, 100,
+       100.1},
       {"patchmatch.sigma_space_px", [](O& o, double v) { o.patchmatch.sigma_space_px = v; }, 0.49, 0.5, 100, 100.1},
       {"patchmatch.max_slant_deg", [](O& o, double v) { o.patchmatch.max_slant_deg = v; }, 9.9, 10, 89, 89.1},
       {"patchmatch.geometric_passes", [](O& o, double v) { o.patchmatch.geometric_passes = whole(v); }, -1, 0, 8, 9,

@@ -79,6 +79,7 @@ inline kernels::PatchLayout patch_layout(int width) {
     const double dx = kSpacingPx * kernels::patch_offset(k % kernels::kPatchSide);
     const double dy = kSpacingPx * kernels::patch_offset(k / kernels::kPatchSide);
     layout.space_weight[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (kSigmaSpacePx * kSigmaSpacePx)));
+    layout.fine_space_weight[k] = layout.space_weight[k];
   }
   return layout;
 }

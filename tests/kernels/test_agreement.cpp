@@ -57,7 +57,8 @@ const k::Rigid kIdentity{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}, {}, 0};
 
 }  // namespace
 
-TEST_CASE("disagreement is the relative difference of the ranges, and full where the map is empty") {
+TEST_CASE(
+    "how far a point lies behind a surface is the relative difference of the ranges, and -1 where the map is empty") {
   const PlaneMap map = wall_map();
   const PlaneMap empty([](const Vec3<double>&) { return Vec3<double>{0.0, 0.0, 0.0}; });
   Draws draws(5);
@@ -71,10 +72,10 @@ TEST_CASE("disagreement is the relative difference of the ranges, and full where
     const double depth = test::length(point);
     const Vec3<float> bearing = cast<float>((1.0 / depth) * point);
     const auto off = [&](const PlaneMap& other) {
-      return k::disagreement(bearing, static_cast<float>(1.0 / depth), other.view(), to_rigid(other_from_first));
+      return k::beyond_surface(bearing, static_cast<float>(1.0 / depth), other.view(), to_rigid(other_from_first));
     };
-    REQUIRE(off(map) == Approx(std::fabs(ratio - 1.0)).margin(2e-4));
-    REQUIRE(off(empty) == Approx(1.0));
+    REQUIRE(off(map) == Approx(ratio - 1.0).margin(2e-4));
+    REQUIRE(off(empty) == Approx(-1.0));
   }
 }
 

@@ -163,7 +163,7 @@ struct Scored {
     const Vec3<F> aside = k::normalized(k::cross(bearing, Vec3<F>{F(0.6F), F(0), F(0.8F)}));
     const k::PatchFrame<F> frame{bearing, spacing * aside, spacing * k::cross(bearing, aside)};
     k::ReferencePatch<F> patch;
-    k::take_patch(patch, image, frame, layout);
+    k::take_patch(patch, image, frame, layout, bearing.x > F(0));
     const Vec3<F> plane = RandomPlane()(bearing, number);
     return {patch.variance, patch.weight(7), k::plane_score(patch, frame, &view, 1, plane, layout)};
   }

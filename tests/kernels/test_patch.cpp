@@ -133,7 +133,7 @@ F score(const k::CubeView& reference, const k::PatchLayout& layout, const Sample
         const std::vector<Source>& views, double depth_factor = 1.0) {
   const k::PatchFrame<F> frame = frame_cast<F>(sample.frame);
   k::ReferencePatch<F> patch;
-  k::take_patch(patch, reference, frame, layout);
+  k::take_patch(patch, reference, frame, layout, false);
   return k::plane_score(patch, frame, views.data(), static_cast<int>(views.size()),
                         cast<F>((1.0 / depth_factor) * sample.plane), layout);
 }
@@ -312,7 +312,7 @@ TEST_CASE("reference patch: weights sum to 1, contrast is centred and has unit v
   for (std::size_t i = 0; i < 200; ++i) {
     const k::PatchFrame<float> frame = frame_cast<float>(room().samples[i].frame);
     k::ReferencePatch<float> patch;
-    k::take_patch(patch, room().reference(), frame, room().layout);
+    k::take_patch(patch, room().reference(), frame, room().layout, false);
     double weights = 0.0;
     double sum = 0.0;
     double square = 0.0;
@@ -343,6 +343,10 @@ TEST_CASE("score in float and in double agree") {
   CHECK(worst < 1e-3);
 }
 
+double sigma(const k::ReferencePatch<double>& patch, const k::PatchLayout& layout, bool fine = false) {
+  return k::sigma_color<double>(patch, layout, fine ? k::kFineSigmaPerSpread : k::kSigmaPerSpread);
+}
+
 TEST_CASE("bilateral weights: a silhouette beside a smooth surface has no say, texture keeps its own") {
   k::PatchLayout layout = room().layout;
   layout.min_sigma_color = 4.0F;
@@ -354,48 +358,95 @@ TEST_CASE("bilateral weights: a silhouette beside a smooth surface has no say, t
     smooth.put(i, 0.0, draws.uniform(-1.0, 1.0) + (i % k::kPatchSide >= 4 ? 60.0 : 0.0));
     textured.put(i, 0.0, draws.uniform(-40.0, 40.0));
   }
-  CHECK(k::sigma_color<double>(smooth, layout) == Approx(4.0));
-  CHECK(k::sigma_color<double>(textured, layout) == Approx(20.0));
+  CHECK(sigma(smooth, layout) == Approx(4.0));
+  CHECK(sigma(textured, layout) == Approx(20.0));
   for (double& value : smooth.contrasts) value *= 3.0;  // in between it grows with the spread
-  CHECK(k::sigma_color<double>(smooth, layout) > 4.5);
-  CHECK(k::sigma_color<double>(smooth, layout) < 15.0);
+  CHECK(sigma(smooth, layout) > 4.5);
+  CHECK(sigma(smooth, layout) < 15.0);
+  CHECK(sigma(smooth, layout, true) < 0.7 * sigma(smooth, layout));
   layout.min_sigma_color = 20.0F;
-  CHECK(k::sigma_color<double>(smooth, layout) == Approx(20.0));
+  CHECK(sigma(smooth, layout) == Approx(20.0));
 }
+
+k::PatchLayout checking_layout() {
+  k::PatchLayout layout = room().layout;
+  layout.disagreement_cost = 0.5F;
+  layout.disagreement_tolerance = 0.1F;
+  return layout;
+}
+
+/// A frame's own depth map, as it truly is, or `nearer` times as far away.
+class TrueSurface {
+ public:
+  explicit TrueSurface(const synth::Frame& frame, double nearer = 1.0) {
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const Vec3<double> bearing = frame_at(x + 0.5, y + 0.5, kWidth, kHeight).bearing;
+        const Eigen::Vector3f n = frame.normal(x, y);
+        const double depth = nearer * static_cast<double>(frame.depth(x, y));
+        const Vec3<double> plane = k::plane_from(1.0 / depth, Vec3<double>{n.x(), n.y(), n.z()}, bearing);
+        planes_[0].push_back(static_cast<float>(plane.x));
+        planes_[1].push_back(static_cast<float>(plane.y));
+        planes_[2].push_back(static_cast<float>(plane.z));
+      }
+    }
+  }
+
+  k::PlaneMapView view() const { return {planes_[0].data(), planes_[1].data(), planes_[2].data(), kWidth, kHeight}; }
+
+ private:
+  std::vector<float> planes_[3];
+};
 
 TEST_CASE("a neighbour's depth map takes from the score what the plane differs from it") {
   const Room& scene = room();
-  k::PatchLayout layout = scene.layout;
-  layout.disagreement_cost = 0.5F;
-  layout.disagreement_tolerance = 0.1F;
-  const synth::Frame& other = scene.mission->frames[2];
-  std::vector<float> planes[3];
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      const Vec3<double> bearing = frame_at(x + 0.5, y + 0.5, kWidth, kHeight).bearing;
-      const Eigen::Vector3f n = other.normal(x, y);
-      const Vec3<double> plane =
-          k::plane_from(1.0 / static_cast<double>(other.depth(x, y)), Vec3<double>{n.x(), n.y(), n.z()}, bearing);
-      planes[0].push_back(static_cast<float>(plane.x));
-      planes[1].push_back(static_cast<float>(plane.y));
-      planes[2].push_back(static_cast<float>(plane.z));
-    }
-  }
+  const k::PatchLayout layout = checking_layout();
+  const TrueSurface surface(scene.mission->frames[2]);
   const Source without = scene.view(2);
   Source with = without;
-  with.surface = {planes[0].data(), planes[1].data(), planes[2].data(), kWidth, kHeight};
+  with.surface = surface.view();
   int agreed = 0;
   for (const Sample& sample : scene.samples) {
     k::ReferencePatch<double> patch;
-    k::take_patch(patch, scene.reference(), sample.frame, layout);
+    k::take_patch(patch, scene.reference(), sample.frame, layout, true);
     const auto lost = [&](double factor) {
       const Vec3<double> plane = factor * sample.plane;
-      return k::checked_score(patch, sample.frame, without, plane, layout) -
-             k::checked_score(patch, sample.frame, with, plane, layout);
+      return k::opinion(patch, sample.frame, without, plane, layout).score -
+             k::opinion(patch, sample.frame, with, plane, layout).score;
     };
     REQUIRE(lost(1.0) >= 0.0);
     agreed += lost(1.0) < 0.01 ? 1 : 0;
     REQUIRE(lost(1.0 / 1.3) == Approx(0.5));  // 30 % behind everything that is there
   }
   CHECK(agreed > 0.95 * static_cast<double>(scene.samples.size()));
+}
+
+TEST_CASE("a neighbour that something else hides the plane from says nothing of it") {
+  const Room& scene = room();
+  const k::PatchLayout layout = checking_layout();
+  const TrueSurface before(scene.mission->frames[0]);
+  const TrueSurface after(scene.mission->frames[2]);
+  const TrueSurface in_front(scene.mission->frames[2], 0.7);  // a thing between that neighbour and all that it sees
+  Source views[2] = {scene.view(0), scene.view(2)};
+  double clear = 0.0;
+  double hidden = 0.0;
+  double plain = 0.0;
+  double both_hidden = 0.0;
+  for (const Sample& sample : scene.samples) {
+    const auto found = [&](const k::PlaneMapView& first, const k::PlaneMapView& second, bool fine) {
+      k::ReferencePatch<double> patch;
+      k::take_patch(patch, scene.reference(), sample.frame, layout, fine);
+      views[0].surface = first;
+      views[1].surface = second;
+      return k::plane_score(patch, sample.frame, views, 2, sample.plane, layout);
+    };
+    clear += found(before.view(), after.view(), true);
+    hidden += found(before.view(), in_front.view(), true);
+    plain += found(before.view(), in_front.view(), false);
+    both_hidden += found(in_front.view(), in_front.view(), true);
+  }
+  const double count = static_cast<double>(scene.samples.size());
+  CHECK(hidden / count == Approx(clear / count).margin(0.03));
+  CHECK(plain / count < hidden / count - 0.1);        // without texture nothing speaks for a plane behind a surface
+  CHECK(both_hidden / count < hidden / count - 0.3);  // somebody has to see it
 }

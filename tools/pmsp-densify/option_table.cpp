@@ -170,6 +170,8 @@ const std::vector<OptionEntry>& option_table() {
        +PMSP_AT(double, patchmatch.min_sigma_color)},
       {"patchmatch.sigma_space_px", "PatchMatch", "px of the depth map", 0.5, 100, "Bilateral weight: distance",
        +PMSP_AT(double, patchmatch.sigma_space_px)},
+      {"patchmatch.fine_sigma_space_px", "PatchMatch", "px of the depth map", 0.5, 100, "The same of textured pixels",
+       +PMSP_AT(double, patchmatch.fine_sigma_space_px)},
       {"patchmatch.plane_priors", "PatchMatch", "", 0, 1,
        "Prefer planes through the reliable surface around where there is no texture",
        +PMSP_AT(bool, patchmatch.plane_priors)},
