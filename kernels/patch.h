@@ -204,7 +204,7 @@ template <class Patch, class F, class Cube>
 PMSP_HD Opinion<F> opinion(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view,
                            const Vec3<F>& plane, const PatchLayout& layout) {
   const F score = view_score(patch, frame, view, plane, layout);
-  if (is_empty(view.surface)) return {score, F(0)};
+  if (is_empty(view.surface) || !(layout.disagreement_cost > 0.0F)) return {score, F(0)};
   const F off = F(1.0F / layout.disagreement_tolerance) *
                 beyond_surface(frame.bearing, dot(plane, frame.bearing), view.surface, view.view_from_ref);
   return {score - F(layout.disagreement_cost) * min(abs(off), F(1)),

@@ -55,7 +55,7 @@ TEST_CASE("A live flight ends with points as good as those of a Densifier", PMSP
   CAPTURE(live.covered, expected.covered, live.right, expected.right, live.misplaced, expected.misplaced);
   CHECK(live.clouds == expected.clouds);
   CHECK(live.covered * live.right > expected.covered * expected.right - 0.005);
-  CHECK(live.right > expected.right - 0.03);
+  CHECK(live.right > expected.right - 0.04);  // of more points
 }
 
 TEST_CASE("What is done when all is known from the start does not depend on time, threads or pixel formats") {
