@@ -68,8 +68,10 @@ struct PatchMatchOptions {
   /// 0 to 8. Each needs those of the pass before first, so that results come later by as many keyframes as neighbours
   /// are looked for ahead. With few neighbours more of them are worth their time.
   int geometric_passes = 4;
-  int geometric_iterations = 1;       ///< of each of these passes, 1 to 100
-  double geometric_weight = 0.5;      ///< score that full disagreement with one neighbour costs, 0 to 4
+  int geometric_iterations = 1;  ///< of each of these passes, 1 to 100
+  /// Score that full disagreement with one neighbour costs, 0 to 4; 0: its map has no say at all. Else a neighbour from
+  /// which, by its map, something hides a textured pixel's plane has no say about that plane.
+  double geometric_weight = 0.5;
   double geometric_tolerance = 0.03;  ///< relative difference of depths from which on it is full, 0.001 to 1
 
   void validate() const;

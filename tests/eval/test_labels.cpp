@@ -153,11 +153,12 @@ TEST_CASE("label images are found beside the range maps and reach the measures o
       align_cloud(flight.points(60, 1.3), flight.keyframes(), alignment.truth_from_map, truth.origin());
   ViewOptions options;
   options.height = 30;
-  const LabelTable table = measure_views(cloud, alignment, truth, options).mean.labels;
+  const ViewMeasures measures = measure_views(cloud, alignment, truth, options);
+  const LabelTable& table = measures.mean.labels;
   CHECK(label_name(7) == "label 7");
   CHECK(table.at(7).behind_share() > 0.99);
   CHECK(table.at(7).pixels == Approx(2.0 / 3.0 * table.at(kAllLabels).pixels).epsilon(0.01));
-  const auto views = true_views(cloud, alignment, truth, options);
+  const std::vector<TrueView>& views = measures.truth;
   REQUIRE(views.size() == 3);
   CHECK(views[2].labels.empty());
   CHECK(views[1].labels.width() == 60);

@@ -161,6 +161,40 @@ double best_factor(const Sample& sample, const std::vector<Source>& views) {
   return best;
 }
 
+double sigma(const k::ReferencePatch<double>& patch, const k::PatchLayout& layout, bool fine = false) {
+  return k::sigma_color<double>(patch, layout, fine ? k::kFineSigmaPerSpread : k::kSigmaPerSpread);
+}
+
+k::PatchLayout checking_layout() {
+  k::PatchLayout layout = room().layout;
+  layout.disagreement_cost = 0.5F;
+  layout.disagreement_tolerance = 0.1F;
+  return layout;
+}
+
+/// A frame's own depth map, as it truly is, or `nearer` times as far away.
+class TrueSurface {
+ public:
+  explicit TrueSurface(const synth::Frame& frame, double nearer = 1.0) {
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const Vec3<double> bearing = frame_at(x + 0.5, y + 0.5, kWidth, kHeight).bearing;
+        const Eigen::Vector3f n = frame.normal(x, y);
+        const double depth = nearer * static_cast<double>(frame.depth(x, y));
+        const Vec3<double> plane = k::plane_from(1.0 / depth, Vec3<double>{n.x(), n.y(), n.z()}, bearing);
+        planes_[0].push_back(static_cast<float>(plane.x));
+        planes_[1].push_back(static_cast<float>(plane.y));
+        planes_[2].push_back(static_cast<float>(plane.z));
+      }
+    }
+  }
+
+  k::PlaneMapView view() const { return {planes_[0].data(), planes_[1].data(), planes_[2].data(), kWidth, kHeight}; }
+
+ private:
+  std::vector<float> planes_[3];
+};
+
 }  // namespace
 
 TEST_CASE("score: near 1 for the true plane, clearly less for a depth that is 5 % off") {
@@ -343,10 +377,6 @@ TEST_CASE("score in float and in double agree") {
   CHECK(worst < 1e-3);
 }
 
-double sigma(const k::ReferencePatch<double>& patch, const k::PatchLayout& layout, bool fine = false) {
-  return k::sigma_color<double>(patch, layout, fine ? k::kFineSigmaPerSpread : k::kSigmaPerSpread);
-}
-
 TEST_CASE("bilateral weights: a silhouette beside a smooth surface has no say, texture keeps its own") {
   k::PatchLayout layout = room().layout;
   layout.min_sigma_color = 4.0F;
@@ -367,36 +397,6 @@ TEST_CASE("bilateral weights: a silhouette beside a smooth surface has no say, t
   layout.min_sigma_color = 20.0F;
   CHECK(sigma(smooth, layout) == Approx(20.0));
 }
-
-k::PatchLayout checking_layout() {
-  k::PatchLayout layout = room().layout;
-  layout.disagreement_cost = 0.5F;
-  layout.disagreement_tolerance = 0.1F;
-  return layout;
-}
-
-/// A frame's own depth map, as it truly is, or `nearer` times as far away.
-class TrueSurface {
- public:
-  explicit TrueSurface(const synth::Frame& frame, double nearer = 1.0) {
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) {
-        const Vec3<double> bearing = frame_at(x + 0.5, y + 0.5, kWidth, kHeight).bearing;
-        const Eigen::Vector3f n = frame.normal(x, y);
-        const double depth = nearer * static_cast<double>(frame.depth(x, y));
-        const Vec3<double> plane = k::plane_from(1.0 / depth, Vec3<double>{n.x(), n.y(), n.z()}, bearing);
-        planes_[0].push_back(static_cast<float>(plane.x));
-        planes_[1].push_back(static_cast<float>(plane.y));
-        planes_[2].push_back(static_cast<float>(plane.z));
-      }
-    }
-  }
-
-  k::PlaneMapView view() const { return {planes_[0].data(), planes_[1].data(), planes_[2].data(), kWidth, kHeight}; }
-
- private:
-  std::vector<float> planes_[3];
-};
 
 TEST_CASE("a neighbour's depth map takes from the score what the plane differs from it") {
   const Room& scene = room();

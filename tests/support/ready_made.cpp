@@ -44,14 +44,18 @@ Mission make(const Recipe& recipe, const Scene& scene, Flight flight) {
   return make_mission(scene, fly(flight), recipe.width, recipe.height, recipe.mission);
 }
 
+constexpr double kFloor = 1.5;
+
+Eigen::Matrix3d turned_by(double degrees) {
+  return Eigen::AngleAxisd(degrees * 3.14159265358979323846 / 180.0, Eigen::Vector3d::UnitY()).toRotationMatrix();
+}
+
 /// A box that stands on the floor of the room.
 Box furniture(double x, double z, const Eigen::Vector3d& size, double turned_deg) {
-  constexpr double kFloor = 1.5;
   Box box;
   box.half_size = 0.5 * size;
   box.center = Eigen::Vector3d(x, kFloor - box.half_size.y(), z);
-  box.world_from_box =
-      Eigen::AngleAxisd(turned_deg * 3.14159265358979323846 / 180.0, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  box.world_from_box = turned_by(turned_deg);
   return box;
 }
 
@@ -110,9 +114,7 @@ void add_street(Scene& scene, Textures& textures) {
 }
 
 void add_chair(Scene& scene, double x, double z, double turned_deg, const TextureOptions& texture) {
-  constexpr double kFloor = 1.5;
-  const Eigen::Matrix3d turn =
-      Eigen::AngleAxisd(turned_deg * 3.14159265358979323846 / 180.0, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  const Eigen::Matrix3d turn = turned_by(turned_deg);
   const auto at = [&](double right, double up, double ahead) -> Eigen::Vector3d {
     return Eigen::Vector3d(x, kFloor - up, z) + turn * Eigen::Vector3d(right, 0.0, ahead);
   };
@@ -208,9 +210,7 @@ Mission glossy_room(const Recipe& recipe) {
   scene.add(block(3.05, 0.0, 0.0, {0.1, 3.0, 13.0}), textures.at(2.8));  // walls
   scene.add(block(0.0, 0.0, 6.55, {6.2, 3.0, 0.1}), textures.at(2.8));
   scene.add(block(0.0, 0.0, -6.55, {6.2, 3.0, 0.1}), textures.at(2.8));
-  TextureOptions lamp;
-  lamp.base = Eigen::Vector3d(1000.0, 990.0, 960.0);  // so bright that the floor mirrors it as white
-  lamp.contrast = lamp.shading = 0.0;
+  const TextureOptions lamp = plain({1000.0, 990.0, 960.0});  // so bright that the floor mirrors it as white
   for (const double z : {-4.8, -1.6, 1.6, 4.8}) {
     scene.add(block(0.4, -1.48, z, {0.3, 0.04, 1.3}), lamp);
   }

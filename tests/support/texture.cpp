@@ -43,6 +43,14 @@ Eigen::Array4d value_noise(const Eigen::Vector3d& p, std::uint32_t seed) {
 
 }  // namespace
 
+TextureOptions plain(const Eigen::Vector3d& color) {
+  TextureOptions options;
+  options.base = color;
+  options.contrast = 0.0;
+  options.shading = 0.0;
+  return options;
+}
+
 TextureOptions textured(std::uint64_t seed) {
   TextureOptions options;
   options.seed = seed;

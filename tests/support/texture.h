@@ -30,6 +30,9 @@ TextureOptions weak(std::uint64_t seed);
 /// metres.
 TextureOptions painted(std::uint64_t seed);
 
+/// One colour (red, green, blue) in every direction.
+TextureOptions plain(const Eigen::Vector3d& color);
+
 /// The octaves of value noise that TextureOptions stand for. Each octave's lattice is turned by a rotation of its own,
 /// so that no wall is parallel to a lattice plane.
 class Texture {

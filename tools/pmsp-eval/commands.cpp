@@ -133,10 +133,9 @@ void run_cloud(const CommonArguments& common, CloudArguments arguments) {
   const AlignedCloud cloud =
       align_cloud(read_ply(arguments.cloud).positions, keyframes, alignment.truth_from_map, truth.origin());
   const ViewMeasures views = views_with_pictures(cloud, alignment, truth, arguments);
-  const LabelOptions label_options;
+  const LabelOptions label_options = arguments.views.labels();
   const Behind behind = {cloud.points.size(),
-                         count_behind(cloud.points, true_views(cloud, alignment, truth, arguments.views),
-                                      label_options.max_offset, common.threads)};
+                         count_behind(cloud.points, views.truth, label_options.max_offset, common.threads)};
   const CloudMeasures measures = measure_cloud(cloud, build_surface(truth, arguments.surface), arguments.measures);
 
   Json json = {{"cloud", arguments.cloud.string()}};

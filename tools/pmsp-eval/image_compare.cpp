@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "pmsp-eval/ground_truth.h"
+#include "pmsp/camera.h"
 
 namespace pmsp::eval {
 namespace {
@@ -40,6 +41,15 @@ Image<float> relative_error(const Image<float>& estimate, const Image<float>& tr
 double row_weight(int y, int height) {
   constexpr double kPi = 3.14159265358979323846;
   return std::sin((y + 0.5) / height * kPi);
+}
+
+int columns_within(int reach, int y, int width, int height) {
+  return std::min(static_cast<int>(std::lround(reach / row_weight(y, height))), width / 4);
+}
+
+Eigen::Vector2i pixel_of(const Eigen::Vector3d& in_cam, int width, int height) {
+  const Eigen::Vector2d pixel = pixel_from_bearing(in_cam, width, height);
+  return {std::min(static_cast<int>(pixel.x()), width - 1), std::min(static_cast<int>(pixel.y()), height - 1)};
 }
 
 }  // namespace pmsp::eval

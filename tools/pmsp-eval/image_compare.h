@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include <Eigen/Core>
+
 #include "pmsp/image.h"
 
 namespace pmsp::eval {
@@ -29,6 +31,12 @@ Image<float> relative_error(const Image<float>& estimate, const Image<float>& tr
 
 /// Solid angle of a pixel of row y, up to a constant factor: cos(latitude).
 double row_weight(int y, int height);
+
+/// Columns that are as far as `reach` rows: more towards the poles, at most a quarter of a row.
+int columns_within(int reach, int y, int width, int height);
+
+/// The pixel (column, row) that a point in the camera's frame falls into.
+Eigen::Vector2i pixel_of(const Eigen::Vector3d& in_cam, int width, int height);
 
 /// Adds up shares of pixels, plain and weighted by solid angle.
 class Share {

@@ -10,7 +10,6 @@
 #include "pmsp-eval/ground_truth.h"
 #include "pmsp-eval/image_compare.h"
 #include "pmsp-eval/parallel.h"
-#include "pmsp/camera.h"
 
 namespace pmsp::eval {
 namespace {
@@ -51,8 +50,7 @@ class Growth {
     const int reach = options_.beside_px;
     const int width = found_.width();
     for (int row = std::max(y - reach, 0); row <= std::min(y + reach, found_.height() - 1); ++row) {
-      // Rows shrink towards the poles.
-      const int columns = std::min(static_cast<int>(std::lround(reach / row_weight(row, found_.height()))), width / 4);
+      const int columns = columns_within(reach, row, width, found_.height());
       for (int column = x - columns; column <= x + columns; ++column) look_at((column + width) % width, row, x, y);
     }
   }
@@ -85,17 +83,14 @@ std::optional<int> behind_which(const Eigen::Vector3d& point, const std::vector<
     const Eigen::Vector3d in_cam = view.cam_from_world * point;
     const double distance = in_cam.norm();
     if (!(distance > 0.0)) return std::nullopt;
-    const int width = view.range.width();
-    const int height = view.range.height();
-    const Eigen::Vector2d pixel = pixel_from_bearing(in_cam, width, height);
-    const int x = std::min(static_cast<int>(pixel.x()), width - 1);
-    const int y = std::min(static_cast<int>(pixel.y()), height - 1);
-    if (!is_range(view.range(x, y))) continue;
-    const double offset = distance / static_cast<double>(view.range(x, y)) - 1.0;
+    const Eigen::Vector2i pixel = pixel_of(in_cam, view.range.width(), view.range.height());
+    const float range = view.range(pixel.x(), pixel.y());
+    if (!is_range(range)) continue;
+    const double offset = distance / static_cast<double>(range) - 1.0;
     if (offset <= max_offset) return std::nullopt;
     if (offset >= least) continue;
     least = offset;
-    if (!view.labels.empty()) label = view.labels(x, y);
+    if (!view.labels.empty()) label = view.labels(pixel.x(), pixel.y());
   }
   if (std::isinf(least)) return std::nullopt;
   return label;

@@ -232,9 +232,7 @@ std::string to_table(const ViewMeasures& m, const ViewOptions& options) {
                  100.0 * c.share_solid_angle);
   text += format("  correct of hit     %8.2f %%\n", 100.0 * c.of_hit);
   text += format("  median error of hit %7.3f %%\n", 100.0 * c.error_median);
-  LabelOptions label_options;
-  label_options.max_relative_error = options.max_relative_error;
-  return text + to_table(m.mean.labels, label_options);
+  return text + to_table(m.mean.labels, options.labels());
 }
 
 std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions& options) {

@@ -75,9 +75,7 @@ class RangeView {
   }
 
   std::optional<Eigen::Vector3d> normal(int x, int y) const {
-    // Rows shrink towards the poles; a quarter of a row is as far as a tangent makes sense.
-    const int reach = std::min(static_cast<int>(std::lround(kNormalReachPx / row_weight(y, height()))), width() / 4);
-    const auto along = tangent(x, y, reach, 0);
+    const auto along = tangent(x, y, columns_within(kNormalReachPx, y, width(), height()), 0);
     const auto down = tangent(x, y, 0, kNormalReachPx);
     if (!along || !down) return std::nullopt;
     const Eigen::Vector3d cross = along->cross(*down);

@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "pmsp-eval/image_compare.h"
 #include "pmsp-eval/parallel.h"
 #include "pmsp-eval/statistics.h"
-#include "pmsp/camera.h"
 
 namespace pmsp::eval {
 namespace {
@@ -66,6 +66,12 @@ View mean_view(const std::vector<View>& views, int with_truth) {
 
 }  // namespace
 
+LabelOptions ViewOptions::labels() const {
+  LabelOptions labels;
+  labels.max_relative_error = max_relative_error;
+  return labels;
+}
+
 Image<float> render_range(const std::vector<Eigen::Vector3f>& points, const RigidTransform& cam_from_world,
                           int height) {
   const int width = 2 * height;
@@ -74,27 +80,11 @@ Image<float> render_range(const std::vector<Eigen::Vector3f>& points, const Rigi
     const Eigen::Vector3d in_cam = cam_from_world * point.cast<double>();
     const double distance = in_cam.norm();
     if (!(distance > kMinRange)) continue;
-    const Eigen::Vector2d pixel = pixel_from_bearing(in_cam, width, height);
-    float& nearest =
-        range(std::min(static_cast<int>(pixel.x()), width - 1), std::min(static_cast<int>(pixel.y()), height - 1));
+    const Eigen::Vector2i pixel = pixel_of(in_cam, width, height);
+    float& nearest = range(pixel.x(), pixel.y());
     if (nearest <= 0.0F || distance < nearest) nearest = static_cast<float>(distance);
   }
   return range;
-}
-
-std::vector<TrueView> true_views(const AlignedCloud& cloud, const Alignment& alignment, const GroundTruth& truth,
-                                 const ViewOptions& options) {
-  std::vector<TrueView> views;
-  for (const std::size_t i : spread_indices(cloud.keyframes.size(), static_cast<std::size_t>(options.max_keyframes))) {
-    const int row = alignment.truth_row[i];
-    const GroundTruth::RangeMap* map = row >= 0 ? truth.find(row) : nullptr;
-    if (map == nullptr) continue;
-    const Image<std::uint8_t> labels = GroundTruth::load_labels(*map);
-    views.push_back({cloud.keyframes[i].world_from_cam.inverse(),
-                     resampled(GroundTruth::load(*map), 2 * options.height, options.height),
-                     labels.empty() ? labels : resampled(labels, 2 * options.height, options.height)});
-  }
-  return views;
 }
 
 ViewMeasures measure_views(const AlignedCloud& cloud, const Alignment& alignment, const GroundTruth& truth,
@@ -102,12 +92,14 @@ ViewMeasures measure_views(const AlignedCloud& cloud, const Alignment& alignment
   const auto chosen = spread_indices(cloud.keyframes.size(), static_cast<std::size_t>(options.max_keyframes));
   ViewMeasures result;
   result.views.resize(chosen.size());
+  std::vector<TrueView> truth_of_views(chosen.size());
   parallel_chunks(chosen.size(), 1, options.threads, [&](std::size_t i, std::size_t) {
     const TimedPose& keyframe = cloud.keyframes[chosen[i]];
     View& view = result.views[i];
     view.keyframe_id = keyframe.id;
     view.timestamp = keyframe.timestamp;
-    const Image<float> range = render_range(cloud.points, keyframe.world_from_cam.inverse(), options.height);
+    const RigidTransform cam_from_world = keyframe.world_from_cam.inverse();
+    const Image<float> range = render_range(cloud.points, cam_from_world, options.height);
     measure_hits(range, view);
     Image<float> error;
     const int row = alignment.truth_row[chosen[i]];
@@ -115,14 +107,17 @@ ViewMeasures measure_views(const AlignedCloud& cloud, const Alignment& alignment
       const Image<float> true_range = GroundTruth::load(*map);
       error = relative_error(range, true_range, options.slack_px);
       view.correct = measure_correct(range, error, options.max_relative_error);
-      LabelOptions label_options;
-      label_options.max_relative_error = options.max_relative_error;
-      view.labels = measure_labels(range, error, true_range, GroundTruth::load_labels(*map), label_options);
+      const Image<std::uint8_t> labels = GroundTruth::load_labels(*map);
+      truth_of_views[i] = {cam_from_world, resampled(true_range, range.width(), range.height()),
+                           labels.empty() ? labels : resampled(labels, range.width(), range.height())};
+      view.labels = measure_labels(range, error, truth_of_views[i].range, truth_of_views[i].labels, options.labels());
     }
     if (observe) observe(view, range, error);
   });
   result.with_truth = static_cast<int>(
       std::count_if(result.views.begin(), result.views.end(), [](const View& v) { return v.correct.has_value(); }));
+  std::copy_if(std::make_move_iterator(truth_of_views.begin()), std::make_move_iterator(truth_of_views.end()),
+               std::back_inserter(result.truth), [](const TrueView& view) { return !view.range.empty(); });
   result.mean = mean_view(result.views, result.with_truth);
   return result;
 }

@@ -18,6 +18,8 @@ struct ViewOptions {
   int slack_px = 1;                  ///< see relative_error
   int max_keyframes = 60;            ///< views, evenly spread over the keyframes; 0 = all
   int threads = 0;                   ///< 0 = one for each CPU
+
+  LabelOptions labels() const;
 };
 
 /// The cloud as one keyframe sees it.
@@ -39,16 +41,13 @@ struct View {
 
 struct ViewMeasures {
   std::vector<View> views;
+  std::vector<TrueView> truth;  ///< of the views' size, of those that have one
   int with_truth = 0;
   View mean;  ///< over all views; `correct` over those with truth, nullopt without any; `labels`: the sum
 };
 
 /// Range of the nearest point in each pixel of an equirectangular view, without any size of points; 0 = none.
 Image<float> render_range(const std::vector<Eigen::Vector3f>& points, const RigidTransform& cam_from_world, int height);
-
-/// The truth of the keyframes that measure_views looks at, in its size, where there is one.
-std::vector<TrueView> true_views(const AlignedCloud& cloud, const Alignment& alignment, const GroundTruth& truth,
-                                 const ViewOptions& options = {});
 
 /// Looks at each view: estimated range and relative error (NaN where unknown; empty without truth).
 using ViewObserver = std::function<void(const View&, const Image<float>& range, const Image<float>& error)>;

@@ -61,8 +61,7 @@ void add_scene_options(CLI::App& app, Arguments& arguments) {
          "--scene", arguments.scene,
          "room (with furniture), empty (the same without), painted (with bare walls, a door, pictures), sphere (from "
          "inside), plane (slanted), corridor (a wall across the seam), floor (at the nadir), gloss (long room with a "
-         "mirroring floor, a "
-         "polished column and a glass wall), thin (long room with poles, rails, cables, chairs)")
+         "mirroring floor, a polished column and a glass wall), thin (long room with poles, rails, cables, chairs)")
       ->check(CLI::IsMember(names))
       ->capture_default_str()
       ->group(group);

@@ -23,14 +23,6 @@ const Vector3d kRed(200.0, 0.0, 0.0);
 const Vector3d kGreen(0.0, 180.0, 0.0);
 const Vector3d kBlue(0.0, 0.0, 160.0);
 
-TextureOptions plain(const Vector3d& color) {
-  TextureOptions options;
-  options.base = color;
-  options.contrast = 0.0;
-  options.shading = 0.0;
-  return options;
-}
-
 /// One keyframe of a ready-made room, with what its pixels show.
 struct Room {
   Room(Mission (*make)(const Recipe&), int width) {

@@ -16,14 +16,6 @@ using namespace pmsp::synth;
 
 namespace {
 
-TextureOptions plain(const Vector3d& color) {
-  TextureOptions options;
-  options.base = color;
-  options.contrast = 0.0;
-  options.shading = 0.0;
-  return options;
-}
-
 Scene room() {
   Scene scene;
   scene.add(Box{{0.3, 0.1, -0.2}, {3.0, 1.5, 4.0}, Eigen::Matrix3d::Identity()}, textured(1));
