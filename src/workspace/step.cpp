@@ -52,7 +52,7 @@ std::string name_of(const Record& record, const StepInputs& inputs) {
 constexpr int kRipe = 12;
 constexpr int kUnripePasses = 1;
 /// Passes after a move, the first of them over images alone.
-constexpr int kMovedPasses = 2;
+constexpr int kMovedPasses = 3;
 
 /// Of those that a keyframe is matched with.
 std::vector<std::int64_t> sources_of(const PlanEntry& entry) {

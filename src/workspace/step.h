@@ -64,7 +64,7 @@ struct Step {
 };
 
 /// Poses relative to neighbours may have moved what is seen by so much before planes are refined [px of the depth map].
-constexpr double kKeptMove = 0.1;
+constexpr double kKeptMove = 0.15;
 /// While a mission grows, its newest keyframes wait with moves up to this until they are matched anew [px].
 constexpr double kUnripeMove = 1.0;
 /// And by so much before a keyframe is matched from the beginning [px].
