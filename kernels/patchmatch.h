@@ -108,16 +108,15 @@ PMSP_HD NeighbourOffset neighbour_offset(int i) {
   return {dx, dy};
 }
 
-/// Planes of neighbours that a pixel tries: those of the four next to it, and of two farther ones that face each other
-/// the better one (Xu and Tao 2019 choose among many in this way).
-constexpr int kNeighbours = 6;
+/// Planes of neighbours that a pixel tries: of each two that face each other the better one (Xu and Tao 2019 choose
+/// among many in this way). All four of the nearest ones find no more than these two; more iterations do.
+constexpr int kNeighbours = kNeighbourOffsets / 2;
 
 /// Number i of them. `at(offset)`: the hypothesis of the neighbour there.
 template <class F, class At>
 PMSP_HD Vec3<F> neighbour_plane(int i, const At& at) {
-  if (i < 4) return at(neighbour_offset(i)).plane;
-  const Hypothesis<F> one = at(neighbour_offset(2 * i - 4));
-  const Hypothesis<F> other = at(neighbour_offset(2 * i - 3));
+  const Hypothesis<F> one = at(neighbour_offset(2 * i));
+  const Hypothesis<F> other = at(neighbour_offset(2 * i + 1));
   return select(other.score > one.score, other.plane, one.plane);
 }
 

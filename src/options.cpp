@@ -156,6 +156,8 @@ DensifierOptions preset(Quality quality) {
   options.width = quality == Quality::kNormal ? 1440 : 0;
   options.height = quality == Quality::kNormal ? 720 : 0;
   options.patchmatch.neighbours = quality == Quality::kNormal ? 4 : 6;
+  options.patchmatch.iterations = 2;
+  options.patchmatch.refinements = 4;
   options.patchmatch.geometric_passes = 3;  // more neighbours carry planes further in one of them
   options.consistency.window = 7;
   options.consistency.max_relative_depth = 0.007;  // finer pixels and more neighbours agree more closely

@@ -41,13 +41,15 @@ struct InitOptions {
 
 /// Red-black PatchMatch on the sphere.
 struct PatchMatchOptions {
-  int iterations = 1;  ///< of the first pass, 1 to 100; each visits every pixel once
+  /// Of the first pass, 1 to 100; each visits every pixel once. More of them find what has texture more exactly, the
+  /// geometric passes what has none.
+  int iterations = 3;
   int neighbours = 2;  ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   /// Source keyframes from earlier in the mission in addition, where the same place is passed again, 0 to 4; with
   /// `neighbours` 8 at most. Only where they show much under another parallax than the neighbours do.
   int revisits = 0;
   int history = 100;    ///< keyframes whose images are remembered for that, 1 to 100000
-  int refinements = 4;  ///< random draws per pixel and iteration, 0 to 32
+  int refinements = 3;  ///< random draws per pixel and iteration, 0 to 32
   double patch_spacing_px =
       2.0;  ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
   /// Size of the patch of textured pixels, relative to that of others, 0.1 to 1; 1: all pixels count as textured.

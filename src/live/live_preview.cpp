@@ -31,6 +31,7 @@ DensifierOptions preview_options(const DensifierOptions& final) {
   options.scratch_folder.clear();
   options.patchmatch.neighbours = kNeighbours;
   options.patchmatch.revisits = 0;
+  options.patchmatch.iterations = 1;
   options.patchmatch.geometric_passes = 0;
   options.patchmatch.plane_priors = false;
   options.consistency.max_relative_depth = std::max(0.03, final.consistency.max_relative_depth);

@@ -171,7 +171,7 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   const DensifierOptions normal = preset(Quality::kNormal);
   CHECK(normal.width == 1440);
   CHECK(normal.height == 720);
-  CHECK(normal.patchmatch.iterations == 1);
+  CHECK(normal.patchmatch.iterations == 2);
   CHECK(normal.patchmatch.neighbours == 4);
   const DensifierOptions high = preset(Quality::kHigh);
   CHECK(high.width == 0);

@@ -67,15 +67,15 @@ TEST_CASE("PatchMatch finds a sphere from inside", "[patchmatch]" PMSP_ACCURACY)
 }
 
 TEST_CASE("PatchMatch finds an empty room", "[patchmatch]" PMSP_ACCURACY) {
-  check_scene("empty_room", synth::empty_room(small_recipe(320)), {0.85, 0.86, 0.85, 0.97, 0.72});
+  check_scene("empty_room", synth::empty_room(small_recipe(320)), {0.85, 0.86, 0.85, 0.97, 0.68});
 }
 
 TEST_CASE("PatchMatch finds a slanted plane", "[patchmatch]" PMSP_ACCURACY) {
-  check_scene("slanted_plane", synth::slanted_plane(small_recipe(320)), {0.89, 0.90, 0.93, 0.78, 0.66});
+  check_scene("slanted_plane", synth::slanted_plane(small_recipe(320)), {0.89, 0.90, 0.93, 0.78, 0.63});
 }
 
 TEST_CASE("PatchMatch finds a wall across the seam", "[patchmatch]" PMSP_ACCURACY) {
-  check_scene("corridor_across_seam", synth::corridor_across_seam(small_recipe(320)), {0.82, 0.84, 0.91, 0.96, 0.70});
+  check_scene("corridor_across_seam", synth::corridor_across_seam(small_recipe(320)), {0.82, 0.84, 0.91, 0.96, 0.66});
 }
 
 TEST_CASE("PatchMatch finds the floor at the nadir", "[patchmatch]" PMSP_ACCURACY) {

@@ -9,6 +9,7 @@
 #include "cuda/memory_needed.h"
 #include "decoder.h"
 #include "densifier_checks.h"
+#include "patchmatch.h"
 #include "util/thread_pool.h"
 
 namespace pmsp::tool {
@@ -111,8 +112,12 @@ double map_bytes(const SlamMap& map) {
   return bytes;
 }
 
-int iterations(const PatchMatchOptions& options) {
-  return options.iterations + options.geometric_passes * options.geometric_iterations;
+/// Planes that a pixel tries in all passes.
+int proposals(const PatchMatchOptions& options) {
+  constexpr int kFirst = 3, kAgain = 2;
+  const int visit = kernels::kNeighbours + options.refinements;
+  return kFirst + options.iterations * visit +
+         options.geometric_passes * (kAgain + options.geometric_iterations * visit);
 }
 
 }  // namespace
@@ -172,7 +177,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
       all_pixels * (pace.matching * cache_misses * b.views + kBareWalls * pace.rest + pace.ownership * owners.value()) +
       kImagePixelSeconds * image_pixels + kPointSeconds * b.points;
   // Fits what pmsp-bench and whole runs take on that machine, from 640 x 320 to 5760 x 2880, to 10 %.
-  const double matching = iterations(options.patchmatch) * (1.38e-9 + 0.44e-9 * b.views);
+  const double matching = proposals(options.patchmatch) * (1.15e-10 + 0.37e-10 * b.views);
   b.reference_seconds = all_pixels * (matching + 3e-9) + 1.3e-9 * image_pixels + 5.7e-9 * b.points;
   return b;
 }
