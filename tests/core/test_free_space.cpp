@@ -58,32 +58,6 @@ double kept(const DepthMap& map, const std::vector<SightFrom>& others, float sca
          static_cast<double>(points_of(map, scale).surfels.size());
 }
 
-/// Lets a map look through the floor of the room (y = 1.5) between two x and along three units of z: each pixel has the
-/// depth `deeper` times that of the floor, or that of the room's mirror image, where `deeper` is 0. Returns the pixels.
-std::vector<std::size_t> look_through_floor(DepthMap& map, double left, double right, double deeper = 0.0) {
-  constexpr double kFloor = 1.5;
-  const Eigen::Matrix3d to_world = map.cam_from_world.rotation.transpose();
-  const Eigen::Vector3d center = map.cam_from_world.center();
-  std::vector<std::size_t> pixels;
-  for (int y = 0; y < map.depth.height(); ++y) {
-    for (int x = 0; x < map.depth.width(); ++x) {
-      const Eigen::Vector3d local = bearing_of(map.depth, x, y);
-      const Eigen::Vector3d direction = to_world * local;
-      const double to_floor = (kFloor - center.y()) / direction.y();
-      const Eigen::Vector3d at = center + to_floor * direction;
-      if (to_floor <= 0.0 || at.x() < left || at.x() > right || std::abs(at.z()) > 1.5) continue;
-      const Eigen::Vector3d up(direction.x(), -direction.y(), direction.z());
-      const double beyond = room().scene.intersect(at + 1e-6 * up, up)->distance;
-      map.depth(x, y) = static_cast<float>(deeper > 0.0 ? deeper * to_floor : to_floor + beyond);
-      map.normal(x, y) = -local.cast<float>();
-      pixels.push_back(static_cast<std::size_t>(y) * static_cast<std::size_t>(map.depth.width()) +
-                       static_cast<std::size_t>(x));
-    }
-  }
-  REQUIRE(pixels.size() > 200);
-  return pixels;
-}
-
 /// Shares of the pixels of a map that stay: of those named, and of the others.
 struct Stay {
   double named, others;
@@ -165,21 +139,31 @@ TEST_CASE("one keyframe against many does not remove what they confirm", "[free 
 
 TEST_CASE("what a floor mirrors goes where others have the floor", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
-  const std::vector<std::size_t> ghosts = look_through_floor(maps[2], 0.3, 2.5);
+  const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
   const Stay stay = staying(maps, 2, ghosts);
   CHECK(stay.named < 0.02);
   CHECK(stay.others > 0.999);
   FreeSpaceOptions off;
   off.mirrors = false;
   CHECK(staying(maps, 2, ghosts, off).named > 0.9);  // nobody has looked through them
+  // Where a camera has been there is no mirror.
+  std::vector<SightMap> sights = sights_of(maps);
+  SightMap below = sights[1];
+  std::fill(below.nearest.pixels().begin(), below.nearest.pixels().end(), 0.0F);
+  std::fill(below.farthest.pixels().begin(), below.farthest.pixels().end(), 0.0F);
+  below.cam_from_world.translation -= below.cam_from_world.rotation * Eigen::Vector3d(0.0, 2.5, 0.0);
+  std::vector<SightFrom> viewers = others_of(sights, 2);
+  const std::size_t without = judged(maps[2], viewers).points.size();
+  viewers.push_back({&below, {below.cam_from_world}});
+  CHECK(judged(maps[2], viewers).points.size() > without + ghosts.size() * 9 / 10);
   // Another keyframe that shows the floor's image in part of the same place is outvoted.
-  look_through_floor(maps[1], 1.2, 2.5);
+  look_through_floor(maps[1], room().scene, 1.2, 2.5);
   CHECK(staying(maps, 2, ghosts).named < 0.05);
 }
 
 TEST_CASE("mirrors are found in any unit", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
-  const std::vector<std::size_t> ghosts = look_through_floor(maps[2], 0.3, 2.5);
+  const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
   const std::vector<SightMap> sights = sights_of(maps);
   const KeyframeCloud plain = judged(maps[2], others_of(sights, 2));
   constexpr double kScales[] = {0.5, 4.0, 2.0, 0.25, 8.0};
@@ -200,7 +184,7 @@ TEST_CASE("a view through an opening stays, though what is there is like the roo
   std::vector<DepthMap> maps = truth_maps(room());
   std::vector<std::size_t> seen;
   for (std::size_t k = 0; k < maps.size(); ++k) {
-    const std::vector<std::size_t> through = look_through_floor(maps[k], 0.3, 2.5);
+    const std::vector<std::size_t> through = look_through_floor(maps[k], room().scene, 0.3, 2.5);
     if (k == 2) seen = through;
   }
   const Stay stay = staying(maps, 2, seen);
@@ -210,7 +194,7 @@ TEST_CASE("a view through an opening stays, though what is there is like the roo
 
 TEST_CASE("what is no mirror image stays behind what others have", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
-  const std::vector<std::size_t> deep = look_through_floor(maps[2], 0.3, 2.5, 1.3);
+  const std::vector<std::size_t> deep = look_through_floor(maps[2], room().scene, 0.3, 2.5, 1.3);
   const Stay stay = staying(maps, 2, deep);
   CHECK(stay.named > 0.98);
   CHECK(stay.others > 0.999);
@@ -253,7 +237,7 @@ TEST_CASE("a free-space filter that is switched off changes nothing, bad options
 TEST_CASE("the free-space filter gives the same points for any threads and instruction set", "[free space]") {
   std::vector<DepthMap> maps =
       truth_maps(GENERATE(true, false) ? room() : synth::textured_room(small_recipe(kWidth, 5)));
-  look_through_floor(maps[2], 0.3, 2.5);
+  look_through_floor(maps[2], room().scene, 0.3, 2.5);
   const std::vector<SightMap> sights = sights_of(maps);
   const KeyframeCloud one = judged(maps[2], others_of(sights, 2), 0.96F, {}, Executor(1));
   const KeyframeCloud five = judged(maps[2], others_of(sights, 2), 0.96F, {}, Executor(5));
