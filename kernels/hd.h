@@ -14,3 +14,18 @@
 #define PMSP_UNROLL
 #define PMSP_ROLL
 #endif
+
+#include <cstdint>
+
+namespace pmsp::kernels {
+
+/// Adds bits to a word that other threads may add theirs to.
+PMSP_HD void set_bits(std::uint32_t* word, std::uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  atomicOr(word, bits);
+#else
+  __atomic_fetch_or(word, bits, __ATOMIC_RELAXED);
+#endif
+}
+
+}  // namespace pmsp::kernels

@@ -5,6 +5,7 @@
 
 #include "confidence.h"
 #include "fusion.h"
+#include "mirror.h"
 #include "sight.h"
 #include "stage.h"
 #include "surfel.h"
@@ -156,9 +157,6 @@ PMSP_HD MaskOf<F> stands_for(const UIntOf<F>& surfel, const UIntOf<F>& standing,
          (min(abs(dot(apart, there)), abs(dot(apart, normal))) <= tolerance);
 }
 
-/// Keyframes that can be asked: one bit each.
-constexpr int kMaxViewers = 32;
-
 /// A round for the open pixels of a keyframe; a stage. The CPU's rows take the same steps for many pixels at a time,
 /// and remember whose say still matters (src/cpu/own_row.h).
 struct OwnershipRound {
@@ -209,16 +207,9 @@ struct OwnershipRound {
   }
 };
 
-/// A keyframe that may have looked through a point.
-struct Viewer {
-  SightView sight;
-  Rigid other_from_first;  ///< as in OwnershipView
-  float zoom;              ///< as there
-};
-
 /// Whether a pixel's point is eligible; a stage. Viewers speak for and against it, each with the inverse square of its
 /// distance, the keyframe itself for it. The confidence becomes that of the map times the share that speaks for it.
-/// Counts what is eligible.
+/// What a mirror shows is not eligible. Counts what is eligible.
 struct Eligibility {
   static constexpr int kCounts = 1;
 
@@ -229,6 +220,7 @@ struct Eligibility {
   int count;
   SightLimits limits;
   float max_contradiction;
+  MirrorView mirrors;
   std::uint8_t* standings;  ///< kOpen or 0
 
   PMSP_HD int width() const { return grid.width; }
@@ -249,7 +241,8 @@ struct Eligibility {
       on_surface = fma(F(viewer.zoom * viewer.zoom), seen.on_surface, on_surface);
       through = fma(F(viewer.zoom * viewer.zoom), seen.through, through);
     }
-    const MaskOf<F> stays = known & (through <= F(max_contradiction) * on_surface);
+    MaskOf<F> stays = known & (through <= F(max_contradiction) * on_surface);
+    if (mirrors.mirrors != nullptr) stays = stays & !is_mirrored(mirrors, grid, at, point);
     const F confidence = own_confidence<F>(gather_words<F>(details, at.index)) * on_surface / (on_surface + through);
     counted[0] = stays;
     store_bytes<F>(select_bits<F>(stays, pack_standing(confidence, Standing::kOpen)), standings + at.first, 1,

@@ -47,6 +47,16 @@ PMSP_HD Sight<F> sight(const Vec3<F>& point, const SightView& other, const Rigid
   return {select(on_surface, weight, F(0)), select(through, weight, F(0))};
 }
 
+/// Keyframes that can be asked: one bit each.
+constexpr int kMaxViewers = 32;
+
+/// A keyframe that may have looked through a point.
+struct Viewer {
+  SightView sight;
+  Rigid other_from_first;  ///< from the first keyframe's unit of length into the other's: the rotation times `zoom`
+  float zoom;              ///< the first keyframe's scale over the other's
+};
+
 /// Side of a cell [px].
 constexpr int kSightCell = 2;
 

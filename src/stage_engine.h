@@ -11,6 +11,7 @@
 #include "engine.h"
 #include "filters/filter_setup.h"
 #include "fusion/fusion_setup.h"
+#include "fusion/mirrors.h"
 #include "init.h"
 #include "patchmatch/match_setup.h"
 #include "plan/reach.h"
@@ -166,6 +167,7 @@ class StageEngine final : public Engine {
     const auto details = reference.details.get();
     auto standings = on.template array<std::uint8_t>(pixels());
     std::vector<Array<float>> sights;  // as long as the stage looks at them
+    std::vector<kernels::Rigid> from_viewers;
     kernels::Eligibility stage{};
     stage.surfels = surfels.get();
     stage.details = details.get();
@@ -179,12 +181,18 @@ class StageEngine final : public Engine {
                                        context_.options.height / kernels::kSightCell},
                                       to.other_from_first,
                                       to.zoom};
+      from_viewers.push_back(relation(reference.pose, viewer.pose, lens()).other_from_first);
     }
     stage.limits = sight_limits(context_.options.free_space);
     stage.max_contradiction = static_cast<float>(context_.options.free_space.max_contradiction);
     stage.standings = standings.get();
+    Mirrors mirrors;
     on.counted(
-        context_.stats.seconds_free_space, [&](Counts* counts) { on.launch(stage, counts); },
+        context_.stats.seconds_free_space,
+        [&](Counts* counts) {
+          if (context_.options.free_space.mirrors) mirrors = find_mirrors(on, from_viewers, stage);
+          on.launch(stage, counts);
+        },
         [eligible = reference.eligible](const std::int64_t* numbers) { *eligible = numbers[0]; });
     reference.standings[0].put(std::move(standings), pixels());
     reference.asked.reset();  // of a time when all of this was asked before

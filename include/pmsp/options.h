@@ -123,6 +123,9 @@ struct FreeSpaceOptions {
   double min_relative_gap = 0.05;    ///< a surface this much farther away has been seen through the point, 0 to 1
   /// What may speak against a point, relative to what speaks for it, 0 to 100. Smaller removes more.
   double max_contradiction = 0.5;
+  /// Leave out what mirrors show, such as polished floors: a wide plane of the keyframe is one where other keyframes
+  /// have its surface in front of what lies behind it, and much of that is a mirror image of what they see before it.
+  bool mirrors = true;
   /// Let keyframes to come have their say, too, and leave out points of places that any of `fusion.history` shows
   /// better, not only those of the fusion window. Points are held back until the end of the sequence, or until half of
   /// `history` and twice `fusion.history` keyframes later. For live use false.

@@ -33,7 +33,7 @@ struct StageList {
 };
 using RowStages = StageList<kernels::MedianFilter<HostMachine>, kernels::ConsistencyFilter<HostMachine>,
                             kernels::FindSight<HostMachine>, kernels::FusePixels<HostMachine>, kernels::Eligibility,
-                            kernels::TextureVariance<HostMachine>>;
+                            kernels::FindMirrored, kernels::ConfirmMirrors, kernels::TextureVariance<HostMachine>>;
 
 template <class Stage, class... Stages>
 constexpr bool has_rows(StageList<Stages...> /*list*/) {

@@ -61,7 +61,8 @@ std::size_t memory_needed(const DensifierOptions& options) {
     constexpr std::size_t kOfMost = 6;  // of a viewer: sight, surfels and standings; a pool keeps each size apart
     bytes += (kernels::kMaxViewers * kOfMost + bytes_of(Artefact::kSurfels, options, 1, 0)) * pixels;
   }
-  const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 1) * pixels;  // state, warped planes, keys, gray, masks
+  // State, warped planes, keys, gray, masks; what is known of mirrors.
+  const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 1 + 2) * pixels;
   const std::size_t priors =
       options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 20 * pixels : 0;
   const std::size_t copies = (2 * 20 + 2 * 40 + 2) * pixels;  // depth maps and points on their way down

@@ -36,6 +36,12 @@ template void launch(const kernels::ConsistencyFilter<DeviceMachine>&, Counts*, 
 template void launch(const kernels::FindSight<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::FusePixels<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::Eligibility&, Counts*, cudaStream_t);
+template void launch(const kernels::FindWidePlanes&, Counts*, cudaStream_t);
+template void launch(const kernels::ChooseWidePlanes&, Counts*, cudaStream_t);
+template void launch(const kernels::FindMirrored&, Counts*, cudaStream_t);
+template void launch(const kernels::ConfirmMirrors&, Counts*, cudaStream_t);
+template void launch(const kernels::CountMirrored&, Counts*, cudaStream_t);
+template void launch(const kernels::ChooseMirrors&, Counts*, cudaStream_t);
 template void launch(const kernels::OwnershipRound&, Counts*, cudaStream_t);
 template void launch(const kernels::TextureVariance<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::PriorCellStep<DevicePlanes, kernels::PriorStep::kSupports>&, Counts*, cudaStream_t);

@@ -7,6 +7,7 @@
 #include "cpu/cpu_processor.h"
 #include "densifier_checks.h"
 #include "fusion/fusion_setup.h"
+#include "fusion/mirrors.h"
 #include "pmsp/error.h"
 #include "sphere/grid.h"
 #include "sphere/plane_views.h"
@@ -97,12 +98,13 @@ Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const 
   const int width = map.surfels.width();
   const int height = map.surfels.height();
   check_count("judge", viewers.size());
-  const SphereGrid grid(width, height);
+  CpuProcessor on(executor, width, height);
   Image<std::uint8_t> standings(width, height);
+  std::vector<kernels::Rigid> from_viewers;
   kernels::Eligibility stage{};
   stage.surfels = map.surfels.pixels().data();
   stage.details = map.details.pixels().data();
-  stage.grid = grid.view();
+  stage.grid = on.grid();
   stage.limits = sight_limits(options);
   stage.max_contradiction = static_cast<float>(options.max_contradiction);
   stage.standings = standings.pixels().data();
@@ -118,9 +120,12 @@ Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const 
         {nearest.pixels().data(), viewer.sight->farthest.pixels().data(), nearest.width(), nearest.height()},
         to.other_from_first,
         to.zoom};
+    from_viewers.push_back(relation(pose, viewer.pose).other_from_first);
   }
   if (!options.enabled) stage.count = 0;
-  executor.impl().run(stage);
+  Mirrors mirrors;
+  if (options.enabled && options.mirrors) mirrors = find_mirrors(on, from_viewers, stage);
+  on.launch(stage, nullptr);
   return standings;
 }
 

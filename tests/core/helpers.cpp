@@ -126,6 +126,30 @@ Eigen::Vector3d bearing_of(const Image<float>& depth, int x, int y) {
   return bearing_from_pixel({x + 0.5, y + 0.5}, depth.width(), depth.height());
 }
 
+std::vector<std::size_t> look_through_floor(DepthMap& map, const synth::Scene& room, double left, double right,
+                                            double deeper) {
+  constexpr double kFloor = 1.5;
+  const Eigen::Matrix3d to_world = map.cam_from_world.rotation.transpose();
+  const Eigen::Vector3d center = map.cam_from_world.center();
+  std::vector<std::size_t> pixels;
+  for (int y = 0; y < map.depth.height(); ++y) {
+    for (int x = 0; x < map.depth.width(); ++x) {
+      const Eigen::Vector3d local = bearing_of(map.depth, x, y);
+      const Eigen::Vector3d direction = to_world * local;
+      const double to_floor = (kFloor - center.y()) / direction.y();
+      const Eigen::Vector3d at = center + to_floor * direction;
+      if (to_floor <= 0.0 || at.x() < left || at.x() > right || std::abs(at.z()) > 1.5) continue;
+      const Eigen::Vector3d up(direction.x(), -direction.y(), direction.z());
+      const double beyond = room.intersect(at + 1e-6 * up, up)->distance;
+      map.depth(x, y) = static_cast<float>(deeper > 0.0 ? deeper * to_floor : to_floor + beyond);
+      map.normal(x, y) = -local.cast<float>();
+      pixels.push_back(static_cast<std::size_t>(y) * static_cast<std::size_t>(map.depth.width()) +
+                       static_cast<std::size_t>(x));
+    }
+  }
+  return pixels;
+}
+
 double degrees_from_motion(const synth::Mission& mission, std::size_t reference, int x, int y) {
   const RigidTransform& pose = mission.frames[reference].cam_from_world;
   const Eigen::Vector3d along =

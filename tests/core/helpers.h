@@ -85,6 +85,12 @@ double filled(const Image<float>& depth);
 
 Eigen::Vector3d bearing_of(const Image<float>& depth, int x, int y);
 
+/// Lets a map look through the floor of synth::empty_room between two x and along three units of z: each pixel has the
+/// depth that a mirror shows, or, where `deeper` is not 0, so many times the floor's. Returns the indices of the
+/// pixels.
+std::vector<std::size_t> look_through_floor(DepthMap& map, const synth::Scene& room, double left, double right,
+                                            double deeper = 0.0);
+
 /// Angle between a pixel's bearing and the nearer end of the line of flight, by the frames before and after.
 double degrees_from_motion(const synth::Mission& mission, std::size_t reference, int x, int y);
 

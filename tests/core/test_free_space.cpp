@@ -58,6 +58,25 @@ double kept(const DepthMap& map, const std::vector<SightFrom>& others, float sca
          static_cast<double>(points_of(map, scale).surfels.size());
 }
 
+/// Shares of the pixels of a map that stay: of those named, and of the others.
+struct Stay {
+  double named, others;
+};
+Stay staying(const std::vector<DepthMap>& maps, std::size_t k, const std::vector<std::size_t>& named,
+             const FreeSpaceOptions& options = {}) {
+  SurfelMap points = points_of(maps[k]);
+  const Image<std::uint8_t> standings =
+      judge(points, {maps[k].cam_from_world}, others_of(sights_of(maps), k), options, Executor(2));
+  std::size_t stay = 0;
+  std::size_t named_stay = 0;
+  for (const std::uint8_t standing : standings.pixels()) stay += standing != 0 ? 1 : 0;
+  for (const std::size_t pixel : named) named_stay += standings.pixels()[pixel] != 0 ? 1 : 0;
+  const auto share = [](std::size_t part, std::size_t all) {
+    return static_cast<double>(part) / static_cast<double>(all);
+  };
+  return {share(named_stay, named.size()), share(stay - named_stay, standings.size() - named.size())};
+}
+
 }  // namespace
 
 TEST_CASE("a sight map holds the nearest and farthest depth of each cell", "[free space]") {
@@ -118,6 +137,79 @@ TEST_CASE("one keyframe against many does not remove what they confirm", "[free 
   CHECK(kept(maps[2], alone, 1.0F, tolerant) > 0.999);
 }
 
+TEST_CASE("what a floor mirrors goes where others have the floor", "[free space]") {
+  std::vector<DepthMap> maps = truth_maps(room());
+  const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
+  const Stay stay = staying(maps, 2, ghosts);
+  CHECK(stay.named < 0.02);
+  CHECK(stay.others > 0.999);
+  FreeSpaceOptions off;
+  off.mirrors = false;
+  CHECK(staying(maps, 2, ghosts, off).named > 0.9);  // nobody has looked through them
+  // Where a camera has been there is no mirror.
+  std::vector<SightMap> sights = sights_of(maps);
+  SightMap below = sights[1];
+  std::fill(below.nearest.pixels().begin(), below.nearest.pixels().end(), 0.0F);
+  std::fill(below.farthest.pixels().begin(), below.farthest.pixels().end(), 0.0F);
+  below.cam_from_world.translation -= below.cam_from_world.rotation * Eigen::Vector3d(0.0, 2.5, 0.0);
+  std::vector<SightFrom> viewers = others_of(sights, 2);
+  const std::size_t without = judged(maps[2], viewers).points.size();
+  viewers.push_back({&below, {below.cam_from_world}});
+  CHECK(judged(maps[2], viewers).points.size() > without + ghosts.size() * 9 / 10);
+  // Another keyframe that shows the floor's image in part of the same place is outvoted.
+  look_through_floor(maps[1], room().scene, 1.2, 2.5);
+  CHECK(staying(maps, 2, ghosts).named < 0.05);
+}
+
+TEST_CASE("mirrors are found in any unit", "[free space]") {
+  std::vector<DepthMap> maps = truth_maps(room());
+  const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
+  const std::vector<SightMap> sights = sights_of(maps);
+  const KeyframeCloud plain = judged(maps[2], others_of(sights, 2));
+  constexpr double kScales[] = {0.5, 4.0, 2.0, 0.25, 8.0};
+  std::vector<SightMap> scaled = sights;
+  for (std::size_t k = 0; k < scaled.size(); ++k) {
+    for (float& depth : scaled[k].nearest.pixels()) depth /= static_cast<float>(kScales[k]);
+    for (float& depth : scaled[k].farthest.pixels()) depth /= static_cast<float>(kScales[k]);
+  }
+  std::vector<SightFrom> viewers = others_of(scaled, 2);
+  for (std::size_t i = 0; i < viewers.size(); ++i) viewers[i].pose.scale = kScales[i < 2 ? i : i + 1];
+  const KeyframePose pose{maps[2].cam_from_world, kScales[2]};
+  SurfelMap points = points_of(maps[2], 1.0F / static_cast<float>(kScales[2]));
+  points.standings = judge(points, pose, viewers, {}, Executor(2));
+  CHECK(owned_points({&points, &points.standings, pose}).points.size() == plain.points.size());
+}
+
+TEST_CASE("a view through an opening stays, though what is there is like the room", "[free space]") {
+  std::vector<DepthMap> maps = truth_maps(room());
+  std::vector<std::size_t> seen;
+  for (std::size_t k = 0; k < maps.size(); ++k) {
+    const std::vector<std::size_t> through = look_through_floor(maps[k], room().scene, 0.3, 2.5);
+    if (k == 2) seen = through;
+  }
+  const Stay stay = staying(maps, 2, seen);
+  CHECK(stay.named > 0.98);
+  CHECK(stay.others > 0.98);
+}
+
+TEST_CASE("what is no mirror image stays behind what others have", "[free space]") {
+  std::vector<DepthMap> maps = truth_maps(room());
+  const std::vector<std::size_t> deep = look_through_floor(maps[2], room().scene, 0.3, 2.5, 1.3);
+  const Stay stay = staying(maps, 2, deep);
+  CHECK(stay.named > 0.98);
+  CHECK(stay.others > 0.999);
+}
+
+TEST_CASE("floaters in front of walls cost no wall", "[free space]") {
+  std::vector<DepthMap> maps = truth_maps(room());
+  for (const std::size_t k : {0U, 1U, 3U}) {
+    for (int y = 10; y < 70; ++y) {
+      for (int x = 0; x < kWidth; ++x) maps[k].depth(x, y) *= (x / 4 + y / 4) % 5 == 0 ? 0.6F : 1.0F;
+    }
+  }
+  CHECK(staying(maps, 2, {0}).others > 0.999);
+}
+
 TEST_CASE("contradiction lowers the confidence of what stays", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   std::vector<SightMap> sights = sights_of(maps);
@@ -143,7 +235,9 @@ TEST_CASE("a free-space filter that is switched off changes nothing, bad options
 }
 
 TEST_CASE("the free-space filter gives the same points for any threads and instruction set", "[free space]") {
-  const std::vector<DepthMap> maps = truth_maps(synth::textured_room(small_recipe(kWidth, 5)));
+  std::vector<DepthMap> maps =
+      truth_maps(GENERATE(true, false) ? room() : synth::textured_room(small_recipe(kWidth, 5)));
+  look_through_floor(maps[2], room().scene, 0.3, 2.5);
   const std::vector<SightMap> sights = sights_of(maps);
   const KeyframeCloud one = judged(maps[2], others_of(sights, 2), 0.96F, {}, Executor(1));
   const KeyframeCloud five = judged(maps[2], others_of(sights, 2), 0.96F, {}, Executor(5));

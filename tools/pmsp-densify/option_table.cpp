@@ -229,6 +229,8 @@ const std::vector<OptionEntry>& option_table() {
       {"free_space.max_contradiction", "Free space", "", 0, 100,
        "What may speak against a point, relative to what speaks for it; less removes more",
        +PMSP_AT(double, free_space.max_contradiction)},
+      {"free_space.mirrors", "Free space", "", 0, 1, "Remove what mirrors show, such as polished floors",
+       +PMSP_AT(bool, free_space.mirrors)},
       {"free_space.whole_mission", "Free space", "", 0, 1,
        "Hold points back until the end, so that later keyframes have their say too",
        +PMSP_AT(bool, free_space.whole_mission)},

@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+
+#include "rigid.h"
+#include "sight.h"
+#include "stage.h"
+#include "surfel.h"
+#include "wide_plane.h"
+
+// Mirrors: planes that a keyframe has seen through where others confirm a surface. A polished floor shows the room
+// upside down, and keyframes agree on the depths of what it shows. Such a plane gives itself away by two things: some
+// of what a keyframe sees behind it lies behind what other keyframes have on that very plane, and much of it is the
+// mirror image of what others have before the plane. A window or a door has the second one at most (rooms are alike),
+// a fence the first one. Nor is a plane a mirror that a camera has been behind. Behind a mirror, what is a mirror image
+// goes, and what lies next to where others have the mirror's own surface.
+//
+// Evidence is gathered for every other pixel of every other row, a cell of the sight maps.
+namespace pmsp::kernels {
+
+constexpr float kBehindMirror = 1.1F;           ///< depth over the plane's depth from which on a point lies behind it
+constexpr float kOnMirror = 0.02F;              ///< relative deviation up to which others have the plane's surface
+constexpr float kLeastMirrored = 0.2F;          ///< share of what lies behind a mirror that is a mirror image, ...
+constexpr float kLeastConfirmed = 0.1F;         ///< and of that again, where others have the mirror's surface: at least
+constexpr float kLeastMirror = 1.0F / 4000.0F;  ///< of the sphere, likewise
+constexpr int kBesideConfirmed = 4;             ///< cells up to which a point is next to such a place
+
+/// What is known of a cell, for each plane a bit: its point lies behind the plane; it is the mirror image of what
+/// others see.
+PMSP_HD std::uint32_t behind_bit(int plane) { return 1U << static_cast<unsigned>(plane); }
+PMSP_HD std::uint32_t mirrored_bit(int plane) { return 1U << static_cast<unsigned>(kWidePlanes + plane); }
+
+template <class F>
+PMSP_HD MaskOf<F> has_bit(const UIntOf<F>& word, std::uint32_t bit) {
+  return from_uint<F>(UIntOf<F>(word & UIntOf<F>(bit))) > F(0);
+}
+
+/// Which cells' points lie behind a plane, and are mirror images; a stage over the cells.
+struct FindMirrored {
+  static constexpr int kCounts = 0;
+
+  const std::uint32_t* surfels;
+  GridView grid;  ///< of the pixels
+  Viewer viewers[kMaxViewers];
+  int count;
+  SightLimits limits;
+  const WidePlane* planes;
+  std::uint32_t* evidence;
+  std::uint32_t* confirmed;  ///< becomes 0
+
+  PMSP_HD int width() const { return grid.width / kSightCell; }
+  PMSP_HD int height() const { return grid.height / kSightCell; }
+
+  template <class F>
+  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+    using U = UIntOf<F>;
+    const IntOf<F> column = at.column * IntOf<F>(kSightCell);
+    const IntOf<F> row(at.row * kSightCell);
+    const F depth = depth_of_surfel<F>(gather_words<F>(surfels, IntOf<F>(row * IntOf<F>(grid.width) + column)));
+    const MaskOf<F> known = depth > F(0);
+    const Vec3<F> point = select(known, depth, F(1)) * bearing_at<F>(grid, column, row);
+    U word(0U);
+    for (int p = 0; p < kWidePlanes && any(known); ++p) {
+      const Vec3<F> plane = plane_of<F>(planes[p]);
+      const F beyond = dot(plane, point);
+      const MaskOf<F> behind = known & (beyond > F(kBehindMirror));
+      if (!any(behind)) continue;
+      const Vec3<F> image = fma(F(2) * (F(1) - beyond) / dot(plane, plane), plane, point);
+      F confirm(0);
+      F deny(0);
+      for (int k = 0; k < count; ++k) {
+        const Sight<F> seen = sight(image, viewers[k].sight, viewers[k].other_from_first, limits);
+        confirm = confirm + select(seen.on_surface > F(0), F(1), F(0));
+        deny = deny + select(seen.through > F(0), F(1), F(0));
+      }
+      const MaskOf<F> mirrored = behind & (confirm > F(1.5F)) & (confirm > deny);
+      word = word | select_bits<F>(behind, U(behind_bit(p))) | select_bits<F>(mirrored, U(mirrored_bit(p)));
+    }
+    store<F>(word, evidence + at.first, at.count);
+    store<F>(U(0U), confirmed + at.first, at.count);
+  }
+};
+
+/// Where others have a plane's surface in front of what lies behind it; a stage over the cells of all viewers.
+struct ConfirmMirrors {
+  static constexpr int kCounts = 0;
+
+  struct Witness {
+    SightView sight;
+    Rigid first_from_other;
+  };
+  GridView grid;  ///< of the pixels
+  Witness viewers[kMaxViewers];
+  int count;
+  const WidePlane* planes;
+  const std::uint32_t* evidence;
+  std::uint32_t* confirmed;  ///< of a plane the bit that it has in `evidence` where something lies behind it
+
+  PMSP_HD int cell_rows() const { return grid.height / kSightCell; }
+  PMSP_HD int width() const { return grid.width / kSightCell; }
+  PMSP_HD int height() const { return count * cell_rows(); }
+
+  template <class F>
+  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+    constexpr float kOneSurface = 1.1F;  // depths of a cell, at most
+    using U = UIntOf<F>;
+    using I = IntOf<F>;
+    const Witness& viewer = viewers[at.row / cell_rows()];
+    const int cell_row = at.row % cell_rows();
+    const I cell = I(cell_row * width()) + at.column;
+    const F nearest = gather<F>(viewer.sight.nearest, cell);
+    const F farthest = gather<F>(viewer.sight.farthest, cell);
+    const MaskOf<F> known = (nearest > F(0)) & (farthest <= F(kOneSurface) * nearest);
+    if (!any(known)) return;
+    // In the middle of the cell; as good as a unit vector.
+    const I column = at.column * I(kSightCell);
+    const I row(cell_row * kSightCell);
+    const Vec3<F> bearing =
+        F(0.5F) * (bearing_at<F>(grid, column, row) + bearing_at<F>(grid, I(column + I(1)), I(row + I(1))));
+    const F depth = select(known, F(0.5F) * (nearest + farthest), F(1));
+    const Vec3<F> point = transform(viewer.first_from_other, depth * bearing);
+    U on(0U);
+    for (int p = 0; p < kWidePlanes; ++p) {
+      const MaskOf<F> near = known & (abs(dot(plane_of<F>(planes[p]), point) - F(1)) < F(kOnMirror));
+      on = on | select_bits<F>(near, U(behind_bit(p)));
+    }
+    if (!any(has_bit<F>(on, ~0U >> 1U))) return;
+    const I there = pixel_index(point, width(), cell_rows());
+    on = on & gather_words<F>(evidence, there);
+    if (!any(has_bit<F>(on, ~0U >> 1U))) return;
+    std::int32_t cells[Num<F>::kLanes];
+    std::uint32_t bits[Num<F>::kLanes];
+    store<F>(there, cells, Num<F>::kLanes);
+    store<F>(on, bits, Num<F>::kLanes);
+    for (int i = 0; i < Num<F>::kLanes && i < at.count; ++i) {
+      if (bits[i] != 0) set_bits(confirmed + cells[i], bits[i]);
+    }
+  }
+};
+
+/// How much of a field lies behind each plane, is a mirror image, and is one behind the mirror's surface; by solid
+/// angle, in whole numbers.
+struct MirrorCounts {
+  int behind[kWidePlanes], mirrored[kWidePlanes], confirmed[kWidePlanes];
+};
+
+/// A stage over the fields.
+struct CountMirrored {
+  static constexpr int kCounts = 0;
+
+  GridView grid;  ///< of the pixels
+  const std::uint32_t* evidence;
+  const std::uint32_t* confirmed;
+  MirrorCounts* counts;
+
+  PMSP_HD int width() const { return kFieldColumns; }
+  PMSP_HD int height() const { return kFieldRows; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    const int columns = grid.width / kSightCell;
+    const int rows = grid.height / kSightCell;
+    MirrorCounts sums{};
+    for (int row = at.row * rows / kFieldRows; row < (at.row + 1) * rows / kFieldRows; ++row) {
+      const int weight = static_cast<int>(kWeight * grid.cos_lat[row * kSightCell]);
+      for (int column = at.column * columns / kFieldColumns; column < (at.column + 1) * columns / kFieldColumns;
+           ++column) {
+        const std::uint32_t word = evidence[row * columns + column];
+        const std::uint32_t in_front = confirmed[row * columns + column];
+        for (int p = 0; p < kWidePlanes && word != 0; ++p) {
+          const bool mirrored = (word & mirrored_bit(p)) != 0;
+          sums.behind[p] += (word & behind_bit(p)) != 0 ? weight : 0;
+          sums.mirrored[p] += mirrored ? weight : 0;
+          sums.confirmed[p] += mirrored && (in_front & behind_bit(p)) != 0 ? weight : 0;
+        }
+      }
+    }
+    counts[at.index] = sums;
+  }
+
+  /// Of a cell at the equator.
+  static constexpr float kWeight = 64.0F;
+};
+
+/// Leaves the planes that are mirrors; a stage over the planes. Behind a mirror no camera has been.
+struct ChooseMirrors {
+  static constexpr int kCounts = 0;
+
+  const MirrorCounts* counts;
+  int cells;                         ///< of the sphere
+  Vec3<float> viewers[kMaxViewers];  ///< where they are, in the keyframe's frame
+  int viewer_count;
+  WidePlane* planes;
+
+  PMSP_HD int width() const { return kWidePlanes; }
+  PMSP_HD int height() const { return 1; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    float behind = 0.0F;
+    float mirrored = 0.0F;
+    float confirmed = 0.0F;
+    for (int i = 0; i < kFields; ++i) {
+      behind += static_cast<float>(counts[i].behind[at.index]);
+      mirrored += static_cast<float>(counts[i].mirrored[at.index]);
+      confirmed += static_cast<float>(counts[i].confirmed[at.index]);
+    }
+    bool visited = false;
+    for (int k = 0; k < viewer_count; ++k) visited = visited || dot(planes[at.index].plane, viewers[k]) > 1.0F;
+    const float sphere = CountMirrored::kWeight * static_cast<float>(2.0 / kPi) * static_cast<float>(cells);
+    const bool is_mirror = !visited && mirrored >= kLeastMirrored * behind && confirmed >= kLeastConfirmed * mirrored &&
+                           confirmed >= kLeastMirror * sphere;
+    if (!is_mirror) planes[at.index] = {{0.0F, 0.0F, 0.0F}, 0.0F};
+  }
+};
+
+/// What is known of a keyframe's mirrors in the end.
+struct MirrorView {
+  const WidePlane* mirrors;  ///< kWidePlanes; nullptr = none are looked for
+  const std::uint32_t* evidence;
+  const std::uint32_t* confirmed;
+};
+
+/// Whether a keyframe's point is what a mirror shows. `at`: the pixel.
+template <class F>
+PMSP_HD MaskOf<F> is_mirrored(const MirrorView& view, const GridView& grid, const Place<F>& at, const Vec3<F>& point) {
+  const GridView cells{grid.width / kSightCell, grid.height / kSightCell, nullptr, nullptr, nullptr, nullptr};
+  MaskOf<F> found = F(0) > F(1);
+  for (int p = 0; p < kWidePlanes; ++p) {
+    if (!is_plane(view.mirrors[p])) continue;
+    const MaskOf<F> behind = dot(plane_of<F>(view.mirrors[p]), point) > F(kBehindMirror);
+    if (!any(behind)) continue;
+    const IntOf<F> column = at.column >> 1;
+    const int row = at.row / kSightCell;
+    const UIntOf<F> own = gather_words<F>(view.evidence, IntOf<F>(IntOf<F>(row * cells.width) + column));
+    found = found | (behind & has_bit<F>(own, mirrored_bit(p)));
+    for (int dy = -kBesideConfirmed; dy <= kBesideConfirmed; ++dy) {
+      if (row + dy < 0 || row + dy >= cells.height) continue;
+      const float wider = 1.0F / max(grid.cos_lat[(row + dy) * kSightCell], 8.0F / static_cast<float>(cells.width));
+      for (int dx = -kBesideConfirmed; dx <= kBesideConfirmed && any(behind & !found); ++dx) {
+        const Beside<F> there = beside<F>(cells, column, row, static_cast<int>(static_cast<float>(dx) * wider), dy);
+        const IntOf<F> index = there.row * IntOf<F>(cells.width) + there.column;
+        const UIntOf<F> word = gather_words<F>(view.confirmed, index);
+        found = found | (behind & has_bit<F>(word, behind_bit(p)));
+      }
+    }
+  }
+  return found;
+}
+
+}  // namespace pmsp::kernels
