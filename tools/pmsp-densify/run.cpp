@@ -16,6 +16,7 @@
 #include "interrupt.h"
 #include "io/map_keyframe.h"
 #include "lenses.h"
+#include "map_input.h"
 #include "pmsp/densifier.h"
 #include "pmsp/io/ply.h"
 #include "preview.h"
@@ -69,7 +70,7 @@ class Run {
     progress_.stage("reading " + arguments.map.string());
     {
       const Spent spent(report_.time, Busy::kMap);
-      map_ = read_map(arguments.map);
+      map_ = read_map(arguments);
     }
     {
       const Spent spent(report_.time, Busy::kImages);
@@ -153,9 +154,12 @@ class Run {
   void announce() {
     progress_.message(report_.map + ": " + std::to_string(report_.keyframes) + " keyframes, " +
                       std::to_string(map_.landmarks.size()) + " landmarks");
+    for (const std::string& remark : remarks(map_)) progress_.message(remark);
     progress_.message("images: " + report_.images);
     if (map_.landmarks.empty()) {
-      progress_.warning("the map has no landmarks; without them no keyframe gets a depth range, nor a depth map");
+      progress_.warning(
+          "the map has no landmarks; without them no keyframe gets a depth range, nor a depth map; "
+          "--points takes a PLY file with points of the same frame");
     }
     for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);
   }

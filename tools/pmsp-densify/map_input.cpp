@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "map_input.h"
+
+#include <algorithm>
+#include <system_error>
+
+#include "exit_code.h"
+#include "pmsp/io/convention.h"
+
+namespace pmsp::tool {
+
+SlamMap read_map(const Arguments& arguments) {
+  SlamMap map = pmsp::read_map(arguments.map, {arguments.component, arguments.points, arguments.image_list});
+  if (!arguments.no_verify && arguments.verb != Verb::kMerge) require_convention(map);
+  return map;
+}
+
+Arguments with_images(const Arguments& arguments, bool needed) {
+  if (!arguments.images.empty() || !arguments.video.empty()) return arguments;
+  Arguments result = arguments;
+  result.images = read_map(arguments).images;
+  std::error_code ignored;
+  if (needed && result.images.empty()) throw UsageError("the images are missing; give --images DIR or --video FILE");
+  if (!needed && !std::filesystem::is_directory(result.images, ignored)) result.images.clear();
+  return result;
+}
+
+std::vector<std::string> remarks(const SlamMap& map) {
+  std::vector<std::string> all = map.notes;
+  if (map.component_keyframes.size() > 1) {
+    std::string text = "component " + std::to_string(map.component) + " of " +
+                       std::to_string(map.component_keyframes.size()) + "; keyframes of each:";
+    for (const std::size_t count : map.component_keyframes) text += " " + std::to_string(count);
+    all.insert(all.begin(), text + "; --component chooses");
+  }
+  if (!map.observations_are_tested && !map.landmarks.empty()) {
+    all.push_back("nothing says which keyframe sees which point; each is given those that nothing nearer hides");
+  }
+  const bool has_times =
+      std::any_of(map.keyframes.begin(), map.keyframes.end(), [](const MapKeyframe& k) { return k.timestamp != 0.0; });
+  if (!has_times && map.keyframes.size() > 1) {
+    all.push_back("keyframes have no times; they are taken in the order of their ids, or --unordered as a set");
+  }
+  return all;
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "arguments.h"
+#include "pmsp/io/map.h"
+
+namespace pmsp::tool {
+
+/// The map that was asked for. Its conventions are proven unless --no-verify says not to. Throws as read_map and
+/// require_convention.
+SlamMap read_map(const Arguments& arguments);
+
+/// Where neither --images nor --video is given: the same with the folder that the map names. Throws UsageError where it
+/// names none and `needed`.
+Arguments with_images(const Arguments& arguments, bool needed);
+
+/// Sentences about what was read, for people: components, what was left out, what is presumed.
+std::vector<std::string> remarks(const SlamMap& map);
+
+}  // namespace pmsp::tool
