@@ -9,6 +9,7 @@
 
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
+#include "readings.h"
 
 namespace pmsp {
 namespace {
@@ -21,43 +22,12 @@ constexpr double kHalf = 0.5;
 constexpr double kHalfTolerance = 0.15;  ///< [px]
 constexpr double kStandardErrors = 6.0;
 
-/// Another reading of the numbers in a file: where a point of the camera, or of the world, is taken to be.
-struct Reading {
-  const char* what;
-  bool inverted;  ///< poses
-  Eigen::Matrix3d camera;
-};
-
 Eigen::Matrix3d axes(double x, double y, double z) { return Eigen::Vector3d(x, y, z).asDiagonal(); }
 
 Eigen::Matrix3d quarter_turn(double sign) {
   Eigen::Matrix3d turn;
   turn << 0.0, 0.0, -sign, 0.0, 1.0, 0.0, sign, 0.0, 0.0;
   return turn;
-}
-
-std::vector<Reading> other_readings() {
-  struct Camera {
-    const char* as_they_are;
-    const char* inverted;
-    Eigen::Matrix3d axes;
-  };
-  const std::array<Camera, 7> cameras{{
-      {"", "inverted poses (world_from_cam where cam_from_world is expected, or the other way round)", axes(1, 1, 1)},
-      {"mirrored images or poses (left and right swapped)", "inverted poses of mirrored images", axes(-1, 1, 1)},
-      {"flipped images or poses (latitude upside down)", "inverted poses of flipped images", axes(1, -1, 1)},
-      {"camera axes of OpenGL (y up, z backward)", "inverted poses with camera axes of OpenGL", axes(1, -1, -1)},
-      {"cameras that look backward (the image turned by half its width)",
-       "inverted poses of cameras that look backward", axes(-1, 1, -1)},
-      {"images turned by a quarter of their width to the left", "inverted poses of turned images", quarter_turn(1.0)},
-      {"images turned by a quarter of their width to the right", "inverted poses of turned images", quarter_turn(-1.0)},
-  }};
-  std::vector<Reading> readings;
-  for (const Camera& camera : cameras) {
-    if (*camera.as_they_are != '\0') readings.push_back({camera.as_they_are, false, camera.axes});
-    readings.push_back({camera.inverted, true, camera.axes});
-  }
-  return readings;
 }
 
 double median(std::vector<double>& values) {
@@ -91,20 +61,20 @@ std::vector<Sample> samples_of(const SlamMap& map) {
 }
 
 /// From the projection to the observation, the short way round [px].
-Eigen::Vector2d residual(const Sample& sample, const RigidTransform& pose, const Eigen::Matrix3d& camera) {
-  const Eigen::Vector3d point = camera * (pose * sample.world);
+Eigen::Vector2d residual(const Sample& sample, const RigidTransform& pose) {
+  const Eigen::Vector3d point = pose * sample.world;
   if (!(point.norm() > 0.0)) return {sample.camera->width, sample.camera->height};
   Eigen::Vector2d off = sample.pixel - pixel_from_bearing(point, sample.camera->width, sample.camera->height);
   off.x() -= sample.camera->width * std::round(off.x() / sample.camera->width);
   return off;
 }
 
-double median_error(const std::vector<Sample>& samples, const Reading& reading) {
+double median_error(const std::vector<Sample>& samples, const map_detail::Reading* reading) {
   std::vector<double> errors;
   errors.reserve(samples.size());
   for (const Sample& sample : samples) {
     const RigidTransform& pose = sample.keyframe->cam_from_world;
-    errors.push_back(residual(sample, reading.inverted ? pose.inverse() : pose, reading.camera).norm());
+    errors.push_back(residual(sample, reading != nullptr ? reading->of(pose) : pose).norm());
   }
   return median(errors);
 }
@@ -133,7 +103,7 @@ std::string half_pixel(const SlamMap& map, const std::vector<Sample>& samples, C
   std::vector<double> across;
   std::vector<double> down;
   for (const Sample& sample : samples) {
-    const Eigen::Vector2d off = residual(sample, sample.keyframe->cam_from_world, axes(1, 1, 1));
+    const Eigen::Vector2d off = residual(sample, sample.keyframe->cam_from_world);
     across.push_back(off.x());
     down.push_back(off.y());
   }
@@ -157,18 +127,46 @@ std::string half_pixel(const SlamMap& map, const std::vector<Sample>& samples, C
 
 }  // namespace
 
+namespace map_detail {
+
+std::vector<Reading> other_readings() {
+  struct Camera {
+    const char* as_they_are;
+    const char* inverted;
+    Eigen::Matrix3d axes;
+  };
+  const std::array<Camera, 7> cameras{{
+      {"", "inverted poses (world_from_cam where cam_from_world is expected, or the other way round)", axes(1, 1, 1)},
+      {"mirrored images or poses (left and right swapped)", "inverted poses of mirrored images", axes(-1, 1, 1)},
+      {"flipped images or poses (latitude upside down)", "inverted poses of flipped images", axes(1, -1, 1)},
+      {"camera axes of OpenGL (y up, z backward)", "inverted poses with camera axes of OpenGL", axes(1, -1, -1)},
+      {"cameras that look backward (the image turned by half its width)",
+       "inverted poses of cameras that look backward", axes(-1, 1, -1)},
+      {"images turned by a quarter of their width to the left", "inverted poses of turned images", quarter_turn(1.0)},
+      {"images turned by a quarter of their width to the right", "inverted poses of turned images", quarter_turn(-1.0)},
+  }};
+  std::vector<Reading> readings;
+  for (const Camera& camera : cameras) {
+    if (*camera.as_they_are != '\0') readings.push_back({camera.as_they_are, false, camera.axes});
+    readings.push_back({camera.inverted, true, camera.axes});
+  }
+  return readings;
+}
+
+}  // namespace map_detail
+
 ConventionCheck check_convention(const SlamMap& map) {
   ConventionCheck check;
   if (!map.observations_are_tested) return check;
   const std::vector<Sample> samples = samples_of(map);
   if (samples.size() < kFewest) return check;
   check.observations = samples.size();
-  check.median_error_px = median_error(samples, {"", false, axes(1, 1, 1)});
+  check.median_error_px = median_error(samples, nullptr);
   double width = 0.0;
   for (const MapCamera& camera : map.cameras) width = std::max(width, static_cast<double>(camera.width));
   double best = std::min(kClearlyBetter * check.median_error_px, kStillFits * width);
-  for (const Reading& reading : other_readings()) {
-    const double error = median_error(samples, reading);
+  for (const map_detail::Reading& reading : map_detail::other_readings()) {
+    const double error = median_error(samples, &reading);
     if (error >= best) continue;
     best = check.better_error_px = error;
     check.fits_better = reading.what;

@@ -90,6 +90,37 @@ TEST_CASE("every format gives the cloud of the map") {
   }
 }
 
+TEST_CASE("poses alone do, with landmarks from the images; what the images contradict is refused by name") {
+  const TempDir dir;
+  REQUIRE(densify(quick_run(dir / "map.ply")).code == 0);
+  const PlyCloud expected = read_ply(dir / "map.ply");
+  const auto run = [&](const SlamMap& map, const std::string& name) {
+    write_tum(dir / name / "t.txt", map);
+    ReadMapOptions options;
+    options.image_list = dir / name / "images.txt";
+    return densify(run_on(dir / name / "t.txt", mission() / "images", dir / (name + ".ply"), options));
+  };
+  const Result right = run(named_map(), "right");
+  INFO(right.err);
+  REQUIRE(right.code == 0);
+  CHECK_THAT(right.err, Contains("made from the images"));
+  const PlyCloud cloud = read_ply(dir / "right.ply");
+  CHECK(static_cast<double>(cloud.positions.size()) > 0.85 * static_cast<double>(expected.positions.size()));
+  CHECK(share_in(cloud, expected) > 0.85);
+
+  const Result inverted = run(with_fault(named_map(), Fault::inverted), "inverted");
+  CHECK(inverted.code == 3);
+  CHECK_THAT(inverted.err, Contains("inverted poses (world_from_cam"));
+  SlamMap map = named_map();
+  const Eigen::Matrix3d opengl = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
+  for (MapKeyframe& keyframe : map.keyframes) {
+    keyframe.cam_from_world = {opengl * keyframe.cam_from_world.rotation, opengl * keyframe.cam_from_world.translation};
+  }
+  const Result axes = run(map, "axes");
+  CHECK(axes.code == 3);
+  CHECK_THAT(axes.err, Contains("OpenGL"));
+}
+
 TEST_CASE("info tells of an import, and a wrong one is refused by name") {
   const TempDir dir;
   write_opensfm(dir / "a", named_map(), {sample_scene(2, 30)});

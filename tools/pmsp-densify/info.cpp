@@ -192,21 +192,23 @@ void info(const Arguments& given) {
   const Arguments arguments = with_images(given, false);
   const DensifierOptions options = effective_options(arguments);
   if (!arguments.plan.empty()) check_targets(arguments);
-  const SlamMap map = pmsp::read_map(arguments.map, {arguments.component, arguments.points, arguments.image_list});
+  SlamMap map = pmsp::read_map(arguments.map, {arguments.component, arguments.points, arguments.image_list});
   const ConventionCheck convention = require_convention(map);
+  std::vector<std::string> about_map = remarks(map);
+  const std::unique_ptr<ImageSource> source = open_images(arguments, map);
+  if (source && map.landmarks.empty()) about_map.push_back(sweep_landmarks(map, arguments, options.threads));
   Json json{{"map", map.path.string()},
             {"format", map.format},
             {"cameras", cameras_json(map)},
             {"keyframes", map.keyframes.size()},
             {"trajectory", trajectory_json(map)},
             {"landmarks", landmarks_json(map)},
-            {"remarks", remarks(map)},
+            {"remarks", about_map},
             {"component", map.component},
             {"component_keyframes", map.component_keyframes}};
   if (convention.observations > 0) {
     json["reprojection"] = {{"observations", convention.observations}, {"median_error_px", convention.median_error_px}};
   }
-  const std::unique_ptr<ImageSource> source = open_images(arguments, map);
   std::vector<SkippedKeyframe> skipped;
   if (source) skipped = source->skipped();
   ImageSize size;

@@ -2,10 +2,17 @@
 #include "map_input.h"
 
 #include <algorithm>
+#include <cmath>
+#include <memory>
 #include <system_error>
 
+#include "decoder.h"
 #include "exit_code.h"
+#include "pmsp/error.h"
 #include "pmsp/io/convention.h"
+#include "pmsp/io/landmark_sweep.h"
+#include "util/thread_pool.h"
+#include "verbs.h"
 
 namespace pmsp::tool {
 
@@ -23,6 +30,30 @@ Arguments with_images(const Arguments& arguments, bool needed) {
   if (needed && result.images.empty()) throw UsageError("the images are missing; give --images DIR or --video FILE");
   if (!needed && !std::filesystem::is_directory(result.images, ignored)) result.images.clear();
   return result;
+}
+
+std::string sweep_landmarks(SlamMap& map, const Arguments& arguments, int threads) {
+  if (!map.landmarks.empty()) return "";
+  const std::unique_ptr<ImageSource> source = open_images(arguments, map);
+  ImageReader images(*source, map, threads > 0 ? threads : usable_cpus(), nullptr);
+  MaskReader mask(arguments.mask);
+  LandmarkSweep sweep(map);
+  while (true) {
+    ImageReader::Read read = images.next();
+    if (!read.item) break;
+    sweep.add(read.item->keyframe_id, read.item->image.view(), mask.mask_for(read.item->image));
+    images.let_go(std::move(*read.item));
+  }
+  const LandmarkSweep::Result result = sweep.make_landmarks(map, threads, !arguments.no_verify);
+  const auto percent = [](double share) { return std::to_string(std::lround(100.0 * share)) + " %"; };
+  if (!result.fits_better.empty()) {
+    throw InvalidInput(map.path.string() +
+                       ": the images fit another reading of its poses clearly better: " + result.fits_better + ", " +
+                       percent(result.better_share) + " of the patches are found instead of " + percent(result.share) +
+                       "; put that right where the file was written, a cloud of it would be " + "wrong");
+  }
+  return "landmarks: " + std::to_string(result.landmarks) + " made from the images, the map has none (" +
+         percent(result.share) + " of " + std::to_string(result.patches) + " patches are found at one depth)";
 }
 
 std::vector<std::string> remarks(const SlamMap& map) {

@@ -18,6 +18,12 @@ SlamMap read_map(const Arguments& arguments);
 /// names none and `needed`.
 Arguments with_images(const Arguments& arguments, bool needed);
 
+/// Gives a map without landmarks some of its own, from all images (see LandmarkSweep). Returns a sentence about it, ""
+/// where the map has landmarks. Throws InvalidInput where the images show that the poses are of another convention,
+/// unless
+/// --no-verify says not to look.
+std::string sweep_landmarks(SlamMap& map, const Arguments& arguments, int threads);
+
 /// Sentences about what was read, for people: components, what was left out, what is presumed.
 std::vector<std::string> remarks(const SlamMap& map);
 

@@ -76,12 +76,18 @@ class Run {
       const Spent spent(report_.time, Busy::kImages);
       source_ = open_images(arguments, map_);
     }
+    std::vector<std::string> about_map = remarks(map_);
+    if (map_.landmarks.empty()) {
+      progress_.stage("looking for landmarks in the images");
+      const Spent spent(report_.time, Busy::kImages);
+      about_map.push_back(sweep_landmarks(map_, arguments, options.threads));
+    }
     report_.map = map_.path.string() + " (" + map_.format + ")";
     report_.images = source_->description();
     report_.output = arguments.output.string();
     report_.keyframes = map_.keyframes.size();
     report_.with_image = source_->keyframe_ids().size();
-    announce();
+    announce(about_map);
     if (merge == nullptr) {  // shards have done so
       progress_.stage("looking at the lenses");
       const Spent spent(report_.time, Busy::kImages);
@@ -151,14 +157,15 @@ class Run {
   bool is_finished() const { return step_->is_finished(); }
 
  private:
-  void announce() {
+  void announce(const std::vector<std::string>& about_map) {
     progress_.message(report_.map + ": " + std::to_string(report_.keyframes) + " keyframes, " +
                       std::to_string(map_.landmarks.size()) + " landmarks");
-    for (const std::string& remark : remarks(map_)) progress_.message(remark);
+    for (const std::string& remark : about_map) progress_.message(remark);
     progress_.message("images: " + report_.images);
     if (map_.landmarks.empty()) {
       progress_.warning(
-          "the map has no landmarks; without them no keyframe gets a depth range, nor a depth map; "
+          "neither the map nor the images give landmarks; without them no keyframe gets a depth range, nor a depth "
+          "map; "
           "--points takes a PLY file with points of the same frame");
     }
     for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);

@@ -77,6 +77,10 @@ class ShardRun {
     map_ = read_map(arguments_);
     source_ = open_images(arguments_, map_);
     progress_.message("images: " + source_->description());
+    if (map_.landmarks.empty()) {
+      progress_.stage("looking for landmarks in the images");
+      progress_.message(sweep_landmarks(map_, arguments_, options_.threads));
+    }
     const Lenses lenses = find_lenses(arguments_, options_, map_, workspace_.record().options);
     options_.lens_distance = lenses.distance;  // of all shards the same: they look at the same images
     if (lenses.estimated) progress_.message(describe(lenses));
