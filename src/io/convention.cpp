@@ -98,8 +98,9 @@ Shift shift_of(std::vector<double> offsets) {
   return shift;
 }
 
-/// "" where observations are not half a pixel off.
-std::string half_pixel(const SlamMap& map, const std::vector<Sample>& samples, ConventionCheck& check) {
+/// Half a pixel across is a contradiction: whatever a program's rule, its poses have absorbed it. Half a row is what
+/// remains in the points where pixel centres were at whole numbers, and does no harm.
+void check_half_pixel(const SlamMap& map, const std::vector<Sample>& samples, ConventionCheck& check) {
   std::vector<double> across;
   std::vector<double> down;
   for (const Sample& sample : samples) {
@@ -109,11 +110,15 @@ std::string half_pixel(const SlamMap& map, const std::vector<Sample>& samples, C
   }
   const Shift x = shift_of(across);
   const Shift y = shift_of(down);
-  const bool off_across = x.is_half();
-  const bool off_down = y.is_half() && !(map.half_row_may_remain && y.at > 0.0);
-  if (!off_across && !off_down) return "";
-  const double dx = off_across ? std::copysign(kHalf, x.at) : 0.0;
-  const double dy = off_down ? std::copysign(kHalf, y.at) : 0.0;
+  if (!x.is_half()) {
+    if (y.is_half() && !map.half_row_may_remain) {
+      check.remark = std::string("observations lie half a pixel ") + (y.at > 0.0 ? "below" : "above") +
+                     " their landmarks: the program that made the map puts pixel centres elsewhere";
+    }
+    return;
+  }
+  const double dx = std::copysign(kHalf, x.at);
+  const double dy = y.is_half() ? std::copysign(kHalf, y.at) : 0.0;
   std::vector<double> errors;
   for (std::size_t i = 0; i < samples.size(); ++i) errors.push_back(std::hypot(across[i] - dx, down[i] - dy));
   check.better_error_px = median(errors);
@@ -122,7 +127,7 @@ std::string half_pixel(const SlamMap& map, const std::vector<Sample>& samples, C
                 "places in images that are half a pixel off (%+.1f px across, %+.1f px down: another pixel has its "
                 "centre at 0)",
                 dx, dy);
-  return text;
+  check.fits_better = text;
 }
 
 }  // namespace
@@ -171,7 +176,7 @@ ConventionCheck check_convention(const SlamMap& map) {
     best = check.better_error_px = error;
     check.fits_better = reading.what;
   }
-  if (check.fits_better.empty()) check.fits_better = half_pixel(map, samples, check);
+  if (check.fits_better.empty()) check_half_pixel(map, samples, check);
   return check;
 }
 

@@ -194,6 +194,7 @@ void info(const Arguments& given) {
   if (!arguments.plan.empty()) check_targets(arguments);
   SlamMap map = pmsp::read_map(arguments.map, {arguments.component, arguments.points, arguments.image_list});
   const ConventionCheck convention = require_convention(map);
+  if (!convention.remark.empty()) map.notes.push_back(convention.remark);
   std::vector<std::string> about_map = remarks(map);
   const std::unique_ptr<ImageSource> source = open_images(arguments, map);
   if (source && map.landmarks.empty()) about_map.push_back(sweep_landmarks(map, arguments, options.threads));

@@ -18,7 +18,9 @@ namespace pmsp::tool {
 
 SlamMap read_map(const Arguments& arguments) {
   SlamMap map = pmsp::read_map(arguments.map, {arguments.component, arguments.points, arguments.image_list});
-  if (!arguments.no_verify && arguments.verb != Verb::kMerge) require_convention(map);
+  if (arguments.no_verify || arguments.verb == Verb::kMerge) return map;
+  const std::string remark = require_convention(map).remark;
+  if (!remark.empty()) map.notes.push_back(remark);
   return map;
 }
 

@@ -14,6 +14,7 @@ struct ConventionCheck {
   double median_error_px = 0.0;  ///< from the projection to the observation, in the images [px]
   std::string fits_better;       ///< another reading of the file that clearly fits better, in words; "" = none does
   double better_error_px = 0.0;  ///< its median error [px]
+  std::string remark;            ///< what does no harm but should be known; "" = nothing
 };
 
 /// Proof of the conventions that a map was read by: compares them with other readings of the same numbers, such as
