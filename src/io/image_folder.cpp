@@ -91,6 +91,43 @@ std::size_t choose_reading(const SlamMap& map, const std::vector<io::Reading>& r
   return best;
 }
 
+bool is_file(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::is_regular_file(path, ignored);
+}
+
+/// The file that the map names, or where the name has no ending ("IMG_0001"), the one with that name and the ending of
+/// an image. "" where there is none.
+std::filesystem::path named_file(const std::filesystem::path& folder, const std::string& image) {
+  const std::filesystem::path path = folder / image;
+  if (is_file(path)) return path;
+  if (io::is_image_name(path)) return {};
+  for (const char* ending : {".jpg", ".JPG", ".jpeg", ".JPEG", ".png", ".PNG", ".tif", ".TIF", ".tiff", ".TIFF"}) {
+    if (is_file(path.string() + ending)) return path.string() + ending;
+  }
+  return {};
+}
+
+/// Keyframes whose images the map names take exactly these.
+io::Reading read_map_names(const SlamMap& map, const std::filesystem::path& folder,
+                           std::vector<io::NumberedFile>& files) {
+  io::Reading reading;
+  reading.meaning = "those that " + map.path.filename().string() + " gives";
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const std::filesystem::path path = keyframe.image.empty() ? "" : named_file(folder, keyframe.image);
+    reading.file.push_back(path.empty() ? -1 : static_cast<int>(files.size()));
+    reading.reason.push_back(keyframe.image.empty() ? "the map names no image for it"
+                             : path.empty()         ? "there is no " + (folder / keyframe.image).string()
+                                                    : "");
+    if (path.empty()) continue;
+    io::NumberedFile file;
+    file.path = path;
+    files.push_back(std::move(file));
+    ++reading.found;
+  }
+  return reading;
+}
+
 class ImageFolder final : public ImageSource {
  public:
   ImageFolder(const SlamMap& map, const std::filesystem::path& folder, const io::Reading& reading,
@@ -174,6 +211,23 @@ std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::fi
                                                const ImageFolderOptions& options) {
   if (!(options.fps >= 0.0) || !std::isfinite(options.fps))
     throw InvalidOption("fps = " + io::format_number(options.fps) + ": expected a number > 0, or 0 for the map's own");
+  const bool is_named =
+      std::any_of(map.keyframes.begin(), map.keyframes.end(), [](const MapKeyframe& k) { return !k.image.empty(); });
+  if (is_named) {
+    std::error_code ignored;
+    if (!std::filesystem::is_directory(folder, ignored)) {
+      throw IoError(folder.string() + ": there is no such folder; expected the images that " + map.path.string() +
+                    " names");
+    }
+    std::vector<io::NumberedFile> named;
+    const io::Reading reading = read_map_names(map, folder, named);
+    if (reading.found == 0) {
+      throw InvalidInput(folder.string() + ": none of the " + std::to_string(map.keyframes.size()) +
+                         " images that the map names is there: " + reading.reason.front() +
+                         "; names count from the folder that is given");
+    }
+    return std::make_unique<ImageFolder>(map, folder, reading, named, false);
+  }
   std::size_t unnumbered = 0;
   const std::vector<io::NumberedFile> files = io::list_numbered_images(folder, unnumbered);
   if (files.empty())

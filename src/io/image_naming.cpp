@@ -35,14 +35,6 @@ std::string lower(std::string text) {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-bool is_image_name(const std::filesystem::path& path) {
-  static constexpr std::array<const char*, 8> kExtensions = {".jpg",  ".jpeg", ".png",  ".tif",
-                                                             ".tiff", ".bmp",  ".webp", ".jpe"};
-  if (path.filename().string().front() == '.') return false;
-  const std::string extension = lower(path.extension().string());
-  return std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end();
-}
-
 /// The last number in the name, with its decimals: "cam0_1763660000.25_left" has 1763660000.25.
 std::optional<NumberedFile> parse_name(const std::filesystem::path& path) {
   const std::string stem = path.stem().string();
@@ -276,6 +268,14 @@ int series_penalty(const std::string& around) {
 }
 
 }  // namespace
+
+bool is_image_name(const std::filesystem::path& path) {
+  static constexpr std::array<const char*, 8> kExtensions = {".jpg",  ".jpeg", ".png",  ".tif",
+                                                             ".tiff", ".bmp",  ".webp", ".jpe"};
+  if (path.filename().string().front() == '.') return false;
+  const std::string extension = lower(path.extension().string());
+  return std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end();
+}
 
 std::vector<NumberedFile> list_numbered_images(const std::filesystem::path& folder, std::size_t& unnumbered) {
   unnumbered = 0;

@@ -20,6 +20,9 @@ struct NumberedFile {
   std::optional<std::int64_t> integer;  ///< the number where it is whole and fits
 };
 
+/// Whether a file's name has the ending of an image and it is not hidden.
+bool is_image_name(const std::filesystem::path& path);
+
 /// Image files of a folder by name, not recursive, hidden ones left out. Throws IoError when there is no such folder or
 /// no image in it. `unnumbered` receives how many have no number in their names; those are left out.
 std::vector<NumberedFile> list_numbered_images(const std::filesystem::path& folder, std::size_t& unnumbered);

@@ -2,17 +2,33 @@
 #include "pmsp/io/map.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <system_error>
 
+#include "map_file.h"
 #include "map_raw.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
+namespace map_detail {
+
+/// The one table of formats: a new one is a file that defines it, a line here and one below, and a line for CMake.
+extern const MapFormat kColmap;
+extern const MapFormat kOpenSfm;
+extern const MapFormat kOpenMvg;
+extern const MapFormat kNerfstudio;
+extern const MapFormat kMetashape;
+extern const MapFormat kTum;
+
+}  // namespace map_detail
+
 namespace {
+
+using namespace map_detail;
 
 template <class T>
 const T* find_by_id(const std::vector<T>& sorted, std::int64_t id) {
@@ -21,41 +37,18 @@ const T* find_by_id(const std::vector<T>& sorted, std::int64_t id) {
   return it != sorted.end() && it->id == id ? &*it : nullptr;
 }
 
-/// The first bytes of a file, enough to tell what it is.
-std::string read_head(const std::filesystem::path& path) {
-  std::error_code error;
-  const std::filesystem::file_status status = std::filesystem::status(path, error);
-  if (status.type() == std::filesystem::file_type::not_found) throw IoError(path.string() + ": there is no such file");
-  if (status.type() == std::filesystem::file_type::directory) {
-    throw IoError(path.string() + ": is a folder; give the map file itself (*.msg or *.db)");
-  }
-  // Opening a named pipe would wait for ever, and readers need the file's length.
-  if (error || status.type() != std::filesystem::file_type::regular) {
-    throw IoError(path.string() + ": is not a regular file" + (error ? " (" + error.message() + ")" : ""));
-  }
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw IoError(path.string() + ": cannot be opened: " + std::strerror(errno));
-  std::string head(16, '\0');
-  file.read(head.data(), static_cast<std::streamsize>(head.size()));
-  if (file.bad()) throw IoError(path.string() + ": cannot be read: " + std::strerror(errno));
-  head.resize(static_cast<std::size_t>(file.gcount()));
-  return head;
-}
-
 bool starts_with(const std::string& text, const char* prefix) { return text.rfind(prefix, 0) == 0; }
 
-bool is_msgpack_map(const std::string& head) {
+bool is_msgpack_map(MapFile& file) {
+  const std::string& head = file.head();
   if (head.empty() || starts_with(head, "\x89PNG")) return false;  // a PNG's first byte would do, too
   const auto first = static_cast<unsigned char>(head[0]);
   return (first & 0xF0U) == 0x80U || first == 0xDEU || first == 0xDFU;
 }
 
-bool is_text(const std::string& head) {
-  return std::all_of(head.begin(), head.end(), [](char c) { return c >= ' ' || c == '\n' || c == '\r' || c == '\t'; });
-}
-
 /// What a file that is no map looks like, for the message.
-std::string describe(const std::string& head) {
+std::string describe(const MapFile& file) {
+  const std::string& head = file.head();
   if (head.empty()) return "the file is empty";
   if (starts_with(head, "ply\n") || starts_with(head, "ply\r")) return "this looks like a PLY point cloud";
   if (starts_with(head, "\x89PNG") || starts_with(head, "\xFF\xD8\xFF") || starts_with(head, "GIF8")) {
@@ -70,15 +63,29 @@ std::string describe(const std::string& head) {
   if (starts_with(head, "\xD9\xD5\x05\xF9")) {
     return "this looks like the -journal file of a SQLite database; give the .db itself";
   }
-  if (is_text(head)) {
-    const std::size_t first = head.find_first_not_of(" \t\r\n");
-    const bool json = first != std::string::npos && (head[first] == '{' || head[first] == '[');
-    return json ? "this looks like JSON text; give the map as the SLAM wrote it" : "this looks like a text file";
-  }
+  if (file.is_json()) return "this is JSON of another kind";
+  if (file.begins_with("<")) return "this is XML of another kind";
+  if (file.is_text()) return "this looks like a text file";
   char byte[8];
   std::snprintf(byte, sizeof byte, "0x%02x", static_cast<unsigned>(static_cast<unsigned char>(head[0])));
   return std::string("the first byte is ") + byte;
 }
+
+bool is_sqlite_map(MapFile& file) { return file.head().compare(0, 16, std::string("SQLite format 3\0", 16)) == 0; }
+SlamMap sqlite_map(MapFile& file, const ReadMapOptions& /*options*/) { return finish_map(read_sqlite(file.path())); }
+SlamMap msgpack_map(MapFile& file, const ReadMapOptions& /*options*/) { return finish_map(read_msgpack(file.path())); }
+
+constexpr MapFormat kSqlite{"SQLite", "a map of OpenVSLAM or stella_vslam (*.msg, *.db)", is_sqlite_map, sqlite_map};
+constexpr MapFormat kMsgpack{"MessagePack", nullptr, is_msgpack_map, msgpack_map};
+
+constexpr std::array kFormats{&kSqlite,
+                              &kMsgpack,
+                              &map_detail::kColmap,
+                              &map_detail::kOpenSfm,
+                              &map_detail::kOpenMvg,
+                              &map_detail::kNerfstudio,
+                              &map_detail::kMetashape,
+                              &map_detail::kTum};
 
 }  // namespace
 
@@ -86,20 +93,70 @@ const MapLandmark* SlamMap::find_landmark(std::int64_t id) const { return find_b
 
 const MapKeyframe* SlamMap::find_keyframe(std::int64_t id) const { return find_by_id(keyframes, id); }
 
-SlamMap read_map(const std::filesystem::path& path) {
-  static const std::string kSqliteMagic("SQLite format 3\0", 16);
-  const std::string head = read_head(path);
-  if (head == kSqliteMagic) return map_detail::finish_map(map_detail::read_sqlite(path));
-  if (is_msgpack_map(head)) return map_detail::finish_map(map_detail::read_msgpack(path));
-  throw InvalidInput(path.string() +
-                     ": is no map of OpenVSLAM or stella_vslam: expected MessagePack (*.msg) or SQLite " +
-                     "(*.db), but " + describe(head));
+SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& options) {
+  MapFile file(path);
+  for (const MapFormat* format : kFormats) {
+    if (!format->matches(file)) continue;
+    SlamMap map = format->read(file, options);
+    if (options.component && *options.component != map.component) {
+      throw InvalidOption("component is " + std::to_string(*options.component) + ": " + path.string() +
+                          " has one, component 0");
+    }
+    if (map.landmarks.empty() && !options.points.empty()) {
+      map.landmarks = landmarks_from_ply(options.points);
+      map.notes.push_back("landmarks: " + std::to_string(map.landmarks.size()) + " points of " +
+                          options.points.string());
+    }
+    const bool has_observations = std::any_of(map.keyframes.begin(), map.keyframes.end(),
+                                              [](const MapKeyframe& k) { return !k.observations.empty(); });
+    if (!has_observations && !map.landmarks.empty()) observe_landmarks(map);
+    return map;
+  }
+  std::string expected;
+  for (const MapFormat* format : kFormats) {
+    if (format->what != nullptr) expected += (expected.empty() ? "" : ", ") + std::string(format->what);
+  }
+  throw InvalidInput(path.string() + ": is no map that can be read: " +
+                     (file.is_folder() ? "the folder holds no model of COLMAP (cameras, images, points3D as .bin or "
+                                         ".txt), nor folders 0, 1, ... that do"
+                                       : "expected " + expected + "; but " + describe(file)));
 }
 
 namespace map_detail {
 
-void fail(const std::filesystem::path& path, const std::string& where, const std::string& what) {
-  throw InvalidInput(path.string() + ": " + (where.empty() ? "" : where + ": ") + what);
+MapFile::MapFile(const std::filesystem::path& path) : path_(path) {
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
+  if (status.type() == std::filesystem::file_type::not_found) throw IoError(path.string() + ": there is no such file");
+  is_folder_ = status.type() == std::filesystem::file_type::directory;
+  if (is_folder_) return;
+  // Opening a named pipe would wait for ever, and readers need the file's length.
+  if (error || status.type() != std::filesystem::file_type::regular) {
+    throw IoError(path.string() + ": is not a regular file" + (error ? " (" + error.message() + ")" : ""));
+  }
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw IoError(path.string() + ": cannot be opened: " + std::strerror(errno));
+  head_.resize(4096);
+  file.read(head_.data(), static_cast<std::streamsize>(head_.size()));
+  if (file.bad()) throw IoError(path.string() + ": cannot be read: " + std::strerror(errno));
+  head_.resize(static_cast<std::size_t>(file.gcount()));
+  if (starts_with(head_, "\xEF\xBB\xBF")) head_.erase(0, 3);
+}
+
+bool MapFile::is_text() const {
+  return !is_folder_ && std::all_of(head_.begin(), head_.end(), [](char c) {
+    return static_cast<unsigned char>(c) >= 0x20U || c == '\n' || c == '\r' || c == '\t';
+  });
+}
+
+bool MapFile::begins_with(const char* text) const {
+  const std::size_t first = head_.find_first_not_of(" \t\r\n");
+  return first != std::string::npos && head_.compare(first, std::strlen(text), text) == 0;
+}
+
+const nlohmann::json& MapFile::json() {
+  if (!json_) json_ = read_json(path_);
+  return *json_;
 }
 
 std::string place(Dialect dialect, const std::string& section, const std::string& id, const std::string& field) {
@@ -107,17 +164,6 @@ std::string place(Dialect dialect, const std::string& section, const std::string
     return section + (id.empty() ? "" : "[" + in_quotes(id) + "]") + (field.empty() ? "" : "." + field);
   }
   return "table " + section + (id.empty() ? "" : ", id " + id) + (field.empty() ? "" : ", column " + field);
-}
-
-std::string in_quotes(const std::string& text) {
-  constexpr std::size_t kLongest = 60;
-  std::string result = "\"";
-  for (std::size_t i = 0; i < text.size() && i < kLongest; ++i) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    const bool control = byte < 0x20U || byte == 0x7FU;
-    result += control ? '?' : text[i];
-  }
-  return result + (text.size() > kLongest ? "...\"" : "\"");
 }
 
 }  // namespace map_detail

@@ -4,17 +4,12 @@
 #include <sstream>
 #include <utility>
 
-#include <Eigen/Geometry>
-
 #include "map_raw.h"
 #include "pmsp/camera.h"
 #include "pmsp/keyframe.h"
 
 namespace pmsp::map_detail {
 namespace {
-
-constexpr std::int64_t kMaxImageWidth = 1 << 16;
-constexpr const char* kExpectedPosition = "expected finite numbers, at most 1e12 from the origin";
 
 template <class... Parts>
 std::string text(const Parts&... parts) {
@@ -48,8 +43,6 @@ MapCamera checked_camera(const RawMap& raw, const RawCamera& camera) {
   return {camera.name, static_cast<int>(camera.cols), static_cast<int>(camera.rows), camera.fps};
 }
 
-bool is_position(const Eigen::Vector3d& p) { return p.norm() <= kMaxPosition; }  // false for NaN
-
 std::vector<MapCamera> checked_cameras(const RawMap& raw) {
   std::vector<MapCamera> cameras;
   for (const RawCamera& camera : raw.cameras) cameras.push_back(checked_camera(raw, camera));
@@ -60,19 +53,6 @@ std::vector<MapCamera> checked_cameras(const RawMap& raw) {
     }
   }
   return cameras;
-}
-
-/// The rotation of a keyframe. One SLAM pose reaches us as a quaternion (MessagePack) or as the matrix that it was made
-/// from (SQLite); both must give the same bits, because equal maps have to give equal clouds. So everything goes
-/// through a quaternion rounded to multiples of 2^-32 (2e-10 rad, a millionth of a pixel), which hides the last bits in
-/// which the two differ, and the matrix is made from the rounded one. The sign of the quaternion makes no difference to
-/// it.
-Eigen::Matrix3d canonical_rotation(const std::array<double, 4>& xyzw, double norm) {
-  constexpr double kGrid = 4294967296.0;
-  const auto rounded = [&](double component) { return std::round(component / norm * kGrid) / kGrid; };
-  return Eigen::Quaterniond(rounded(xyzw[3]), rounded(xyzw[0]), rounded(xyzw[1]), rounded(xyzw[2]))
-      .normalized()
-      .toRotationMatrix();
 }
 
 RigidTransform checked_pose(const RawMap& raw, const RawKeyframe& keyframe, int image_width) {
@@ -140,27 +120,17 @@ int camera_index(const RawMap& raw, const std::vector<MapCamera>& cameras, const
 /// Keeps the observations of landmarks that exist, each landmark once, and moves their pixels to this library's origin.
 class ObservationFilter {
  public:
-  ObservationFilter(const RawMap& raw, SlamMap& map) : raw_(raw), map_(map), last_seen_(map.landmarks.size(), -1) {
-    ids_.reserve(map.landmarks.size());
-    for (const MapLandmark& landmark : map.landmarks) ids_.push_back(landmark.id);
-  }
+  ObservationFilter(const RawMap& raw, SlamMap& map) : raw_(raw), sieve_(map) {}
 
   void apply(MapKeyframe& keyframe, const MapCamera& camera) {
-    ++keyframe_;
+    sieve_.begin_keyframe();
     std::size_t kept = 0;
     for (MapObservation observation : keyframe.observations) {
-      const auto it = std::lower_bound(ids_.begin(), ids_.end(), observation.landmark_id);
-      const auto index = static_cast<std::size_t>(it - ids_.begin());
-      if (it == ids_.end() || *it != observation.landmark_id) {
-        ++map_.observations_skipped;
-      } else if (last_seen_[index] == keyframe_) {
-        ++map_.observations_repeated;
-      } else {
-        last_seen_[index] = keyframe_;
-        observation.pixel = raw_.pixels_in_another_grid ? projected(keyframe, camera, map_.landmarks[index])
-                                                        : checked(keyframe, camera, observation);
-        keyframe.observations[kept++] = observation;
-      }
+      const MapLandmark* const landmark = sieve_.pass(observation.landmark_id);
+      if (landmark == nullptr) continue;
+      observation.pixel =
+          raw_.pixels_in_another_grid ? projected(keyframe, camera, *landmark) : checked(keyframe, camera, observation);
+      keyframe.observations[kept++] = observation;
     }
     keyframe.observations.resize(kept);
   }
@@ -189,10 +159,7 @@ class ObservationFilter {
   }
 
   const RawMap& raw_;
-  SlamMap& map_;
-  std::vector<std::int64_t> ids_;
-  std::vector<int> last_seen_;  // per landmark, the last keyframe that observed it
-  int keyframe_ = -1;
+  ObservationSieve sieve_;
 };
 
 }  // namespace
@@ -215,6 +182,9 @@ SlamMap finish_map(RawMap&& raw) {
     result.cam_from_world = checked_pose(raw, keyframe, camera.width);
     filter.apply(result, camera);
   }
+  map.component_keyframes = {map.keyframes.size()};
+  map.half_row_may_remain = true;
+  map.observations_are_tested = !raw.pixels_in_another_grid;
   return map;
 }
 

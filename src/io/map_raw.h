@@ -11,6 +11,7 @@
 #include <Eigen/Core>
 
 #include "pmsp/io/map.h"
+#include "scene.h"
 
 namespace pmsp::map_detail {
 
@@ -55,14 +56,8 @@ RawMap read_sqlite(const std::filesystem::path& path);
 /// Checks values and references, brings poses and pixels to this library's conventions, sorts. Throws InvalidInput.
 SlamMap finish_map(RawMap&& raw);
 
-/// Throws InvalidInput: "PATH: WHERE: WHAT"; without `where`, "PATH: WHAT".
-[[noreturn]] void fail(const std::filesystem::path& path, const std::string& where, const std::string& what);
-
 /// `keyframes["12"].ts` or `table keyframes, id 12, column ts`. Id and field may be empty.
 std::string place(Dialect dialect, const std::string& section, const std::string& id, const std::string& field);
-
-/// Text of the file in quotes, cut short and without control characters, fit for a message.
-std::string in_quotes(const std::string& text);
 
 /// Fills `keyframe.observations` from one landmark id per keypoint; negative ids mean none. The sizes are equal.
 template <class Id, class PixelOf>

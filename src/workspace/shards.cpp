@@ -37,6 +37,9 @@ Json to_json(const ShardJob& job) {
           {"mask_bytes", job.mask_bytes},
           {"fps", job.fps},
           {"frame_offset", job.frame_offset},
+          {"points", job.points},
+          {"image_list", job.image_list},
+          {"component", job.component},
           {"options", Json::parse(job.options)}};
 }
 
@@ -55,6 +58,9 @@ ShardJob job_from(const Json& json) {
   job.mask_bytes = json.at("mask_bytes").get<std::string>();
   job.fps = json.at("fps").get<double>();
   job.frame_offset = json.at("frame_offset").get<std::int64_t>();
+  job.points = json.value("points", "");
+  job.image_list = json.value("image_list", "");
+  job.component = json.value("component", -1);
   job.options = json.at("options").dump();
   if (job.count < 1) throw InvalidInput(std::to_string(job.count) + " shards; expected 1 at least");
   return job;
@@ -240,6 +246,9 @@ std::string difference(const ShardJob& mine, const ShardJob& job) {
   }
   for (const auto& [its, others] : {std::pair(mine.engine, job.engine), std::pair(mine.build, job.build)}) {
     if (!its.empty() && its != others) return "its engine is " + quoted(its) + ", theirs is " + quoted(others);
+  }
+  if (mine.points != job.points || mine.image_list != job.image_list || mine.component != job.component) {
+    return "--points, --image-list or --component differ";
   }
   if (mine.fps != job.fps || mine.frame_offset != job.frame_offset) return "--fps or --frame-offset differ";
   if (!mine.step.empty() && mine.step != job.step) {

@@ -41,6 +41,8 @@ struct ShardJob {
   std::string images, video, mask, mask_bytes;
   double fps = 0.0;
   std::int64_t frame_offset = 0;
+  std::string points, image_list;  ///< paths, as that of the map
+  int component = -1;              ///< -1 = that of most keyframes
 };
 
 /// What a shard has done in a wave, or why it has not.

@@ -35,6 +35,12 @@ std::int64_t frame_offset_from(const std::string& text) {
   throw UsageError("--frame-offset is \"" + text + "\"; expected a whole number of frames, such as 12 or -12");
 }
 
+int component_from(const std::string& text) {
+  const auto component = number_from<int>(text);
+  if (component && *component >= 0) return *component;
+  throw UsageError("--component is \"" + text + "\"; expected a whole number from 0");
+}
+
 double frame_rate_from(const std::string& text) {
   const auto fps = number_from<double>(text);
   if (fps && *fps >= 0.0 && *fps <= 1e6) return *fps;
@@ -48,10 +54,28 @@ double idle_seconds_from(const std::string& text) {
 }
 
 void add_inputs(CLI::App& app, Arguments& a) {
-  app.add_option("map", a.map, "Map of OpenVSLAM or stella_vslam (MessagePack or SQLite)")->type_name("MAP");
+  app.add_option(
+         "map", a.map,
+         "Map of OpenVSLAM or stella_vslam (MessagePack or SQLite), folder of a COLMAP model, reconstruction.json "
+         "of OpenSfM, sfm_data.json of openMVG, transforms.json of nerfstudio, cameras of Metashape (XML), or "
+         "TUM trajectory")
+      ->type_name("MAP");
   app.add_option("--images", a.images,
-                 "Folder with the keyframes' images, named by keyframe id, timestamp or frame index")
+                 "Folder with the keyframes' images, by the names that MAP gives, or else named by keyframe id, "
+                 "timestamp or frame index [default where MAP says that they are]")
       ->type_name("DIR")
+      ->group("Input");
+  app.add_option_function<std::string>(
+         "--component", [&a](const std::string& text) { a.component = component_from(text); },
+         "Which reconstruction of MAP, where it holds several, from 0 [default that of most images]")
+      ->type_name("N")
+      ->group("Input");
+  app.add_option("--points", a.points, "PLY file whose points stand in for landmarks where MAP has none")
+      ->type_name("FILE")
+      ->group("Input");
+  app.add_option("--image-list", a.image_list,
+                 "Names of the images of a TUM trajectory: lines \"timestamp name\", or \"name\" for each pose")
+      ->type_name("FILE")
       ->group("Input");
   app.add_option("--video", a.video, "The video that the SLAM saw, instead of --images")
       ->type_name("FILE")
@@ -173,7 +197,9 @@ void add_run(CLI::App& app, Arguments& a) {
   app.add_option("--mask", a.mask, "Image whose black pixels are ignored in every keyframe")
       ->type_name("FILE")
       ->group("Input");
-  app.add_flag("--no-verify", a.no_verify, "Do not check that the images belong to their keyframes")->group("Input");
+  app.add_flag("--no-verify", a.no_verify,
+               "Do not check that the images belong to their keyframes, nor the conventions of MAP")
+      ->group("Input");
   app.add_flag_callback(
          "--no-lens-calibration", [&a] { a.calibrate_lenses = false; },
          "Do not estimate the distance of the camera's two lenses (--lens-distance) from some of the images")
@@ -218,8 +244,6 @@ std::vector<std::string> words_of(int argc, const char* const* argv) {
 void check_run(const Arguments& a) {
   if (a.print_config) return;
   if (a.map.empty()) throw UsageError("MAP is missing: pmsp-densify MAP --images DIR; see --help");
-  if (a.images.empty() && a.video.empty())
-    throw UsageError("the images are missing; give --images DIR or --video FILE");
   if (a.follow && a.workspace.empty()) throw UsageError("--follow needs --workspace DIR, which keeps what is made");
   if (a.until_idle && !a.follow) throw UsageError("--until-idle needs --follow");
   if (!a.workspace.empty() && !a.raw_depth_maps.empty()) {
@@ -261,9 +285,9 @@ std::vector<RunOption> run_options() {
 std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   const std::vector<std::string> words = words_of(argc, argv);
   Arguments a;
-  CLI::App app(
-      "Dense, coloured point clouds from 360-degree images and the map of a SLAM.\n\n" + std::string(kExamples),
-      "pmsp-densify");
+  CLI::App app("Dense, coloured point clouds from 360-degree images and the map of a SLAM or a reconstruction.\n\n" +
+                   std::string(kExamples),
+               "pmsp-densify");
   app.get_formatter()->column_width(38);
   app.option_defaults()->take_last();
   app.require_subcommand(1);

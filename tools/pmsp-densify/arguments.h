@@ -21,6 +21,9 @@ struct Arguments {
   Verb verb = Verb::kRun;
 
   std::filesystem::path map;
+  std::optional<int> component;
+  std::filesystem::path points;      ///< PLY
+  std::filesystem::path image_list;  ///< of a TUM trajectory
   std::filesystem::path images;
   std::filesystem::path video;
   std::filesystem::path mask;

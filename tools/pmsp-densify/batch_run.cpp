@@ -85,6 +85,7 @@ std::string fingerprint_of(const Mission& mission, const BatchArguments& batch, 
   for (const std::string* name : {&mission.map, &mission.images, &mission.video, &mission.mask}) {
     fingerprint.add(*name).add(name->empty() ? std::string() : state_of(inputs / *name));
   }
+  fingerprint.add(state_of_map(inputs / mission.map));
   if (!mission.images.empty()) fingerprint.add(state_of_files_in(inputs / mission.images));
   for (const auto* options : {&batch.options, &mission.options}) {
     for (const std::string& option : *options) add_option(fingerprint, option);

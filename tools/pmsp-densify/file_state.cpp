@@ -29,4 +29,9 @@ std::string state_of_files_in(const fs::path& folder) {
   return state;
 }
 
+std::string state_of_map(const fs::path& map) {
+  std::error_code ignored;
+  return fs::is_directory(map, ignored) ? state_of_files_in(map) : state_of(map);
+}
+
 }  // namespace pmsp::tool

@@ -23,7 +23,7 @@ constexpr auto kRest = std::chrono::milliseconds(500);
 
 /// Names, sizes and times of what a run reads.
 std::string state_of_inputs(const Arguments& arguments) {
-  const std::string state = state_of(arguments.map);
+  const std::string state = state_of_map(arguments.map);
   return state + (arguments.video.empty() ? state_of_files_in(arguments.images) : state_of(arguments.video));
 }
 
@@ -33,7 +33,7 @@ class Watch {
   explicit Watch(const Arguments& arguments) : arguments_(arguments) {}
 
   const std::string& state() {
-    const std::string brief = state_of(arguments_.map) + state_of(arguments_.images) + state_of(arguments_.video);
+    const std::string brief = state_of_map(arguments_.map) + state_of(arguments_.images) + state_of(arguments_.video);
     if (brief == brief_ && Clock::now() - looked_ < kLookAtAll) return state_;
     state_ = state_of_inputs(arguments_);
     brief_ = brief;

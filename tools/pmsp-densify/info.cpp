@@ -8,7 +8,9 @@
 #include "depth_output.h"
 #include "io/map_keyframe.h"
 #include "map_figures.h"
+#include "map_input.h"
 #include "pmsp/error.h"
+#include "pmsp/io/convention.h"
 #include "pmsp/io/plan_io.h"
 #include "progress.h"
 #include "targets.h"
@@ -174,20 +176,40 @@ void print(const Json& j) {
             << landmarks["observations_repeated"] << " repeated ones\n"
             << "depth:      " << number(landmarks["depth"]["p2"]) << " to " << number(landmarks["depth"]["p98"])
             << " scene units (2nd to 98th percentile), median " << number(landmarks["depth"]["median"]) << "\n";
+  if (j.contains("reprojection")) {
+    std::cout << "projection: landmarks lie " << number(j["reprojection"]["median_error_px"])
+              << " px from where they are observed (median of " << j["reprojection"]["observations"]
+              << "); no other reading of the file fits better\n";
+  }
+  for (const Json& remark : j["remarks"]) std::cout << "remark:     " << remark.get<std::string>() << "\n";
   if (j.contains("images")) print_images(j);
   if (j.contains("plan")) print_plan(j["plan"]);
 }
 
 }  // namespace
 
-void info(const Arguments& arguments) {
+void info(const Arguments& given) {
+  const Arguments arguments = with_images(given, false);
   const DensifierOptions options = effective_options(arguments);
   if (!arguments.plan.empty()) check_targets(arguments);
-  const SlamMap map = read_map(arguments.map);
-  Json json{{"map", map.path.string()},           {"format", map.format},
-            {"cameras", cameras_json(map)},       {"keyframes", map.keyframes.size()},
-            {"trajectory", trajectory_json(map)}, {"landmarks", landmarks_json(map)}};
+  SlamMap map = pmsp::read_map(arguments.map, {arguments.component, arguments.points, arguments.image_list});
+  const ConventionCheck convention = require_convention(map);
+  if (!convention.remark.empty()) map.notes.push_back(convention.remark);
+  std::vector<std::string> about_map = remarks(map);
   const std::unique_ptr<ImageSource> source = open_images(arguments, map);
+  if (source && map.landmarks.empty()) about_map.push_back(sweep_landmarks(map, arguments, options.threads));
+  Json json{{"map", map.path.string()},
+            {"format", map.format},
+            {"cameras", cameras_json(map)},
+            {"keyframes", map.keyframes.size()},
+            {"trajectory", trajectory_json(map)},
+            {"landmarks", landmarks_json(map)},
+            {"remarks", about_map},
+            {"component", map.component},
+            {"component_keyframes", map.component_keyframes}};
+  if (convention.observations > 0) {
+    json["reprojection"] = {{"observations", convention.observations}, {"median_error_px", convention.median_error_px}};
+  }
   std::vector<SkippedKeyframe> skipped;
   if (source) skipped = source->skipped();
   ImageSize size;

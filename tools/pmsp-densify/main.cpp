@@ -4,6 +4,7 @@
 #include <string>
 
 #include "exit_code.h"
+#include "map_input.h"
 #include "verbs.h"
 
 #if defined(__GLIBC__)
@@ -24,9 +25,9 @@ int guarded_main(int argc, char** argv) {
   } else if (arguments->verb == Verb::kConfig || arguments->print_config) {
     config(*arguments);
   } else if (arguments->shard) {
-    run_shard(*arguments);
+    run_shard(with_images(*arguments, true));
   } else {
-    run(*arguments);
+    run(with_images(*arguments, true));
   }
   std::cout.flush();
   if (!std::cout) throw pmsp::OutputError("standard output cannot be written");

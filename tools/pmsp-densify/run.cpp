@@ -16,6 +16,7 @@
 #include "interrupt.h"
 #include "io/map_keyframe.h"
 #include "lenses.h"
+#include "map_input.h"
 #include "pmsp/densifier.h"
 #include "pmsp/io/ply.h"
 #include "preview.h"
@@ -69,18 +70,24 @@ class Run {
     progress_.stage("reading " + arguments.map.string());
     {
       const Spent spent(report_.time, Busy::kMap);
-      map_ = read_map(arguments.map);
+      map_ = read_map(arguments);
     }
     {
       const Spent spent(report_.time, Busy::kImages);
       source_ = open_images(arguments, map_);
+    }
+    std::vector<std::string> about_map = remarks(map_);
+    if (map_.landmarks.empty()) {
+      progress_.stage("looking for landmarks in the images");
+      const Spent spent(report_.time, Busy::kImages);
+      about_map.push_back(sweep_landmarks(map_, arguments, options.threads));
     }
     report_.map = map_.path.string() + " (" + map_.format + ")";
     report_.images = source_->description();
     report_.output = arguments.output.string();
     report_.keyframes = map_.keyframes.size();
     report_.with_image = source_->keyframe_ids().size();
-    announce();
+    announce(about_map);
     if (merge == nullptr) {  // shards have done so
       progress_.stage("looking at the lenses");
       const Spent spent(report_.time, Busy::kImages);
@@ -150,12 +157,16 @@ class Run {
   bool is_finished() const { return step_->is_finished(); }
 
  private:
-  void announce() {
+  void announce(const std::vector<std::string>& about_map) {
     progress_.message(report_.map + ": " + std::to_string(report_.keyframes) + " keyframes, " +
                       std::to_string(map_.landmarks.size()) + " landmarks");
+    for (const std::string& remark : about_map) progress_.message(remark);
     progress_.message("images: " + report_.images);
     if (map_.landmarks.empty()) {
-      progress_.warning("the map has no landmarks; without them no keyframe gets a depth range, nor a depth map");
+      progress_.warning(
+          "neither the map nor the images give landmarks; without them no keyframe gets a depth range, nor a depth "
+          "map; "
+          "--points takes a PLY file with points of the same frame");
     }
     for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);
   }

@@ -18,6 +18,7 @@
 #include "interrupt.h"
 #include "io/map_keyframe.h"
 #include "lenses.h"
+#include "map_input.h"
 #include "plan/halo.h"
 #include "progress.h"
 #include "shared_step.h"
@@ -73,9 +74,13 @@ class ShardRun {
  private:
   void work() {
     progress_.stage("reading " + arguments_.map.string());
-    map_ = read_map(arguments_.map);
+    map_ = read_map(arguments_);
     source_ = open_images(arguments_, map_);
     progress_.message("images: " + source_->description());
+    if (map_.landmarks.empty()) {
+      progress_.stage("looking for landmarks in the images");
+      progress_.message(sweep_landmarks(map_, arguments_, options_.threads));
+    }
     const Lenses lenses = find_lenses(arguments_, options_, map_, workspace_.record().options);
     options_.lens_distance = lenses.distance;  // of all shards the same: they look at the same images
     if (lenses.estimated) progress_.message(describe(lenses));

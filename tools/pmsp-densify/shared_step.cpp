@@ -30,6 +30,27 @@ std::string shared_path(const std::filesystem::path& path, const Arguments& argu
   return path.empty() ? "" : relative_text(path, arguments.workspace);
 }
 
+/// Of the map and the files that complete it. Of a folder, as COLMAP's: of the files in it.
+std::string map_bytes(const Arguments& arguments, workspace::Workspace& workspace) {
+  std::vector<std::filesystem::path> files;
+  std::error_code error;
+  if (std::filesystem::is_directory(arguments.map, error)) {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(arguments.map, error)) {
+      const std::string ending = entry.path().extension().string();
+      if (entry.is_regular_file(error) && (ending == ".bin" || ending == ".txt")) files.push_back(entry.path());
+    }
+    std::sort(files.begin(), files.end());
+  } else {
+    files.push_back(arguments.map);
+  }
+  for (const std::filesystem::path& more : {arguments.points, arguments.image_list}) {
+    if (!more.empty()) files.push_back(more);
+  }
+  std::string text;
+  for (const std::filesystem::path& file : files) text += (text.empty() ? "" : " ") + workspace.fingerprint(file);
+  return text;
+}
+
 }  // namespace
 
 workspace::ShardJob shared_job(const Arguments& arguments, const DensifierOptions& options,
@@ -38,13 +59,16 @@ workspace::ShardJob shared_job(const Arguments& arguments, const DensifierOption
   job.from = workspace.record().step;
   job.options = to_json(options).dump();
   job.map = shared_path(arguments.map, arguments);
-  job.map_bytes = workspace.fingerprint(arguments.map);
+  job.map_bytes = map_bytes(arguments, workspace);
   job.images = shared_path(arguments.images, arguments);
   job.video = shared_path(arguments.video, arguments);
   job.mask = shared_path(arguments.mask, arguments);
   if (!arguments.mask.empty()) job.mask_bytes = workspace.fingerprint(arguments.mask);
   job.fps = arguments.fps;
   job.frame_offset = arguments.frame_offset;
+  job.points = shared_path(arguments.points, arguments);
+  job.image_list = shared_path(arguments.image_list, arguments);
+  job.component = arguments.component.value_or(-1);
   return job;
 }
 
@@ -141,6 +165,9 @@ Merge::Merge(const Arguments& given, workspace::Workspace& the_workspace) : work
   arguments.mask = there(job.mask);
   arguments.fps = job.fps;
   arguments.frame_offset = job.frame_offset;
+  arguments.points = there(job.points);
+  arguments.image_list = there(job.image_list);
+  if (job.component >= 0) arguments.component = job.component;
   apply_json(options, nlohmann::json::parse(job.options), workspace.shards().path().string());
   workspace::ShardJob now = shared_job(arguments, options, workspace);
   now.count = job.count;

@@ -31,7 +31,8 @@ bool is_or_lies_in(const fs::path& place, const fs::path& folder) {
 
 void check_file(const Arguments& arguments, const Target& target, bool may_replace) {
   std::error_code ignored;
-  for (const fs::path& input : {arguments.map, arguments.video, arguments.mask, arguments.config}) {
+  for (const fs::path& input :
+       {arguments.map, arguments.video, arguments.mask, arguments.config, arguments.points, arguments.image_list}) {
     if (!input.empty() && fs::equivalent(target.path, input, ignored)) {
       throw UsageError(text_of(target) + " would overwrite an input");
     }

@@ -38,6 +38,7 @@ struct MapKeyframe {
       source_frame;               ///< index of the frame among those fed; only in maps before stella_vslam 0.3.6
   int camera = 0;                 ///< index into SlamMap::cameras
   RigidTransform cam_from_world;  ///< for pixel centres at index + 0.5, see SlamMap
+  std::string image;              ///< its image in the image folder, "left/0001.jpg"; "" = the file names none
   std::vector<MapObservation> observations;  ///< of landmarks that exist in the map, each once
 };
 
@@ -46,10 +47,10 @@ struct MapLandmark {
   Eigen::Vector3d position_world = Eigen::Vector3d::Zero();  ///< [scene units]
 };
 
-/// What a SLAM left: cameras, keyframes and landmarks, without descriptors.
+/// What a SLAM or a reconstruction left: cameras, keyframes and landmarks, without descriptors.
 ///
-/// The SLAM programs put the centre of the first pixel at 0 where this library puts it at 0.5. In longitude that is a
-/// constant turn of the camera by half a pixel, which their poses have absorbed; the readers turn it back
+/// The SLAM programs and openMVG put the centre of the first pixel at 0 where this library puts it at 0.5. In longitude
+/// that is a constant turn of the camera by half a pixel, which their poses have absorbed; the readers turn it back
 /// (cam_from_world = Ry(+pi / width) * cam_from_world of the file). In latitude half a pixel remains in the landmarks.
 /// Nothing outside the readers knows of the offset.
 struct SlamMap {
@@ -60,17 +61,41 @@ struct SlamMap {
   std::vector<MapLandmark> landmarks;     ///< ascending id, unique
   std::size_t observations_skipped = 0;   ///< they name landmarks that are not in the map
   std::size_t observations_repeated = 0;  ///< the same landmark more than once in one keyframe; the first one is kept
+  std::filesystem::path images;           ///< folder that `MapKeyframe::image` counts from; "" = the file does not say
+
+  /// A file may hold several components (chunks) that have no common frame. One is read; its number counts from 0.
+  int component = 0;
+  std::vector<std::size_t> component_keyframes{};  ///< keyframes of each component, at least one entry
+
+  bool half_row_may_remain = false;     ///< pixel centres are at whole numbers in the file, see above
+  bool observations_are_tested = true;  ///< false: the file does not say who sees what; observations are projections
+  std::vector<std::string> notes{};     ///< what was left out, and why; sentences for people
 
   /// nullptr when there is no such id.
   const MapLandmark* find_landmark(std::int64_t id) const;
   const MapKeyframe* find_keyframe(std::int64_t id) const;
 };
 
-/// Reads a map of OpenVSLAM or stella_vslam: MessagePack of every version up to 0.6, or stella_vslam's SQLite database.
-/// The format is told by content, never by the file's name. Memory stays in proportion to keyframes and landmarks:
-/// descriptors are skipped as they stream by.
-/// Throws IoError when the file cannot be read, InvalidInput (naming file, key and what was expected) when it is no
-/// such map, is truncated or broken, holds no keyframe, or has a camera that is not equirectangular.
-SlamMap read_map(const std::filesystem::path& path);
+struct ReadMapOptions {
+  std::optional<int> component;      ///< the one to read; nullopt = that of most keyframes
+  std::filesystem::path points;      ///< PLY file whose points stand in for landmarks where the map has none
+  std::filesystem::path image_list;  ///< names the images of a TUM trajectory: lines "timestamp name" or "name"
+};
+
+/// Reads the map of a SLAM or the reconstruction of another program. The format is told by content, never by the name:
+/// - OpenVSLAM and stella_vslam: MessagePack of every version up to 0.6, or SQLite;
+/// - COLMAP: the folder of a model, text or binary, or the folder of such folders, one a component;
+/// - OpenSfM: reconstruction.json, with observations where tracks.csv lies beside it;
+/// - openMVG: sfm_data.json; nerfstudio: transforms.json; Metashape: cameras as XML;
+/// - TUM: a trajectory, "timestamp tx ty tz qx qy qz qw", world from camera.
+///
+/// Cameras that are not equirectangular are left out with a note. Where a file has points but not who sees them, each
+/// keyframe is given those that nothing nearer hides. Memory stays in proportion to the file's size; of maps of a SLAM
+/// to keyframes and landmarks, since descriptors are skipped as they stream by.
+///
+/// Throws IoError when a file cannot be read, InvalidInput (naming file, place and what was expected) when it is of no
+/// such format, is truncated or broken, names images outside the image folder, or holds no keyframe with an
+/// equirectangular camera; InvalidOption when there is no such component.
+SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& options = {});
 
 }  // namespace pmsp

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp/io/convention.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+#include "pmsp/camera.h"
+#include "pmsp/error.h"
+#include "readings.h"
+
+namespace pmsp {
+namespace {
+
+constexpr std::size_t kFewest = 100;
+constexpr std::size_t kMostOfKeyframe = 200;
+constexpr double kClearlyBetter = 0.4;  ///< of the median error: the other reading's at most
+constexpr double kStillFits = 0.01;     ///< of the width: what fits worse fits by chance
+constexpr double kHalf = 0.5;
+constexpr double kHalfTolerance = 0.15;  ///< [px]
+constexpr double kStandardErrors = 6.0;
+
+Eigen::Matrix3d axes(double x, double y, double z) { return Eigen::Vector3d(x, y, z).asDiagonal(); }
+
+Eigen::Matrix3d quarter_turn(double sign) {
+  Eigen::Matrix3d turn;
+  turn << 0.0, 0.0, -sign, 0.0, 1.0, 0.0, sign, 0.0, 0.0;
+  return turn;
+}
+
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// An observation, where its landmark is, and by which camera it was made.
+struct Sample {
+  const MapKeyframe* keyframe;
+  const MapCamera* camera;
+  Eigen::Vector3d world;
+  Eigen::Vector2d pixel;
+};
+
+/// Some of each keyframe, evenly spread over its list.
+std::vector<Sample> samples_of(const SlamMap& map) {
+  std::vector<Sample> samples;
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const std::vector<MapObservation>& all = keyframe.observations;
+    const std::size_t step = all.size() / kMostOfKeyframe + 1;
+    for (std::size_t i = 0; i < all.size(); i += step) {
+      const MapLandmark* const landmark = map.find_landmark(all[i].landmark_id);
+      if (landmark == nullptr) continue;
+      samples.push_back({&keyframe, &map.cameras[static_cast<std::size_t>(keyframe.camera)], landmark->position_world,
+                         all[i].pixel.cast<double>()});
+    }
+  }
+  return samples;
+}
+
+/// From the projection to the observation, the short way round [px].
+Eigen::Vector2d residual(const Sample& sample, const RigidTransform& pose) {
+  const Eigen::Vector3d point = pose * sample.world;
+  if (!(point.norm() > 0.0)) return {sample.camera->width, sample.camera->height};
+  Eigen::Vector2d off = sample.pixel - pixel_from_bearing(point, sample.camera->width, sample.camera->height);
+  off.x() -= sample.camera->width * std::round(off.x() / sample.camera->width);
+  return off;
+}
+
+double median_error(const std::vector<Sample>& samples, const map_detail::Reading* reading) {
+  std::vector<double> errors;
+  errors.reserve(samples.size());
+  for (const Sample& sample : samples) {
+    const RigidTransform& pose = sample.keyframe->cam_from_world;
+    errors.push_back(residual(sample, reading != nullptr ? reading->of(pose) : pose).norm());
+  }
+  return median(errors);
+}
+
+/// By how much observations are off as a whole, half a pixel or nothing: `along`(sample's residual).
+struct Shift {
+  double at = 0.0;
+  double uncertainty = 0.0;
+
+  bool is_half() const {
+    return std::abs(std::abs(at) - kHalf) <= kHalfTolerance && kStandardErrors * uncertainty < std::abs(at);
+  }
+};
+
+Shift shift_of(std::vector<double> offsets) {
+  const auto count = static_cast<double>(offsets.size());
+  Shift shift;
+  shift.at = median(offsets);
+  for (double& offset : offsets) offset = std::abs(offset - shift.at);
+  shift.uncertainty = 1.4826 * median(offsets) * 1.25 / std::sqrt(count);
+  return shift;
+}
+
+/// Half a pixel across is a contradiction: whatever a program's rule, its poses have absorbed it. Half a row is what
+/// remains in the points where pixel centres were at whole numbers, and does no harm.
+void check_half_pixel(const SlamMap& map, const std::vector<Sample>& samples, ConventionCheck& check) {
+  std::vector<double> across;
+  std::vector<double> down;
+  for (const Sample& sample : samples) {
+    const Eigen::Vector2d off = residual(sample, sample.keyframe->cam_from_world);
+    across.push_back(off.x());
+    down.push_back(off.y());
+  }
+  const Shift x = shift_of(across);
+  const Shift y = shift_of(down);
+  if (!x.is_half()) {
+    if (y.is_half() && !map.half_row_may_remain) {
+      check.remark = std::string("observations lie half a pixel ") + (y.at > 0.0 ? "below" : "above") +
+                     " their landmarks: the program that made the map puts pixel centres elsewhere";
+    }
+    return;
+  }
+  const double dx = std::copysign(kHalf, x.at);
+  const double dy = y.is_half() ? std::copysign(kHalf, y.at) : 0.0;
+  std::vector<double> errors;
+  for (std::size_t i = 0; i < samples.size(); ++i) errors.push_back(std::hypot(across[i] - dx, down[i] - dy));
+  check.better_error_px = median(errors);
+  char text[160];
+  std::snprintf(text, sizeof(text),
+                "places in images that are half a pixel off (%+.1f px across, %+.1f px down: another pixel has its "
+                "centre at 0)",
+                dx, dy);
+  check.fits_better = text;
+}
+
+}  // namespace
+
+namespace map_detail {
+
+std::vector<Reading> other_readings() {
+  struct Camera {
+    const char* as_they_are;
+    const char* inverted;
+    Eigen::Matrix3d axes;
+  };
+  const std::array<Camera, 7> cameras{{
+      {"", "inverted poses (world_from_cam where cam_from_world is expected, or the other way round)", axes(1, 1, 1)},
+      {"mirrored images or poses (left and right swapped)", "inverted poses of mirrored images", axes(-1, 1, 1)},
+      {"flipped images or poses (latitude upside down)", "inverted poses of flipped images", axes(1, -1, 1)},
+      {"camera axes of OpenGL (y up, z backward)", "inverted poses with camera axes of OpenGL", axes(1, -1, -1)},
+      {"cameras that look backward (the image turned by half its width)",
+       "inverted poses of cameras that look backward", axes(-1, 1, -1)},
+      {"images turned by a quarter of their width to the left", "inverted poses of turned images", quarter_turn(1.0)},
+      {"images turned by a quarter of their width to the right", "inverted poses of turned images", quarter_turn(-1.0)},
+  }};
+  std::vector<Reading> readings;
+  for (const Camera& camera : cameras) {
+    if (*camera.as_they_are != '\0') readings.push_back({camera.as_they_are, false, camera.axes});
+    readings.push_back({camera.inverted, true, camera.axes});
+  }
+  return readings;
+}
+
+}  // namespace map_detail
+
+ConventionCheck check_convention(const SlamMap& map) {
+  ConventionCheck check;
+  if (!map.observations_are_tested) return check;
+  const std::vector<Sample> samples = samples_of(map);
+  if (samples.size() < kFewest) return check;
+  check.observations = samples.size();
+  check.median_error_px = median_error(samples, nullptr);
+  double width = 0.0;
+  for (const MapCamera& camera : map.cameras) width = std::max(width, static_cast<double>(camera.width));
+  double best = std::min(kClearlyBetter * check.median_error_px, kStillFits * width);
+  for (const map_detail::Reading& reading : map_detail::other_readings()) {
+    const double error = median_error(samples, &reading);
+    if (error >= best) continue;
+    best = check.better_error_px = error;
+    check.fits_better = reading.what;
+  }
+  if (check.fits_better.empty()) check_half_pixel(map, samples, check);
+  return check;
+}
+
+ConventionCheck require_convention(const SlamMap& map) {
+  ConventionCheck check = check_convention(map);
+  if (check.fits_better.empty()) return check;
+  char errors[96];
+  std::snprintf(errors, sizeof(errors), "median error %.3g px instead of %.3g px", check.better_error_px,
+                check.median_error_px);
+  throw InvalidInput(map.path.string() +
+                     ": its points and observations fit another reading clearly better: " + check.fits_better + ", " +
+                     errors + "; put that right where the file was written, a cloud of it would be wrong");
+}
+
+}  // namespace pmsp

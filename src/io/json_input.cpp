@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "json_input.h"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_set>
+#include <vector>
+
+#include "export/regular_file.h"
+#include "map_byte_source.h"
+#include "scene.h"
+
+namespace pmsp::map_detail {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kMaxDepth = 64;
+
+/// Looks at the parser's tokens as they come.
+class Guard {
+ public:
+  Guard(const std::filesystem::path& path, ByteSource& source) : path_(path), source_(source) {}
+
+  bool operator()(int depth, json::parse_event_t event, json& value) {
+    source_.token_seen();
+    if (depth > kMaxDepth) {
+      fail(path_, here(), "values nested " + std::to_string(depth) + " deep, expected " + std::to_string(kMaxDepth));
+    }
+    if (event == json::parse_event_t::object_start) keys_.emplace_back();
+    if (event == json::parse_event_t::object_end) keys_.pop_back();
+    if (event == json::parse_event_t::key && !keys_.back().insert(value.get_ref<const std::string&>()).second) {
+      fail(path_, here(), "the key " + in_quotes(value.get_ref<const std::string&>()) + " appears twice in one object");
+    }
+    return true;
+  }
+
+ private:
+  std::string here() const { return "byte " + std::to_string(source_.offset()); }
+
+  const std::filesystem::path& path_;
+  ByteSource& source_;
+  std::vector<std::unordered_set<std::string>> keys_;  ///< of the objects that are open
+};
+
+}  // namespace
+
+json read_json(const std::filesystem::path& path) {
+  require_regular_file(path);
+  ByteSource source(path);
+  Guard guard(path, source);
+  try {
+    return json::parse(ByteIterator(&source), ByteIterator(), std::ref(guard));
+  } catch (const json::exception& error) {
+    const bool ended = source.at_end();
+    fail(path, "byte " + std::to_string(source.offset()),
+         ended ? "the file ends before the JSON text is complete: it is truncated; copy it again"
+               : std::string("broken JSON (") + error.what() + ")");
+  }
+}
+
+void JsonValue::refuse(const std::string& expected) const {
+  std::string found = json_->type_name();
+  if (json_->is_number()) found = shown(json_->get<double>());
+  if (json_->is_string()) found = in_quotes(json_->get_ref<const std::string&>());
+  if (json_->is_array()) found = "an array of " + std::to_string(json_->size());
+  fail(*path_, where_, "is " + found + ", expected " + expected);
+}
+
+std::string JsonValue::member_name(const std::string& key) const {
+  const bool plain = !key.empty() && std::all_of(key.begin(), key.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+  });
+  if (!plain) return where_ + "[" + in_quotes(key) + "]";
+  return where_.empty() ? key : where_ + "." + key;
+}
+
+JsonValue JsonValue::at(const char* key) const {
+  if (!json_->is_object()) refuse("an object");
+  const auto found = json_->find(key);
+  if (found == json_->end()) fail(*path_, where_, std::string("lacks \"") + key + "\"");
+  return {*found, *path_, member_name(key)};
+}
+
+JsonValue JsonValue::element(std::size_t index) const {
+  if (!json_->is_array() || index >= json_->size()) refuse("an array of more than " + std::to_string(index));
+  return {(*json_)[index], *path_, where_ + "[" + std::to_string(index) + "]"};
+}
+
+double JsonValue::number() const {
+  if (!json_->is_number() || !std::isfinite(json_->get<double>())) refuse("a finite number");
+  return json_->get<double>();
+}
+
+std::int64_t JsonValue::integer() const {
+  if (json_->is_number_unsigned() && json_->get<std::uint64_t>() > static_cast<std::uint64_t>(INT64_MAX)) {
+    refuse("a whole number below 2^63");
+  }
+  if (json_->is_number_integer()) return json_->get<std::int64_t>();
+  const double value = number();  // "1920.0" is what some programs write
+  if (value != std::floor(value) || std::abs(value) > 1e15) refuse("a whole number");
+  return static_cast<std::int64_t>(value);
+}
+
+const std::string& JsonValue::text() const {
+  if (!json_->is_string()) refuse("a text");
+  return json_->get_ref<const std::string&>();
+}
+
+const json& JsonValue::array_of(std::size_t size, const char* expected) const {
+  if (!json_->is_array() || json_->size() != size) refuse(expected);
+  return *json_;
+}
+
+Eigen::Vector3d JsonValue::vector3() const {
+  array_of(3, "an array of 3 numbers");
+  return {element(0).number(), element(1).number(), element(2).number()};
+}
+
+Eigen::Matrix3d JsonValue::matrix3() const {
+  array_of(3, "an array of 3 rows of 3 numbers");
+  Eigen::Matrix3d matrix;
+  for (std::size_t i = 0; i < 3; ++i) matrix.row(static_cast<Eigen::Index>(i)) = element(i).vector3().transpose();
+  return matrix;
+}
+
+Eigen::Matrix4d JsonValue::matrix4() const {
+  if (!json_->is_array() || (json_->size() != 3 && json_->size() != 4)) refuse("an array of 3 or 4 rows of 4 numbers");
+  Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+  for (std::size_t i = 0; i < json_->size(); ++i) {
+    const JsonValue row = element(i);
+    row.array_of(4, "an array of 4 numbers");
+    for (std::size_t k = 0; k < 4; ++k) {
+      matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = row.element(k).number();
+    }
+  }
+  if (!matrix.row(3).isApprox(Eigen::RowVector4d(0.0, 0.0, 0.0, 1.0))) {
+    fail(*path_, where_, "has another last row than 0 0 0 1, expected a rotation and a translation");
+  }
+  return matrix;
+}
+
+}  // namespace pmsp::map_detail

@@ -1,0 +1,286 @@
+// SPDX-License-Identifier: BSD-2-Clause
+//
+// COLMAP's sparse models, https://colmap.github.io/format.html: cameras, images and points3D, as text or binary. Poses
+// are cam_from_world with this library's axes, and pixel centres are at + 0.5. Since 3.12 rigs and frames lie beside
+// them; the poses in images are whole all the same. EQUIRECTANGULAR (width, height) is in COLMAP since 4.1; forks had
+// SPHERICAL with the same parameters, and SPHERE (f, cx, cy).
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "binary_input.h"
+#include "map_file.h"
+#include "pmsp/error.h"
+#include "scene.h"
+#include "text_input.h"
+
+namespace pmsp::map_detail {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::int64_t kNoPoint = -1;
+constexpr int kEquirectangular = 17;
+constexpr int kForksOwn = 16;  ///< SPHERICAL before it got its number; COLMAP's own 16, EUCM, has 6 parameters
+constexpr int kSphere = 11;    ///< SphereSfM's SPHERE; COLMAP's own 11 has 16 parameters
+/// Of COLMAP's models, by id.
+constexpr std::array<int, 18> kParameters{3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2};
+
+struct Model {
+  SlamMap map;
+  std::map<std::uint32_t, std::optional<int>> cameras;  ///< place in map.cameras; nullopt: not equirectangular
+  std::string other_models;                             ///< names of models that are not
+  std::size_t others = 0;                               ///< images of such cameras
+};
+
+bool is_panorama_model(const std::string& model) {
+  return model == "EQUIRECTANGULAR" || model == "SPHERICAL" || model == "SPHERE";
+}
+
+void add_camera(Model& model, std::uint32_t id, const std::string& kind, double width, double height,
+                const std::vector<double>& parameters, const fs::path& path, const std::string& where) {
+  if (model.cameras.count(id) != 0) {
+    fail(path, where, "camera " + std::to_string(id) + " appears more than once, expected unique ids");
+  }
+  if (!is_panorama_model(kind)) {
+    model.cameras[id] = std::nullopt;
+    if (model.other_models.find(kind) == std::string::npos && model.other_models.size() < 200) {
+      model.other_models += (model.other_models.empty() ? "" : ", ") + kind;
+    }
+    return;
+  }
+  const MapCamera camera = panorama("camera " + std::to_string(id), width, height, path, where);
+  const bool sphere = kind == "SPHERE";
+  if (parameters.size() != (sphere ? 3U : 2U)) {
+    fail(path, where,
+         kind + " has " + std::to_string(parameters.size()) + " parameters, expected " +
+             (sphere ? "3: f, cx, cy" : "2: width and height"));
+  }
+  const double across = sphere ? 2.0 * parameters[1] : parameters[0];
+  const double down = sphere ? 2.0 * parameters[2] : parameters[1];
+  if (!(std::abs(across - width) <= 1.0) || !(std::abs(down - height) <= 1.0)) {
+    fail(path, where,
+         "the parameters of " + kind + " tell of a panorama of " + shown(across) + " x " + shown(down) +
+             " pixels, the camera is " + shown(width) + " x " + shown(height) + "; expected the same");
+  }
+  model.cameras[id] = static_cast<int>(model.map.cameras.size());
+  model.map.cameras.push_back(camera);
+}
+
+/// The keyframe that an image gives, without observations; nullopt for one of another camera.
+std::optional<MapKeyframe> keyframe_of(Model& model, std::uint32_t id, const std::array<double, 4>& wxyz,
+                                       const Eigen::Vector3d& translation, std::uint32_t camera,
+                                       const std::string& name, const fs::path& path, const std::string& where) {
+  const auto found = model.cameras.find(camera);
+  if (found == model.cameras.end()) {
+    fail(path, where,
+         "image " + std::to_string(id) + " names camera " + std::to_string(camera) +
+             ", expected one of those in cameras");
+  }
+  if (!found->second) {
+    ++model.others;
+    return std::nullopt;
+  }
+  MapKeyframe keyframe;
+  keyframe.id = id;
+  keyframe.camera = *found->second;
+  keyframe.image = image_name(name, path, where);
+  const std::string what = where + ": image " + std::to_string(id);
+  keyframe.cam_from_world.rotation = rotation_from_quaternion({wxyz[1], wxyz[2], wxyz[3], wxyz[0]}, path, what);
+  keyframe.cam_from_world.translation = translation;
+  return keyframe;
+}
+
+// ---- text
+
+void read_cameras_text(Model& model, const fs::path& path) {
+  TextInput in(path);
+  while (in.next()) {
+    const auto id = in.number<std::uint32_t>("the camera's id");
+    const std::string kind(in.word("the camera's model"));
+    const auto width = in.number("the width");
+    const auto height = in.number("the height");
+    std::vector<double> parameters;
+    while (!in.at_end()) parameters.push_back(in.number("a parameter"));
+    add_camera(model, id, kind, width, height, parameters, path, in.here());
+  }
+}
+
+void read_images_text(Model& model, const fs::path& path) {
+  TextInput in(path);
+  while (in.next()) {
+    const auto id = in.number<std::uint32_t>("the image's id");
+    std::array<double, 4> wxyz{};
+    for (double& value : wxyz) value = in.number("the quaternion");
+    Eigen::Vector3d translation;
+    for (double& value : translation) value = in.number("the translation");
+    const auto camera = in.number<std::uint32_t>("the camera's id");
+    const std::string name = in.rest("the image's name");
+    std::optional<MapKeyframe> keyframe = keyframe_of(model, id, wxyz, translation, camera, name, path, in.here());
+    if (!in.next_line()) in.refuse("the line with the observations of image " + std::to_string(id) + " is missing");
+    while (keyframe && !in.at_end()) {
+      const auto x = in.number("an observation's x");
+      const auto y = in.number("an observation's y");
+      const auto point = in.number<std::int64_t>("an observation's point");
+      if (point == kNoPoint) continue;
+      keyframe->observations.push_back({point, Eigen::Vector2d(x, y).cast<float>()});
+    }
+    if (keyframe) model.map.keyframes.push_back(std::move(*keyframe));
+  }
+}
+
+void read_points_text(Model& model, const fs::path& path) {
+  TextInput in(path);
+  while (in.next()) {
+    MapLandmark landmark;
+    landmark.id = in.number<std::int64_t>("the point's id");
+    for (double& value : landmark.position_world) value = in.number("the point's position");
+    for (int i = 0; i < 3; ++i) in.number<int>("the colour");
+    in.word("the point's error");
+    while (!in.at_end()) {
+      in.number<std::uint32_t>("an image of the track");
+      in.number<std::uint32_t>("a place in the image of the track");
+    }
+    model.map.landmarks.push_back(landmark);
+  }
+}
+
+// ---- binary
+
+/// How many parameters each camera has. Models of forks took numbers that COLMAP has given to others since: the file's
+/// length tells which is meant.
+int parameters_of(int id, BinaryInput& in, std::uint64_t cameras) {
+  constexpr std::uint64_t kFixed = 4 + 4 + 8 + 8;
+  const std::uint64_t each = in.size() > 8 && cameras > 0 ? (in.size() - 8) / cameras : 0;
+  const auto length_says = [&](std::uint64_t count) { return each == kFixed + 8 * count; };
+  if (id == kForksOwn && length_says(2)) return 2;
+  if (id == kSphere && length_says(3)) return 3;
+  if (id >= 0 && id < static_cast<int>(kParameters.size())) return kParameters[static_cast<std::size_t>(id)];
+  in.refuse("the camera's model is " + std::to_string(id) + ", expected 0 to 17");
+}
+
+void read_cameras_binary(Model& model, const fs::path& path) {
+  BinaryInput in(path);
+  const std::uint64_t count = in.count("cameras", 24);
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const auto id = in.number<std::uint32_t>();
+    const auto kind = in.number<std::int32_t>();
+    const auto width = static_cast<double>(in.number<std::uint64_t>());
+    const auto height = static_cast<double>(in.number<std::uint64_t>());
+    std::vector<double> parameters(static_cast<std::size_t>(parameters_of(kind, in, count)));
+    for (double& value : parameters) value = in.number<double>();
+    std::string name = "model " + std::to_string(kind);
+    if (kind <= 1) name = "PINHOLE";
+    if (kind == kEquirectangular || (kind == kForksOwn && parameters.size() == 2)) name = "EQUIRECTANGULAR";
+    if (kind == kSphere && parameters.size() == 3) name = "SPHERE";
+    add_camera(model, id, name, width, height, parameters, path, in.here());
+  }
+  in.expect_end();
+}
+
+void read_images_binary(Model& model, const fs::path& path) {
+  BinaryInput in(path);
+  const std::uint64_t count = in.count("images", 4 + 7 * 8 + 4 + 1 + 8);
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const auto id = in.number<std::uint32_t>();
+    std::array<double, 4> wxyz{};
+    for (double& value : wxyz) value = in.number<double>();
+    Eigen::Vector3d translation;
+    for (double& value : translation) value = in.number<double>();
+    const auto camera = in.number<std::uint32_t>();
+    const std::string name = in.text();
+    std::optional<MapKeyframe> keyframe = keyframe_of(model, id, wxyz, translation, camera, name, path, in.here());
+    const std::uint64_t observations = in.count("observations", 3 * 8);
+    for (std::uint64_t k = 0; k < observations; ++k) {
+      const auto x = in.number<double>();
+      const auto y = in.number<double>();
+      const auto point = in.number<std::int64_t>();
+      if (keyframe && point != kNoPoint) {
+        keyframe->observations.push_back({point, Eigen::Vector2d(x, y).cast<float>()});
+      }
+    }
+    if (keyframe) model.map.keyframes.push_back(std::move(*keyframe));
+  }
+  in.expect_end();
+}
+
+void read_points_binary(Model& model, const fs::path& path) {
+  BinaryInput in(path);
+  const std::uint64_t count = in.count("points", 8 + 3 * 8 + 3 + 8 + 8);
+  for (std::uint64_t i = 0; i < count; ++i) {
+    MapLandmark landmark;
+    landmark.id = in.number<std::int64_t>();
+    for (double& value : landmark.position_world) value = in.number<double>();
+    in.skip(3 + 8);  // colour, error
+    in.skip(in.count("images of a track", 8) * 8);
+    model.map.landmarks.push_back(landmark);
+  }
+  in.expect_end();
+}
+
+// ---- folders
+
+bool is_there(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+/// ".bin" or ".txt"; "" where the folder holds no model.
+std::string ending_of_model(const fs::path& folder) {
+  for (const char* ending : {".bin", ".txt"}) {
+    if (is_there(folder / (std::string("cameras") + ending)) && is_there(folder / (std::string("images") + ending))) {
+      return ending;
+    }
+  }
+  return "";
+}
+
+/// Folders 0, 1, ... with a model each, as COLMAP's mapper leaves them, in `folder` or its sparse/.
+std::vector<fs::path> components_in(const fs::path& folder) {
+  for (const fs::path& parent : {folder, folder / "sparse"}) {
+    std::vector<fs::path> components;
+    while (!ending_of_model(parent / std::to_string(components.size())).empty()) {
+      components.push_back(parent / std::to_string(components.size()));
+    }
+    if (!components.empty()) return components;
+  }
+  return {};
+}
+
+bool is_model(MapFile& file) {
+  return file.is_folder() && (!ending_of_model(file.path()).empty() || !components_in(file.path()).empty());
+}
+
+SlamMap read_model(const fs::path& folder) {
+  Model model;
+  const std::string ending = ending_of_model(folder);
+  const bool text = ending == ".txt";
+  (text ? read_cameras_text : read_cameras_binary)(model, folder / ("cameras" + ending));
+  (text ? read_images_text : read_images_binary)(model, folder / ("images" + ending));
+  const fs::path points = folder / ("points3D" + ending);
+  if (is_there(points)) (text ? read_points_text : read_points_binary)(model, points);
+  SlamMap map = std::move(model.map);
+  map.path = folder;
+  map.format = std::string("COLMAP, ") + (text ? "text" : "binary");
+  if (model.others > 0) {
+    map.notes.push_back("images left out, of cameras that are not equirectangular: " + std::to_string(model.others) +
+                        " (" + model.other_models + "); only panoramas can be used, not views that were cut from them");
+  }
+  return finish_scene(std::move(map));
+}
+
+SlamMap read(MapFile& file, const ReadMapOptions& options) {
+  if (!ending_of_model(file.path()).empty()) return read_model(file.path());
+  const std::vector<fs::path> folders = components_in(file.path());
+  return read_component(folders.size(), file.path(), options, [&](std::size_t i) { return read_model(folders[i]); });
+}
+
+}  // namespace
+
+extern const MapFormat kColmap;
+const MapFormat kColmap{"COLMAP", "the folder of a model of COLMAP", is_model, read};
+
+}  // namespace pmsp::map_detail

@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: BSD-2-Clause
+//
+// Metashape's cameras as XML (File > Export > Export Cameras): chunks with sensors, cameras and components. A camera's
+// transform is the 4x4 matrix chunk_from_camera with this library's axes; that of the component, in older files of the
+// chunk, is world_from_chunk: rotation, translation and scale. Spherical sensors have the forward direction in the
+// middle of the image and pixel centres at + 0.5 (user manual, appendix "Camera models"). There are no points in it.
+#include <algorithm>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <pugixml.hpp>
+
+#include "export/regular_file.h"
+#include "map_file.h"
+#include "pmsp/error.h"
+#include "scene.h"
+#include "text_input.h"
+
+namespace pmsp::map_detail {
+namespace {
+
+bool matches(MapFile& file) {
+  return file.is_text() && file.begins_with("<") && file.head().find("<document") != std::string::npos;
+}
+
+std::string place(const pugi::xml_node& node) {
+  const std::string id = node.attribute("id").value();
+  return std::string(node.name()) + (id.empty() ? "" : " " + id.substr(0, 40));
+}
+
+/// Numbers in the text of a node, no more and no fewer.
+std::vector<double> numbers(const pugi::xml_node& node, std::size_t count, const std::filesystem::path& path,
+                            const std::string& where) {
+  std::vector<double> values;
+  const std::string text = node.child_value();
+  const char* at = text.data();
+  const char* const end = text.data() + text.size();
+  while (true) {
+    while (at != end && (*at == ' ' || *at == '\n' || *at == '\t' || *at == '\r' || *at == '+')) ++at;
+    if (at == end) break;
+    double value = 0.0;
+    const auto [next, error] = std::from_chars(at, end, value);
+    if (error != std::errc() || !std::isfinite(value) || values.size() == count) {
+      values.clear();
+      break;
+    }
+    values.push_back(value);
+    at = next;
+  }
+  if (values.size() != count) {
+    fail(path, where,
+         std::string(node.name()) + " is " + in_quotes(text) + ", expected " + std::to_string(count) +
+             " finite numbers");
+  }
+  return values;
+}
+
+std::int64_t whole_number(const pugi::xml_node& node, const char* attribute, const std::filesystem::path& path) {
+  const std::string text = node.attribute(attribute).value();
+  std::int64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) {
+    fail(path, place(node), std::string(attribute) + " is " + in_quotes(text) + ", expected a whole number");
+  }
+  return value;
+}
+
+/// world_from_chunk.
+struct Similarity {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+  double scale = 1.0;
+};
+
+Eigen::Matrix3d matrix_of(const std::vector<double>& rows, Eigen::Index stride) {
+  Eigen::Matrix3d matrix;
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    for (Eigen::Index k = 0; k < 3; ++k) matrix(i, k) = rows[static_cast<std::size_t>(i * stride + k)];
+  }
+  return matrix;
+}
+
+Similarity similarity_of(const pugi::xml_node& transform, const std::filesystem::path& path, const std::string& where) {
+  Similarity result;
+  if (const pugi::xml_node node = transform.child("rotation")) {
+    result.rotation = rotation_from_matrix(matrix_of(numbers(node, 9, path, where), 3), path, where + ": rotation");
+  }
+  if (const pugi::xml_node node = transform.child("translation")) {
+    const std::vector<double> t = numbers(node, 3, path, where);
+    result.translation = {t[0], t[1], t[2]};
+  }
+  if (const pugi::xml_node node = transform.child("scale")) result.scale = numbers(node, 1, path, where)[0];
+  if (!(result.scale > 1e-9 && result.scale < 1e9)) {
+    fail(path, where, "the scale is " + shown(result.scale) + ", expected 1e-9 to 1e9");
+  }
+  return result;
+}
+
+/// A chunk, or one of its components.
+struct Part {
+  pugi::xml_node chunk;
+  pugi::xml_node component;  ///< none: the whole chunk
+};
+
+std::vector<Part> parts_of(const pugi::xml_node& document) {
+  std::vector<Part> parts;
+  for (const pugi::xml_node chunk : document.children("chunk")) {
+    const std::size_t before = parts.size();
+    for (const pugi::xml_node component : chunk.child("components").children("component")) {
+      parts.push_back({chunk, component});
+    }
+    if (parts.size() == before) parts.push_back({chunk, {}});
+  }
+  return parts;
+}
+
+class PartReader {
+ public:
+  PartReader(const Part& part, const std::filesystem::path& path) : part_(part) {
+    map_.path = path;
+    map_.format = std::string("Metashape, chunk ") + in_quotes(part.chunk.attribute("label").value());
+  }
+
+  SlamMap read() {
+    read_sensors();
+    const pugi::xml_node own = part_.component.child("transform");
+    world_ = similarity_of(own ? own : part_.chunk.child("transform"), map_.path, "transform");
+    const pugi::xml_node cameras = part_.chunk.child("cameras");
+    for (const pugi::xml_node camera : cameras.children("camera")) add(camera);
+    for (const pugi::xml_node group : cameras.children("group")) {
+      for (const pugi::xml_node camera : group.children("camera")) add(camera);
+    }
+    if (without_pose_ > 0) map_.notes.push_back("cameras left out, not aligned: " + std::to_string(without_pose_));
+    if (others_ > 0) {
+      map_.notes.push_back("cameras left out, of sensors that are not spherical: " + std::to_string(others_) +
+                           "; only panoramas can be used");
+    }
+    return finish_scene(std::move(map_));
+  }
+
+ private:
+  void read_sensors() {
+    for (const pugi::xml_node sensor : part_.chunk.child("sensors").children("sensor")) {
+      const std::int64_t id = whole_number(sensor, "id", map_.path);
+      const bool is_panorama = std::string(sensor.attribute("type").value()) == "spherical";
+      const int index = is_panorama ? static_cast<int>(map_.cameras.size()) : -1;
+      if (!sensors_.emplace(id, index).second) fail(map_.path, place(sensor), "this id appears more than once");
+      if (!is_panorama) continue;
+      const pugi::xml_node size = sensor.child("resolution");
+      if (!size) fail(map_.path, place(sensor), "lacks its resolution");
+      map_.cameras.push_back(
+          panorama("sensor " + std::to_string(id), static_cast<double>(whole_number(size, "width", map_.path)),
+                   static_cast<double>(whole_number(size, "height", map_.path)), map_.path, place(sensor)));
+    }
+  }
+
+  void add(const pugi::xml_node& camera) {
+    if (part_.component &&
+        std::string(camera.attribute("component_id").value()) != std::string(part_.component.attribute("id").value())) {
+      return;
+    }
+    const pugi::xml_node transform = camera.child("transform");
+    if (!transform) {
+      ++without_pose_;
+      return;
+    }
+    const auto sensor = sensors_.find(whole_number(camera, "sensor_id", map_.path));
+    if (sensor == sensors_.end()) fail(map_.path, place(camera), "names a sensor that the chunk lacks");
+    if (sensor->second < 0) {
+      ++others_;
+      return;
+    }
+    const std::vector<double> m = numbers(transform, 16, map_.path, place(camera));
+    const std::string where = place(camera) + ": transform";
+    const Eigen::Matrix3d chunk_from_camera = rotation_from_matrix(matrix_of(m, 4), map_.path, where);
+    MapKeyframe keyframe;
+    keyframe.id = whole_number(camera, "id", map_.path);
+    keyframe.camera = sensor->second;
+    keyframe.image = image_name(camera.attribute("label").value(), map_.path, place(camera));
+    const Eigen::Matrix3d turn =
+        rotation_from_matrix((world_.rotation * chunk_from_camera).transpose(), map_.path, where);
+    const Eigen::Vector3d center =
+        world_.scale * (world_.rotation * Eigen::Vector3d(m[3], m[7], m[11])) + world_.translation;
+    keyframe.cam_from_world = {turn, -(turn * center)};
+    map_.keyframes.push_back(std::move(keyframe));
+  }
+
+  Part part_;
+  SlamMap map_;
+  Similarity world_;
+  std::map<std::int64_t, int> sensors_;  ///< by id; -1: no panorama
+  std::size_t without_pose_ = 0;
+  std::size_t others_ = 0;
+};
+
+SlamMap read(MapFile& file, const ReadMapOptions& options) {
+  require_regular_file(file.path());
+  pugi::xml_document document;
+  const pugi::xml_parse_result result = document.load_file(file.path().c_str());
+  if (!result) {
+    fail(file.path(), "byte " + std::to_string(result.offset),
+         std::string("broken XML (") + result.description() + "): it is truncated or damaged");
+  }
+  const std::vector<Part> parts = parts_of(document.child("document"));
+  if (parts.empty()) fail(file.path(), "", "holds no chunk, expected cameras as Metashape exports them");
+  return read_component(parts.size(), file.path(), options,
+                        [&](std::size_t i) { return PartReader(parts[i], file.path()).read(); });
+}
+
+}  // namespace
+
+extern const MapFormat kMetashape;
+const MapFormat kMetashape{"Metashape", "cameras of Metashape as XML", matches, read};
+
+}  // namespace pmsp::map_detail

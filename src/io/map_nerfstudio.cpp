@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-2-Clause
+//
+// nerfstudio's transforms.json: frames with camera-to-world matrices whose axes are OpenGL's, x right, y up, z
+// backward, and perhaps a PLY file with points of the same world. Nobody says who sees which point.
+#include <algorithm>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "map_file.h"
+#include "scene.h"
+
+namespace pmsp::map_detail {
+namespace {
+
+bool matches(MapFile& file) {
+  if (!file.is_json()) return false;
+  const nlohmann::json& json = file.json();
+  return json.is_object() && json.contains("frames") && !json.contains("sfm_data_version");
+}
+
+/// Of a frame, where it has its own, else of the file.
+std::string camera_model(const JsonValue& json, const JsonValue& frame) {
+  for (const JsonValue* value : {&frame, &json}) {
+    if (value->has("camera_model")) return value->at("camera_model").text();
+  }
+  return "PERSPECTIVE";
+}
+
+/// Cameras of the frames, one a size.
+class Cameras {
+ public:
+  explicit Cameras(SlamMap& map) : map_(map) {}
+
+  int of(const JsonValue& json, const JsonValue& frame) {
+    const JsonValue& value = frame.has("w") ? frame : json;
+    if (!value.has("w")) return index_of(0, [] { return panorama_of_any_size(); });
+    const std::int64_t width = value.at("w").integer();
+    return index_of(width, [&] {
+      return panorama("panorama " + std::to_string(width), static_cast<double>(width),
+                      static_cast<double>(value.at("h").integer()), map_.path, value.where());
+    });
+  }
+
+ private:
+  template <class Make>
+  int index_of(std::int64_t width, const Make& make) {
+    const auto found = by_width_.find(width);
+    if (found != by_width_.end()) return found->second;
+    map_.cameras.push_back(make());
+    return by_width_[width] = static_cast<int>(map_.cameras.size()) - 1;
+  }
+
+  SlamMap& map_;
+  std::map<std::int64_t, int> by_width_;
+};
+
+SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
+  const JsonValue json(file.json(), file.path());
+  SlamMap map;
+  map.path = file.path();
+  map.format = "nerfstudio";
+  map.images = file.path().parent_path();
+  if (map.images.empty()) map.images = ".";
+  Cameras cameras(map);
+  std::map<std::string, std::size_t> others;
+  json.at("frames").each_element([&](const JsonValue& frame) {
+    const std::string model = camera_model(json, frame);
+    if (model != "EQUIRECTANGULAR") {
+      ++others[model];
+      return;
+    }
+    MapKeyframe keyframe;
+    keyframe.camera = cameras.of(json, frame);
+    keyframe.image = image_name(frame.at("file_path").text(), map.path, frame.where());
+    const JsonValue matrix = frame.at("transform_matrix");
+    const Eigen::Matrix4d world_from_camera = matrix.matrix4();
+    const Eigen::Matrix3d rotation =
+        world_from_camera.topLeftCorner<3, 3>() * Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
+    const Eigen::Matrix3d turn = rotation_from_matrix(rotation.transpose(), map.path, matrix.where());
+    keyframe.cam_from_world = {turn, -(turn * world_from_camera.topRightCorner<3, 1>())};
+    map.keyframes.push_back(std::move(keyframe));
+  });
+  for (const auto& [model, count] : others) {
+    map.notes.push_back("frames left out, of the camera model " + in_quotes(model) + ": " + std::to_string(count) +
+                        "; only panoramas can be used (EQUIRECTANGULAR)");
+  }
+  number_by_image(map);
+  if (json.has("ply_file_path")) {
+    const JsonValue points = json.at("ply_file_path");
+    map.landmarks = landmarks_from_ply(map.images / image_name(points.text(), map.path, points.where()));
+  }
+  return finish_scene(std::move(map));
+}
+
+}  // namespace
+
+extern const MapFormat kNerfstudio;
+const MapFormat kNerfstudio{"nerfstudio", "transforms.json of nerfstudio", matches, read};
+
+}  // namespace pmsp::map_detail

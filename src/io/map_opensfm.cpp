@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: BSD-2-Clause
+//
+// OpenSfM's reconstruction.json: an array of reconstructions with cameras, shots and points, and tracks.csv beside it,
+// which says who sees what. A shot's rotation (angle times axis) and translation are cam_from_world with this library's
+// axes. Places in images are normalised: (pixel index + 0.5 - size / 2) / the larger size.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <string>
+#include <unordered_map>
+
+#include <Eigen/Geometry>
+
+#include "map_file.h"
+#include "scene.h"
+#include "text_input.h"
+
+namespace pmsp::map_detail {
+namespace {
+
+constexpr std::size_t kMaxWords = 11;  ///< of a line of tracks.csv
+
+bool is_reconstruction(const nlohmann::json& json) {
+  return json.is_object() && json.contains("shots") && json.contains("cameras");
+}
+
+bool matches(MapFile& file) {
+  if (!file.is_json()) return false;
+  const nlohmann::json& json = file.json();
+  return is_reconstruction(json) || (json.is_array() && !json.empty() && is_reconstruction(json.front()));
+}
+
+bool is_panorama(const std::string& projection) { return projection == "spherical" || projection == "equirectangular"; }
+
+Eigen::Matrix3d rotation_of(const JsonValue& value) {
+  const Eigen::Vector3d turn = value.vector3();
+  const double angle = turn.norm();
+  const Eigen::Matrix3d rotation =
+      angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
+  return rotation_from_matrix(rotation, value.path(), value.where());
+}
+
+/// Ids for points and tracks: their names where these are whole numbers, else 2^40 and up in the order of the file.
+class PointIds {
+ public:
+  std::int64_t of(const std::string& name) {
+    std::int64_t id = 0;
+    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), id);
+    const bool plain = error == std::errc() && end == name.data() + name.size() && id >= 0 && id < kFirst &&
+                       (name.size() == 1 || name[0] != '0');
+    if (plain) return id;
+    return others_.emplace(name, kFirst + static_cast<std::int64_t>(others_.size())).first->second;
+  }
+
+ private:
+  static constexpr std::int64_t kFirst = std::int64_t{1} << 40;
+  std::unordered_map<std::string, std::int64_t> others_;
+};
+
+/// Puts the observations of tracks.csv into the keyframes: image, track, feature, x, y, then what is not needed.
+void read_tracks(SlamMap& map, PointIds& ids, const std::filesystem::path& path) {
+  std::unordered_map<std::string, MapKeyframe*> keyframes;
+  for (MapKeyframe& keyframe : map.keyframes) keyframes[keyframe.image] = &keyframe;
+  std::unordered_map<std::int64_t, bool> is_point;
+  for (const MapLandmark& landmark : map.landmarks) is_point[landmark.id] = true;
+  TextInput in(path, '\t');
+  while (in.next()) {
+    const std::string image(in.word("the image"));
+    if (image.rfind("OPENSFM_TRACKS_VERSION", 0) == 0) continue;
+    const std::string track(in.word("the track"));
+    in.number<std::int64_t>("the feature");
+    const auto x = in.number("x");
+    const auto y = in.number("y");
+    std::size_t words = 5;
+    for (; !in.at_end(); ++words) in.number("a value behind x and y");
+    if (words > kMaxWords || words < 8) in.refuse("has " + std::to_string(words) + " values, expected 8 to 11");
+    const auto found = keyframes.find(std::filesystem::path(image).lexically_normal().generic_string());
+    const std::int64_t id = ids.of(track);
+    if (found == keyframes.end() || is_point.count(id) == 0) continue;
+    MapKeyframe& keyframe = *found->second;
+    const MapCamera& camera = map.cameras[static_cast<std::size_t>(keyframe.camera)];
+    const Eigen::Vector2d pixel(x * camera.width + 0.5 * camera.width, y * camera.width + 0.5 * camera.height);
+    keyframe.observations.push_back({id, pixel.cast<float>()});
+  }
+}
+
+SlamMap read_one(const JsonValue& json) {
+  SlamMap map;
+  map.path = json.path();
+  map.format = "OpenSfM";
+  const std::filesystem::path folder = map.path.parent_path();
+  map.images = folder / "images";
+  std::map<std::string, int> cameras;  // -1: no panorama
+  json.at("cameras").each_member([&](const std::string& name, const JsonValue& camera) {
+    const std::string projection =
+        camera.has("projection_type") ? camera.at("projection_type").text() : std::string("perspective");
+    cameras[name] = -1;
+    if (!is_panorama(projection)) return;
+    cameras[name] = static_cast<int>(map.cameras.size());
+    map.cameras.push_back(panorama(name, static_cast<double>(camera.at("width").integer()),
+                                   static_cast<double>(camera.at("height").integer()), map.path, camera.where()));
+  });
+  std::size_t others = 0;
+  std::size_t timed = 0;
+  json.at("shots").each_member([&](const std::string& name, const JsonValue& shot) {
+    const auto camera = cameras.find(shot.at("camera").text());
+    if (camera == cameras.end()) shot.at("camera").refuse("one of \"cameras\"");
+    if (camera->second < 0) {
+      ++others;
+      return;
+    }
+    MapKeyframe keyframe;
+    keyframe.camera = camera->second;
+    keyframe.image = image_name(name, map.path, shot.where());
+    keyframe.cam_from_world = {rotation_of(shot.at("rotation")), shot.at("translation").vector3()};
+    if (shot.has("capture_time")) keyframe.timestamp = shot.at("capture_time").number();
+    timed += keyframe.timestamp > 0.0 ? 1 : 0;
+    map.keyframes.push_back(std::move(keyframe));
+  });
+  if (timed < map.keyframes.size()) {
+    for (MapKeyframe& keyframe : map.keyframes) keyframe.timestamp = 0.0;
+  }
+  if (others > 0) {
+    map.notes.push_back("shots left out, of cameras that are not spherical: " + std::to_string(others) +
+                        "; only panoramas can be used");
+  }
+  number_by_image(map);
+  PointIds ids;
+  if (json.has("points")) {
+    json.at("points").each_member([&](const std::string& name, const JsonValue& point) {
+      map.landmarks.push_back({ids.of(name), point.at("coordinates").vector3()});
+    });
+  }
+  const std::filesystem::path tracks = folder / "tracks.csv";
+  std::error_code ignored;
+  if (std::filesystem::exists(tracks, ignored)) {
+    read_tracks(map, ids, tracks);
+  } else if (!map.landmarks.empty()) {
+    map.notes.push_back("there is no tracks.csv beside it, which would say who sees which point");
+  }
+  return finish_scene(std::move(map));
+}
+
+SlamMap read(MapFile& file, const ReadMapOptions& options) {
+  const JsonValue all(file.json(), file.path());
+  if (file.json().is_object()) return read_one(all);
+  return read_component(all.size(), file.path(), options, [&](std::size_t i) { return read_one(all.element(i)); });
+}
+
+}  // namespace
+
+extern const MapFormat kOpenSfm;
+const MapFormat kOpenSfm{"OpenSfM", "reconstruction.json of OpenSfM", matches, read};
+
+}  // namespace pmsp::map_detail

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "pmsp/io/map.h"
+
+/// Writers of what the readers of src/io read, from the formats' descriptions. A map is written by each format's own
+/// conventions, so that reading gives it back.
+namespace pmsp::test {
+
+enum class Fault {
+  none,
+  mirrored,  ///< images mirrored after the reconstruction: left is right in places
+  inverted,  ///< poses the other way round
+  shifted    ///< places in images half a pixel off
+};
+
+/// Keyframes along a curve in a ball of landmarks, each seen by all keyframes; with image names in subfolders.
+SlamMap sample_scene(int keyframes = 8, int landmarks = 150);
+
+/// The map with a fault, so that a writer writes what a program with that fault would.
+SlamMap with_fault(SlamMap map, Fault fault);
+
+void write_colmap_text(const std::filesystem::path& folder, const SlamMap& map);
+void write_colmap_binary(const std::filesystem::path& folder, const SlamMap& map, bool with_rigs = true);
+/// reconstruction.json and tracks.csv; `others`: further reconstructions in the same file.
+void write_opensfm(const std::filesystem::path& folder, const SlamMap& map, const std::vector<SlamMap>& others = {});
+void write_openmvg(const std::filesystem::path& file, const SlamMap& map, const std::string& root_path = "images");
+/// transforms.json and points.ply. Image names become images/NAME.
+void write_nerfstudio(const std::filesystem::path& folder, const SlamMap& map);
+void write_metashape(const std::filesystem::path& file, const SlamMap& map);
+/// The trajectory; and list and points beside it, images.txt and points.ply.
+void write_tum(const std::filesystem::path& file, const SlamMap& map);
+void write_points(const std::filesystem::path& file, const SlamMap& map);
+
+/// A format with its writer, for tests that go through all.
+struct FormatFiles {
+  const char* name;
+  bool has_observations;
+  bool has_points;
+  /// Writes into an empty folder and returns what is given as MAP.
+  std::function<std::filesystem::path(const std::filesystem::path&, const SlamMap&)> write;
+  std::vector<std::string> files;  ///< all that was written, to be damaged
+  ReadMapOptions options(const std::filesystem::path& folder) const;
+};
+const std::vector<FormatFiles>& all_formats();
+
+}  // namespace pmsp::test

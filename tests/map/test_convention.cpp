@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <random>
+
+#include "pmsp/error.h"
+#include "pmsp/io/convention.h"
+#include "scene_files.h"
+#include "support/temp_dir.h"
+
+namespace pmsp::test {
+
+using Catch::Contains;
+using pmsp_test::TempDir;
+
+namespace {
+
+void add_noise(SlamMap& map, float deviation) {
+  std::mt19937 random(3);
+  std::normal_distribution<float> gauss(0.0F, deviation);
+  for (MapKeyframe& keyframe : map.keyframes) {
+    for (MapObservation& o : keyframe.observations) {
+      o.pixel.x() = std::clamp(o.pixel.x() + gauss(random), 0.0F, 640.0F);
+      o.pixel.y() = std::clamp(o.pixel.y() + gauss(random), 0.0F, 320.0F);
+    }
+  }
+}
+
+}  // namespace
+
+TEST_CASE("a map that was read rightly is accepted, and its error told") {
+  SlamMap map = sample_scene();
+  CHECK(require_convention(map).median_error_px < 1e-3);
+  CHECK(require_convention(map).observations >= 1000);
+  for (const float noise : {0.7F, 2.0F, 6.0F}) {
+    map = sample_scene();
+    add_noise(map, noise);
+    CAPTURE(noise);
+    CHECK(require_convention(map).median_error_px == Approx(1.18 * static_cast<double>(noise)).epsilon(0.1));
+  }
+}
+
+TEST_CASE("a fault is named, in every format that says who sees what") {
+  for (const FormatFiles& format : all_formats()) {
+    if (!format.has_observations) continue;
+    CAPTURE(format.name);
+    for (const float noise : {0.0F, 0.8F}) {
+      SlamMap right = sample_scene();
+      if (noise > 0.0F) add_noise(right, noise);
+      const auto read = [&](Fault fault) {
+        const TempDir folder;
+        return read_map(format.write(folder.path(), with_fault(right, fault)));
+      };
+      CHECK_NOTHROW(require_convention(read(Fault::none)));
+      CHECK_THROWS_WITH(require_convention(read(Fault::mirrored)), Contains("mirrored"));
+      CHECK_THROWS_WITH(require_convention(read(Fault::inverted)), Contains("inverted poses (world_from_cam"));
+      CHECK_THROWS_WITH(require_convention(read(Fault::shifted)), Contains("half a pixel off"));
+    }
+  }
+}
+
+TEST_CASE("other axes of the camera are named") {
+  const SlamMap right = sample_scene();
+  const auto wrong = [&](double x, double y, double z) {
+    SlamMap map = right;
+    for (MapKeyframe& keyframe : map.keyframes) {
+      const Eigen::Matrix3d axes = Eigen::Vector3d(x, y, z).asDiagonal();
+      keyframe.cam_from_world = {axes * keyframe.cam_from_world.rotation, axes * keyframe.cam_from_world.translation};
+    }
+    return map;
+  };
+  CHECK_THROWS_WITH(require_convention(wrong(1, -1, -1)), Contains("OpenGL"));
+  CHECK_THROWS_WITH(require_convention(wrong(-1, 1, -1)), Contains("look backward"));
+  SlamMap flipped = right;
+  for (MapKeyframe& keyframe : flipped.keyframes) {
+    for (MapObservation& o : keyframe.observations) o.pixel.y() = 320.0F - o.pixel.y();
+  }
+  CHECK_THROWS_WITH(require_convention(flipped), Contains("flipped"));
+  SlamMap turned = right;
+  for (MapKeyframe& keyframe : turned.keyframes) {
+    for (MapObservation& o : keyframe.observations) {
+      o.pixel.x() += o.pixel.x() < 160.0F ? 480.0F : -160.0F;
+    }
+  }
+  CHECK_THROWS_WITH(require_convention(turned), Contains("quarter of their width"));
+}
+
+TEST_CASE("half a row is told of, of maps of a SLAM not even that, and no verdict rests on nothing") {
+  SlamMap map = sample_scene();
+  for (MapKeyframe& keyframe : map.keyframes) {
+    for (MapObservation& o : keyframe.observations) o.pixel.y() += 0.5F;
+  }
+  CHECK_THAT(require_convention(map).remark, Contains("half a pixel below"));
+  map.half_row_may_remain = true;
+  CHECK(require_convention(map).remark.empty());
+  map = with_fault(sample_scene(), Fault::mirrored);
+  for (MapKeyframe& keyframe : map.keyframes) keyframe.observations.resize(5);
+  CHECK(require_convention(map).observations == 0);
+  map = with_fault(sample_scene(), Fault::mirrored);
+  map.observations_are_tested = false;
+  CHECK(require_convention(map).observations == 0);
+  // Observations that nothing explains are no fault with a name.
+  map = sample_scene();
+  std::mt19937 random(3);
+  for (MapKeyframe& keyframe : map.keyframes) {
+    for (MapObservation& o : keyframe.observations) {
+      o.pixel = {static_cast<float>(random() % 640), static_cast<float>(random() % 320)};
+    }
+  }
+  CHECK(require_convention(map).median_error_px > 50.0);
+}
+
+}  // namespace pmsp::test
