@@ -34,8 +34,15 @@ std::vector<const DepthMap*> others_of(const std::vector<DepthMap>& maps, std::s
   return others;
 }
 
+/// A pixel of these maps is four times as wide as one of those that the default tolerance is made for.
+ConsistencyFilterOptions coarse() {
+  ConsistencyFilterOptions options;
+  options.max_relative_depth = 0.015;
+  return options;
+}
+
 DepthMap filtered(const DepthMap& map, const std::vector<const DepthMap*>& others,
-                  const ConsistencyFilterOptions& options = {}, FilterStats* stats = nullptr) {
+                  const ConsistencyFilterOptions& options = coarse(), FilterStats* stats = nullptr) {
   DepthMap result = map;
   consistency_filter(result, others, options, Executor(2), stats);
   return result;
@@ -158,7 +165,7 @@ TEST_CASE("min_views counts the map itself", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const DepthMap hole = without_depths(maps[1]);
   const std::vector<const DepthMap*> one_agrees = {&maps[1], &hole, &hole, &hole};
-  ConsistencyFilterOptions options;
+  ConsistencyFilterOptions options = coarse();
   for (const auto& [min_views, kept] : {std::pair{1, true}, {2, true}, {3, false}, {5, false}}) {
     INFO(min_views);
     options.min_views = min_views;

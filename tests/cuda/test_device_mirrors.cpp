@@ -6,11 +6,11 @@
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
 #include "cuda/launch.h"
+#include "cuda/transfers.h"
 #include "cuda/on_device.h"
 #include "fusion/fusion_setup.h"
 #include "fusion/mirrors.h"
 #include "pmsp/fusion.h"
-#include "support/ready_made.h"
 #include "util/eigen_kernels.h"
 
 using namespace pmsp;
