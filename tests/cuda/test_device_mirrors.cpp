@@ -7,10 +7,10 @@
 #include "core/on_depth_maps.h"
 #include "cuda/launch.h"
 #include "cuda/on_device.h"
+#include "cuda/transfers.h"
 #include "fusion/fusion_setup.h"
 #include "fusion/mirrors.h"
 #include "pmsp/fusion.h"
-#include "support/ready_made.h"
 #include "util/eigen_kernels.h"
 
 using namespace pmsp;
