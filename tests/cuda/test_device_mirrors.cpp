@@ -8,6 +8,7 @@
 #include "cuda/launch.h"
 #include "cuda/transfers.h"
 #include "cuda/on_device.h"
+#include "cuda/transfers.h"
 #include "fusion/fusion_setup.h"
 #include "fusion/mirrors.h"
 #include "pmsp/fusion.h"
