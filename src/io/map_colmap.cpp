@@ -23,11 +23,31 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kNoPoint = -1;
-constexpr int kEquirectangular = 17;
 constexpr int kForksOwn = 16;  ///< SPHERICAL before it got its number; COLMAP's own 16, EUCM, has 6 parameters
 constexpr int kSphere = 11;    ///< SphereSfM's SPHERE; COLMAP's own 11 has 16 parameters
-/// Of COLMAP's models, by id.
-constexpr std::array<int, 18> kParameters{3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2};
+/// COLMAP's models, by id.
+struct Kind {
+  const char* name;
+  int parameters;
+};
+constexpr std::array<Kind, 18> kKinds{{{"SIMPLE_PINHOLE", 3},
+                                       {"PINHOLE", 4},
+                                       {"SIMPLE_RADIAL", 4},
+                                       {"RADIAL", 5},
+                                       {"OPENCV", 8},
+                                       {"OPENCV_FISHEYE", 8},
+                                       {"FULL_OPENCV", 12},
+                                       {"FOV", 5},
+                                       {"SIMPLE_RADIAL_FISHEYE", 4},
+                                       {"RADIAL_FISHEYE", 5},
+                                       {"THIN_PRISM_FISHEYE", 12},
+                                       {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
+                                       {"SIMPLE_DIVISION", 4},
+                                       {"DIVISION", 5},
+                                       {"SIMPLE_FISHEYE", 3},
+                                       {"FISHEYE", 4},
+                                       {"EUCM", 6},
+                                       {"EQUIRECTANGULAR", 2}}};
 
 struct Model {
   SlamMap map;
@@ -150,15 +170,15 @@ void read_points_text(Model& model, const fs::path& path) {
 
 // ---- binary
 
-/// How many parameters each camera has. Models of forks took numbers that COLMAP has given to others since: the file's
-/// length tells which is meant.
-int parameters_of(int id, BinaryInput& in, std::uint64_t cameras) {
+/// The kind of all cameras of a file, of which the first has the id. Models of forks took numbers that COLMAP has given
+/// to others since: the file's length tells which is meant.
+Kind kind_of(int id, BinaryInput& in, std::uint64_t cameras) {
   constexpr std::uint64_t kFixed = 4 + 4 + 8 + 8;
   const std::uint64_t each = in.size() > 8 && cameras > 0 ? (in.size() - 8) / cameras : 0;
   const auto length_says = [&](std::uint64_t count) { return each == kFixed + 8 * count; };
-  if (id == kForksOwn && length_says(2)) return 2;
-  if (id == kSphere && length_says(3)) return 3;
-  if (id >= 0 && id < static_cast<int>(kParameters.size())) return kParameters[static_cast<std::size_t>(id)];
+  if (id == kForksOwn && length_says(2)) return {"SPHERICAL", 2};
+  if (id == kSphere && length_says(3)) return {"SPHERE", 3};
+  if (id >= 0 && id < static_cast<int>(kKinds.size())) return kKinds[static_cast<std::size_t>(id)];
   in.refuse("the camera's model is " + std::to_string(id) + ", expected 0 to 17");
 }
 
@@ -167,16 +187,12 @@ void read_cameras_binary(Model& model, const fs::path& path) {
   const std::uint64_t count = in.count("cameras", 24);
   for (std::uint64_t i = 0; i < count; ++i) {
     const auto id = in.number<std::uint32_t>();
-    const auto kind = in.number<std::int32_t>();
+    const Kind kind = kind_of(in.number<std::int32_t>(), in, count);
     const auto width = static_cast<double>(in.number<std::uint64_t>());
     const auto height = static_cast<double>(in.number<std::uint64_t>());
-    std::vector<double> parameters(static_cast<std::size_t>(parameters_of(kind, in, count)));
+    std::vector<double> parameters(static_cast<std::size_t>(kind.parameters));
     for (double& value : parameters) value = in.number<double>();
-    std::string name = "model " + std::to_string(kind);
-    if (kind <= 1) name = "PINHOLE";
-    if (kind == kEquirectangular || (kind == kForksOwn && parameters.size() == 2)) name = "EQUIRECTANGULAR";
-    if (kind == kSphere && parameters.size() == 3) name = "SPHERE";
-    add_camera(model, id, name, width, height, parameters, path, in.here());
+    add_camera(model, id, kind.name, width, height, parameters, path, in.here());
   }
   in.expect_end();
 }
