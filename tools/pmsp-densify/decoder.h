@@ -12,6 +12,7 @@
 
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
+#include "pmsp/io/pairing.h"
 
 namespace pmsp::tool {
 

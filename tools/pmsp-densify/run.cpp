@@ -283,6 +283,7 @@ class Run {
       images.let_go(std::move(*read.item));
       guard.check();
     }
+    if (verifier_ && report_.pairing && report_.pairing->doubtful) progress_.warning(report_.pairing->message);
     return index == 0 ? images.first_error() : "";
   }
 

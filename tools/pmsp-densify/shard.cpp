@@ -264,17 +264,20 @@ class ShardRun {
 
   void each_image(ImageSource& source, PairingVerifier* verifier, const InterruptGuard& guard,
                   const std::function<void(const SkippedKeyframe&)>& lost,
-                  const std::function<void(const ImageSource::Item&)>& visit) const {
+                  const std::function<void(const ImageSource::Item&)>& visit) {
     ImageReader images(source, map_, options_.threads > 0 ? options_.threads : usable_cpus(), verifier);
+    std::optional<PairingVerifier::Verdict> pairing;
     for (;;) {
       ImageReader::Read read = images.next();
+      if (read.pairing) pairing = read.pairing;
       guard.check();
       for (const SkippedKeyframe& skipped : read.skipped) lost(skipped);
-      if (!read.item) return;
+      if (!read.item) break;
       visit(*read.item);
       images.let_go(std::move(*read.item));
       guard.check();
     }
+    if (pairing && pairing->doubtful) progress_.warning(pairing->message);
   }
 
   // --- what is told --------------------------------------------------------------------------------------------------
