@@ -73,18 +73,4 @@ class ImageReader {
   std::future<Read> next_;  ///< after all that it uses
 };
 
-/// A mask in the size of the image that it is for.
-class MaskReader {
- public:
-  /// `path`: empty = there is no mask.
-  explicit MaskReader(std::filesystem::path path) : path_(std::move(path)) {}
-
-  /// Stays until the next call. Throws as read_mask.
-  ImageView<const std::uint8_t> mask_for(const Image<Rgb>& image);
-
- private:
-  std::filesystem::path path_;
-  Image<std::uint8_t> mask_;
-};
-
 }  // namespace pmsp::tool

@@ -253,7 +253,7 @@ class ShardRun {
       Keyframe keyframe = io::keyframe_of(map_, *map_.find_keyframe(item.keyframe_id));
       keyframe.scale = step_->scale_of(keyframe.id);
       keyframe.image = item.image.view();
-      keyframe.mask = mask_.mask_for(item.image);
+      keyframe.mask = masks_.mask_for(images->origin(keyframe.id).file, item.image.width(), item.image.height());
       const bool taken = densifier.add(keyframe);
       progress_.step({name_of(wave_), ++index, needed.size(), keyframe.id, taken, densifier.stats().points});
     });
@@ -349,7 +349,7 @@ class ShardRun {
   std::string first_error_;
   Ids depth_maps_;  ///< keyframes that get one
   Ids mine_;        ///< this shard's
-  MaskReader mask_{arguments_.mask};
+  MaskSource masks_{open_masks(arguments_)};
   std::string announced_backend_;
 };
 

@@ -91,9 +91,4 @@ struct VideoOptions {
 std::unique_ptr<ImageSource> open_video(const SlamMap& map, const std::filesystem::path& video,
                                         const VideoOptions& options = {});
 
-/// Reads a mask: 0 = ignore, any other = use. It is scaled to `width` x `height` without growing what may be used: a
-/// pixel is used (255, else 0) only if all that it covers is. Throws IoError, or InvalidInput when the shape is not
-/// that of the images or the mask leaves no pixel.
-Image<std::uint8_t> read_mask(const std::filesystem::path& path, int width, int height);
-
 }  // namespace pmsp
