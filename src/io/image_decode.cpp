@@ -2,10 +2,15 @@
 #include "image_decode.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <fstream>
 #include <initializer_list>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
@@ -37,6 +42,7 @@ std::vector<std::uint8_t> read_bytes(const std::filesystem::path& path) {
 struct Header {
   std::uint64_t width = 0;
   std::uint64_t height = 0;
+  bool is_jpeg = false;
   bool truncated = false;  ///< a JPEG whose end-of-image marker is missing
 };
 
@@ -51,6 +57,7 @@ std::uint64_t big_endian(const std::vector<std::uint8_t>& bytes, std::size_t at,
 Header jpeg_header(const std::vector<std::uint8_t>& bytes) {
   constexpr std::uint8_t kMark = 0xFF, kEnd = 0xD9, kScan = 0xDA, kTables = 0xC4, kExtension = 0xC8, kCoding = 0xCC;
   Header header;
+  header.is_jpeg = true;
   std::size_t at = 2;
   while (at + 4 <= bytes.size() && bytes[at] == kMark && bytes[at + 1] != kScan) {
     const std::uint8_t kind = bytes[at + 1];
@@ -71,12 +78,42 @@ Header jpeg_header(const std::vector<std::uint8_t>& bytes) {
   return header;
 }
 
+/// The number that follows a key in the XMP data of a JPEG, as an attribute or an element; nullopt where there is none.
+std::optional<double> xmp_number(const std::string& text, const std::string& key) {
+  const std::size_t at = text.find(key);
+  if (at == std::string::npos) return std::nullopt;
+  const std::size_t number = text.find_first_of("0123456789", at + key.size());
+  if (number == std::string::npos || number > at + key.size() + 4) return std::nullopt;  // ="4096" or >4096
+  return std::strtod(text.substr(number, 20).c_str(), nullptr);
+}
+
+/// Cameras and stitchers write how much of the sphere a JPEG covers. A part taken for the whole bends everything.
+void refuse_crop(const std::filesystem::path& path, const std::vector<std::uint8_t>& bytes) {
+  const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const std::size_t begin = all.find("<x:xmpmeta");
+  const std::size_t end = begin == std::string_view::npos ? begin : all.find("</x:xmpmeta>", begin);
+  if (end == std::string_view::npos) return;
+  const std::string text(all.substr(begin, end - begin));
+  const auto full_width = xmp_number(text, "GPano:FullPanoWidthPixels");
+  const auto full_height = xmp_number(text, "GPano:FullPanoHeightPixels");
+  const auto width = xmp_number(text, "GPano:CroppedAreaImageWidthPixels");
+  const auto height = xmp_number(text, "GPano:CroppedAreaImageHeightPixels");
+  if (!full_width || !full_height || !width || !height || (*width >= *full_width && *height >= *full_height)) return;
+  const auto size = [](double w, double h) {
+    return std::to_string(std::llround(w)) + "x" + std::to_string(std::llround(h));
+  };
+  throw InvalidInput(path.string() + ": is a part of a panorama: " + size(*width, *height) + " of " +
+                     size(*full_width, *full_height) +
+                     " pixels by its GPano data (CroppedArea...); expected the whole sphere: fill it up with black to "
+                     "that size, remake the map from such images, and give --mask for the black");
+}
+
 Header header_of(const std::vector<std::uint8_t>& bytes) {
   const auto starts_with = [&](std::initializer_list<std::uint8_t> magic) {
     return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
   };
   if (starts_with({0xFF, 0xD8}) && bytes.size() >= 4) return jpeg_header(bytes);
-  if (starts_with({0x89, 'P', 'N', 'G'})) return {big_endian(bytes, 16, 4), big_endian(bytes, 20, 4), false};
+  if (starts_with({0x89, 'P', 'N', 'G'})) return {big_endian(bytes, 16, 4), big_endian(bytes, 20, 4), false, false};
   return {};
 }
 
@@ -88,6 +125,7 @@ cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags) {
   if (header.width * header.height > kMaxPixels)  // a small file may promise gigabytes, which OpenCV would allocate
     throw IoError(path.string() + ": is " + std::to_string(header.width) + "x" + std::to_string(header.height) +
                   " pixels, which are too many; expected 16384x8192 at most");
+  if (header.is_jpeg) refuse_crop(path, bytes);
   if (header.truncated)
     throw IoError(path.string() + ": the JPEG ends after " + std::to_string(bytes.size()) +
                   " bytes without its end marker; copy the file again");

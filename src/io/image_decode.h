@@ -11,7 +11,8 @@
 namespace pmsp::io {
 
 /// Decodes an image file; `imread_flags` as cv::imread takes them. Throws IoError, naming the path, also for a JPEG
-/// that ends too early, which OpenCV would fill with gray.
+/// that ends too early, which OpenCV would fill with gray; InvalidInput for a JPEG that says it is a part of a
+/// panorama.
 cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags);
 
 /// 8-bit BGR to RGB.

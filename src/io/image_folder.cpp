@@ -12,13 +12,15 @@
 #include "image_naming.h"
 #include "pmsp/error.h"
 #include "pmsp/io/image_source.h"
+#include "pmsp/io/pairing.h"
 
 namespace pmsp {
 namespace {
 
 constexpr std::size_t kTrialRuns = 3;  ///< pairs of neighbouring keyframes that a reading is tried on
 constexpr int kTrialComparisons = 30;  ///< fewer say nothing
-constexpr double kTrialClear = 0.7;    ///< agreement that no shifted pairing reaches
+constexpr double kTrialClear = 0.8;    ///< likeness that no shifted pairing reaches
+constexpr double kTrialBetter = 0.03;  ///< of the likeness, by which a less plausible reading must be better
 constexpr int kTrialWidth = 960;       ///< [px] to which larger JPEGs are reduced while they are decoded
 
 /// Keyframes of a reading that have a file, in order of time.
@@ -78,15 +80,14 @@ PairingVerifier::Verdict try_reading(const SlamMap& map, const io::Reading& read
 std::size_t choose_reading(const SlamMap& map, const std::vector<io::Reading>& readings,
                            const std::vector<io::NumberedFile>& files) {
   std::size_t best = 0;
-  double best_agreement = -1.0;
+  std::optional<double> best_likeness;
   for (std::size_t i = 0; i < readings.size() && readings.size() > 1; ++i) {
     const PairingVerifier::Verdict verdict = try_reading(map, readings[i], files);
     if (verdict.comparisons < kTrialComparisons) continue;
-    if (verdict.agreement >= kTrialClear) return i;
-    if (verdict.agreement > best_agreement) {
-      best_agreement = verdict.agreement;
-      best = i;
-    }
+    if (verdict.likeness >= kTrialClear) return i;
+    if (best_likeness && verdict.likeness <= *best_likeness + kTrialBetter) continue;
+    best_likeness = verdict.likeness;
+    best = i;
   }
   return best;
 }

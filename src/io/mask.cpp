@@ -2,11 +2,14 @@
 #include <algorithm>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <string>
+#include <unordered_map>
+#include <vector>
 
 #include "image_decode.h"
 #include "pmsp/error.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/mask.h"
 
 namespace pmsp {
 namespace {
@@ -21,6 +24,36 @@ Span covered(int i, int n_source, int n_target) {
   const std::int64_t begin = static_cast<std::int64_t>(i) * n_source / n_target;
   const std::int64_t end = ((static_cast<std::int64_t>(i) + 1) * n_source + n_target - 1) / n_target;
   return {static_cast<int>(begin), static_cast<int>(end)};
+}
+
+constexpr int kLookedAt = 640;  ///< columns and rows at most
+constexpr std::size_t kCommonest = 8;
+constexpr double kMaxOthers = 0.1;
+
+/// Masks have few colours; soft edges and JPEG add others to few pixels.
+void refuse_photo(const std::filesystem::path& path, const cv::Mat& image) {
+  cv::Mat some;
+  cv::resize(image, some, {std::min(image.cols, kLookedAt), std::min(image.rows, kLookedAt)}, 0, 0, cv::INTER_NEAREST);
+  some.convertTo(some, CV_16U);
+  std::unordered_map<std::uint64_t, int> colours;
+  const int looked_at = some.rows * some.cols;
+  for (int y = 0; y < some.rows; ++y) {
+    const auto* row = some.ptr<std::uint16_t>(y);
+    for (int x = 0; x < some.cols; ++x) {
+      std::uint64_t colour = 0;
+      for (int c = 0; c < some.channels(); ++c) colour = colour << 16U | row[x * some.channels() + c];
+      ++colours[colour];
+    }
+  }
+  std::vector<int> counts;
+  for (const auto& colour : colours) counts.push_back(colour.second);
+  std::sort(counts.rbegin(), counts.rend());
+  int others = 0;
+  for (std::size_t i = kCommonest; i < counts.size(); ++i) others += counts[i];
+  if (others <= kMaxOthers * looked_at) return;
+  throw InvalidInput(path.string() + ": is no mask: it has " + std::to_string(counts.size()) +
+                     " colours, as a photo or a depth map; expected an image that is 0 (black) where to ignore and one "
+                     "other colour where to use");
 }
 
 /// 255 where any channel is not 0.
@@ -40,8 +73,10 @@ Image<std::uint8_t> read_mask(const std::filesystem::path& path, int width, int 
   if (width <= 0 || height <= 0)
     throw InvalidOption("read_mask: size " + std::to_string(width) + "x" + std::to_string(height) + ", expected > 0");
   // Depth is kept and gray is not made here: both would round small values to 0.
-  const cv::Mat mask = usable_pixels(
-      io::decode_image_file(path, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION));
+  const cv::Mat image =
+      io::decode_image_file(path, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  refuse_photo(path, image);
+  const cv::Mat mask = usable_pixels(image);
   if (static_cast<std::int64_t>(mask.cols) * height != static_cast<std::int64_t>(mask.rows) * width)
     throw InvalidInput(path.string() + ": the mask is " + std::to_string(mask.cols) + "x" + std::to_string(mask.rows) +
                        ", but the images are " + std::to_string(width) + "x" + std::to_string(height) +

@@ -35,6 +35,7 @@ Json to_json(const ShardJob& job) {
           {"video", job.video},
           {"mask", job.mask},
           {"mask_bytes", job.mask_bytes},
+          {"mask_nadir", job.mask_nadir},
           {"fps", job.fps},
           {"frame_offset", job.frame_offset},
           {"points", job.points},
@@ -56,6 +57,7 @@ ShardJob job_from(const Json& json) {
   job.video = json.at("video").get<std::string>();
   job.mask = json.at("mask").get<std::string>();
   job.mask_bytes = json.at("mask_bytes").get<std::string>();
+  job.mask_nadir = json.value("mask_nadir", 0.0);
   job.fps = json.at("fps").get<double>();
   job.frame_offset = json.at("frame_offset").get<std::int64_t>();
   job.points = json.value("points", "");

@@ -126,6 +126,30 @@ TEST_CASE("the bytes do not depend on the number of threads, but on the seed") {
   CHECK(one != read_text(dir / "s.ply"));
 }
 
+TEST_CASE("masks come as one image, one for each image, or a cap at the nadir") {
+  const TempDir dir;
+  const std::string one = (mission() / "mask.png").string();
+  std::filesystem::create_directory(dir / "masks");
+  for (int i = 0; i < 5; ++i) {
+    std::filesystem::copy(one, dir / "masks" / ("00000" + std::to_string(i) + ".png.png"));
+  }
+  REQUIRE(densify(quick_run(dir / "one.ply", {"--mask", one})).code == 0);
+  const Result each = densify(quick_run(dir / "each.ply", {"--mask", (dir / "masks").string()}));
+  INFO(each.err);
+  REQUIRE(each.code == 0);
+  CHECK_THAT(each.err, Contains("5 of 5 images have one"));
+  REQUIRE(densify(quick_run(dir / "nadir.ply", {"--mask-nadir", "20"})).code == 0);
+  REQUIRE(densify(quick_run(dir / "none.ply", {})).code == 0);
+  const bool each_as_one = read_text(dir / "each.ply") == read_text(dir / "one.ply");
+  CHECK(each_as_one);
+  const bool nadir_matters = read_text(dir / "nadir.ply") != read_text(dir / "none.ply");
+  CHECK(nadir_matters);
+  const bool one_matters = read_text(dir / "one.ply") != read_text(dir / "none.ply");
+  CHECK(one_matters);
+  CHECK(densify(quick_run(dir / "c.ply", {"--mask", (mission() / "images" / "000000.png").string()})).code == 3);
+  CHECK(densify(quick_run(dir / "c.ply", {"--mask-nadir", "100"})).code == 2);
+}
+
 TEST_CASE("images of other keyframes are refused, unless told not to look") {
   const TempDir dir;
   std::filesystem::create_directory(dir / "images");

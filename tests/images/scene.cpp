@@ -88,13 +88,15 @@ int gray_frame(const Image<Rgb>& image) {
   return static_cast<int>(std::lround(image(image.width() / 2, image.height() / 2).g / static_cast<double>(kGrayStep)));
 }
 
-Image<Rgb> render_room(int frame, int width) {
+Image<Rgb> render_room(int frame, int width, double tile) {
   Image<Rgb> image(width, width / 2);
   const RigidTransform world_from_cam = cam_from_world_at(frame).inverse();
   for (int y = 0; y < image.height(); ++y)
     for (int x = 0; x < width; ++x) {
       const Eigen::Vector3d bearing = bearing_from_pixel({x + 0.5, y + 0.5}, width, width / 2);
-      const double v = texture(hit_wall(world_from_cam.translation, world_from_cam.rotation * bearing));
+      Eigen::Vector3d point = hit_wall(world_from_cam.translation, world_from_cam.rotation * bearing);
+      if (tile > 0.0) point -= tile * (point / tile).array().floor().matrix();
+      const double v = texture(point);
       const auto level = [v](double from, double to) { return static_cast<std::uint8_t>(from + (to - from) * v); };
       image(x, y) = {level(20, 230), level(40, 200), level(90, 120)};
     }

@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <cstdio>
 #include <fstream>
+#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 
 #include "pmsp/error.h"
@@ -195,6 +196,32 @@ TEST_CASE("A wrong size, a cut and a broken file are named, and the rest can be 
   CHECK_THROWS_AS(source->next(), IoError);
   CHECK_THROWS_WITH(source->next(), Contains("000013.jpg") && Contains("empty"));
   CHECK(drain(*source).frames == Frames{19, 31});
+}
+
+TEST_CASE("A part of a panorama is refused, a whole one is taken whatever its XMP data say") {
+  TempDir folder;
+  const auto shots = shots_from(0.0);
+  write_frames(folder, "%06lld.jpg", shots);
+  const auto tag = [&](const std::string& name, const std::string& xmp) {
+    std::ifstream in(folder / name, std::ios::binary);
+    std::string bytes((std::istreambuf_iterator<char>(in)), {});
+    const std::string data =
+        "http://ns.adobe.com/xap/1.0/" + std::string(1, '\0') + "<x:xmpmeta>" + xmp + "</x:xmpmeta>";
+    const std::size_t size = data.size() + 2;
+    bytes.insert(2, "\xFF\xE1" + std::string{static_cast<char>(size >> 8U), static_cast<char>(size & 255U)} + data);
+    std::ofstream(folder / name, std::ios::binary) << bytes;
+  };
+  tag("000000.jpg",
+      "<a GPano:FullPanoWidthPixels=\"128\" GPano:FullPanoHeightPixels=\"64\" "
+      "GPano:CroppedAreaImageWidthPixels=\"64\" GPano:CroppedAreaImageHeightPixels=\"32\"/>");
+  tag("000001.jpg",
+      "<GPano:FullPanoWidthPixels>64</GPano:FullPanoWidthPixels><GPano:FullPanoHeightPixels>32</GPano:"
+      "FullPanoHeightPixels><GPano:CroppedAreaImageWidthPixels>64</GPano:CroppedAreaImageWidthPixels><GPano:"
+      "CroppedAreaImageHeightPixels>32</GPano:CroppedAreaImageHeightPixels>");
+  tag("000005.jpg", "<a GPano:FullPanoWidthPixels=\"\" GPano:CroppedAreaImageWidthPixels=\"x\"/>");
+  const auto source = open_image_folder(bare_map(shots), folder.path());
+  CHECK_THROWS_WITH(source->next(), Contains("000000.jpg") && Contains("64x32 of 128x64") && Contains("GPano"));
+  CHECK(drain(*source).frames == Frames{1, 5, 13, 19, 31});
 }
 
 TEST_CASE("Images that are decoded ahead come in the same order; a source may go while some are being decoded") {

@@ -2,9 +2,12 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <fstream>
+#include <initializer_list>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "pmsp/error.h"
+#include "pmsp/io/mask.h"
 #include "scene.h"
 
 using namespace pmsp;
@@ -83,4 +86,85 @@ TEST_CASE("Masks that cannot be meant are refused") {
   CHECK_THROWS_AS(read_mask(folder / "black.png", 64, 32), InvalidInput);
   cv::imwrite((folder / "good.png").string(), mask_with_hole(64, 32, 0, 0));
   CHECK_THROWS_AS(read_mask(folder / "good.png", 0, 0), InvalidOption);
+}
+
+TEST_CASE("A photo or a depth map is no mask, soft edges and JPEG are none the less") {
+  TempDir folder;
+  write_image(folder / "photo.png", render_room(3));
+  CHECK_THROWS_WITH(read_mask(folder / "photo.png", 64, 32), Contains("photo.png") && Contains("is no mask"));
+  cv::Mat depth(160, 320, CV_16UC1);
+  for (int i = 0; i < 160 * 320; ++i) depth.at<std::uint16_t>(i / 320, i % 320) = static_cast<std::uint16_t>(i);
+  cv::imwrite((folder / "depth.png").string(), depth);
+  CHECK_THROWS_WITH(read_mask(folder / "depth.png", 64, 32), Contains("is no mask"));
+
+  cv::Mat soft = cv::Mat(160, 320, CV_8UC1, cv::Scalar(255));
+  cv::circle(soft, {160, 80}, 40, cv::Scalar(0), -1, cv::LINE_AA);
+  cv::GaussianBlur(soft, soft, {7, 7}, 2.0);
+  for (const char* name : {"soft.png", "soft.jpg"}) {
+    cv::imwrite((folder / name).string(), soft);
+    CHECK(read_mask(folder / name, 320, 160)(160, 80) == 0);
+  }
+}
+
+TEST_CASE("A folder holds a mask for each image, under COLMAP's names or with another ending") {
+  TempDir images;
+  TempDir masks;
+  std::filesystem::create_directories(images / "left");
+  std::filesystem::create_directories(masks / "left");
+  for (const char* name : {"1.jpg", "2.jpg", "left/3.jpg"}) std::ofstream(images / name) << "an image";
+  cv::imwrite((masks / "1.jpg.png").string(), mask_with_hole(64, 32, 1, 0));
+  cv::imwrite((masks / "left/3.png").string(), mask_with_hole(64, 32, 3, 0));
+  MaskSource source({masks.path(), images.path(), 0.0});
+  CHECK(source.is_folder());
+  CHECK(source.mask_for(images / "1.jpg", 64, 32)(1, 0) == 0);
+  CHECK(source.mask_for(images / "left/3.jpg", 64, 32)(3, 0) == 0);
+  CHECK(source.mask_for(images / "left/3.jpg", 32, 16)(1, 0) == 0);  // in the image's size
+  CHECK(source.mask_for(images / "2.jpg", 64, 32).empty());
+  CHECK(source.count({images / "1.jpg", images / "2.jpg", images / "left/3.jpg"}) == 2);
+  CHECK_THROWS_WITH(source.count({images / "2.jpg"}), Contains("2.jpg.png") && Contains("2.png"));
+  CHECK(MaskSource({images.path(), images.path(), 0.0}).file_for(images / "1.png").empty());
+}
+
+TEST_CASE("A cap at the nadir is ignored, alone and with a mask") {
+  TempDir folder;
+  cv::imwrite((folder / "mask.png").string(), mask_with_hole(64, 32, 5, 2));
+  for (const auto& path : {std::filesystem::path(), folder / "mask.png"}) {
+    MaskSource source({path, {}, 45.0});  // a quarter of the rows
+    const auto mask = source.mask_for("any.jpg", 64, 32);
+    CHECK(mask(0, 23) == 255);
+    CHECK(mask(0, 24) == 0);
+    CHECK(mask(63, 31) == 0);
+    CHECK(mask(5, 2) == (path.empty() ? 255 : 0));
+  }
+  CHECK(MaskSource({}).mask_for("any.jpg", 64, 32).empty());
+  CHECK_THROWS_AS(MaskSource({{}, {}, 91.0}), InvalidOption);
+  CHECK_THROWS_AS(MaskSource({folder / "missing.png", {}, 0.0}), IoError);
+}
+
+TEST_CASE("Rectangles of the SLAM's configuration are ignored, however they are written") {
+  TempDir folder;
+  for (const char* text :
+       {"Camera:\n  name: x\nPreprocessing:\n  min_size: 800\n  mask_rectangles:\n"
+        "    - [0.0, 1.0, 0.0, 0.1]  # the pole\n    - [0.5, 0.75, 0.5, 1.0]\nFeature:\n  a: 1\n",
+        "Feature.mask_rectangles: [[0.0, 1.0, 0.0, 0.1], [0.5, 0.75, 0.5, 1.0]]\n",
+        "Preprocessing: \n  mask_rectangles:\n  - [0, 1, 0, 0.1]\n  - [ .5 , 7.5e-1,\n    0.5, 1]"}) {
+    std::ofstream(folder / "camera.yaml") << text;
+    MaskSource source({folder / "camera.yaml", {}, 0.0});
+    const auto mask = source.mask_for("any.jpg", 64, 32);
+    CHECK(mask(0, 3) == 0);
+    CHECK(mask(0, 4) == 255);
+    CHECK(mask(32, 16) == 0);
+    CHECK(mask(47, 31) == 0);
+    CHECK(mask(48, 31) == 255);
+    CHECK(mask(31, 31) == 255);
+  }
+  for (const char* text :
+       {"", "Camera:\n  name: x\n", "mask_rectangles:\n", "mask_rectangles: [[0, 1, 0]]\n",
+        "mask_rectangles: [[0, 1, 0, 1.5]]\n", "mask_rectangles: [[0.5, 0.2, 0, 1]]\n",
+        "mask_rectangles: [[nan, 1, 0, 1]]\n", "mask_rectangles: none\n", "mask_rectangles: [[0, 1, 0, 1\n",
+        "mask_rectangles: [0, 1, 0, 1, 2, 3, 4]\n", "mask_rectangles:\n  - 0.1\n"}) {
+    INFO(text);
+    std::ofstream(folder / "camera.yml") << text;
+    CHECK_THROWS_WITH(MaskSource({folder / "camera.yml", {}, 0.0}), Contains("mask_rectangles: with lines such as"));
+  }
 }

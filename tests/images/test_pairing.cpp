@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "pmsp/error.h"
+#include "pmsp/io/pairing.h"
 #include "scene.h"
 
 using namespace pmsp;

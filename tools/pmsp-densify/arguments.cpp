@@ -47,6 +47,12 @@ double frame_rate_from(const std::string& text) {
   throw UsageError("--fps is \"" + text + "\"; expected frames per second up to 1000000, or 0 for the map's own");
 }
 
+double mask_nadir_from(const std::string& text) {
+  const auto radius = number_from<double>(text);
+  if (radius && *radius >= 0.0 && *radius <= 90.0) return *radius;
+  throw UsageError("--mask-nadir is \"" + text + "\"; expected degrees, 0 to 90");
+}
+
 double idle_seconds_from(const std::string& text) {
   const auto seconds = number_from<double>(text);
   if (seconds && *seconds >= 0.0 && *seconds <= 1e6) return *seconds;
@@ -194,8 +200,16 @@ void add_behaviour(CLI::App& app, Arguments& a) {
 
 void add_run(CLI::App& app, Arguments& a) {
   add_inputs(app, a);
-  app.add_option("--mask", a.mask, "Image whose black pixels are ignored in every keyframe")
-      ->type_name("FILE")
+  app.add_option(
+         "--mask", a.mask,
+         "Image whose black pixels are ignored in every keyframe; or a folder with one for each image (7.jpg.png "
+         "or 7.png for 7.jpg); or a YAML configuration of the SLAM, for its mask_rectangles")
+      ->type_name("FILE|DIR")
+      ->group("Input");
+  app.add_option_function<std::string>(
+         "--mask-nadir", [&a](const std::string& text) { a.mask_nadir = mask_nadir_from(text); },
+         "Radius of a cap below the camera that is ignored, for a rig or a hand [deg, 0 to 90; default 0 = none]")
+      ->type_name("DEG")
       ->group("Input");
   app.add_flag("--no-verify", a.no_verify,
                "Do not check that the images belong to their keyframes, nor the conventions of MAP")

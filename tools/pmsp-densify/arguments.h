@@ -27,6 +27,7 @@ struct Arguments {
   std::filesystem::path images;
   std::filesystem::path video;
   std::filesystem::path mask;
+  double mask_nadir = 0.0;  ///< [deg]
   std::int64_t frame_offset = 0;
   double fps = 0.0;
   bool no_verify = false;

@@ -72,12 +72,4 @@ ImageReader::Read ImageReader::next() {
   return read;
 }
 
-ImageView<const std::uint8_t> MaskReader::mask_for(const Image<Rgb>& image) {
-  if (path_.empty()) return {};
-  if (mask_.width() != image.width() || mask_.height() != image.height()) {
-    mask_ = read_mask(path_, image.width(), image.height());
-  }
-  return static_cast<const Image<std::uint8_t>&>(mask_).view();
-}
-
 }  // namespace pmsp::tool

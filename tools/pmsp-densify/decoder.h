@@ -12,6 +12,7 @@
 
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
+#include "pmsp/io/pairing.h"
 
 namespace pmsp::tool {
 
@@ -70,20 +71,6 @@ class ImageReader {
   PairingVerifier* verifier_;
   std::optional<ImageSource::Item> done_;
   std::future<Read> next_;  ///< after all that it uses
-};
-
-/// A mask in the size of the image that it is for.
-class MaskReader {
- public:
-  /// `path`: empty = there is no mask.
-  explicit MaskReader(std::filesystem::path path) : path_(std::move(path)) {}
-
-  /// Stays until the next call. Throws as read_mask.
-  ImageView<const std::uint8_t> mask_for(const Image<Rgb>& image);
-
- private:
-  std::filesystem::path path_;
-  Image<std::uint8_t> mask_;
 };
 
 }  // namespace pmsp::tool

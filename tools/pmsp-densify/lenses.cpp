@@ -27,7 +27,7 @@ LensDistance estimate(const Arguments& arguments, const DensifierOptions& option
   source->restrict_to({ids.begin(), ids.end()});
   const Executor executor(options.threads, options.simd);
   ImageReader images(*source, map, executor.threads(), nullptr);
-  MaskReader mask(arguments.mask);
+  MaskSource masks = open_masks(arguments);
   LensDistanceEstimator estimator;
   while (true) {
     ImageReader::Read read = images.next();
@@ -36,7 +36,8 @@ LensDistance estimate(const Arguments& arguments, const DensifierOptions& option
     if (found == nullptr) continue;
     Keyframe keyframe = io::keyframe_of(map, *found);
     keyframe.image = read.item->image.view();
-    keyframe.mask = mask.mask_for(read.item->image);
+    const Image<Rgb>& image = read.item->image;
+    keyframe.mask = masks.mask_for(source->origin(found->id).file, image.width(), image.height());
     estimator.add(keyframe);
     images.let_go(std::move(*read.item));
   }

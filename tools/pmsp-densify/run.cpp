@@ -162,6 +162,12 @@ class Run {
                       std::to_string(map_.landmarks.size()) + " landmarks");
     for (const std::string& remark : about_map) progress_.message(remark);
     progress_.message("images: " + report_.images);
+    if (masks_.is_folder()) {
+      std::vector<std::filesystem::path> images;
+      for (const std::int64_t id : source_->keyframe_ids()) images.push_back(source_->origin(id).file);
+      progress_.message("masks: " + std::to_string(masks_.count(images)) + " of " + std::to_string(images.size()) +
+                        " images have one in " + arguments_.mask.string());
+    }
     if (map_.landmarks.empty()) {
       progress_.warning(
           "neither the map nor the images give landmarks; without them no keyframe gets a depth range, nor a depth "
@@ -283,6 +289,7 @@ class Run {
       images.let_go(std::move(*read.item));
       guard.check();
     }
+    if (verifier_ && report_.pairing && report_.pairing->doubtful) progress_.warning(report_.pairing->message);
     return index == 0 ? images.first_error() : "";
   }
 
@@ -293,7 +300,7 @@ class Run {
     Keyframe keyframe = io::keyframe_of(map_, *found);
     if (step_) keyframe.scale = step_->scale_of(keyframe.id);
     keyframe.image = item.image.view();
-    keyframe.mask = mask_.mask_for(item.image);
+    keyframe.mask = masks_.mask_for(source_->origin(keyframe.id).file, item.image.width(), item.image.height());
     if (preview_) {
       const Spent spent(report_.time, Busy::kPreview);
       const int width = report_.options.width > 0 ? report_.options.width : item.image.width();
@@ -348,7 +355,7 @@ class Run {
   std::optional<DepthMapFolder> filtered_;
   std::optional<Preview> preview_;
   std::unique_ptr<PairingVerifier> verifier_;
-  MaskReader mask_{arguments_.mask};
+  MaskSource masks_{open_masks(arguments_)};
   std::unique_ptr<WorkspaceStep> step_;  ///< before the densifier, which calls it
   std::size_t steps_ = 0;                ///< images that it needs
   std::unique_ptr<Densifier> densifier_;
@@ -362,6 +369,22 @@ std::vector<std::filesystem::path> written_before(const Arguments& arguments, co
 }
 
 }  // namespace
+
+MaskSource open_masks(const Arguments& arguments) {
+  return MaskSource({arguments.mask, arguments.images, arguments.mask_nadir});
+}
+
+std::string masks_text(const Arguments& arguments, workspace::Workspace& workspace) {
+  std::error_code ignored;
+  std::string text;
+  if (std::filesystem::is_directory(arguments.mask, ignored)) {
+    text = "one for each image";
+  } else if (!arguments.mask.empty()) {
+    text = workspace.fingerprint(arguments.mask);
+  }
+  if (arguments.mask_nadir > 0.0) text += ", nadir " + nlohmann::json(arguments.mask_nadir).dump();
+  return text;
+}
 
 std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamMap& map) {
   if (!arguments.images.empty()) {

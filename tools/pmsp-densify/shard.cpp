@@ -253,7 +253,7 @@ class ShardRun {
       Keyframe keyframe = io::keyframe_of(map_, *map_.find_keyframe(item.keyframe_id));
       keyframe.scale = step_->scale_of(keyframe.id);
       keyframe.image = item.image.view();
-      keyframe.mask = mask_.mask_for(item.image);
+      keyframe.mask = masks_.mask_for(images->origin(keyframe.id).file, item.image.width(), item.image.height());
       const bool taken = densifier.add(keyframe);
       progress_.step({name_of(wave_), ++index, needed.size(), keyframe.id, taken, densifier.stats().points});
     });
@@ -264,17 +264,20 @@ class ShardRun {
 
   void each_image(ImageSource& source, PairingVerifier* verifier, const InterruptGuard& guard,
                   const std::function<void(const SkippedKeyframe&)>& lost,
-                  const std::function<void(const ImageSource::Item&)>& visit) const {
+                  const std::function<void(const ImageSource::Item&)>& visit) {
     ImageReader images(source, map_, options_.threads > 0 ? options_.threads : usable_cpus(), verifier);
+    std::optional<PairingVerifier::Verdict> pairing;
     for (;;) {
       ImageReader::Read read = images.next();
+      if (read.pairing) pairing = read.pairing;
       guard.check();
       for (const SkippedKeyframe& skipped : read.skipped) lost(skipped);
-      if (!read.item) return;
+      if (!read.item) break;
       visit(*read.item);
       images.let_go(std::move(*read.item));
       guard.check();
     }
+    if (pairing && pairing->doubtful) progress_.warning(pairing->message);
   }
 
   // --- what is told --------------------------------------------------------------------------------------------------
@@ -346,7 +349,7 @@ class ShardRun {
   std::string first_error_;
   Ids depth_maps_;  ///< keyframes that get one
   Ids mine_;        ///< this shard's
-  MaskReader mask_{arguments_.mask};
+  MaskSource masks_{open_masks(arguments_)};
   std::string announced_backend_;
 };
 

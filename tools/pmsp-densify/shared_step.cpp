@@ -6,6 +6,7 @@
 
 #include "pmsp/error.h"
 #include "targets.h"
+#include "verbs.h"
 
 namespace pmsp::tool {
 namespace {
@@ -63,7 +64,8 @@ workspace::ShardJob shared_job(const Arguments& arguments, const DensifierOption
   job.images = shared_path(arguments.images, arguments);
   job.video = shared_path(arguments.video, arguments);
   job.mask = shared_path(arguments.mask, arguments);
-  if (!arguments.mask.empty()) job.mask_bytes = workspace.fingerprint(arguments.mask);
+  job.mask_bytes = masks_text(arguments, workspace);
+  job.mask_nadir = arguments.mask_nadir;
   job.fps = arguments.fps;
   job.frame_offset = arguments.frame_offset;
   job.points = shared_path(arguments.points, arguments);
@@ -163,6 +165,7 @@ Merge::Merge(const Arguments& given, workspace::Workspace& the_workspace) : work
   arguments.images = there(job.images);
   arguments.video = there(job.video);
   arguments.mask = there(job.mask);
+  arguments.mask_nadir = job.mask_nadir;
   arguments.fps = job.fps;
   arguments.frame_offset = job.frame_offset;
   arguments.points = there(job.points);

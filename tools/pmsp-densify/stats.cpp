@@ -148,11 +148,10 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                       {"corrected", it.significant}};
   }
   if (report.pairing) {
-    json["pairing"] = {{"comparisons", report.pairing->comparisons},
-                       {"agreement", report.pairing->agreement},
-                       {"conclusive", report.pairing->conclusive},
-                       {"belongs", report.pairing->belongs},
-                       {"message", report.pairing->message}};
+    json["pairing"] = {{"comparisons", report.pairing->comparisons}, {"agreement", report.pairing->agreement},
+                       {"by_chance", report.pairing->by_chance},     {"fit", report.pairing->fit},
+                       {"conclusive", report.pairing->conclusive},   {"belongs", report.pairing->belongs},
+                       {"doubtful", report.pairing->doubtful},       {"message", report.pairing->message}};
   }
   json["skipped"] = nlohmann::ordered_json::array();
   for (const SkippedKeyframe& skipped : report.skipped) {

@@ -10,6 +10,7 @@
 #include "lenses.h"
 #include "pmsp/densifier.h"
 #include "pmsp/io/image_source.h"
+#include "pmsp/io/pairing.h"
 #include "time_account.h"
 
 namespace pmsp::tool {

@@ -11,6 +11,7 @@
 #include "option_table.h"
 #include "pmsp/error.h"
 #include "targets.h"
+#include "verbs.h"
 #include "workspace/fingerprint.h"
 
 namespace pmsp::tool {
@@ -70,13 +71,14 @@ WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& a
       executor_(options.threads, options.simd) {
   workspace_.look_again();
   inputs_.options = options;
-  if (!arguments.mask.empty()) inputs_.mask = workspace_.fingerprint(arguments.mask);
+  inputs_.mask = masks_text(arguments, workspace_);
   inputs_.growing = growing;
   inputs_.ask_all_again = !arguments.depth_maps.empty() || !arguments.preview.empty();
 }
 
 std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable) {
   std::set<std::int64_t> fresh;
+  const MaskSource masks = open_masks(arguments_);
   for (const std::int64_t id : source.keyframe_ids()) {
     const ImageSource::Origin origin = source.origin(id);
     const Keyframe keyframe = io::keyframe_of(map_, *map_.find_keyframe(id));
@@ -85,6 +87,8 @@ std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std:
     it.looked_for = looked_for_text(options_);
     try {
       it.image = workspace_.fingerprint(origin.file) + (origin.frame.empty() ? "" : ", " + origin.frame);
+      if (masks.is_folder() && !masks.file_for(origin.file).empty())
+        it.image += ", mask " + workspace_.fingerprint(masks.file_for(origin.file));
     } catch (const IoError& error) {
       unreadable.push_back({id, error.what()});
       continue;

@@ -91,35 +91,4 @@ struct VideoOptions {
 std::unique_ptr<ImageSource> open_video(const SlamMap& map, const std::filesystem::path& video,
                                         const VideoOptions& options = {});
 
-/// Checks, while images stream by, that they belong to their keyframes: patches around landmarks that several keyframes
-/// see must look alike. Patches lie fixed in the world, so turning and approaching do no harm. Costs about 1.5 ms and
-/// 0.4 MB per keyframe with 1000 landmarks; the last four keyframes are kept.
-class PairingVerifier {
- public:
-  /// `map` must outlive the verifier.
-  explicit PairingVerifier(const SlamMap& map);
-  ~PairingVerifier();
-
-  /// Takes the next image, of any size. Throws InvalidInput when the map has no such keyframe or the image is empty.
-  void add(std::int64_t keyframe_id, ImageView<const Rgb> image);
-
-  struct Verdict {
-    int comparisons = 0;      ///< pairs of patches compared so far
-    double agreement = 0.0;   ///< share of them that look alike, 0 to 1
-    bool conclusive = false;  ///< enough comparisons to judge
-    bool belongs = true;      ///< false: the images evidently belong to other keyframes
-    std::string message;      ///< one sentence for people
-  };
-  Verdict verdict() const;
-
- private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
-};
-
-/// Reads a mask: 0 = ignore, any other = use. It is scaled to `width` x `height` without growing what may be used: a
-/// pixel is used (255, else 0) only if all that it covers is. Throws IoError, or InvalidInput when the shape is not
-/// that of the images or the mask leaves no pixel.
-Image<std::uint8_t> read_mask(const std::filesystem::path& path, int width, int height);
-
 }  // namespace pmsp
