@@ -118,8 +118,7 @@ void add_table(CLI::App& app, Arguments& a) {
 
 void add_cloud(CLI::App& app, Arguments& a) {
   const char* group = "Output";
-  app.add_option("-o,--output", a.output, "The cloud, binary PLY [default cloud.ply]")->type_name("FILE")->group(group);
-  app.add_flag("--double", a.double_positions, "Coordinates with 64 instead of 32 bits")->group(group);
+  add_cloud_options(app, a.cloud);
   app.add_flag("--force", a.force, "Overwrite outputs that exist")->group(group);
   app.add_option("--stats", a.stats, "Options, counts and times of each stage, skipped keyframes (JSON)")
       ->type_name("FILE")
@@ -328,6 +327,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
     throw UsageError(error.what());
   }
   refuse_extras(*app.get_subcommands().front());
+  check_cloud_arguments(a.cloud);
   a.verb = merge.parsed() ? Verb::kMerge : info.parsed() ? Verb::kInfo : config.parsed() ? Verb::kConfig : Verb::kRun;
   if (!a.images.empty() && !a.video.empty()) throw UsageError("--images and --video exclude each other");
   if (a.verb == Verb::kRun) check_run(a);

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "cloud_arguments.h"
 #include "option_table.h"
 #include "workspace/shards.h"
 
@@ -32,8 +33,7 @@ struct Arguments {
   bool no_verify = false;
   bool calibrate_lenses = true;
 
-  std::filesystem::path output = "cloud.ply";
-  bool double_positions = false;
+  CloudArguments cloud;
   bool force = false;
   std::filesystem::path depth_maps;
   std::filesystem::path raw_depth_maps;

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "pmsp/io/cloud_writer.h"
+#include "util/scratch_file.h"
+
+namespace pmsp {
+
+/// Points in a scratch file, in lists that grow. Each list is read in the order in which it was written.
+class PointSpool {
+ public:
+  PointSpool(const std::string& folder, std::size_t lists) : file_(folder), lists_(lists) {}
+
+  void add(std::size_t list, const OutputPoint& point) {
+    List& it = lists_[list];
+    if (it.waiting.capacity() == 0) it.waiting.reserve(kChunk);
+    it.waiting.push_back(point);
+    ++it.points;
+    if (it.waiting.size() == kChunk) flush(it);
+  }
+
+  std::size_t lists() const { return lists_.size(); }
+  std::int64_t points(std::size_t list) const { return lists_[list].points; }
+
+  /// Calls `take(points, count)` for one piece after the other.
+  template <class Take>
+  void read(std::size_t list, const Take& take) const {
+    const List& it = lists_[list];
+    std::vector<OutputPoint> chunk(it.chunks.empty() ? 0 : kChunk);
+    for (const std::uint64_t begin : it.chunks) {
+      file_.read(begin, static_cast<void*>(chunk.data()), kChunkBytes);
+      take(chunk.data(), kChunk);
+    }
+    if (!it.waiting.empty()) take(it.waiting.data(), it.waiting.size());
+  }
+
+  /// Forgets a list; its room is used again.
+  void drop(std::size_t list) {
+    for (const std::uint64_t begin : lists_[list].chunks) file_.give_back(begin, kChunkBytes);
+    lists_[list] = {};
+  }
+
+ private:
+  static constexpr std::size_t kChunk = 1024;
+  static constexpr std::size_t kChunkBytes = kChunk * sizeof(OutputPoint);
+  struct List {
+    std::vector<OutputPoint> waiting;
+    std::vector<std::uint64_t> chunks;
+    std::int64_t points = 0;
+  };
+
+  void flush(List& list) {
+    const std::uint64_t begin = file_.take(kChunkBytes);
+    file_.write(begin, list.waiting.data(), kChunkBytes);
+    list.chunks.push_back(begin);
+    list.waiting.clear();
+  }
+
+  ScratchFile file_;
+  std::vector<List> lists_;
+};
+
+}  // namespace pmsp
