@@ -9,11 +9,18 @@ namespace pmsp {
 // One file each.
 std::unique_ptr<CloudWriter> open_ply(const std::filesystem::path& path, const CloudHeader& header);
 std::unique_ptr<CloudWriter> open_las(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_colmap(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_nerfstudio(const std::filesystem::path& path, const CloudHeader& header);
+bool is_colmap_name(const std::string& name);
+bool is_nerfstudio_name(const std::string& name);
 
 const std::vector<CloudFormat>& cloud_formats() {
   static const std::vector<CloudFormat> formats{
       {"ply", ".ply", "binary PLY, with normals, colour, confidence and views", nullptr, open_ply},
       {"las", ".las", "LAS 1.4, point format 7, with the same as extra bytes", nullptr, open_las},
+      {"colmap", ".colmap", "model and images for COLMAP and trainers", is_colmap_name, open_colmap},
+      {"nerfstudio", ".nerfstudio", "images, transforms.json and points for trainers", is_nerfstudio_name,
+       open_nerfstudio},
   };
   return formats;
 }

@@ -7,7 +7,7 @@
 #include <tuple>
 #include <vector>
 
-#include "export/point_spool.h"
+#include "export/spool.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
@@ -41,7 +41,7 @@ class Thinning::Voxels {
 
   void finish(const Take& take) {
     for (std::size_t list = 0; list < kLists; ++list) {
-      const auto rounds = static_cast<std::uint64_t>(spool_.points(list) / kAtOnce + 1);
+      const auto rounds = static_cast<std::uint64_t>(spool_.size(list) / kAtOnce + 1);
       for (std::uint64_t round = 0; round < rounds; ++round) {
         best_of(list, rounds, round);
         if (!best_.empty()) take(best_.data(), best_.size());
@@ -81,7 +81,7 @@ class Thinning::Voxels {
   void best_of(std::size_t list, std::uint64_t rounds, std::uint64_t round) {
     best_.clear();
     std::size_t slots = 1024;
-    while (static_cast<std::int64_t>(slots) < 2 * std::min(spool_.points(list), kAtOnce)) slots *= 2;
+    while (static_cast<std::int64_t>(slots) < 2 * std::min(spool_.size(list), kAtOnce)) slots *= 2;
     slots_.assign(slots, 0);
     spool_.read(list, [&](const OutputPoint* points, std::size_t count) {
       for (const OutputPoint* point = points; point != points + count; ++point) {
@@ -119,7 +119,7 @@ class Thinning::Voxels {
   static constexpr std::int64_t kAtOnce = 1 << 19;
 
   double side_;
-  PointSpool spool_;
+  Spool<OutputPoint> spool_;
   std::vector<OutputPoint> best_;
   std::vector<std::uint32_t> slots_;
 };
@@ -182,7 +182,7 @@ class Thinning::Sample {
   std::size_t last_bin_ = kBins - 1;
   std::int64_t added_ = 0;
   std::int64_t check_at_ = 1 << 16;
-  PointSpool spool_;
+  Spool<OutputPoint> spool_;
 };
 
 Thinning::Thinning(const ThinningOptions& options, const std::string& scratch_folder) {

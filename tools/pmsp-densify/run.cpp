@@ -27,6 +27,7 @@
 #include "time_account.h"
 #include "util/thread_pool.h"
 #include "verbs.h"
+#include "view_images.h"
 #include "workspace_step.h"
 
 namespace pmsp::tool {
@@ -77,6 +78,7 @@ class Run {
     }
     report_.map = map_.path.string() + " (" + map_.format + ")";
     report_.images = source_->description();
+    views_ = std::make_unique<ViewImages>(arguments, map_, *source_);
     for (const std::filesystem::path& path : arguments.cloud.paths) report_.outputs.push_back(path.string());
     frame_ = find_cloud_frame(arguments.cloud.frame, map_);
     report_.keyframes = map_.keyframes.size();
@@ -188,7 +190,11 @@ class Run {
 
   void open_outputs(const DensifierOptions& options) {
     report_.cloud = cloud_json(arguments_.cloud, frame_);
-    const CloudHeader header = cloud_header(arguments_, options, map_, frame_);
+    CloudHeader header = cloud_header(arguments_, options, map_, frame_);
+    header.export_views = [this](const std::filesystem::path& folder) {
+      if (step_) step_->each_image_size([this](std::int64_t id, int w, int h) { views_->set_size(id, w, h); });
+      return views_->put(folder, frame_.file_from_map);
+    };
     output_ = std::make_unique<CloudOutput>(header, arguments_.cloud.amount, arguments_.cloud.targets(), threads_);
     const double scale = png_depth_scale(map_, options.init.range_margin);
     if (!arguments_.depth_maps.empty()) filtered_.emplace(arguments_.depth_maps, "filtered", map_, scale);
@@ -302,6 +308,7 @@ class Run {
     Keyframe keyframe = io::keyframe_of(map_, *found);
     if (step_) keyframe.scale = step_->scale_of(keyframe.id);
     keyframe.image = item.image.view();
+    views_->set_size(item.keyframe_id, item.image.width(), item.image.height());
     keyframe.mask = mask_.mask_for(item.image);
     if (preview_) {
       const Spent spent(report_.time, Busy::kPreview);
@@ -353,6 +360,7 @@ class Run {
   SlamMap map_;
   std::unique_ptr<ImageSource> source_;
   CloudFrame frame_;
+  std::unique_ptr<ViewImages> views_;
   std::unique_ptr<CloudOutput> output_;
   std::optional<DepthMapFolder> raw_;
   std::optional<DepthMapFolder> filtered_;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -34,8 +35,7 @@ struct OutputView {
   std::int64_t keyframe_id = 0;
   double timestamp = 0.0;        ///< [s]
   RigidTransform cam_from_file;  ///< from the frame of the file; in its unit
-  std::filesystem::path image;   ///< an equirectangular image
-  std::string name;              ///< under which the image goes into the output, unique; "000012.jpg"
+  std::string name;              ///< of its equirectangular image, unique; "000012.jpg"
   int width = 0, height = 0;     ///< of the image [px]
 };
 
@@ -49,12 +49,14 @@ struct CloudHeader {
   /// their offset and, where `resolution` is 0, their scale from it.
   Eigen::Vector3d center = Eigen::Vector3d::Zero();
   double reach = 1.0;
-  double resolution = 0.0;                  ///< of integer coordinates; 0 = about a ten-millionth of `reach`
-  bool double_positions = false;            ///< PLY: positions as double even where float would do
-  std::string wkt;                          ///< coordinate reference system of the file's frame, as WKT; "" = none
-  int year = 0, day_of_year = 0;            ///< of the data; 0 = not told
-  std::filesystem::path scratch = ".";      ///< folder for what memory should not hold
-  std::vector<OutputView> views;            ///< in order of flight; for datasets
+  double resolution = 0.0;              ///< of integer coordinates; 0 = about a ten-millionth of `reach`
+  bool double_positions = false;        ///< PLY: positions as double even where float would do
+  std::string wkt;                      ///< coordinate reference system of the file's frame, as WKT; "" = none
+  int year = 0, day_of_year = 0;        ///< of the data; 0 = not told
+  std::filesystem::path scratch = ".";  ///< folder for what memory should not hold
+  /// For datasets: puts the mission's images into a folder that is there, and says which cameras saw them, by ascending
+  /// keyframe id. Called when all points have come.
+  std::function<std::vector<OutputView>(const std::filesystem::path& folder)> export_views;
   std::int64_t dataset_points = 1'000'000;  ///< of a dataset, at most: its points are thinned to that
 };
 

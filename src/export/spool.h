@@ -8,32 +8,32 @@
 #include <utility>
 #include <vector>
 
-#include "pmsp/io/cloud_writer.h"
 #include "util/scratch_file.h"
 
 namespace pmsp {
 
-/// Points in a scratch file, in lists that grow. Each list is read in the order in which it was written.
-class PointSpool {
+/// Records in a scratch file, in lists that grow. Each list is read in the order in which it was written.
+template <class Record>
+class Spool {
  public:
-  PointSpool(const std::string& folder, std::size_t lists) : file_(folder), lists_(lists) {}
+  Spool(const std::string& folder, std::size_t lists) : file_(folder), lists_(lists) {}
 
-  void add(std::size_t list, const OutputPoint& point) {
+  void add(std::size_t list, const Record& record) {
     List& it = lists_[list];
     if (it.waiting.capacity() == 0) it.waiting.reserve(kChunk);
-    it.waiting.push_back(point);
-    ++it.points;
+    it.waiting.push_back(record);
+    ++it.size;
     if (it.waiting.size() == kChunk) flush(it);
   }
 
   std::size_t lists() const { return lists_.size(); }
-  std::int64_t points(std::size_t list) const { return lists_[list].points; }
+  std::int64_t size(std::size_t list) const { return lists_[list].size; }
 
-  /// Calls `take(points, count)` for one piece after the other.
+  /// Calls `take(records, count)` for one piece after the other.
   template <class Take>
   void read(std::size_t list, const Take& take) const {
     const List& it = lists_[list];
-    std::vector<OutputPoint> chunk(it.chunks.empty() ? 0 : kChunk);
+    std::vector<Record> chunk(it.chunks.empty() ? 0 : kChunk);
     for (const std::uint64_t begin : it.chunks) {
       file_.read(begin, static_cast<void*>(chunk.data()), kChunkBytes);
       take(chunk.data(), kChunk);
@@ -49,11 +49,11 @@ class PointSpool {
 
  private:
   static constexpr std::size_t kChunk = 1024;
-  static constexpr std::size_t kChunkBytes = kChunk * sizeof(OutputPoint);
+  static constexpr std::size_t kChunkBytes = kChunk * sizeof(Record);
   struct List {
-    std::vector<OutputPoint> waiting;
+    std::vector<Record> waiting;
     std::vector<std::uint64_t> chunks;
-    std::int64_t points = 0;
+    std::int64_t size = 0;
   };
 
   void flush(List& list) {
