@@ -11,8 +11,10 @@ std::unique_ptr<CloudWriter> open_ply(const std::filesystem::path& path, const C
 std::unique_ptr<CloudWriter> open_las(const std::filesystem::path& path, const CloudHeader& header);
 std::unique_ptr<CloudWriter> open_colmap(const std::filesystem::path& path, const CloudHeader& header);
 std::unique_ptr<CloudWriter> open_nerfstudio(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_potree(const std::filesystem::path& path, const CloudHeader& header);
 bool is_colmap_name(const std::string& name);
 bool is_nerfstudio_name(const std::string& name);
+bool is_potree_name(const std::string& name);
 
 const std::vector<CloudFormat>& cloud_formats() {
   static const std::vector<CloudFormat> formats{
@@ -21,6 +23,7 @@ const std::vector<CloudFormat>& cloud_formats() {
       {"colmap", ".colmap", "model and images for COLMAP and trainers", is_colmap_name, open_colmap},
       {"nerfstudio", ".nerfstudio", "images, transforms.json and points for trainers", is_nerfstudio_name,
        open_nerfstudio},
+      {"potree", ".potree", "Potree 2 octree, for viewers in a browser", is_potree_name, open_potree},
   };
   return formats;
 }

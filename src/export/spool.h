@@ -20,13 +20,16 @@ class Spool {
 
   void add(std::size_t list, const Record& record) {
     List& it = lists_[list];
-    if (it.waiting.capacity() == 0) it.waiting.reserve(kChunk);
     it.waiting.push_back(record);
     ++it.size;
     if (it.waiting.size() == kChunk) flush(it);
   }
 
-  std::size_t lists() const { return lists_.size(); }
+  /// A new list; returns its number.
+  std::size_t add_list() {
+    lists_.emplace_back();
+    return lists_.size() - 1;
+  }
   std::int64_t size(std::size_t list) const { return lists_[list].size; }
 
   /// Calls `take(records, count)` for one piece after the other.
