@@ -160,3 +160,23 @@ TEST_CASE("a cloud is aligned with places of its cameras, and the residuals are 
   CHECK(few.code == 3);
   CHECK_THAT(few.err, Contains("at least 3"));
 }
+
+TEST_CASE("depth maps in the formats that are asked for, and an index that names them", "[outputs]") {
+  const TempDir dir;
+  const std::string depth = (dir / "d").string();
+  require_ok(densify(quick_run(dir / "c.ply", {"--depth-maps", depth, "--depth-format", "exr,png", "--scale", "3"})));
+  const auto index = nlohmann::json::parse(read_text(dir / "d/index.json"));
+  REQUIRE(index["maps"].size() == 5);
+  CHECK(index["cloud"]["scale"] == 3.0);
+  std::size_t files = 1;
+  for (const auto& map : index["maps"]) {
+    CHECK(!map.contains("depth"));
+    for (const char* key : {"exr", "depth_png", "normal_png", "confidence_png"}) {
+      CHECK(read_text(dir / "d" / map[key].get<std::string>()).size() > 100);
+      ++files;
+    }
+  }
+  CHECK(static_cast<std::size_t>(std::distance(fs::directory_iterator(dir / "d"), fs::directory_iterator())) == files);
+  require_ok(densify(quick_run(dir / "c.ply", {"--depth-maps", depth, "--depth-format", "pfm", "--force"})));
+  CHECK(std::distance(fs::directory_iterator(dir / "d"), fs::directory_iterator()) == 1 + 3 * 5);  // old ones are gone
+}

@@ -71,6 +71,7 @@ TEST_CASE("usage errors give 2 and name what is wrong") {
       {{"m.msg", "--images", "a", "--max-points", "1e6"}, "--max-points is \"1e6\"; expected a whole number"},
       {{"m.msg", "--images", "a", "--scale", "-1"}, "--scale is \"-1\""},
       {{"m.msg", "--images", "a", "--date", "2026-02-29"}, "--date is \"2026-02-29\"; expected a day"},
+      {{"m.msg", "--images", "a", "--depth-format", "pfm,tiff"}, "--depth-format is \"pfm,tiff\"; expected"},
       {{"m.msg", "--images", "a", "--align", "t.txt", "--up"}, "--align and --up exclude each other"},
       {{"m.msg", "--images", "a", "--preview", "./a"}, "--preview ./a is the folder of the images"},
   };

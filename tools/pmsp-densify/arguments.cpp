@@ -128,12 +128,17 @@ void add_cloud(CLI::App& app, Arguments& a) {
 void add_outputs(CLI::App& app, Arguments& a) {
   const char* group = "Output";
   add_cloud(app, a);
-  app.add_option("--depth-maps", a.depth_maps,
-                 "Filtered depth, normal and confidence of each keyframe (PFM, 16-bit PNG)")
+  app.add_option("--depth-maps", a.depth_maps, "Filtered depth, normal and confidence of each keyframe, and index.json")
       ->type_name("DIR")
       ->group(group);
   app.add_option("--raw-depth-maps", a.raw_depth_maps, "The same, straight from PatchMatch")
       ->type_name("DIR")
+      ->group(group);
+  app.add_option_function<std::string>(
+         "--depth-format", [&a](const std::string& list) { a.depth_formats = depth_formats_from(list); },
+         "Formats of depth maps: pfm, exr or png (16-bit), or several with commas between them [default pfm, and the "
+         "depth as png]")
+      ->type_name("NAMES")
       ->group(group);
   app.add_option("--scratch", a.scratch,
                  "Existing folder for what keyframes leave while they wait for their points' say (normal, high; 17 "

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cloud_arguments.h"
+#include "depth_output.h"
 #include "option_table.h"
 #include "workspace/shards.h"
 
@@ -37,6 +38,7 @@ struct Arguments {
   bool force = false;
   std::filesystem::path depth_maps;
   std::filesystem::path raw_depth_maps;
+  DepthFormats depth_formats;
   std::filesystem::path stats;
   std::filesystem::path preview;
   std::filesystem::path scratch;  ///< empty = the folder of the output

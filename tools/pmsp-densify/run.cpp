@@ -197,8 +197,10 @@ class Run {
     };
     output_ = std::make_unique<CloudOutput>(header, arguments_.cloud.amount, arguments_.cloud.targets(), threads_);
     const double scale = png_depth_scale(map_, options.init.range_margin);
-    if (!arguments_.depth_maps.empty()) filtered_.emplace(arguments_.depth_maps, "filtered", map_, scale);
-    if (!arguments_.raw_depth_maps.empty()) raw_.emplace(arguments_.raw_depth_maps, "raw", map_, scale);
+    if (!arguments_.depth_maps.empty())
+      filtered_.emplace(arguments_.depth_maps, "filtered", map_, scale, arguments_.depth_formats, report_.cloud);
+    if (!arguments_.raw_depth_maps.empty())
+      raw_.emplace(arguments_.raw_depth_maps, "raw", map_, scale, arguments_.depth_formats, report_.cloud);
     if (!arguments_.preview.empty()) preview_.emplace(arguments_.preview, report_.with_image);
   }
 
