@@ -2,20 +2,19 @@
 #include "pmsp/io/ply.h"
 
 #include <algorithm>
-#include <cstring>
+#include <cmath>
 #include <string>
 #include <utility>
 
-#include "export/background_file.h"
+#include "export/little_endian.h"
+#include "export/placed_points.h"
+#include "export/record_file.h"
 #include "pmsp/error.h"
-#include "util/thread_pool.h"
+#include "pmsp/io/cloud_writer.h"
 
 namespace pmsp {
 namespace {
 
-constexpr std::size_t kBlockBytes = std::size_t{1} << 20;
-constexpr std::size_t kBlocksAtOnce = 8;
-constexpr int kMostThreads = 4;   // as fast as any disk
 constexpr int kCountDigits = 19;  // every non-negative int64
 
 // The line with the vertex count. A blank comment before it takes up what the count leaves of a fixed length, so that
@@ -26,87 +25,99 @@ std::string vertex_lines(std::int64_t count) {
          "\nelement vertex " + digits + "\n";
 }
 
-std::string one_line(std::string text) {
+// CloudCompare 2.11 ends at comments of a kilobyte. So long ones become several, each of which begins with "... ".
+std::string comment_lines(std::string text) {
+  constexpr std::size_t kMost = 200;
   std::replace_if(
       text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
-  return text;
+  std::string lines;
+  while (text.size() > kMost) {
+    const std::size_t comma = text.rfind(',', kMost - 1);
+    const std::size_t end = comma != std::string::npos && comma > kMost / 2 ? comma + 1 : kMost;
+    lines += "comment " + text.substr(0, end) + "\n";
+    text = "... " + text.substr(end);
+  }
+  return lines + "comment " + text + "\n";
 }
 
-template <class T>
-char* put(char* at, T value) {
-  unsigned char bytes[sizeof(T)];
-  std::memcpy(bytes, &value, sizeof(T));
-#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
-  std::reverse(bytes, bytes + sizeof(T));
-#endif
-  std::memcpy(at, bytes, sizeof(T));
-  return at + sizeof(T);
+// Up to the vertex count.
+std::string first_lines(const std::vector<std::string>& comments) {
+  std::string lines = "ply\nformat binary_little_endian 1.0\n";
+  for (const std::string& comment : comments) lines += comment_lines(comment);
+  return lines;
 }
+
+// CloudCompare takes further numbers of a point where their names begin with "scalar_".
+std::string last_lines(bool double_positions) {
+  std::string lines;
+  for (const char* axis : {"x", "y", "z"}) {
+    lines += std::string("property ") + (double_positions ? "double " : "float ") + axis + "\n";
+  }
+  return lines +
+         "property float nx\nproperty float ny\nproperty float nz\n"
+         "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+         "property float scalar_confidence\nproperty uchar scalar_views\nend_header\n";
+}
+
+// Whether floats are too coarse so far from the origin: worse than a ten-thousandth of a percent of the reach.
+bool needs_double(const CloudHeader& header) {
+  constexpr double kFloatStep = 6e-8;  // half of the last bit
+  return (header.center.norm() + header.reach) * kFloatStep > 1e-6 * header.reach;
+}
+
+template <class Coordinate>
+void encode(const OutputPoint* points, std::size_t count, char* to) {
+  for (const OutputPoint* point = points; point != points + count; ++point) {
+    for (int i = 0; i < 3; ++i) to = put_little(to, static_cast<Coordinate>(point->position[i]));
+    for (int i = 0; i < 3; ++i) to = put_little(to, point->normal[i]);
+    to = put_little(to, point->color.r);
+    to = put_little(to, point->color.g);
+    to = put_little(to, point->color.b);
+    to = put_little(to, point->confidence);
+    to = put_little(to, point->views);
+  }
+}
+
+class Ply final : public CloudWriter {
+ public:
+  Ply(const std::filesystem::path& path, const std::vector<std::string>& comments, bool double_positions)
+      : Ply(path, first_lines(comments), double_positions) {}
+
+  void add(const OutputPoint* points, std::size_t count) override {
+    file_.add(points, count, double_positions_ ? encode<double> : encode<float>);
+  }
+
+  void finish() override {
+    file_.patch(count_offset_, vertex_lines(file_.points()));
+    file_.commit();
+  }
+
+ private:
+  Ply(const std::filesystem::path& path, const std::string& first, bool double_positions)
+      : double_positions_(double_positions),
+        count_offset_(static_cast<std::int64_t>(first.size())),
+        file_(path, first + vertex_lines(0) + last_lines(double_positions),
+              (double_positions ? 3 * sizeof(double) : 3 * sizeof(float)) + 3 * sizeof(float) + 3 + sizeof(float) + 1) {
+  }
+
+  bool double_positions_;
+  std::int64_t count_offset_;
+  RecordFile file_;
+};
 
 }  // namespace
 
+std::unique_ptr<CloudWriter> open_ply(const std::filesystem::path& path, const CloudHeader& header) {
+  return std::make_unique<Ply>(path, header.comments, header.double_positions || needs_double(header));
+}
+
 struct PlyWriter::Impl {
   Impl(const std::filesystem::path& path, const Options& options)
-      : file(path), name(path.string()), double_positions(options.double_positions) {
-    std::string header = "ply\nformat binary_little_endian 1.0\n";
-    for (const std::string& comment : options.comments) header += "comment " + one_line(comment) + "\n";
-    count_offset = static_cast<std::int64_t>(header.size());
-    header += vertex_lines(0);
-    for (const char* axis : {"x", "y", "z"}) {
-      header += std::string("property ") + (double_positions ? "double " : "float ") + axis + "\n";
-    }
-    header +=
-        "property float nx\nproperty float ny\nproperty float nz\n"
-        "property uchar red\nproperty uchar green\nproperty uchar blue\n"
-        "property float confidence\nproperty uchar views\nend_header\n";
-    file.write(BackgroundFile::Block(header.begin(), header.end()));
-  }
+      : file(path, options.comments, options.double_positions), name(path.string()) {}
 
-  std::size_t record_bytes() const { return 3 * (double_positions ? 8 : 4) + 3 * 4 + 3 + 4 + 1; }
-
-  template <class Coordinate>
-  static char* put_point(char* at, const CloudPoint& point, double scale, const RigidTransform& world_from_cam,
-                         const Eigen::Matrix3f& rotation) {
-    const Eigen::Vector3d position = world_from_cam * (scale * point.position.cast<double>());
-    const Eigen::Vector3f normal = rotation * point.normal;
-    for (int i = 0; i < 3; ++i) at = put(at, static_cast<Coordinate>(position[i]));
-    for (int i = 0; i < 3; ++i) at = put(at, normal[i]);
-    at = put(at, point.color.r);
-    at = put(at, point.color.g);
-    at = put(at, point.color.b);
-    at = put(at, point.confidence);
-    return put(at, point.views);
-  }
-
-  template <class Coordinate>
-  void add(const KeyframeCloud& cloud, double scale, const RigidTransform& world_from_cam) {
-    const Eigen::Matrix3f rotation = world_from_cam.rotation.cast<float>();
-    const std::size_t bytes = record_bytes();
-    const std::size_t each = kBlockBytes / bytes;
-    const std::size_t count = (cloud.points.size() + each - 1) / each;
-    for (std::size_t begin = 0; begin < count; begin += kBlocksAtOnce) {
-      std::vector<BackgroundFile::Block> blocks(std::min(kBlocksAtOnce, count - begin));
-      for (BackgroundFile::Block& block : blocks) block = file.block();
-      pool.for_each(static_cast<int>(blocks.size()), [&](int at) {
-        const std::size_t first = (begin + static_cast<std::size_t>(at)) * each;
-        const std::size_t last = std::min(first + each, cloud.points.size());
-        BackgroundFile::Block& block = blocks[static_cast<std::size_t>(at)];
-        block.resize((last - first) * bytes);
-        char* to = block.data();
-        for (std::size_t i = first; i < last; ++i) {
-          to = put_point<Coordinate>(to, cloud.points[i], scale, world_from_cam, rotation);
-        }
-      });
-      for (BackgroundFile::Block& block : blocks) file.write(std::move(block));
-    }
-    points += static_cast<std::int64_t>(cloud.points.size());
-  }
-
-  BackgroundFile file;
-  ThreadPool pool{std::min(kMostThreads, usable_cpus())};
+  Ply file;
+  PlacedPoints placed{std::min(4, usable_cpus())};
   std::string name;
-  bool double_positions;
-  std::int64_t count_offset = 0;
   std::int64_t points = 0;
   bool finished = false;
 };
@@ -118,17 +129,16 @@ PlyWriter::~PlyWriter() = default;
 
 void PlyWriter::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   if (impl_->finished) throw OutputError(impl_->name + ": points added after the file was finished");
-  const RigidTransform world_from_cam = pose.cam_from_world.inverse();
-  if (impl_->double_positions) return impl_->add<double>(cloud, pose.scale, world_from_cam);
-  impl_->add<float>(cloud, pose.scale, world_from_cam);
+  impl_->placed.for_each_piece(cloud, pose, {},
+                               [this](OutputPoint* points, std::size_t count) { impl_->file.add(points, count); });
+  impl_->points += static_cast<std::int64_t>(cloud.points.size());
 }
 
 std::int64_t PlyWriter::points() const { return impl_->points; }
 
 void PlyWriter::finish() {
   if (impl_->finished) return;
-  impl_->file.patch(impl_->count_offset, vertex_lines(impl_->points));
-  impl_->file.commit();
+  impl_->file.finish();
   impl_->finished = true;
 }
 

@@ -337,9 +337,12 @@ struct VertexLayout {
 VertexLayout layout_of(const Element& vertex, const Input& input) {
   constexpr std::array<const char*, kSlots> kNames{"x",   "y",     "z",    "nx",         "ny",   "nz",
                                                    "red", "green", "blue", "confidence", "views"};
+  constexpr std::size_t kPrefix = sizeof("scalar_") - 1;  // before 0.2, our files had no such prefix
   VertexLayout layout;
   for (const Property& property : vertex.properties) {
-    const auto* found = std::find(kNames.begin(), kNames.end(), property.name);
+    const bool has_prefix = property.name == "scalar_confidence" || property.name == "scalar_views";
+    const std::string name = has_prefix ? property.name.substr(kPrefix) : property.name;
+    const auto* found = std::find(kNames.begin(), kNames.end(), name);
     const bool wanted = found != kNames.end() && !property.is_list;
     layout.slot.push_back(wanted ? static_cast<int>(found - kNames.begin()) : -1);
     if (wanted) layout.property[static_cast<std::size_t>(found - kNames.begin())] = &property;

@@ -32,6 +32,24 @@ void write_png16(const std::filesystem::path& path, const Image<float>& image, d
   write_file(path, encoded);
 }
 
+void write_png16(const std::filesystem::path& path, const Image<Eigen::Vector3f>& normals) {
+  if (normals.empty()) throw InvalidInput(path.string() + ": an image without pixels cannot be written as PNG");
+  cv::Mat values(normals.height(), normals.width(), CV_16UC3, cv::Scalar::all(0));
+  for (int y = 0; y < normals.height(); ++y) {
+    for (int x = 0; x < normals.width(); ++x) {
+      const Eigen::Vector3f& normal = normals.row(y)[x];
+      if (normal.isZero(0.0F)) continue;
+      for (int i = 0; i < 3; ++i) {  // OpenCV's order is blue, green, red
+        const float share = std::clamp(0.5F * (normal[i] + 1.0F), 0.0F, 1.0F);
+        values.ptr<cv::Vec3w>(y)[x][2 - i] = static_cast<std::uint16_t>(65535.0F * share + 0.5F);
+      }
+    }
+  }
+  std::vector<unsigned char> encoded;
+  if (!cv::imencode(".png", values, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
+  write_file(path, encoded);
+}
+
 Image<float> read_png16(const std::filesystem::path& path, double scale) {
   require_regular_file(path);
   cv::Mat values;

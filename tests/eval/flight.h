@@ -30,7 +30,7 @@ class Flight {
 
   const Shape& shape() const { return shape_; }
   const std::vector<pmsp::eval::TimedPose>& truth() const { return truth_; }
-  const pmsp::eval::Similarity& truth_from_map() const { return truth_from_map_; }
+  const pmsp::Similarity& truth_from_map() const { return truth_from_map_; }
 
   /// The keyframes in the frame of the map.
   std::vector<pmsp::eval::TimedPose> keyframes() const;
@@ -49,7 +49,7 @@ class Flight {
  private:
   Shape shape_;
   std::vector<pmsp::eval::TimedPose> truth_;
-  pmsp::eval::Similarity truth_from_map_;
+  pmsp::Similarity truth_from_map_;
 };
 
 /// Points on a sphere, about `spacing` apart, in the frame of the truth.

@@ -4,10 +4,13 @@
 #include <Eigen/Geometry>
 
 #include "eval/flight.h"
+#include "export/fit_similarity.h"
 #include "pmsp-eval/alignment.h"
 #include "pmsp/error.h"
 
 using namespace pmsp::eval;
+using pmsp::Similarity;
+using pmsp::umeyama;
 using pmsp_test::Flight;
 
 namespace {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <cstring>
 #include <limits>
+#include <map>
 
 #include <opencv2/imgcodecs.hpp>
 
@@ -136,4 +137,75 @@ TEST_CASE("8-bit gray PNG is read, colour and rubbish are refused") {
   CHECK_THROWS_AS(read_png16(dir / "r.png", 1.0), IoError);
   CHECK_THROWS_AS(read_png16(dir / "missing.png", 1.0), IoError);
   CHECK_THROWS_AS(write_png16(dir / "z.png", Image<float>(2, 2), 0.0), InvalidInput);
+}
+
+TEST_CASE("an EXR holds its channels as float, by the layout of the format") {
+  const TempDir dir;
+  Image<float> other(5, 3, 7.5F);
+  other(0, 0) = -1.0F;
+  write_exr(dir / "d.exr", {{"Z", ramp(5, 3)}, {"confidence", other}, {"N.X", other}});
+  const std::string bytes = read_text(dir / "d.exr");
+  std::size_t at = 0;
+  const auto number = [&](std::size_t size) {
+    std::uint64_t value = 0;
+    std::memcpy(&value, bytes.data() + at, size);
+    at += size;
+    return value;
+  };
+  const auto word = [&] {
+    const std::string text = bytes.c_str() + at;
+    at += text.size() + 1;
+    return text;
+  };
+  CHECK(number(4) == 20000630);
+  CHECK(number(4) == 2);
+  std::map<std::string, std::string> attributes;
+  for (std::string name = word(); !name.empty(); name = word()) {
+    const std::string type = word();
+    const std::size_t size = number(4);
+    attributes[name + " " + type] = bytes.substr(at, size);
+    at += size;
+  }
+  const char box[] = "\0\0\0\0\0\0\0\0\4\0\0\0\2\0\0";  // from 0, 0 to 4, 2
+  CHECK(attributes.at("dataWindow box2i") == std::string(box, 16));
+  CHECK(attributes.at("displayWindow box2i") == std::string(box, 16));
+  CHECK(attributes.at("compression compression") == std::string(1, '\0'));
+  CHECK(attributes.at("lineOrder lineOrder") == std::string(1, '\0'));
+  for (const char* name : {"pixelAspectRatio float", "screenWindowCenter v2f", "screenWindowWidth float"}) {
+    CHECK(attributes.count(name) == 1);
+  }
+  const std::string& list = attributes.at("channels chlist");
+  CHECK(std::string(list.c_str()) == "N.X");
+  CHECK(std::string(list.c_str() + 4 + 16) == "Z");
+  CHECK(std::string(list.c_str() + 20 + 2 + 16) == "confidence");
+  CHECK(list.size() == 4 + 2 + 11 + 3 * 16 + 1);
+  CHECK(list[4] == 2);
+  std::vector<std::size_t> rows;
+  for (int y = 0; y < 3; ++y) rows.push_back(number(8));
+  for (std::size_t y = 0; y < 3; ++y) {
+    CHECK(rows[y] == at);
+    CHECK(number(4) == y);
+    CHECK(number(4) == 3 * 5 * 4);
+    std::vector<float> values(15);
+    std::memcpy(values.data(), bytes.data() + at, 60);
+    at += 60;
+    CHECK(values[0] == (y == 0 ? -1.0F : 7.5F));
+    CHECK(values[5 + 2] == ramp(5, 3)(2, static_cast<int>(y)));
+    CHECK(values[14] == 7.5F);
+  }
+  CHECK(at == bytes.size());
+  CHECK_THROWS_AS(write_exr(dir / "e.exr", {}), InvalidInput);
+  CHECK_THROWS_AS(write_exr(dir / "e.exr", {{"Z", ramp(5, 3)}, {"A", ramp(4, 3)}}), InvalidInput);
+  CHECK(dir.entries() == 1);
+}
+
+TEST_CASE("normals as PNG: red, green and blue are x, y and z") {
+  const TempDir dir;
+  Image<Eigen::Vector3f> normals(3, 2, Eigen::Vector3f::Zero());
+  normals(1, 0) = {1.0F, -1.0F, 0.0F};
+  write_png16(dir / "n.png", normals);
+  const cv::Mat read = cv::imread((dir / "n.png").string(), cv::IMREAD_UNCHANGED);
+  REQUIRE(read.type() == CV_16UC3);
+  CHECK(read.at<cv::Vec3w>(0, 1) == cv::Vec3w(32768, 0, 65535));  // blue, green, red
+  CHECK(read.at<cv::Vec3w>(1, 2) == cv::Vec3w(0, 0, 0));
 }

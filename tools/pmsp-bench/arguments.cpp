@@ -32,6 +32,7 @@ Examples:
   pmsp-bench --backends cuda --width 5760 --image-width 5760
   pmsp-bench --map map.msg --images keyframes/
   pmsp-bench --list
+  pmsp-bench write --points 100000000               the cloud's writers; see pmsp-bench write --help
   pmsp-bench --stages median --benchmark_min_time=1 --benchmark_out=google.json
 
 Options that start with --benchmark_ go to Google Benchmark, which times the CPU.

@@ -18,6 +18,7 @@
 #include "pmsp-bench/report.h"
 #include "pmsp-bench/stages.h"
 #include "pmsp-bench/workload.h"
+#include "pmsp-bench/write_bench.h"
 #include "pmsp-densify/exit_code.h"
 #include "pmsp/error.h"
 #include "pmsp/executor.h"
@@ -200,6 +201,7 @@ int guarded_main(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
+    if (argc > 1 && std::string(argv[1]) == "write") return pmsp::bench::write_bench(argc - 1, argv + 1);
     return pmsp::bench::guarded_main(argc, argv);
   } catch (const std::exception& error) {
     std::cerr << "pmsp-bench: " << error.what() << '\n';

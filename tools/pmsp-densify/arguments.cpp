@@ -124,8 +124,7 @@ void add_table(CLI::App& app, Arguments& a) {
 
 void add_cloud(CLI::App& app, Arguments& a) {
   const char* group = "Output";
-  app.add_option("-o,--output", a.output, "The cloud, binary PLY [default cloud.ply]")->type_name("FILE")->group(group);
-  app.add_flag("--double", a.double_positions, "Coordinates with 64 instead of 32 bits")->group(group);
+  add_cloud_options(app, a.cloud);
   app.add_flag("--force", a.force, "Overwrite outputs that exist")->group(group);
   app.add_option("--stats", a.stats, "Options, counts and times of each stage, skipped keyframes (JSON)")
       ->type_name("FILE")
@@ -135,12 +134,17 @@ void add_cloud(CLI::App& app, Arguments& a) {
 void add_outputs(CLI::App& app, Arguments& a) {
   const char* group = "Output";
   add_cloud(app, a);
-  app.add_option("--depth-maps", a.depth_maps,
-                 "Filtered depth, normal and confidence of each keyframe (PFM, 16-bit PNG)")
+  app.add_option("--depth-maps", a.depth_maps, "Filtered depth, normal and confidence of each keyframe, and index.json")
       ->type_name("DIR")
       ->group(group);
   app.add_option("--raw-depth-maps", a.raw_depth_maps, "The same, straight from PatchMatch")
       ->type_name("DIR")
+      ->group(group);
+  app.add_option_function<std::string>(
+         "--depth-format", [&a](const std::string& list) { a.depth_formats = depth_formats_from(list); },
+         "Formats of depth maps: pfm, exr or png (16-bit), or several with commas between them [default pfm, and the "
+         "depth as png]")
+      ->type_name("NAMES")
       ->group(group);
   app.add_option("--scratch", a.scratch,
                  "Existing folder for what keyframes leave while they wait for their points' say (normal, high; 17 "
@@ -342,6 +346,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
     throw UsageError(error.what());
   }
   refuse_extras(*app.get_subcommands().front());
+  check_cloud_arguments(a.cloud);
   a.verb = merge.parsed() ? Verb::kMerge : info.parsed() ? Verb::kInfo : config.parsed() ? Verb::kConfig : Verb::kRun;
   if (!a.images.empty() && !a.video.empty()) throw UsageError("--images and --video exclude each other");
   if (a.verb == Verb::kRun) check_run(a);

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "cloud_arguments.h"
+#include "depth_output.h"
 #include "option_table.h"
 #include "workspace/shards.h"
 
@@ -33,11 +35,11 @@ struct Arguments {
   bool no_verify = false;
   bool calibrate_lenses = true;
 
-  std::filesystem::path output = "cloud.ply";
-  bool double_positions = false;
+  CloudArguments cloud;
   bool force = false;
   std::filesystem::path depth_maps;
   std::filesystem::path raw_depth_maps;
+  DepthFormats depth_formats;
   std::filesystem::path stats;
   std::filesystem::path preview;
   std::filesystem::path scratch;  ///< empty = the folder of the output

@@ -2,9 +2,12 @@
 #include "depth_output.h"
 
 #include <algorithm>
+#include <sstream>
+#include <utility>
 #include <vector>
 
 #include "arguments.h"
+#include "exit_code.h"
 #include "export/atomic_file.h"
 #include "map_figures.h"
 #include "output_folder.h"
@@ -29,7 +32,33 @@ nlohmann::ordered_json pose_json(const RigidTransform& pose) {
   return rows;
 }
 
+std::vector<ImageChannel> exr_channels(const DepthMap& map) {
+  std::vector<ImageChannel> channels{{"Z", map.depth}, {"confidence", map.confidence}};
+  const char* const kNames[] = {"N.X", "N.Y", "N.Z"};
+  for (int i = 0; i < 3; ++i) {
+    Image<float> values(map.normal.width(), map.normal.height());
+    for (std::size_t k = 0; k < values.size(); ++k) values.pixels()[k] = map.normal.pixels()[k][i];
+    channels.push_back({kNames[i], std::move(values)});
+  }
+  return channels;
+}
+
 }  // namespace
+
+DepthFormats depth_formats_from(const std::string& list) {
+  DepthFormats formats{false, false, false, false};
+  std::istringstream names(list);
+  std::string name;
+  bool is_good = !list.empty() && list.back() != ',';
+  while (is_good && std::getline(names, name, ',')) {
+    is_good = name == "pfm" || name == "exr" || name == "png";
+    formats.pfm = formats.pfm || name == "pfm";
+    formats.exr = formats.exr || name == "exr";
+    formats.png = formats.png || name == "png";
+  }
+  if (is_good) return formats;
+  throw UsageError("--depth-format is \"" + list + "\"; expected pfm, exr or png, or several with commas between them");
+}
 
 double png_depth_scale(const SlamMap& map, double range_margin) {
   double farthest = 0.0;
@@ -41,8 +70,8 @@ double png_depth_scale(const SlamMap& map, double range_margin) {
 }
 
 DepthMapFolder::DepthMapFolder(const std::filesystem::path& folder, const std::string& kind, const SlamMap& map,
-                               double png_scale)
-    : folder_(folder), slam_map_(map), png_scale_(png_scale) {
+                               double png_scale, const DepthFormats& formats, const nlohmann::ordered_json& cloud)
+    : folder_(folder), slam_map_(map), png_scale_(png_scale), formats_(formats) {
   prepare_folder(folder_, is_depth_map_file);
   index_ = {
       {"generator", version_text()},
@@ -54,37 +83,48 @@ DepthMapFolder::DepthMapFolder(const std::filesystem::path& folder, const std::s
       {"pixel", "longitude = ((column + 0.5) / width - 0.5) * 2 pi, latitude = (0.5 - (row + 0.5) / height) * pi"},
       {"pfm", "float32, rows from the bottom to the top, as the format wants it"},
       {"png", "depth = gray value * png_scale; 0 = none, or farther than 65535 * png_scale"},
+      {"normal_png", "x, y, z = red, green, blue / 65535 * 2 - 1; all 0 = none"},
+      {"confidence_png", "confidence = gray value / 65535"},
+      {"exr", "channels Z (depth), N.X, N.Y, N.Z, confidence; float32"},
       {"cam_from_world", "three rows of [rotation | translation]"},
       {"png_scale", png_scale_},
+      {"cloud", cloud},
       {"maps", nlohmann::ordered_json::array()}};
 }
 
 void DepthMapFolder::write(const DepthMap& map) {
-  const std::string depth = numbered_name("depth_", map.keyframe_id, ".pfm");
-  const std::string normal = numbered_name("normal_", map.keyframe_id, ".pfm");
-  const std::string confidence = numbered_name("confidence_", map.keyframe_id, ".pfm");
-  const std::string png = numbered_name("depth_", map.keyframe_id, ".png");
-  write_pfm(folder_ / depth, map.depth);
-  write_pfm(folder_ / normal, map.normal);
-  write_pfm(folder_ / confidence, map.confidence);
-  write_png16(folder_ / png, map.depth, 1.0 / png_scale_);
   const MapKeyframe* keyframe = slam_map_.find_keyframe(map.keyframe_id);
-  index_["maps"].push_back({{"keyframe_id", map.keyframe_id},
-                            {"timestamp", keyframe != nullptr ? keyframe->timestamp : 0.0},
-                            {"width", map.depth.width()},
-                            {"height", map.depth.height()},
-                            {"cam_from_world", pose_json(map.cam_from_world)},
-                            {"depth", depth},
-                            {"normal", normal},
-                            {"confidence", confidence},
-                            {"depth_png", png}});
+  nlohmann::ordered_json entry{{"keyframe_id", map.keyframe_id},
+                               {"timestamp", keyframe != nullptr ? keyframe->timestamp : 0.0},
+                               {"width", map.depth.width()},
+                               {"height", map.depth.height()},
+                               {"cam_from_world", pose_json(map.cam_from_world)}};
+  const auto file = [&](const char* key, const char* prefix, const char* extension) {
+    const std::string name = numbered_name(prefix, map.keyframe_id, extension);
+    entry[key] = name;
+    return folder_ / name;
+  };
+  if (formats_.pfm) {
+    write_pfm(file("depth", "depth_", ".pfm"), map.depth);
+    write_pfm(file("normal", "normal_", ".pfm"), map.normal);
+    write_pfm(file("confidence", "confidence_", ".pfm"), map.confidence);
+  }
+  if (formats_.depth_png || formats_.png) write_png16(file("depth_png", "depth_", ".png"), map.depth, 1.0 / png_scale_);
+  if (formats_.png) {
+    write_png16(file("normal_png", "normal_", ".png"), map.normal);
+    write_png16(file("confidence_png", "confidence_", ".png"), map.confidence, 65535.0);
+  }
+  if (formats_.exr) write_exr(file("exr", "depth_", ".exr"), exr_channels(map));
+  index_["maps"].push_back(entry);
 }
 
 void DepthMapFolder::finish() const { write_file(folder_ / "index.json", json_text(index_)); }
 
 bool is_depth_map_file(const std::string& name) {
   return name == "index.json" || is_numbered_name(name, "depth_", ".pfm") || is_numbered_name(name, "depth_", ".png") ||
-         is_numbered_name(name, "normal_", ".pfm") || is_numbered_name(name, "confidence_", ".pfm");
+         is_numbered_name(name, "depth_", ".exr") || is_numbered_name(name, "normal_", ".pfm") ||
+         is_numbered_name(name, "normal_", ".png") || is_numbered_name(name, "confidence_", ".pfm") ||
+         is_numbered_name(name, "confidence_", ".png");
 }
 
 std::string json_text(const nlohmann::ordered_json& json) {

@@ -15,12 +15,23 @@ namespace pmsp::tool {
 /// and large enough for the farthest depth that is kept.
 double png_depth_scale(const SlamMap& map, double range_margin);
 
-/// Writes depth maps as files into a folder: depth_, normal_, confidence_%06d.pfm and depth_%06d.png, numbered by
+/// In which formats depth, normals and confidence are written.
+struct DepthFormats {
+  bool pfm = true, exr = false, png = false;
+  bool depth_png = true;  ///< of depth alone
+};
+
+/// "pfm,exr,png" or some of them. Throws UsageError.
+DepthFormats depth_formats_from(const std::string& list);
+
+/// Writes depth maps as files into a folder: depth_, normal_, confidence_%06d.pfm or .png, depth_%06d.exr, numbered by
 /// keyframe id, and index.json.
 class DepthMapFolder {
  public:
-  /// `kind`: "raw" or "filtered". Depth maps that an earlier run left in the folder are removed. Throws OutputError.
-  DepthMapFolder(const std::filesystem::path& folder, const std::string& kind, const SlamMap& map, double png_scale);
+  /// `kind`: "raw" or "filtered". `cloud`: the cloud's frame, for the index. Depth maps that an earlier run left in the
+  /// folder are removed. Throws OutputError.
+  DepthMapFolder(const std::filesystem::path& folder, const std::string& kind, const SlamMap& map, double png_scale,
+                 const DepthFormats& formats, const nlohmann::ordered_json& cloud);
 
   void write(const DepthMap& map);
 
@@ -31,6 +42,7 @@ class DepthMapFolder {
   std::filesystem::path folder_;
   const SlamMap& slam_map_;
   double png_scale_;
+  DepthFormats formats_;
   nlohmann::ordered_json index_;
 };
 

@@ -78,13 +78,13 @@ void check_shard(Arguments& a, bool names_output) {
   }
   if (a.workspace.empty()) throw UsageError("--shard needs --workspace DIR, which all shards share");
   if (a.follow) throw UsageError("--shard and --follow exclude each other");
-  if (names_output || !a.depth_maps.empty() || !a.preview.empty() || a.double_positions) {
+  if (names_output || !a.depth_maps.empty() || !a.preview.empty() || a.cloud.double_positions) {
     throw UsageError(
         "a shard writes no cloud, depth maps or pictures; leave --output, --double, --depth-maps and --preview out, "
         "and merge the shards: pmsp-densify merge " +
         a.workspace.string() + " -o cloud.ply");
   }
-  a.output.clear();
+  a.cloud.paths.clear();
 }
 
 }  // namespace pmsp::tool

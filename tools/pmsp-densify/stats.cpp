@@ -43,6 +43,12 @@ std::string repeated_points(const DensifierStats& s) {
              : "";
 }
 
+/// What --crop, --voxel and --max-points have done.
+std::string left_out(const RunReport& report) {
+  if (report.points_written == report.stats.points) return "";
+  return "; " + count_text(report.points_written) + " of them written, as asked for";
+}
+
 /// A line; "" where counts are not of the whole mission.
 std::string pixels_kept(const RunReport& report) {
   const DensifierStats& s = report.stats;
@@ -112,7 +118,9 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                               {"seed", report.options.seed},
                               {"map", report.map},
                               {"images", report.images},
-                              {"output", report.output},
+                              {"output", report.outputs.empty() ? "" : report.outputs.front()},
+                              {"outputs", report.outputs},
+                              {"cloud", report.cloud},
                               {"options", to_json(report.options)}};
   json["keyframes"] = {{"in_map", report.keyframes},
                        {"with_image", report.with_image},
@@ -130,6 +138,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   json["points_fused"] = s.points_fused;
   json["points_repeated"] = s.points_repeated;
   json["points"] = s.points;
+  json["points_written"] = report.points_written;
   json["seconds"] = {{"total", report.time.total()},    {"prepare", s.seconds_prepare},
                      {"init", s.seconds_init},          {"patchmatch", s.seconds_patchmatch},
                      {"median", s.seconds_median},      {"consistency", s.seconds_consistency},
@@ -171,7 +180,7 @@ std::string summary(const RunReport& report) {
   return "keyframes:   " + std::to_string(report.keyframes) + " in the map, " + std::to_string(report.with_image) +
          " with an image, " + std::to_string(s.keyframes_accepted) + " accepted by the view filter" +
          blurred_keyframes(s) + ", " + std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" +
-         pixels_kept(report) + "points:      " + count_text(s.points) + repeated_points(s) + "\n" +
+         pixels_kept(report) + "points:      " + count_text(s.points) + repeated_points(s) + left_out(report) + "\n" +
          "stages:      prepare " + seconds_text(s.seconds_prepare) + ", init " + seconds_text(s.seconds_init) +
          ", PatchMatch " + seconds_text(s.seconds_patchmatch) + ", median " + seconds_text(s.seconds_median) +
          ", consistency " + seconds_text(s.seconds_consistency) + ", fusion " + seconds_text(s.seconds_fusion) +

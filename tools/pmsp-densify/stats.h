@@ -20,8 +20,10 @@ struct RunReport {
   DensifierOptions options;  ///< in force
   DensifierStats stats;
   std::string map;
-  std::string images;  ///< how they were matched
-  std::string output;
+  std::string images;                ///< how they were matched
+  std::vector<std::string> outputs;  ///< files and folders
+  nlohmann::ordered_json cloud;      ///< its frame and amount, see cloud_json
+  std::int64_t points_written = 0;
   std::size_t keyframes = 0;  ///< in the map
   std::size_t with_image = 0;
   std::vector<SkippedKeyframe> skipped;

@@ -32,7 +32,8 @@ bool is_or_lies_in(const fs::path& place, const fs::path& folder) {
 void check_file(const Arguments& arguments, const Target& target, bool may_replace) {
   std::error_code ignored;
   for (const fs::path& input :
-       {arguments.map, arguments.video, arguments.mask, arguments.config, arguments.points, arguments.image_list}) {
+       {arguments.map, arguments.video, arguments.mask, arguments.config, arguments.points, arguments.image_list,
+        arguments.cloud.crs, arguments.cloud.frame.align, arguments.cloud.frame.transform}) {
     if (!input.empty() && fs::equivalent(target.path, input, ignored)) {
       throw UsageError(text_of(target) + " would overwrite an input");
     }
@@ -88,8 +89,11 @@ bool is_workspace_file(const std::string& name) {
 
 std::vector<Target> targets_of(const Arguments& arguments) {
   std::vector<Target> targets;
-  for (const Target& target : {Target{"--output", arguments.output, nullptr},
-                               {"--stats", arguments.stats, nullptr},
+  for (const CloudOutput::Target& cloud : arguments.cloud.targets()) {
+    const Target target{"--output", cloud.path, cloud.format->writes};
+    if (!is_of_other_verb(arguments, target)) targets.push_back(target);
+  }
+  for (const Target& target : {Target{"--stats", arguments.stats, nullptr},
                                {"--depth-maps", arguments.depth_maps, is_depth_map_file},
                                {"--raw-depth-maps", arguments.raw_depth_maps, is_depth_map_file},
                                {"--preview", arguments.preview, is_preview_file},

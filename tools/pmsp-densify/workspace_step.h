@@ -77,6 +77,12 @@ class WorkspaceStep {
   void finish();
   void commit();
 
+  /// Calls `take(id, width, height)` for each image of the mission.
+  template <class Take>
+  void each_image_size(const Take& take) const {
+    for (const workspace::StepKeyframe& it : inputs_.keyframes) take(it.keyframe.id, it.width, it.height);
+  }
+
   /// Of the whole mission.
   void count_keyframes(DensifierStats& stats) const;
   std::string summary() const;

@@ -7,26 +7,9 @@
 #include <Eigen/Core>
 
 #include "pmsp-eval/trajectory.h"
+#include "pmsp/io/similarity.h"
 
 namespace pmsp::eval {
-
-/// x_target = scale * rotation * x_source + translation.
-struct Similarity {
-  double scale = 1.0;
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
-
-  Eigen::Vector3d operator*(const Eigen::Vector3d& x) const { return scale * (rotation * x) + translation; }
-
-  /// A camera pose moved along: its centre by the similarity, its axes by the rotation.
-  RigidTransform operator*(const RigidTransform& world_from_cam) const {
-    return {rotation * world_from_cam.rotation, *this * world_from_cam.translation};
-  }
-};
-
-/// Least-squares similarity from point pairs (Umeyama, "Least-squares estimation of transformation parameters between
-/// two point patterns", 1991). Needs at least three pairs that do not lie on a line. Throws InvalidInput.
-Similarity umeyama(const std::vector<Eigen::Vector3d>& source, const std::vector<Eigen::Vector3d>& target);
 
 struct AlignmentOptions {
   bool enabled = true;           ///< false: map and truth share one frame, only match by time

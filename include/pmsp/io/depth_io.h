@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -20,6 +22,18 @@ Image<Eigen::Vector3f> read_pfm3(const std::filesystem::path& path);
 
 /// 16-bit gray PNG of `image * scale`, rounded, 0 for 0 and for what does not fit.
 void write_png16(const std::filesystem::path& path, const Image<float>& image, double scale);
+
+/// 16-bit RGB PNG of unit vectors: red, green and blue are round(((x, y, z) + 1) / 2 * 65535), all 0 for a vector of 0.
+void write_png16(const std::filesystem::path& path, const Image<Eigen::Vector3f>& normals);
+
+/// One of the channels of an EXR.
+struct ImageChannel {
+  std::string name;  ///< 1 to 31 letters
+  Image<float> values;
+};
+
+/// OpenEXR with float32 channels, not compressed, rows from the top to the bottom.
+void write_exr(const std::filesystem::path& path, std::vector<ImageChannel> channels);
 
 /// Raw values of a 16-bit (or 8-bit) gray PNG times `scale`.
 Image<float> read_png16(const std::filesystem::path& path, double scale);

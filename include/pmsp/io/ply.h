@@ -14,14 +14,15 @@
 namespace pmsp {
 
 /// Writes a binary little-endian PLY point by point, so that a cloud never needs to be in memory as a whole. Layout of
-/// a vertex: x y z (float, or double), nx ny nz (float), red green blue (uchar), confidence (float), views (uchar).
-/// Points go to a file beside the target, which `finish` renames; a writer that is destroyed before leaves no trace.
-/// Where the file system can do it (O_TMPFILE), that file has no name, so that not even a killed process leaves one.
+/// a vertex: x y z (float, or double), nx ny nz (float), red green blue (uchar), scalar_confidence (float),
+/// scalar_views (uchar): names that CloudCompare takes as scalar fields. Points go to a file beside the target, which
+/// `finish` renames; a writer that is destroyed before leaves no trace. Where the file system can do it (O_TMPFILE),
+/// that file has no name, so that not even a killed process leaves one.
 class PlyWriter {
  public:
   struct Options {
     bool double_positions = false;      ///< x y z as double
-    std::vector<std::string> comments;  ///< one header line each; line breaks become spaces
+    std::vector<std::string> comments;  ///< line breaks become spaces; of more than 200 letters several lines are made
   };
 
   /// Throws OutputError when the file cannot be made.
@@ -44,7 +45,7 @@ class PlyWriter {
 };
 
 /// What a PLY holds, as columns. Missing columns are empty. Colours given as numbers from 0 to 1 are scaled to 255;
-/// comment lines without words are left out.
+/// comment lines without words are left out. Confidence and views are taken with or without "scalar_" before the name.
 struct PlyCloud {
   std::vector<Eigen::Vector3d> positions;
   std::vector<Eigen::Vector3f> normals;

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <cctype>
+
+#include "pmsp/io/cloud_writer.h"
+
+namespace pmsp {
+
+// One file each.
+std::unique_ptr<CloudWriter> open_ply(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_las(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_colmap(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_nerfstudio(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_potree(const std::filesystem::path& path, const CloudHeader& header);
+bool is_colmap_name(const std::string& name);
+bool is_nerfstudio_name(const std::string& name);
+bool is_potree_name(const std::string& name);
+
+const std::vector<CloudFormat>& cloud_formats() {
+  static const std::vector<CloudFormat> formats{
+      {"ply", ".ply", "binary PLY, with normals, colour, confidence and views", nullptr, open_ply},
+      {"las", ".las", "LAS 1.4, point format 7, with the same as extra bytes", nullptr, open_las},
+      {"colmap", ".colmap", "model and images for COLMAP and trainers", is_colmap_name, open_colmap},
+      {"nerfstudio", ".nerfstudio", "images, transforms.json and points for trainers", is_nerfstudio_name,
+       open_nerfstudio},
+      {"potree", ".potree", "Potree 2 octree, for viewers in a browser", is_potree_name, open_potree},
+  };
+  return formats;
+}
+
+const CloudFormat* find_cloud_format(const std::string& name) {
+  for (const CloudFormat& format : cloud_formats()) {
+    if (name == format.name) return &format;
+  }
+  return nullptr;
+}
+
+const CloudFormat* cloud_format_of(const std::filesystem::path& path) {
+  const std::filesystem::path plain = path.has_filename() ? path : path.parent_path();  // "folder.potree/"
+  std::string extension = plain.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  for (const CloudFormat& format : cloud_formats()) {
+    if (extension == format.extension) return &format;
+  }
+  return nullptr;
+}
+
+void CloudWriter::set_window(std::int64_t, const std::vector<std::int64_t>&) {}
+
+}  // namespace pmsp

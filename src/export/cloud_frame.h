@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pmsp/io/map.h"
+#include "pmsp/io/similarity.h"
+
+namespace pmsp {
+
+/// In which frame a cloud is written. Where more than one is given: `align` or `up` first, then `transform`, `scale`
+/// last.
+struct FrameOptions {
+  std::filesystem::path align;      ///< see read_anchors; empty = none
+  double align_time_offset = 0.0;   ///< added to the keyframes' timestamps [s]
+  bool up = false;                  ///< z upwards, as the cameras stood
+  std::filesystem::path transform;  ///< see read_similarity; empty = none
+  double scale = 1.0;               ///< > 0
+};
+
+/// How far a point of the map is from where it should be, after the best fit.
+struct Residual {
+  std::string name;       ///< of the control point, or the keyframe
+  double distance = 0.0;  ///< in the unit of the file
+};
+
+struct CloudFrame {
+  Similarity file_from_map;
+  std::vector<Residual> residuals;      ///< of `align`
+  std::optional<double> up_spread_deg;  ///< of `up`: the median angle between a camera's up and that of all
+  std::string description;              ///< for people; "" where nothing was asked for
+
+  double residual_rms() const;
+  double residual_max() const;
+};
+
+/// Throws IoError, InvalidInput.
+CloudFrame find_cloud_frame(const FrameOptions& options, const SlamMap& map);
+
+/// A 4 x 4 matrix as text, 16 numbers: scale times a rotation, a translation, and 0 0 0 1 (as CloudCompare writes its
+/// transformations). Throws IoError, InvalidInput where it is no such thing.
+Similarity read_similarity(const std::filesystem::path& path);
+
+/// A point of the map, and where it lies in the frame of the file.
+struct Anchor {
+  std::string name;
+  Eigen::Vector3d in_map, in_file;
+  std::optional<Eigen::Matrix3d> file_from_map;  ///< rotation, where it is known
+};
+
+/// A table, one anchor a line; # begins a comment; blanks, commas or semicolons between the columns:
+///     [NAME] x y z X Y Z               a control point in the map and in the frame of the file
+///     ID X Y Z                         a keyframe, and where its camera was
+///     time tx ty tz qx qy qz qw        a pose of another trajectory (TUM), camera to world; the camera's place at the
+///                                      time of a keyframe is interpolated between poses not more than a second apart
+/// All lines are of one kind. Throws IoError, InvalidInput with the line.
+std::vector<Anchor> read_anchors(const std::filesystem::path& path, const SlamMap& map, double time_offset);
+
+/// Which way is up in the map, as the cameras stood: the direction that their up axes (-y) have in common. `spread_deg`
+/// becomes the median angle to it. Throws InvalidInput where they have none in common.
+Eigen::Vector3d up_of_cameras(const SlamMap& map, double& spread_deg);
+
+}  // namespace pmsp

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+#include <type_traits>
+
+namespace pmsp {
+
+/// Puts a number at `at`, least significant byte first; returns where the next one goes.
+template <class T>
+char* put_little(char* at, T value) {
+  static_assert(std::is_arithmetic_v<T>, "numbers only");
+  std::memcpy(at, &value, sizeof(T));
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
+  std::reverse(at, at + sizeof(T));
+#endif
+  return at + sizeof(T);
+}
+
+/// The same at the end of a text.
+template <class T>
+void append_little(std::string& text, T value) {
+  char bytes[sizeof(T)];
+  put_little(bytes, value);
+  text.append(bytes, sizeof(T));
+}
+
+/// What put_little has put.
+template <class T>
+T get_little(const char* at) {
+  static_assert(std::is_arithmetic_v<T>, "numbers only");
+  char bytes[sizeof(T)];
+  std::memcpy(bytes, at, sizeof(T));
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
+  std::reverse(bytes, bytes + sizeof(T));
+#endif
+  T value;
+  std::memcpy(&value, bytes, sizeof(T));
+  return value;
+}
+
+}  // namespace pmsp

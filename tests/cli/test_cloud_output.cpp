@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <cstring>
+
+#include <catch2/catch.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include "cli/command.h"
+#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/ply.h"
+
+using namespace pmsp;
+using namespace pmsp_test;
+using Catch::Contains;
+
+namespace fs = std::filesystem;
+
+namespace {
+
+using Words = std::vector<std::string>;
+
+Result require_ok(const Result& result) {
+  INFO(result.err);
+  REQUIRE(result.code == 0);
+  return result;
+}
+
+/// All files of a folder, or the one file, as a text.
+std::string all_bytes(const fs::path& path) {
+  if (!fs::is_directory(path)) return read_text(path);
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(path)) {
+    if (entry.is_regular_file()) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  std::string text;
+  for (const fs::path& file : files) text += fs::relative(file, path).string() + "\n" + read_text(file);
+  return text;
+}
+
+/// -o for each format.
+Words all_formats(const TempDir& dir, const std::string& name) {
+  Words words;
+  for (const CloudFormat& format : cloud_formats()) {
+    words.insert(words.end(), {"-o", (dir / (name + format.extension)).string()});
+  }
+  return words;
+}
+
+void check_same_clouds(const TempDir& dir, const std::string& a, const std::string& b) {
+  for (const CloudFormat& format : cloud_formats()) {
+    INFO(format.name);
+    const std::string bytes = all_bytes(dir / (a + format.extension));
+    CHECK(bytes.size() > 10000);
+    CHECK((bytes == all_bytes(dir / (b + format.extension))));  // not to be printed
+  }
+}
+
+/// A quick run without its -o.
+Words quick(const Words& more) {
+  Words words = quick_run("", more);
+  const auto output = std::find(words.begin(), words.end(), "-o");
+  words.erase(output, output + 2);
+  return words;
+}
+
+Words joined(Words words, const Words& more) {
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+}  // namespace
+
+TEST_CASE("in all formats at once: the bytes of other thread counts, of a workspace and of merged shards",
+          "[outputs]") {
+  const TempDir dir;
+  const Words plain = joined(all_formats(dir, "plain"), {"--threads", "1", "--stats", (dir / "s.json").string()});
+  require_ok(densify(quick(plain)));
+  const auto stats = nlohmann::json::parse(read_text(dir / "s.json"));
+  CHECK(stats["outputs"].size() == cloud_formats().size());
+  CHECK(stats["points_written"] == stats["points"]);
+  CHECK(stats["points"] == read_ply(dir / "plain.ply").positions.size());
+
+  const std::string work = (dir / "work").string(), shared = (dir / "shared").string();
+  require_ok(densify(quick(joined(all_formats(dir, "work"), {"--threads", "2", "--workspace", work}))));
+  check_same_clouds(dir, "plain", "work");
+  require_ok(densify(quick(joined(all_formats(dir, "again"), {"--workspace", work}))));
+  check_same_clouds(dir, "plain", "again");
+
+  for (const char* which : {"1/2", "0/2"}) require_ok(densify(quick({"--workspace", shared, "--shard", which})));
+  require_ok(densify(joined({"merge", shared}, all_formats(dir, "merged"))));
+  check_same_clouds(dir, "plain", "merged");
+
+  const Result refused = densify(quick(all_formats(dir, "plain")));  // all of them are there
+  CHECK(refused.code == 6);
+  require_ok(densify(quick(joined(all_formats(dir, "plain"), {"--force"}))));
+  check_same_clouds(dir, "plain", "work");
+}
+
+TEST_CASE("frame and amount: what is asked for is done to the points, and told", "[outputs]") {
+  const TempDir dir;
+  require_ok(densify(quick_run(dir / "map.ply")));
+  const PlyCloud map = read_ply(dir / "map.ply");
+  write_text(dir / "m.txt", "0 -1 0 0\n1 0 0 5\n0 0 1 0\n0 0 0 1\n");
+  const Words frame{"--transform", (dir / "m.txt").string(), "--scale", "2", "--double"};
+  require_ok(densify(quick_run(dir / "moved.ply", frame)));
+  const PlyCloud moved = read_ply(dir / "moved.ply");
+  REQUIRE(moved.positions.size() == map.positions.size());
+  std::size_t wrong = 0;
+  for (std::size_t i = 0; i < map.positions.size(); ++i) {
+    const Eigen::Vector3d& p = map.positions[i];
+    const Eigen::Vector3f& n = map.normals[i];
+    wrong += (moved.positions[i] - 2.0 * Eigen::Vector3d(-p.y(), p.x() + 5.0, p.z())).norm() > 1e-5;
+    wrong += (moved.normals[i] - Eigen::Vector3f(-n.y(), n.x(), n.z())).norm() > 1e-5F;
+    wrong += moved.confidence[i] != map.confidence[i] || moved.views[i] != map.views[i];
+  }
+  CHECK(wrong == 0);
+
+  const Words amount{"--crop", "-4,8,-4,4,12,4", "--voxel", "0.05", "--max-points", "1000"};
+  require_ok(
+      densify(quick_run(dir / "few.ply", joined(joined(frame, amount), {"--stats", (dir / "s.json").string()}))));
+  const PlyCloud few = read_ply(dir / "few.ply");
+  CHECK(few.positions.size() == 1000);
+  for (const Eigen::Vector3d& p : few.positions) {
+    CHECK((p.x() >= -4 && p.x() <= 4 && p.y() >= 8 && p.y() <= 12 && p.z() >= -4 && p.z() <= 4));
+  }
+  std::string comments;
+  for (const std::string& comment : few.comments) comments += comment;
+  CHECK_THAT(comments, Contains("\"file_from_map\":[[0.0,-2.0,0.0,0.0],[2.0,0.0,0.0,10.0]") &&
+                           Contains("\"voxel\":0.05") && Contains("\"max_points\":1000"));
+  const auto stats = nlohmann::json::parse(read_text(dir / "s.json"));
+  CHECK(stats["points"] == map.positions.size());
+  CHECK(stats["points_written"] == 1000);
+  CHECK(stats["cloud"]["scale"] == 2.0);
+  CHECK(stats["cloud"]["crop"][1][1] == 12.0);
+}
+
+TEST_CASE("a crop that leaves nothing says so and leaves the old cloud", "[outputs]") {
+  const TempDir dir;
+  write_text(dir / "c.ply", "old");
+  const Result result = densify(quick_run(dir / "c.ply", {"--force", "--crop", "100,100,100,101,101,101"}));
+  CHECK(result.code == 5);
+  CHECK_THAT(result.err, Contains("lies in the box of --crop"));
+  CHECK(read_text(dir / "c.ply") == "old");
+}
+
+TEST_CASE("a cloud is aligned with places of its cameras, and the residuals are told", "[outputs]") {
+  const TempDir dir;
+  write_text(dir / "places.csv", "0,0,0,0\n1,0,0,1\n2,0,3,2\n");
+  const Words align{"--align", (dir / "places.csv").string()};
+  const Result result = densify(quick_run(dir / "c.ply", joined(align, {"--stats", (dir / "s.json").string()})));
+  require_ok(result);
+  CHECK_THAT(result.err, Contains("cloud: aligned with 3 points of") && Contains("residuals"));
+  const auto stats = nlohmann::json::parse(read_text(dir / "s.json"));
+  CHECK(stats["cloud"]["align"]["residuals"].size() == 3);
+  CHECK(stats["cloud"]["align"]["residuals"].contains("keyframe 2"));
+  write_text(dir / "places.csv", "0,0,0,0\n");
+  const Result few = densify(quick_run(dir / "d.ply", align));
+  CHECK(few.code == 3);
+  CHECK_THAT(few.err, Contains("at least 3"));
+}
+
+TEST_CASE("depth maps in the formats that are asked for, and an index that names them", "[outputs]") {
+  const TempDir dir;
+  const std::string depth = (dir / "d").string();
+  require_ok(densify(quick_run(dir / "c.ply", {"--depth-maps", depth, "--depth-format", "exr,png", "--scale", "3"})));
+  const auto index = nlohmann::json::parse(read_text(dir / "d/index.json"));
+  REQUIRE(index["maps"].size() == 5);
+  CHECK(index["cloud"]["scale"] == 3.0);
+  std::size_t files = 1;
+  for (const auto& map : index["maps"]) {
+    CHECK(!map.contains("depth"));
+    for (const char* key : {"exr", "depth_png", "normal_png", "confidence_png"}) {
+      CHECK(read_text(dir / "d" / map[key].get<std::string>()).size() > 100);
+      ++files;
+    }
+  }
+  CHECK(static_cast<std::size_t>(std::distance(fs::directory_iterator(dir / "d"), fs::directory_iterator())) == files);
+  require_ok(densify(quick_run(dir / "c.ply", {"--depth-maps", depth, "--depth-format", "pfm", "--force"})));
+  CHECK(std::distance(fs::directory_iterator(dir / "d"), fs::directory_iterator()) == 1 + 3 * 5);  // old ones are gone
+}

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <cmath>
+#include <sstream>
+
+#include <catch2/catch.hpp>
+
+#include <Eigen/Geometry>
+
+#include "export/cloud_frame.h"
+#include "pmsp/error.h"
+#include "support/temp_dir.h"
+
+using namespace pmsp;
+using namespace pmsp_test;
+using Catch::Contains;
+
+namespace {
+
+// A flight in a curve, at heights that change, turning all the while, slightly tilted: a SLAM's frame with y down.
+SlamMap flight(bool is_straight = false) {
+  SlamMap map;
+  for (int i = 0; i < 12; ++i) {
+    MapKeyframe keyframe;
+    keyframe.id = 10 * i;
+    keyframe.timestamp = 0.5 * i;
+    const double a = is_straight ? 0.0 : 0.3 * i;
+    const Eigen::Vector3d center =
+        is_straight ? Eigen::Vector3d(0.1 * i, 0.0, 0.0) : Eigen::Vector3d(std::sin(a), 0.1 * (i % 3), std::cos(a));
+    const Eigen::Matrix3d map_from_cam =
+        (Eigen::AngleAxisd(1.1 * i, Eigen::Vector3d::UnitY()) * Eigen::AngleAxisd(0.03, Eigen::Vector3d::UnitX()))
+            .toRotationMatrix();
+    keyframe.cam_from_world = RigidTransform{map_from_cam, center}.inverse();
+    map.keyframes.push_back(keyframe);
+  }
+  return map;
+}
+
+const Similarity& truth() {
+  static const Similarity it{2.5,
+                             Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix(),
+                             {400000.0, 5000000.0, 80.0}};
+  return it;
+}
+
+void check_same(const Similarity& a, const Similarity& b, double tolerance) {
+  CHECK(a.scale == Approx(b.scale).epsilon(tolerance));
+  CHECK((a.rotation - b.rotation).norm() < tolerance);
+  CHECK((a.translation - b.translation).norm() < 100.0 * tolerance);
+}
+
+std::string line_of(std::initializer_list<double> numbers) {
+  std::ostringstream text;
+  text.precision(17);
+  for (const double number : numbers) text << number << ' ';
+  return text.str() + "\n";
+}
+
+std::string trajectory(const SlamMap& map, double time_offset, bool between) {
+  std::string text = "# a trajectory\n";
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const RigidTransform pose = truth() * keyframe.cam_from_world.inverse();
+    const Eigen::Quaterniond q(pose.rotation);
+    const Eigen::Vector3d& t = pose.translation;
+    const double time = keyframe.timestamp + time_offset + (between ? 0.25 : 0.0);
+    text += line_of({time, t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
+  }
+  return text;
+}
+
+CloudFrame aligned(const std::filesystem::path& file, const SlamMap& map, double time_offset = 0.0) {
+  FrameOptions options;
+  options.align = file;
+  options.align_time_offset = time_offset;
+  return find_cloud_frame(options, map);
+}
+
+}  // namespace
+
+TEST_CASE("control points, camera places and a trajectory each give the frame, with residuals of nothing") {
+  const TempDir dir;
+  const SlamMap map = flight();
+  std::string points = "# NAME x y z X Y Z\n", places;
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const Eigen::Vector3d x = keyframe.cam_from_world.center() + Eigen::Vector3d(0.1, 0.2, 0.3);
+    const Eigen::Vector3d X = truth() * x;
+    const Eigen::Vector3d C = truth() * keyframe.cam_from_world.center();
+    points += "P" + std::to_string(keyframe.id) + ", " + line_of({x.x(), x.y(), x.z(), X.x(), X.y(), X.z()});
+    places += line_of({static_cast<double>(keyframe.id), C.x(), C.y(), C.z()});
+  }
+  write_text(dir / "points", points);
+  write_text(dir / "places", places);
+  write_text(dir / "tum", trajectory(map, 1.7e9, false));
+  for (const char* name : {"points", "places", "tum"}) {
+    INFO(name);
+    const CloudFrame frame = aligned(dir / name, map, name == std::string("tum") ? 1.7e9 : 0.0);
+    check_same(frame.file_from_map, truth(), 1e-5);
+    CHECK(frame.residuals.size() == map.keyframes.size());
+    CHECK(frame.residual_max() < 1e-5);
+    CHECK_THAT(frame.description, Contains("12 points") && Contains("scale 2.5") && Contains("residuals"));
+  }
+  CHECK(aligned(dir / "points", map).residuals[3].name == "P30");
+}
+
+TEST_CASE("a wrong control point shows in the residuals, by its name") {
+  const TempDir dir;
+  std::string text;
+  for (int i = 0; i < 8; ++i) {
+    const Eigen::Vector3d x(i % 2, i / 2 % 2, i / 4);
+    const Eigen::Vector3d X = truth() * x + Eigen::Vector3d(0.0, 0.0, i == 5 ? 0.5 : 0.0);
+    text += "P" + std::to_string(i) + " " + line_of({x.x(), x.y(), x.z(), X.x(), X.y(), X.z()});
+  }
+  write_text(dir / "points", text);
+  const CloudFrame frame = aligned(dir / "points", flight());
+  CHECK_THAT(frame.description, Contains("(P5)"));
+  CHECK((frame.residual_max() > 0.1 && frame.residual_max() < 0.5));
+  CHECK((frame.residual_rms() > 0.05 && frame.residual_rms() < frame.residual_max()));
+}
+
+TEST_CASE("between the poses of a trajectory the place of a camera is interpolated") {
+  const TempDir dir;
+  SlamMap map = flight();
+  write_text(dir / "tum", trajectory(map, 0.0, true));
+  for (MapKeyframe& keyframe : map.keyframes) keyframe.timestamp += 0.25;
+  map.keyframes[4].timestamp += 0.25;  // half way to the next one
+  map.keyframes[4].cam_from_world.translation =
+      -(map.keyframes[4].cam_from_world.rotation * 0.5 *
+        (map.keyframes[4].cam_from_world.center() + map.keyframes[5].cam_from_world.center()));
+  const CloudFrame frame = aligned(dir / "tum", map);
+  check_same(frame.file_from_map, truth(), 1e-5);
+  CHECK(frame.residuals.size() == 12);
+}
+
+TEST_CASE("on a straight flight the orientations of a trajectory decide, and places alone are refused") {
+  const TempDir dir;
+  const SlamMap map = flight(true);
+  write_text(dir / "tum", trajectory(map, 0.0, false));
+  check_same(aligned(dir / "tum", map).file_from_map, truth(), 1e-5);
+  write_text(dir / "places", "0 1 0 0\n10 2 0 0\n20 3 0 0\n30 4 0 0\n");
+  CHECK_THROWS_WITH(aligned(dir / "places", map), Contains("on a line"));
+}
+
+TEST_CASE("tables that are none are refused with file and line") {
+  const TempDir dir;
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {"", "holds no line"},
+      {"1 2 3\n", "line 1: expected lines of one kind"},
+      {"0 1 2 3\n10 1 2\n", "line 2: expected lines of one kind"},
+      {"0 1 2 3\n11 1 2 3\n", "line 2: the map has no keyframe"},
+      {"1 2 3 4 5 x\n", "line 1: \"x\" is no number"},
+      {"1 2 3 4 5 nan\n", "is no number"},
+      {"a 0 1 2 3\n", "line 1: expected"},
+      {"1 2 3 4 5 6\n", "at least 3"},
+      {"1 2 3 4 5 6\n1 2 3 4 5 6\n1 2 3 4 5 6\n", "on a line"},
+      {"0 0 0 0 0 0 0 2\n", "quaternion has length 2"},
+      {"100 0 0 0 0 0 0 1\n101 0 0 0 0 0 0 1\n", "tells the place of 0 of 12 keyframes"}};
+  for (const auto& [text, expected] : cases) {
+    write_text(dir / "table", text);
+    INFO(text);
+    CHECK_THROWS_WITH(aligned(dir / "table", flight()), Contains(expected) && Contains("table"));
+  }
+  CHECK_THROWS_AS(aligned(dir / "none", flight()), IoError);
+}
+
+TEST_CASE("a 4 x 4 matrix is taken where it is a similarity, and the scale is applied after it") {
+  const TempDir dir;
+  write_text(dir / "m", "0 -2 0 10\n2 0 0 20\n0 0 2 30\n0 0 0 1\n");
+  FrameOptions options;
+  options.transform = dir / "m";
+  options.scale = 3.0;
+  const Similarity it = find_cloud_frame(options, flight()).file_from_map;
+  CHECK((it * Eigen::Vector3d(1, 2, 3) - 3.0 * Eigen::Vector3d(6, 22, 36)).norm() < 1e-9);
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {"1 0 0 0 0 1 0 0 0 0 1 0", "holds 12 numbers"},          {"1 0 0 0\n0 1 0 0\n0 0 1 0\n1 2 3 1\n", "last row"},
+      {"-1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "no rotation"}, {"1 0 0 0\n0 2 0 0\n0 0 1 0\n0 0 0 1\n", "no rotation"},
+      {"0 0 0 0\n0 0 0 0\n0 0 0 0\n0 0 0 1\n", "no rotation"},  {"m 1 0 0 0\n", "\"m\" is no number"}};
+  for (const auto& [text, expected] : cases) {
+    write_text(dir / "bad", text);
+    CHECK_THROWS_WITH(read_similarity(dir / "bad"), Contains(expected) && Contains("bad"));
+  }
+}
+
+TEST_CASE("up is what the cameras' ups have in common") {
+  SlamMap map = flight();
+  FrameOptions options;
+  options.up = true;
+  const CloudFrame frame = find_cloud_frame(options, map);
+  CHECK((frame.file_from_map.rotation * Eigen::Vector3d(0, -1, 0) - Eigen::Vector3d::UnitZ()).norm() < 0.03);
+  CHECK(*frame.up_spread_deg == Approx(1.7).margin(0.5));
+  for (int i = 0; i < 4; ++i) {  // a third lies on its side
+    map.keyframes[static_cast<std::size_t>(3 * i)].cam_from_world.rotation =
+        Eigen::AngleAxisd(1.5, Eigen::Vector3d::UnitX()).toRotationMatrix();
+  }
+  const CloudFrame tilted = find_cloud_frame(options, map);
+  CHECK((tilted.file_from_map.rotation * Eigen::Vector3d(0, -1, 0) - Eigen::Vector3d::UnitZ()).norm() < 0.1);
+  for (std::size_t i = 0; i < map.keyframes.size(); ++i) {  // up and down in turns
+    map.keyframes[i].cam_from_world.rotation =
+        Eigen::AngleAxisd(3.14159 * static_cast<double>(i), Eigen::Vector3d::UnitX()).toRotationMatrix();
+  }
+  CHECK_THROWS_WITH(find_cloud_frame(options, map), Contains("no direction in common"));
+}

@@ -1,0 +1,9 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+namespace pmsp::bench {
+
+/// `pmsp-bench write`: times of the cloud's writers. Returns the exit code; throws as main's other errors do.
+int write_bench(int argc, char** argv);
+
+}  // namespace pmsp::bench

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "cloud_arguments.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+
+#include <CLI/CLI.hpp>
+
+#include "exit_code.h"
+#include "option_table.h"
+
+namespace pmsp::tool {
+namespace {
+
+const char* const kOutput = "Output";
+const char* const kFrame = "Frame and amount of the cloud";
+
+double positive_from(const char* option, const std::string& text) {
+  const auto value = number_from<double>(text);
+  if (value && *value > 0.0 && *value <= 1e12) return *value;
+  throw UsageError(std::string(option) + " is \"" + text + "\"; expected a number > 0");
+}
+
+double seconds_from(const std::string& text) {
+  const auto value = number_from<double>(text);
+  if (value && *value >= -1e12 && *value <= 1e12) return *value;
+  throw UsageError("--align-time-offset is \"" + text + "\"; expected seconds");
+}
+
+std::int64_t count_from(const char* option, const std::string& text) {
+  const auto value = number_from<std::int64_t>(text);
+  if (value && *value > 0) return *value;
+  throw UsageError(std::string(option) + " is \"" + text + "\"; expected a whole number of points from 1");
+}
+
+Box box_from(const std::string& text) {
+  std::array<double, 6> v{};
+  std::size_t at = 0;
+  bool is_good = true;
+  for (double& value : v) {
+    const std::size_t end = std::min(text.find(',', at), text.size());
+    const auto number = at <= end ? number_from<double>(text.substr(at, end - at)) : std::nullopt;
+    is_good = is_good && number;
+    value = number.value_or(0.0);
+    at = end + 1;
+  }
+  const Box box{{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
+  if (is_good && at > text.size() && (box.low.array() <= box.high.array()).all()) return box;
+  throw UsageError("--crop is \"" + text +
+                   "\"; expected two opposite corners, x,y,z,X,Y,Z with x <= X, y <= Y, z <= Z, such as -5,-5,0,5,5,3");
+}
+
+void set_date(const std::string& text, CloudArguments& arguments) {
+  const auto part = [&](std::size_t at, std::size_t size) {
+    return text.size() == 10 ? number_from<int>(text.substr(at, size)).value_or(0) : 0;
+  };
+  const int year = part(0, 4), month = part(5, 2), day = part(8, 2);
+  const bool is_leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
+  const std::array<int, 12> days{31, is_leap ? 29 : 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31};
+  const bool is_date = text.size() == 10 && text[4] == '-' && text[7] == '-' && year > 0 && month >= 1 && month <= 12 &&
+                       day >= 1 && day <= days[static_cast<std::size_t>(month - 1)];
+  if (!is_date) throw UsageError("--date is \"" + text + "\"; expected a day, YYYY-MM-DD, such as 2026-03-14");
+  arguments.year = year;
+  arguments.day_of_year = day;
+  for (int before = 1; before < month; ++before) arguments.day_of_year += days[static_cast<std::size_t>(before - 1)];
+}
+
+std::string names_of_formats() {
+  std::string text;
+  for (const CloudFormat& format : cloud_formats()) text += (text.empty() ? "" : ", ") + std::string(format.name);
+  return text;
+}
+
+std::string help_of_output() {
+  std::string text = "The cloud; may be given several times. Its format follows from the extension: ";
+  for (const CloudFormat& format : cloud_formats()) {
+    text += std::string(format.extension) + (format.is_folder() ? ", a folder (" : " (") + format.what + "), ";
+  }
+  return text.substr(0, text.size() - 2) + " [default cloud.ply]";
+}
+
+void add_files(CLI::App& app, CloudArguments& a) {
+  app.add_option("-o,--output", a.paths, help_of_output())
+      ->type_name("FILE")
+      ->group(kOutput)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  app.add_option("--format", a.formats,
+                 "Formats of the -o, in their order, whatever their extensions: " + names_of_formats())
+      ->type_name("NAME")
+      ->group(kOutput)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  app.add_flag("--double", a.double_positions,
+               "PLY: coordinates with 64 instead of 32 bits (always so far away from the origin)")
+      ->group(kOutput);
+  app.add_option_function<std::string>(
+         "--resolution", [&a](const std::string& text) { a.resolution = positive_from("--resolution", text); },
+         "LAS, Potree: unit of the coordinates, which are whole numbers [unit of the cloud; default about a "
+         "ten-millionth of the mission's size]")
+      ->type_name("U")
+      ->group(kOutput);
+  app.add_option("--crs", a.crs, "LAS: file with the coordinate reference system of the cloud, as WKT")
+      ->type_name("FILE")
+      ->group(kOutput);
+  app.add_option_function<std::string>(
+         "--date", [&a](const std::string& text) { set_date(text, a); }, "LAS: day of the flight [default none]")
+      ->type_name("YYYY-MM-DD")
+      ->group(kOutput);
+  app.add_option_function<std::string>(
+         "--dataset-points", [&a](const std::string& text) { a.dataset_points = count_from("--dataset-points", text); },
+         "COLMAP, nerfstudio: points of a dataset, at most [default 1000000]")
+      ->type_name("N")
+      ->group(kOutput);
+}
+
+void add_frame(CLI::App& app, CloudArguments& a) {
+  app.add_option(
+         "--align", a.frame.align,
+         "Turn, scale and move the cloud so that points of the map lie where this table says: lines [NAME] x y z "
+         "X Y Z (point in the map, where it belongs), ID X Y Z (keyframe, where its camera was), or timestamp tx "
+         "ty tz qx qy qz qw (TUM trajectory)")
+      ->type_name("FILE")
+      ->group(kFrame);
+  app.add_option_function<std::string>(
+         "--align-time-offset", [&a](const std::string& text) { a.frame.align_time_offset = seconds_from(text); },
+         "Added to the keyframes' timestamps before they are looked for in a trajectory [s; default 0]")
+      ->type_name("S")
+      ->group(kFrame);
+  app.add_flag("--up", a.frame.up, "Turn the cloud so that z points upwards, as the cameras stood")->group(kFrame);
+  app.add_option("--transform", a.frame.transform,
+                 "File with a 4 x 4 matrix (rotation, scale, translation) that is applied after --align or --up")
+      ->type_name("FILE")
+      ->group(kFrame);
+  app.add_option_function<std::string>(
+         "--scale", [&a](const std::string& text) { a.frame.scale = positive_from("--scale", text); },
+         "Applied last [units of the cloud a unit of the map; default 1]")
+      ->type_name("S")
+      ->group(kFrame);
+  app.add_option_function<std::string>(
+         "--crop", [&a](const std::string& text) { a.amount.crop = box_from(text); },
+         "Only points in a box of the cloud's frame, given by two corners")
+      ->type_name("x,y,z,X,Y,Z")
+      ->group(kFrame);
+  app.add_option_function<std::string>(
+         "--voxel", [&a](const std::string& text) { a.amount.thinning.voxel = positive_from("--voxel", text); },
+         "Only the most confident point of each cube with sides of this length [unit of the cloud]")
+      ->type_name("L")
+      ->group(kFrame);
+  app.add_option_function<std::string>(
+         "--max-points",
+         [&a](const std::string& text) { a.amount.thinning.max_points = count_from("--max-points", text); },
+         "An even share of the points, so many at most")
+      ->type_name("N")
+      ->group(kFrame);
+}
+
+}  // namespace
+
+std::vector<CloudOutput::Target> CloudArguments::targets() const {
+  std::vector<CloudOutput::Target> targets;
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    const CloudFormat* format = i < formats.size() ? find_cloud_format(formats[i]) : cloud_format_of(paths[i]);
+    // Without an extension it is a PLY.
+    targets.push_back({format != nullptr ? format : &cloud_formats().front(), paths[i]});
+  }
+  return targets;
+}
+
+void add_cloud_options(CLI::App& app, CloudArguments& arguments) {
+  add_files(app, arguments);
+  add_frame(app, arguments);
+}
+
+void check_cloud_arguments(const CloudArguments& arguments) {
+  for (const std::string& name : arguments.formats) {
+    if (find_cloud_format(name) == nullptr) {
+      throw UsageError("--format is \"" + name + "\"; expected one of " + names_of_formats());
+    }
+  }
+  if (!arguments.formats.empty() && arguments.formats.size() != arguments.paths.size()) {
+    throw UsageError("--format is given " + std::to_string(arguments.formats.size()) + " and -o " +
+                     std::to_string(arguments.paths.size()) + " times; expected one for each, or none");
+  }
+  for (std::size_t i = arguments.formats.size(); i < arguments.paths.size(); ++i) {
+    const std::string extension = arguments.paths[i].extension().string();
+    if (extension.empty() || cloud_format_of(arguments.paths[i]) != nullptr) continue;
+    throw UsageError("--output " + arguments.paths[i].string() + ": no format has the extension " + extension +
+                     "; expected --format with one of " + names_of_formats() + ", or the extension of one");
+  }
+  if (!arguments.frame.align.empty() && arguments.frame.up) {
+    throw UsageError("--align and --up exclude each other; --align tells which way is up");
+  }
+}
+
+}  // namespace pmsp::tool

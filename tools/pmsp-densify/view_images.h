@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <vector>
+
+#include "arguments.h"
+#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/image_source.h"
+#include "pmsp/io/map.h"
+
+namespace pmsp::tool {
+
+/// The mission's images, for datasets: copies of files, or frames of the video as JPEG.
+class ViewImages {
+ public:
+  /// All must outlive it but `source`, which is not restricted to some keyframes yet.
+  ViewImages(const Arguments& arguments, const SlamMap& map, const ImageSource& source);
+
+  /// Of an image that is used. Others are left out.
+  void set_size(std::int64_t keyframe_id, int width, int height) { sizes_[keyframe_id] = {width, height}; }
+
+  /// Puts them into a folder. Throws IoError, OutputError.
+  std::vector<OutputView> put(const std::filesystem::path& folder, const Similarity& file_from_map) const;
+
+ private:
+  struct Size {
+    int width, height;
+  };
+  void copy_frames(const std::filesystem::path& folder, const std::map<std::int64_t, std::string>& names) const;
+
+  const Arguments& arguments_;
+  const SlamMap& map_;
+  std::map<std::int64_t, ImageSource::Origin> origins_;
+  std::map<std::int64_t, Size> sizes_;
+};
+
+}  // namespace pmsp::tool
