@@ -11,6 +11,7 @@
 #include "pmsp/error.h"
 #include "pmsp/io/convention.h"
 #include "pmsp/io/landmark_sweep.h"
+#include "pmsp/io/mask.h"
 #include "util/thread_pool.h"
 #include "verbs.h"
 
@@ -38,12 +39,14 @@ std::string sweep_landmarks(SlamMap& map, const Arguments& arguments, int thread
   if (!map.landmarks.empty()) return "";
   const std::unique_ptr<ImageSource> source = open_images(arguments, map);
   ImageReader images(*source, map, threads > 0 ? threads : usable_cpus(), nullptr);
-  MaskReader mask(arguments.mask);
+  MaskSource masks = open_masks(arguments);
   LandmarkSweep sweep(map);
   while (true) {
     ImageReader::Read read = images.next();
     if (!read.item) break;
-    sweep.add(read.item->keyframe_id, read.item->image.view(), mask.mask_for(read.item->image));
+    sweep.add(read.item->keyframe_id, read.item->image.view(),
+              masks.mask_for(source->origin(read.item->keyframe_id).file, read.item->image.width(),
+                             read.item->image.height()));
     images.let_go(std::move(*read.item));
   }
   const LandmarkSweep::Result result = sweep.make_landmarks(map, threads, !arguments.no_verify);

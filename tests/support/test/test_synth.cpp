@@ -20,6 +20,7 @@
 #include "pmsp/io/depth_io.h"
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
+#include "pmsp/io/mask.h"
 #include "support/mission.h"
 #include "support/temp_dir.h"
 
