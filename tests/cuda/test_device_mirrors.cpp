@@ -6,7 +6,6 @@
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
 #include "cuda/launch.h"
-#include "cuda/transfers.h"
 #include "cuda/on_device.h"
 #include "cuda/transfers.h"
 #include "fusion/fusion_setup.h"
