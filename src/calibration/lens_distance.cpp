@@ -16,6 +16,7 @@
 #include "equirect.h"
 #include "pmsp/camera.h"
 #include "util/median.h"
+#include "util/patch_correlation.h"
 
 namespace pmsp {
 namespace {
@@ -110,22 +111,6 @@ struct LensDistanceEstimator::View {
 namespace {
 
 using Patch = std::array<float, kSide * kSide>;
-
-/// Zero mean, unit length. Empty where there is too little to see.
-std::optional<Patch> normalised(Patch patch) {
-  float mean = 0.0F;
-  for (const float value : patch) mean += value;
-  mean /= static_cast<float>(patch.size());
-  float square = 0.0F;
-  for (float& value : patch) {
-    value -= mean;
-    square += value * value;
-  }
-  if (square < kMinDeviation * kMinDeviation * static_cast<float>(patch.size())) return std::nullopt;
-  const float scale = 1.0F / std::sqrt(square);
-  for (float& value : patch) value *= scale;
-  return patch;
-}
 
 /// Where the top of a parabola through three values lies beside the middle one, which is the largest.
 float top_of(float before, float middle, float after) {
@@ -267,13 +252,12 @@ LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
         const Eigen::Matrix3d turn = other.cam_from_world.rotation * view.cam_from_world.rotation.transpose();
         if (there.normalized().dot(turn * bearing) < kMinCosView) continue;
         if (!patch) {
-          Patch gray{};
-          float* to = gray.data();
+          patch.emplace();
+          float* to = patch->data();
           for (int j = -kRadius; j <= kRadius; ++j) {
             for (int i = -kRadius; i <= kRadius; ++i) *to++ = view.at((bearing + i * right + j * down).cast<float>());
           }
-          patch = normalised(gray);
-          if (!patch) break;
+          if (!normalise(*patch, kMinDeviation)) break;
         }
         // The patch as a piece of a surface across the ray.
         const Eigen::Vector3f center = (there / depth).cast<float>();

@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "elementary.h"
 #include "export/fit_similarity.h"
 #include "export/number_table.h"
 #include "pmsp/error.h"
@@ -15,7 +16,7 @@
 namespace pmsp {
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
+constexpr double kDegree = kernels::kPi / 180.0;
 
 std::string short_text(double value) {
   char text[32];

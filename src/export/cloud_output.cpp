@@ -21,7 +21,6 @@ void CloudOutput::add(const KeyframeCloud& cloud) {
     if (crop_) end = std::remove_if(points, end, [this](const OutputPoint& p) { return !crop_->contains(p.position); });
     const auto left = static_cast<std::size_t>(end - points);
     points_in_ += static_cast<std::int64_t>(count);
-    points_in_box_ += static_cast<std::int64_t>(left);
     if (thinning_) {
       thinning_->add(points, left);
     } else {

@@ -41,9 +41,8 @@ class CloudOutput {
   ~CloudOutput();
 
   void add(const KeyframeCloud& cloud);
-  /// Points that have come; those in the box.
+  /// Points that have come.
   std::int64_t points_in() const { return points_in_; }
-  std::int64_t points_cropped() const { return points_in_ - points_in_box_; }
 
   /// After the last point: what was held back for thinning goes to the writers.
   void complete();
@@ -61,7 +60,7 @@ class CloudOutput {
   std::vector<std::unique_ptr<CloudWriter>> writers_;
   std::unique_ptr<Thinning> thinning_;  ///< nullptr = none
   PlacedPoints placed_;
-  std::int64_t points_in_ = 0, points_in_box_ = 0, points_ = 0;
+  std::int64_t points_in_ = 0, points_ = 0;
 };
 
 }  // namespace pmsp

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // A COLMAP model (binary, as version 4.1 writes it; older readers pass over rigs and frames): sparse/0, images/.
-#include <cmath>
 #include <map>
 #include <string>
 #include <utility>
@@ -10,12 +9,12 @@
 #include "export/dataset_folder.h"
 #include "export/little_endian.h"
 #include "export/spool.h"
+#include "pmsp/camera.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr std::int32_t kEquirectangular = 17;  // of COLMAP's camera models
 constexpr std::int32_t kCamera = 0;            // of its kinds of sensors
 constexpr double kUnknownError = -1.0;
@@ -25,14 +24,6 @@ struct Sighting {
   double x, y;
   std::uint64_t point;
 };
-
-/// [px], the centre of the first pixel at (0.5, 0.5)
-Eigen::Vector2d project(const OutputView& view, const Eigen::Vector3d& position) {
-  const Eigen::Vector3d p = view.cam_from_file * position;
-  const double longitude = std::atan2(p.x(), p.z());
-  const double latitude = std::atan2(-p.y(), std::hypot(p.x(), p.z()));
-  return {(longitude / (2.0 * kPi) + 0.5) * view.width, (0.5 - latitude / kPi) * view.height};
-}
 
 void append_pose(std::string& text, const RigidTransform& pose) {
   Eigen::Quaterniond q(pose.rotation);
@@ -103,7 +94,8 @@ class Colmap final : public CloudWriter {
     const auto sees = [&](std::int64_t keyframe_id) {
       const auto found = number_of_.find(keyframe_id);
       if (found == number_of_.end()) return;
-      const Eigen::Vector2d pixel = project(views_[found->second], point.position);
+      const OutputView& view = views_[found->second];
+      const Eigen::Vector2d pixel = pixel_from_bearing(view.cam_from_file * point.position, view.width, view.height);
       append_little(track, image_id(found->second));
       append_little(track, static_cast<std::uint32_t>(sightings.size(found->second)));
       sightings.add(found->second, {pixel.x(), pixel.y(), id});

@@ -1,18 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <string>
-#include <vector>
 
+#include "export/little_endian.h"
 #include "export/regular_file.h"
 #include "scene.h"
-
-static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the files are little-endian");
 
 namespace pmsp::map_detail {
 
@@ -34,11 +30,11 @@ class BinaryInput {
   template <class T>
   T number() {
     require(sizeof(T));
-    T value{};
-    file_.read(reinterpret_cast<char*>(&value), sizeof(T));
+    char bytes[sizeof(T)];
+    file_.read(bytes, sizeof(T));
     if (!file_) throw IoError(path_.string() + ": cannot be read beyond byte " + std::to_string(at_));
     at_ += sizeof(T);
-    return value;
+    return get_little<T>(bytes);
   }
 
   /// A number of things of at least `bytes` each, which the file must be able to hold.

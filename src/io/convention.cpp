@@ -10,6 +10,7 @@
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "readings.h"
+#include "util/median.h"
 
 namespace pmsp {
 namespace {
@@ -28,12 +29,6 @@ Eigen::Matrix3d quarter_turn(double sign) {
   Eigen::Matrix3d turn;
   turn << 0.0, 0.0, -sign, 0.0, 1.0, 0.0, sign, 0.0, 0.0;
   return turn;
-}
-
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// An observation, where its landmark is, and by which camera it was made.

@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 
 #include "pmsp/camera.h"
+#include "util/patch_correlation.h"
 
 namespace pmsp::io {
 namespace {
@@ -101,10 +102,6 @@ PatchWithNeighbours sample_with_neighbours(ImageView<const Rgb> image, const Pat
   return {cut(0, 0), {cut(kBeside, 0), cut(-kBeside, 0), cut(0, kBeside), cut(0, -kBeside)}};
 }
 
-float correlation(const LandmarkPatch& a, const LandmarkPatch& b) {
-  float sum = 0.0F;
-  for (std::size_t i = 0; i < a.values.size(); ++i) sum += a.values[i] * b.values[i];
-  return sum;
-}
+float correlation(const LandmarkPatch& a, const LandmarkPatch& b) { return pmsp::correlation(a.values, b.values); }
 
 }  // namespace pmsp::io

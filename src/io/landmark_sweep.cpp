@@ -11,9 +11,11 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "readings.h"
+#include "util/patch_correlation.h"
 #include "util/thread_pool.h"
 
 namespace pmsp {
@@ -41,22 +43,6 @@ constexpr double kEnough = 0.15;      ///< of the patches, for another reading t
 
 using Patch = std::array<float, kSide * kSide>;
 using map_detail::Reading;
-
-/// Zero mean, unit length; false where there is too little to see.
-bool normalise(Patch& patch) {
-  float mean = 0.0F;
-  for (const float value : patch) mean += value;
-  mean /= static_cast<float>(patch.size());
-  float square = 0.0F;
-  for (float& value : patch) {
-    value -= mean;
-    square += value * value;
-  }
-  if (square < kMinDeviation * kMinDeviation * static_cast<float>(patch.size())) return false;
-  const float scale = 1.0F / std::sqrt(square);
-  for (float& value : patch) value *= scale;
-  return true;
-}
 
 /// A keyframe with its small image.
 struct View {
@@ -96,7 +82,7 @@ struct Surface {
 Surface surface_at(const View& view, const Eigen::Vector2d& pixel) {
   Surface surface;
   surface.bearing = bearing_from_pixel(pixel, view.gray.cols, view.gray.rows);
-  const double step = kSpacing * 2.0 * 3.14159265358979323846 / view.gray.cols;
+  const double step = kSpacing * 2.0 * kernels::kPi / view.gray.cols;
   surface.right = step * Eigen::Vector3d::UnitY().cross(surface.bearing).normalized();
   surface.down = step * surface.bearing.cross(surface.right).normalized();
   return surface;
@@ -126,12 +112,6 @@ Patch sample(const View& view, const RigidTransform& view_from_ref, const Surfac
   return patch;
 }
 
-float similarity(const Patch& a, const Patch& b) {
-  float sum = 0.0F;
-  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
-  return sum;
-}
-
 /// A landmark that was found, and the views that show it, the reference first.
 struct Found {
   Eigen::Vector3d position_world;
@@ -152,20 +132,20 @@ class Sweep {
     const View& reference = views_[i];
     const double reach = distance(i, neighbours.back());
     std::vector<RigidTransform> from_reference;
-    for (const std::size_t k : neighbours) from_reference.push_back(views_[k].pose * inverse(reference.pose));
+    for (const std::size_t k : neighbours) from_reference.push_back(views_[k].pose * reference.pose.inverse());
     std::size_t patches = 0;
     const std::vector<Eigen::Vector2d> places = corners(reference);
     for (std::size_t at = 0; at < places.size(); at += stride) {
       const Surface surface = surface_at(reference, places[at]);
       Patch patch = sample(reference, {}, surface, 1.0);
-      if (!normalise(patch)) continue;
+      if (!normalise(patch, kMinDeviation)) continue;
       ++patches;
       const double depth = depth_of(patch, surface, reach, neighbours, from_reference);
       if (!(depth > 0.0)) continue;
-      Found one{inverse(reference.pose) * (depth * surface.bearing), {i}};
+      Found one{reference.pose.inverse() * (depth * surface.bearing), {i}};
       for (std::size_t k = 0; k < neighbours.size(); ++k) {
         Patch other = sample(views_[neighbours[k]], from_reference[k], surface, depth);
-        if (normalise(other) && similarity(patch, other) >= kSeen) one.views.push_back(neighbours[k]);
+        if (normalise(other, kMinDeviation) && correlation(patch, other) >= kSeen) one.views.push_back(neighbours[k]);
       }
       if (one.views.size() > 1) found.push_back(std::move(one));
     }
@@ -173,9 +153,6 @@ class Sweep {
   }
 
  private:
-  /// Also of poses that mirror.
-  static RigidTransform inverse(const RigidTransform& pose) { return pose.inverse(); }
-
   double distance(std::size_t i, std::size_t k) const {
     return (views_[i].pose.center() - views_[k].pose.center()).norm();
   }
@@ -198,7 +175,7 @@ class Sweep {
     cv::Mat strength;
     cv::cornerMinEigenVal(view.gray, strength, 5);
     std::vector<Eigen::Vector2d> result;
-    const int border = static_cast<int>(std::ceil(view.gray.rows * (0.5 - kMaxLatitude / 3.14159265358979323846)));
+    const int border = static_cast<int>(std::ceil(view.gray.rows * (0.5 - kMaxLatitude / kernels::kPi)));
     for (int top = border; top + kCell <= view.gray.rows - border; top += kCell) {
       for (int left = 0; left + kCell <= view.gray.cols; left += kCell) {
         float best = 0.0F;
@@ -229,7 +206,7 @@ class Sweep {
     for (int step = 0; step < kDepths; ++step) {
       for (std::size_t k = 0; k < neighbours.size(); ++k) {
         Patch other = sample(views_[neighbours[k]], from_reference[k], surface, 1.0 / inverse_depth(step));
-        of_views[k] = normalise(other) ? similarity(patch, other) : 0.0F;
+        of_views[k] = normalise(other, kMinDeviation) ? correlation(patch, other) : 0.0F;
       }
       scores[static_cast<std::size_t>(step)] = score(of_views);
     }

@@ -14,6 +14,7 @@
 #include "export/regular_file.h"
 #include "map_file.h"
 #include "pmsp/error.h"
+#include "pmsp/io/similarity.h"
 #include "scene.h"
 #include "text_input.h"
 
@@ -65,13 +66,6 @@ std::int64_t whole_number(const pugi::xml_node& node, const char* attribute, con
   }
   return value;
 }
-
-/// world_from_chunk.
-struct Similarity {
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
-  double scale = 1.0;
-};
 
 Eigen::Matrix3d matrix_of(const std::vector<double>& rows, Eigen::Index stride) {
   Eigen::Matrix3d matrix;
@@ -125,7 +119,7 @@ class PartReader {
   SlamMap read() {
     read_sensors();
     const pugi::xml_node own = part_.component.child("transform");
-    world_ = similarity_of(own ? own : part_.chunk.child("transform"), map_.path, "transform");
+    world_from_chunk_ = similarity_of(own ? own : part_.chunk.child("transform"), map_.path, "transform");
     const pugi::xml_node cameras = part_.chunk.child("cameras");
     for (const pugi::xml_node camera : cameras.children("camera")) add(camera);
     for (const pugi::xml_node group : cameras.children("group")) {
@@ -179,16 +173,15 @@ class PartReader {
     keyframe.camera = sensor->second;
     keyframe.image = image_name(camera.attribute("label").value(), map_.path, place(camera));
     const Eigen::Matrix3d turn =
-        rotation_from_matrix((world_.rotation * chunk_from_camera).transpose(), map_.path, where);
-    const Eigen::Vector3d center =
-        world_.scale * (world_.rotation * Eigen::Vector3d(m[3], m[7], m[11])) + world_.translation;
+        rotation_from_matrix((world_from_chunk_.rotation * chunk_from_camera).transpose(), map_.path, where);
+    const Eigen::Vector3d center = world_from_chunk_ * Eigen::Vector3d(m[3], m[7], m[11]);
     keyframe.cam_from_world = {turn, -(turn * center)};
     map_.keyframes.push_back(std::move(keyframe));
   }
 
   Part part_;
   SlamMap map_;
-  Similarity world_;
+  Similarity world_from_chunk_;
   std::map<std::int64_t, int> sensors_;  ///< by id; -1: no panorama
   std::size_t without_pose_ = 0;
   std::size_t others_ = 0;

@@ -11,6 +11,7 @@
 #include "map_file.h"
 #include "scene.h"
 #include "text_input.h"
+#include "util/median.h"
 
 namespace pmsp::map_detail {
 namespace {
@@ -76,9 +77,7 @@ double tolerance_of(const std::vector<NamedTime>& images) {
   std::vector<double> steps;
   for (std::size_t i = 1; i < images.size(); ++i) steps.push_back(images[i].timestamp - images[i - 1].timestamp);
   if (steps.empty()) return 0.02;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return 0.5 * *middle;
+  return 0.5 * median(steps);
 }
 
 void name_images(SlamMap& map, const std::filesystem::path& path) {

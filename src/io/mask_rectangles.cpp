@@ -7,6 +7,7 @@
 #include <sstream>
 #include <string>
 
+#include "export/regular_file.h"
 #include "pmsp/error.h"
 
 namespace pmsp::io {
@@ -22,6 +23,7 @@ std::string expected() {
 }
 
 std::string read_text(const std::filesystem::path& path) {
+  require_regular_file(path);
   std::ifstream file(path, std::ios::binary);
   std::string text(kMaxBytes + 1, '\0');
   file.read(text.data(), static_cast<std::streamsize>(text.size()));

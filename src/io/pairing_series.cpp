@@ -5,10 +5,11 @@
 #include <array>
 #include <cmath>
 
+#include "elementary.h"
+
 namespace pmsp::io {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kSpacingPx = 2.0;       ///< between samples, in pixels of the camera
 constexpr float kSameLook = 0.8F;        ///< correlation from which on a place beside looks like the landmark itself
 constexpr std::size_t kLeastPlaces = 3;  ///< of the four beside that look different; else nothing can be told
@@ -99,7 +100,7 @@ bool PairingSeries::place(const MapKeyframe& keyframe, const MapObservation& obs
   if (!(distance > 0.0) || !std::isfinite(distance)) return false;
   // An image smaller than the camera's has no finer detail than its own pixels.
   const double spacing_px = std::max(kSpacingPx, static_cast<double>(camera.width) / image.width);
-  const double own_size = 2.0 * kPi * spacing_px / camera.width * distance;
+  const double own_size = 2.0 * kernels::kPi * spacing_px / camera.width * distance;
   look.last = last_sighting(observation.landmark_id);
   if (look.last != nullptr &&
       (look.last->sample_size > own_size * kMaxRescaling || own_size > look.last->sample_size * kMaxRescaling))

@@ -42,21 +42,15 @@ int component_from(const std::string& text) {
 }
 
 double frame_rate_from(const std::string& text) {
-  const auto fps = number_from<double>(text);
-  if (fps && *fps >= 0.0 && *fps <= 1e6) return *fps;
-  throw UsageError("--fps is \"" + text + "\"; expected frames per second up to 1000000, or 0 for the map's own");
+  return number_in("--fps", text, 0.0, 1e6, "frames per second up to 1000000, or 0 for the map's own");
 }
 
 double mask_nadir_from(const std::string& text) {
-  const auto radius = number_from<double>(text);
-  if (radius && *radius >= 0.0 && *radius <= 90.0) return *radius;
-  throw UsageError("--mask-nadir is \"" + text + "\"; expected degrees, 0 to 90");
+  return number_in("--mask-nadir", text, 0.0, 90.0, "degrees, 0 to 90");
 }
 
 double idle_seconds_from(const std::string& text) {
-  const auto seconds = number_from<double>(text);
-  if (seconds && *seconds >= 0.0 && *seconds <= 1e6) return *seconds;
-  throw UsageError("--until-idle is \"" + text + "\"; expected seconds, 0 to 1000000");
+  return number_in("--until-idle", text, 0.0, 1e6, "seconds, 0 to 1000000");
 }
 
 void add_inputs(CLI::App& app, Arguments& a) {

@@ -22,12 +22,6 @@ double positive_from(const char* option, const std::string& text) {
   throw UsageError(std::string(option) + " is \"" + text + "\"; expected a number > 0");
 }
 
-double seconds_from(const std::string& text) {
-  const auto value = number_from<double>(text);
-  if (value && *value >= -1e12 && *value <= 1e12) return *value;
-  throw UsageError("--align-time-offset is \"" + text + "\"; expected seconds");
-}
-
 std::int64_t count_from(const char* option, const std::string& text) {
   const auto value = number_from<std::int64_t>(text);
   if (value && *value > 0) return *value;
@@ -124,7 +118,10 @@ void add_frame(CLI::App& app, CloudArguments& a) {
       ->type_name("FILE")
       ->group(kFrame);
   app.add_option_function<std::string>(
-         "--align-time-offset", [&a](const std::string& text) { a.frame.align_time_offset = seconds_from(text); },
+         "--align-time-offset",
+         [&a](const std::string& text) {
+           a.frame.align_time_offset = number_in("--align-time-offset", text, -1e12, 1e12, "seconds");
+         },
          "Added to the keyframes' timestamps before they are looked for in a trajectory [s; default 0]")
       ->type_name("S")
       ->group(kFrame);

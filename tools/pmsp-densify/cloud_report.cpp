@@ -35,15 +35,12 @@ nlohmann::ordered_json amount_json(const CloudArguments& arguments, const CloudF
 void set_reach(const SlamMap& map, double range_margin, CloudHeader& header) {
   if (map.keyframes.empty()) return;
   Eigen::Vector3d low = map.keyframes.front().cam_from_world.center(), high = low;
-  double farthest = 0.0;
   for (const MapKeyframe& keyframe : map.keyframes) {
     const Eigen::Vector3d center = keyframe.cam_from_world.center();
     low = low.cwiseMin(center);
     high = high.cwiseMax(center);
-    std::vector<double> depths = landmark_depths(map, keyframe);
-    farthest = std::max(farthest, percentile(depths, 98.0));
   }
-  const double reach = 0.5 * (high - low).norm() + farthest * range_margin;
+  const double reach = 0.5 * (high - low).norm() + farthest_landmarks(map) * range_margin;
   header.center = header.file_from_map * (0.5 * (low + high));
   header.reach = header.file_from_map.scale * (reach > 0.0 ? reach : 1.0);
 }
@@ -57,6 +54,13 @@ nlohmann::ordered_json cloud_json(const CloudArguments& arguments, const CloudFr
   json["align"] = {{"rms", frame.residual_rms()}, {"max", frame.residual_max()}};
   for (const Residual& residual : frame.residuals) json["align"]["residuals"][residual.name] = residual.distance;
   return json;
+}
+
+std::filesystem::path scratch_folder(const Arguments& arguments) {
+  if (!arguments.scratch.empty()) return arguments.scratch;
+  const std::filesystem::path beside =
+      arguments.cloud.paths.empty() ? std::filesystem::path() : arguments.cloud.paths.front().parent_path();
+  return beside.empty() ? "." : beside;
 }
 
 CloudHeader cloud_header(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
@@ -82,9 +86,7 @@ CloudHeader cloud_header(const Arguments& arguments, const DensifierOptions& opt
   }
   header.year = arguments.cloud.year;
   header.day_of_year = arguments.cloud.day_of_year;
-  const std::filesystem::path beside =
-      arguments.cloud.paths.empty() ? std::filesystem::path() : arguments.cloud.paths.front().parent_path();
-  header.scratch = !arguments.scratch.empty() ? arguments.scratch : beside.empty() ? "." : beside;
+  header.scratch = scratch_folder(arguments);
   header.dataset_points = arguments.cloud.dataset_points;
   return header;
 }

@@ -61,11 +61,7 @@ DepthFormats depth_formats_from(const std::string& list) {
 }
 
 double png_depth_scale(const SlamMap& map, double range_margin) {
-  double farthest = 0.0;
-  for (const MapKeyframe& keyframe : map.keyframes) {
-    std::vector<double> depths = landmark_depths(map, keyframe);
-    farthest = std::max(farthest, percentile(depths, 98.0));
-  }
+  const double farthest = farthest_landmarks(map);
   return farthest > 0.0 ? farthest * range_margin / 65535.0 : 1e-3;
 }
 

@@ -10,7 +10,6 @@
 #include "map_figures.h"
 #include "map_input.h"
 #include "pmsp/error.h"
-#include "pmsp/io/convention.h"
 #include "pmsp/io/plan_io.h"
 #include "progress.h"
 #include "targets.h"
@@ -189,12 +188,11 @@ void print(const Json& j) {
 }  // namespace
 
 void info(const Arguments& given) {
-  const Arguments arguments = with_images(given, false);
-  const DensifierOptions options = effective_options(arguments);
+  const DensifierOptions options = effective_options(given);
+  ConventionCheck convention;
+  SlamMap map = read_map(given, &convention);
+  const Arguments arguments = with_images(given, map);
   if (!arguments.plan.empty()) check_targets(arguments);
-  SlamMap map = pmsp::read_map(arguments.map, {arguments.component, arguments.points, arguments.image_list});
-  const ConventionCheck convention = require_convention(map);
-  if (!convention.remark.empty()) map.notes.push_back(convention.remark);
   std::vector<std::string> about_map = remarks(map);
   const std::unique_ptr<ImageSource> source = open_images(arguments, map);
   if (source && map.landmarks.empty()) about_map.push_back(sweep_landmarks(map, arguments, options.threads));

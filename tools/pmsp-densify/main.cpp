@@ -25,9 +25,9 @@ int guarded_main(int argc, char** argv) {
   } else if (arguments->verb == Verb::kConfig || arguments->print_config) {
     config(*arguments);
   } else if (arguments->shard) {
-    run_shard(with_images(*arguments, true));
+    run_shard(with_needed_images(*arguments));
   } else {
-    run(with_images(*arguments, true));
+    run(with_needed_images(*arguments));
   }
   std::cout.flush();
   if (!std::cout) throw pmsp::OutputError("standard output cannot be written");

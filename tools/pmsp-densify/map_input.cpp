@@ -9,7 +9,6 @@
 #include "decoder.h"
 #include "exit_code.h"
 #include "pmsp/error.h"
-#include "pmsp/io/convention.h"
 #include "pmsp/io/landmark_sweep.h"
 #include "pmsp/io/mask.h"
 #include "util/thread_pool.h"
@@ -17,21 +16,37 @@
 
 namespace pmsp::tool {
 
-SlamMap read_map(const Arguments& arguments) {
-  SlamMap map = pmsp::read_map(arguments.map, {arguments.component, arguments.points, arguments.image_list});
+namespace {
+
+SlamMap read_unproven(const Arguments& arguments) {
+  return pmsp::read_map(arguments.map, {arguments.component, arguments.points, arguments.image_list});
+}
+
+bool has_images(const Arguments& arguments) { return !arguments.images.empty() || !arguments.video.empty(); }
+
+}  // namespace
+
+SlamMap read_map(const Arguments& arguments, ConventionCheck* proof) {
+  SlamMap map = read_unproven(arguments);
   if (arguments.no_verify || arguments.verb == Verb::kMerge) return map;
-  const std::string remark = require_convention(map).remark;
-  if (!remark.empty()) map.notes.push_back(remark);
+  const ConventionCheck check = require_convention(map);
+  if (!check.remark.empty()) map.notes.push_back(check.remark);
+  if (proof != nullptr) *proof = check;
   return map;
 }
 
-Arguments with_images(const Arguments& arguments, bool needed) {
-  if (!arguments.images.empty() || !arguments.video.empty()) return arguments;
+Arguments with_images(const Arguments& arguments, const SlamMap& map) {
   Arguments result = arguments;
-  result.images = read_map(arguments).images;
   std::error_code ignored;
-  if (needed && result.images.empty()) throw UsageError("the images are missing; give --images DIR or --video FILE");
-  if (!needed && !std::filesystem::is_directory(result.images, ignored)) result.images.clear();
+  if (!has_images(arguments) && std::filesystem::is_directory(map.images, ignored)) result.images = map.images;
+  return result;
+}
+
+Arguments with_needed_images(const Arguments& arguments) {
+  if (has_images(arguments)) return arguments;
+  Arguments result = arguments;
+  result.images = read_unproven(arguments).images;
+  if (result.images.empty()) throw UsageError("the images are missing; give --images DIR or --video FILE");
   return result;
 }
 
@@ -55,7 +70,7 @@ std::string sweep_landmarks(SlamMap& map, const Arguments& arguments, int thread
     throw InvalidInput(map.path.string() +
                        ": the images fit another reading of its poses clearly better: " + result.fits_better + ", " +
                        percent(result.better_share) + " of the patches are found instead of " + percent(result.share) +
-                       "; put that right where the file was written, a cloud of it would be " + "wrong");
+                       "; put that right where the file was written, a cloud of it would be wrong");
   }
   return "landmarks: " + std::to_string(result.landmarks) + " made from the images, the map has none (" +
          percent(result.share) + " of " + std::to_string(result.patches) + " patches are found at one depth)";

@@ -7,6 +7,7 @@
 #include <numeric>
 #include <sstream>
 
+#include "exit_code.h"
 #include "pmsp/error.h"
 
 namespace pmsp::tool {
@@ -355,6 +356,12 @@ void apply_json(DensifierOptions& options, const nlohmann::json& json, const std
   Json rest = json;
   rest.erase("quality");  // chooses the preset below these values; whoever reads the file looks at it first
   apply_level(options, rest, "", source);
+}
+
+double number_in(const char* option, const std::string& text, double low, double high, const char* expected) {
+  const auto value = number_from<double>(text);
+  if (value && *value >= low && *value <= high) return *value;
+  throw UsageError(std::string(option) + " is \"" + text + "\"; expected " + expected);
 }
 
 std::optional<std::vector<int>> numbers_from(const std::string& list) {

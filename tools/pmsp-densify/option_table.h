@@ -67,6 +67,9 @@ std::optional<T> number_from(const std::string& text) {
   return whole ? std::optional<T>(value) : std::nullopt;
 }
 
+/// A number of an option, from `low` to `high`. Throws UsageError, which says what was expected.
+double number_in(const char* option, const std::string& text, double low, double high, const char* expected);
+
 /// The whole numbers of a list such as "0,1", nullopt where it is none.
 std::optional<std::vector<int>> numbers_from(const std::string& list);
 

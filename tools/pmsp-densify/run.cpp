@@ -423,10 +423,7 @@ std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamM
 void run(const Arguments& arguments) {
   DensifierOptions options = effective_options(arguments);
   if (arguments.workspace.empty()) check_targets(arguments);
-  if (options.free_space.whole_mission) {
-    const std::filesystem::path beside = arguments.cloud.paths.front().parent_path();
-    options.scratch_folder = (!arguments.scratch.empty() ? arguments.scratch : beside.empty() ? "." : beside).string();
-  }
+  if (options.free_space.whole_mission) options.scratch_folder = scratch_folder(arguments).string();
   if (arguments.workspace.empty()) return Run(arguments, options, nullptr, false)();
   check_names(arguments);
   workspace::Workspace workspace(arguments.workspace);
