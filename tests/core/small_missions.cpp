@@ -68,7 +68,6 @@ std::vector<Keyframe> small_flight(std::size_t count) {
 
 DensifierOptions small_preset(Quality quality, std::uint64_t seed) {
   DensifierOptions options = preset(quality);
-  if (quality == Quality::kOnline) options.consistency.max_relative_depth = 0.015;  // the maps are coarse
   options.width = kWidth;
   options.height = kWidth / 2;
   options.threads = 1;

@@ -34,15 +34,8 @@ std::vector<const DepthMap*> others_of(const std::vector<DepthMap>& maps, std::s
   return others;
 }
 
-/// A pixel of these maps is four times as wide as one of those that the default tolerance is made for.
-ConsistencyFilterOptions coarse() {
-  ConsistencyFilterOptions options;
-  options.max_relative_depth = 0.015;
-  return options;
-}
-
 DepthMap filtered(const DepthMap& map, const std::vector<const DepthMap*>& others,
-                  const ConsistencyFilterOptions& options = coarse(), FilterStats* stats = nullptr) {
+                  const ConsistencyFilterOptions& options = {}, FilterStats* stats = nullptr) {
   DepthMap result = map;
   consistency_filter(result, others, options, Executor(2), stats);
   return result;
@@ -125,14 +118,19 @@ TEST_CASE("wrong depths are dropped, what stays is unchanged", "[consistency]") 
   }
 }
 
-TEST_CASE("deviations inside the tolerance stay", "[consistency]") {
+TEST_CASE("deviations inside the tolerance, or a pixel's angle, stay", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(synth::sphere_inside(small_recipe(kWidth, 5)));
-  DepthMap deviating = maps[2];
-  for (float& depth : deviating.depth.pixels()) depth *= 1.008F;
-  CHECK(filled(filtered(deviating, others_of(maps, 2)).depth) > 0.99);
-  ConsistencyFilterOptions strict;
-  strict.max_relative_depth = 0.002;
-  CHECK(filled(filtered(deviating, others_of(maps, 2), strict).depth) < 0.1);
+  const auto kept = [&](double deviation, double tolerance) {
+    DepthMap deviating = maps[2];
+    for (float& depth : deviating.depth.pixels()) depth *= static_cast<float>(1.0 + deviation);
+    ConsistencyFilterOptions options;
+    options.max_relative_depth = tolerance;
+    return filled(filtered(deviating, others_of(maps, 2), options).depth);
+  };
+  const double pixel_angle = static_cast<double>(EIGEN_PI) / (kWidth / 2);
+  CHECK(kept(0.9 * pixel_angle, 0.002) > 0.99);
+  CHECK(kept(1.2 * pixel_angle, 0.002) < 0.1);
+  CHECK(kept(1.2 * pixel_angle, 1.5 * pixel_angle) > 0.99);
 }
 
 TEST_CASE("holes are no agreement", "[consistency]") {
@@ -165,7 +163,7 @@ TEST_CASE("min_views counts the map itself", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const DepthMap hole = without_depths(maps[1]);
   const std::vector<const DepthMap*> one_agrees = {&maps[1], &hole, &hole, &hole};
-  ConsistencyFilterOptions options = coarse();
+  ConsistencyFilterOptions options = {};
   for (const auto& [min_views, kept] : {std::pair{1, true}, {2, true}, {3, false}, {5, false}}) {
     INFO(min_views);
     options.min_views = min_views;
@@ -280,7 +278,7 @@ TEST_CASE("the consistency filter gives the same bytes for any number of threads
   }
   DepthMap one = maps[2];
   consistency_filter(one, others_of(maps, 2), {}, Executor(1));
-  CHECK(filled(one.depth) < 0.98);
+  CHECK(filled(one.depth) < 0.99);
   DepthMap five = maps[2];
   consistency_filter(five, others_of(maps, 2), {}, Executor(5));
   CHECK(same(one, five));

@@ -84,7 +84,6 @@ Results run_all(const Executor& executor) {
   maps.push_back(second_pass(maps, panoramas, results.priors, range, executor));
   maps.push_back(median_filter(maps[3], MedianFilterOptions{}, executor));
   ConsistencyFilterOptions consistency;
-  consistency.max_relative_depth = 0.015;  // the maps are coarse
   results.confidence = consistency_filter(maps[4], {&maps[0], &maps[2]}, consistency, executor);
   const PlaneMap* const filtered[3] = {&maps[0], &maps[4], &maps[2]};
   const Image<float>* const confidences[3] = {&maps[0].score, &results.confidence, &maps[2].score};
