@@ -176,8 +176,6 @@ TEST_CASE("an empty result gives 5, the stage and the option to try, and no file
       {{"--view-filter-min-parallax-deg", "170", "--view-filter-max-parallax-deg", "180"},
        {"view filter", "--view-filter-"}},
       {{"--median-min-score", "1"}, {"median filter", "--median-min-score"}},
-      {{"--consistency-max-relative-depth", "0", "--consistency-min-views", "5", "--no-init-warp-previous"},
-       {"consistency filter", "--consistency-"}},
       {{"--fusion-min-confidence", "1"}, {"fusion", "--fusion-min-confidence"}},
   };
   for (const auto& [arguments, expected] : cases) {
