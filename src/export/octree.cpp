@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kLeafPoints = 1 << 14;
 constexpr std::int64_t kInMemory = 1 << 20;
-constexpr int kNearBits = 5;       ///< cells along each side around the origin
+constexpr int kNearBits = 7;       ///< cells along each side around the origin
 constexpr int kCountedLevels = 7;  ///< of cells that are counted before points are dealt out
 
 /// The lowest ten bits with two zeros between each two.
