@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: BSD-2-Clause
+//
+// Feeds libFuzzer's bytes to the readers of all files but maps. The first byte says which reader. What is refused by an
+// Error of the library is as it should be.
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "export/number_table.h"
+#include "io/image_decode.h"
+#include "io/mask_rectangles.h"
+#include "pmsp-densify/batch_manifest.h"
+#include "pmsp-densify/option_table.h"
+#include "pmsp/error.h"
+#include "pmsp/io/mask.h"
+#include "pmsp/io/plan_io.h"
+#include "pmsp/io/ply.h"
+#include "support/temp_dir.h"
+#include "workspace/artefact_file.h"
+#include "workspace/record.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace pmsp;
+
+std::string read_file(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+void write_file(const fs::path& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
+}
+
+/// A kind of file.
+struct Reader {
+  const char* name;  ///< of a file
+  std::function<void(const fs::path&)> read;
+  std::vector<std::string> sound;  ///< what it reads
+};
+
+template <class Write>
+std::string written(const fs::path& path, const Write& write) {
+  write(path);
+  return read_file(path);
+}
+
+KeyframeCloud small_cloud() {
+  KeyframeCloud cloud;
+  cloud.keyframe_id = 7;
+  for (int i = 0; i < 3; ++i) {
+    cloud.points.push_back({});
+    cloud.points.back().position = {static_cast<float>(i), 1.0F, 2.0F};
+  }
+  return cloud;
+}
+
+PlaneMap small_planes() {
+  PlaneMap planes(32, 16);
+  planes.keyframe_id = 7;
+  return planes;
+}
+
+std::string encoded(const char* extension) {
+  cv::Mat image(16, 32, CV_8UC3, cv::Scalar(30, 60, 90));
+  cv::rectangle(image, {4, 4, 9, 5}, cv::Scalar(200, 10, 90), cv::FILLED);
+  std::vector<unsigned char> bytes;
+  cv::imencode(extension, image, bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
+/// A JPEG that says of itself that it is a part of a panorama.
+std::string cropped_panorama() {
+  const std::string xmp =
+      "http://ns.adobe.com/xap/1.0/\0<x:xmpmeta><rdf:Description GPano:FullPanoWidthPixels=\"64\" "
+      "GPano:FullPanoHeightPixels=\"32\" GPano:CroppedAreaImageWidthPixels=\"32\" "
+      "GPano:CroppedAreaImageHeightPixels=\"16\"/></x:xmpmeta>";
+  std::string jpeg = encoded(".jpg");
+  const auto length = static_cast<unsigned>(xmp.size() + 2);
+  const std::string marker{'\xFF', '\xE1', static_cast<char>(length >> 8U), static_cast<char>(length & 255U)};
+  return jpeg.insert(2, marker + xmp);
+}
+
+std::vector<Reader> make_readers(const fs::path& folder) {
+  const std::string ply_head = "ply\nformat ascii 1.0\ncomment x\nelement vertex 2\nproperty float x\n";
+  const std::string ply_tail = "property float y\nproperty float z\nproperty uchar red\nend_header\n1 2 3 4\n5 6 7 8\n";
+  const std::string entry =
+      "{\"id\": 3, \"use\": \"depth map\", \"near\": [4], \"far\": [], \"range\": [0.5, 20], \"first_planes\": null, "
+      "\"consistency\": [4], \"fusion\": [4], \"viewers\": [], \"owners\": []}";
+  return {
+      {"a.ply", [](const fs::path& path) { read_ply(path); }, {ply_head + ply_tail}},
+      {"a.txt", [](const fs::path& path) { read_number_table(path); }, {"# name x y z\na 1 2 3\nb 4 5e-1 6\n"}},
+      {"a.yaml",
+       [](const fs::path& path) { io::read_mask_rectangles(path); },
+       {"mask_rectangles:\n  - [0.0, 1.0, 0.0, 0.1]\n  - [0.0, 1.0, 0.84, 1.0]\n"}},
+      {"mask.png", [](const fs::path& path) { read_mask(path, 32, 16); }, {encoded(".png")}},
+      {"a.jpg",
+       [](const fs::path& path) { io::decode_image_file(path, cv::IMREAD_COLOR); },
+       {encoded(".jpg"), cropped_panorama()}},
+      {"a.png", [](const fs::path& path) { io::decode_image_file(path, cv::IMREAD_COLOR); }, {encoded(".png")}},
+      {"plan.json",
+       [](const fs::path& path) { read_plan(path); },
+       {"{\"format\": \"pmsp plan\", \"version\": 1, \"entries\": [" + entry + "]}", plan_json({})}},
+      {"record.json",
+       [](const fs::path& path) { workspace::record_from_json(read_file(path), "record"); },
+       {workspace::record_json({})}},
+      {"planes",
+       [](const fs::path& path) { workspace::read_planes(path); },
+       {written(folder / "planes", [](const fs::path& path) { workspace::write_planes(path, small_planes()); })}},
+      {"points",
+       [](const fs::path& path) { workspace::read_points(path); },
+       {written(folder / "points", [](const fs::path& path) { workspace::write_points(path, small_cloud()); })}},
+      {"look",
+       [](const fs::path& path) { workspace::read_look(path); },
+       {written(folder / "look", [](const fs::path& path) { workspace::write_look(path, {}); })}},
+      {"missions.jsonl",
+       [](const fs::path& path) { tool::read_manifest(path.string()); },
+       {"{\"name\": \"a\", \"map\": \"a.msg\", \"images\": \"a\"}\n", "name\tmap\timages\na\ta.msg\ta\n"}},
+      {"config.json",
+       [](const fs::path& path) {
+         const nlohmann::json json = nlohmann::json::parse(read_file(path), nullptr, false, true);
+         if (json.is_discarded()) return;
+         DensifierOptions options;
+         tool::apply_json(options, json, "config.json");
+         options.validate();
+       },
+       {"{\"quality\": \"normal\", \"patchmatch\": {\"iterations\": 3}, \"fusion.window\": 5}"}},
+  };
+}
+
+const fs::path& home() {
+  static const pmsp_test::TempDir folder;
+  return folder.path();
+}
+
+const std::vector<Reader>& readers() {
+  static const std::vector<Reader> all = make_readers(home());
+  return all;
+}
+
+}  // namespace
+
+/// PMSP_FUZZ_SEEDS=DIR: writes sound inputs of each reader there.
+extern "C" int LLVMFuzzerInitialize(int* /*argc*/, char*** /*argv*/) {
+  const char* const folder = std::getenv("PMSP_FUZZ_SEEDS");
+  if (folder == nullptr) return 0;
+  fs::create_directories(folder);
+  for (std::size_t i = 0; i < readers().size(); ++i) {
+    for (std::size_t k = 0; k < readers()[i].sound.size(); ++k) {
+      write_file(fs::path(folder) / ("seed-" + std::to_string(i) + "-" + std::to_string(k)),
+                 static_cast<char>(i) + readers()[i].sound[k]);
+    }
+  }
+  return 0;
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size < 1) return 0;
+  const Reader& reader = readers()[data[0] % readers().size()];
+  const fs::path path = home() / reader.name;
+  write_file(path, std::string(reinterpret_cast<const char*>(data + 1), size - 1));
+  try {
+    reader.read(path);
+  } catch (const Error&) {
+  }
+  return 0;
+}
