@@ -11,7 +11,8 @@
 // point of the depth map that it sees. From cells that have pixels without texture one looks along great circles in all
 // directions for the first support; the plane that most of what one finds lies on is the cell's prior. Three supports
 // that surround the cell define it: priors fill in between what is known, they do not extend it. A cell's functions are
-// branchy and therefore in plain floats; there are few cells.
+// branchy and therefore in plain floats; there are few cells. Where no plane is found, a depth image from elsewhere may
+// give one (Keyframe::prior_depth), if the reliable surface around agrees with it.
 namespace pmsp::kernels {
 
 constexpr int kPriorColumns = 160;          ///< of cells, at most
@@ -23,6 +24,13 @@ constexpr float kSupportMinScore = 0.7F;    ///< of a support's pixel
 constexpr int kSupportMinNeighbours = 3;    ///< of the eight around it that must lie on its plane ...
 constexpr float kSupportTolerance = 0.01F;  ///< ... up to this relative distance: along an edge they do
 constexpr float kTexturePixels = 1.2F;      ///< distance of the samples by which texture is judged
+constexpr int kGivenMinSupports = 3;        ///< around a cell whose given plane is to be corrected
+constexpr float kGivenTolerance = 0.1F;     ///< relative distance up to which corrected planes agree with supports
+constexpr float kGivenMinShare = 0.6F;      ///< of the supports, the near ones counting more, that must agree
+constexpr int kToldMinSupports = 4;         ///< that must lie on a plane which agrees with the given one
+constexpr float kToldTolerance = 0.08F;     ///< relative distance up to which it does
+constexpr float kToldMinCos = 0.9F;         ///< of the angle between their normals
+constexpr float kGivenCoplanar = 0.05F;     ///< relative distance up to which a support lies on the cell's plane
 
 /// Variance of the gray values around a pixel that no linear ramp explains: light that falls off along a wall is no
 /// texture.
@@ -72,9 +80,10 @@ struct PriorCells {
   float min_variance;     ///< less is no texture
   PlaneLimits limits;
   int columns, rows;
-  const int* looks;       ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
-  Vec3<float>* supports;  ///< points of the surface; (0, 0, 0) = none
-  unsigned char* plain;   ///< whether a cell has pixels without texture
+  const int* looks;          ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
+  const Vec3<float>* given;  ///< planes of the cells that are known from elsewhere, 0 = none; nullptr = of no cell
+  Vec3<float>* supports;     ///< points of the surface; (0, 0, 0) = none
+  unsigned char* plain;      ///< whether a cell has pixels without texture
   Surroundings* around;
   PriorPlane* found;   ///< from each cell alone
   PriorPlane* chosen;  ///< from its neighbours' too
@@ -152,7 +161,7 @@ PMSP_HD void look_around(Surroundings& around, const PriorCells<Map>& cells, int
 
 /// Takes the plane if it explains the surroundings better.
 PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const Surroundings& around,
-                      const Vec3<float>& bearing, const PlaneLimits& limits) {
+                      const Vec3<float>& bearing, const PlaneLimits& limits, int min_supports = kPriorMinSupports) {
   if (!is_allowed(plane, bearing, limits)) return;
   PriorPlane candidate{plane, 0, 0.0F};
   for (int d = 0; d < kPriorDirections; ++d) {
@@ -161,7 +170,7 @@ PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const Surround
     candidate.supports += off < 1.0F ? 1 : 0;
     candidate.cost += min(off, 1.0F);
   }
-  if (candidate.supports >= kPriorMinSupports && candidate.cost < best.cost) best = candidate;
+  if (candidate.supports >= min_supports && candidate.cost < best.cost) best = candidate;
 }
 
 /// The plane through three points; zero where they lie on one with the camera.
@@ -231,7 +240,124 @@ PMSP_HD void find_plane(const PriorCells<Map>& cells, int column, int row) {
   cells.found[cell] = best;
 }
 
+/// How much a support says about a cell: the nearer, the more.
+PMSP_HD float support_weight(const Vec3<float>& p, const Vec3<float>& center) {
+  return 1.0F / (max(1.0F - dot(center, p) / sqrt(dot(p, p)), 0.0F) + 0.002F);
+}
+
+/// By what the given plane at a support must be multiplied to reach it; 0 = there is none.
+template <class Map>
+PMSP_HD float given_ratio(const PriorCells<Map>& cells, const Vec3<float>& p) {
+  const float told = dot(cells.given[pixel_index(p, cells.columns, cells.rows)], p);
+  return told > 0.0F ? 1.0F / told : 0.0F;
+}
+
+/// Mean of the ratios around a cell that differ from `from` by less than `tolerance`, and the share of those.
+struct GivenRatio {
+  float ratio;
+  float share;
+  int count;
+};
+template <class Map>
+PMSP_HD GivenRatio mean_ratio(const PriorCells<Map>& cells, const Surroundings& around, const Vec3<float>& center,
+                              float from, float tolerance) {
+  GivenRatio mean{0.0F, 0.0F, 0};
+  float all = 0.0F;
+  for (int d = 0; d < kPriorDirections; ++d) {
+    const Vec3<float>& p = around.points[d];
+    const float ratio = is_point(p) ? given_ratio(cells, p) : 0.0F;
+    if (!(ratio > 0.0F)) continue;
+    const float weight = support_weight(p, center);
+    all += weight;
+    if (!(abs(ratio - from) < tolerance * from)) continue;
+    mean.ratio += weight * ratio;
+    mean.share += weight;
+    ++mean.count;
+  }
+  if (mean.count == 0) return mean;
+  mean.ratio *= 1.0F / mean.share;
+  mean.share *= 1.0F / all;
+  return mean;
+}
+
+/// Moves a plane so that it passes through the supports that nearly lie on it, by no more than they can tell.
+PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surroundings& around) {
+  Vec3<float> rows[3] = {};
+  Vec3<float> sum{};
+  float squares = 0.0F;
+  for (int d = 0; d < kPriorDirections; ++d) {
+    const Vec3<float>& p = around.points[d];
+    if (!is_point(p)) continue;
+    const float off = 1.0F - dot(plane, p);
+    if (abs(off) >= kGivenCoplanar) continue;
+    rows[0] = fma(p.x, p, rows[0]);
+    rows[1] = fma(p.y, p, rows[1]);
+    rows[2] = fma(p.z, p, rows[2]);
+    sum = fma(off, p, sum);
+    squares += dot(p, p);
+  }
+  const float hold = 0.02F * squares;  // against turning where supports lie in a line
+  rows[0].x += hold;
+  rows[1].y += hold;
+  rows[2].z += hold;
+  const Vec3<float> cofactors = cross(rows[1], rows[2]);
+  const float determinant = dot(rows[0], cofactors);
+  if (!(determinant > 0.0F)) return plane;
+  const Vec3<float> move = fma(sum.x, cofactors, fma(sum.y, cross(rows[2], rows[0]), sum.z * cross(rows[0], rows[1])));
+  return fma(1.0F / determinant, move, plane);
+}
+
+/// A cell's given plane, corrected by what the reliable surface around says of the given planes there. Zero where that
+/// does not agree with them.
+template <class Map>
+PMSP_HD Vec3<float> corrected_given(const PriorCells<Map>& cells, int column, int row) {
+  const Vec3<float> none{0.0F, 0.0F, 0.0F};
+  const int cell = row * cells.columns + column;
+  const Vec3<float> given = cells.given[cell];
+  const Surroundings& around = cells.around[cell];
+  if (!is_point(given) || around.count < kGivenMinSupports) return none;
+  const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
+  const GivenRatio all = mean_ratio(cells, around, center, 1.0F, 1e6F);
+  if (all.count < kGivenMinSupports) return none;
+  const GivenRatio agreed = mean_ratio(cells, around, center, all.ratio, kGivenTolerance);
+  if (agreed.count < kGivenMinSupports || agreed.share < kGivenMinShare) return none;
+  const Vec3<float> plane = through_supports(agreed.ratio * given, around);
+  return is_allowed(plane, center, cells.limits) ? plane : none;
+}
+
+/// The plane that four or more of the supports lie on, wherever they are, and that agrees with what is given: the given
+/// plane tells which supports belong to the cell's surface, these tell where that is. Zero where there is none.
+/// `told`: corrected_given, not zero.
+template <class Map>
+PMSP_HD Vec3<float> told_plane(const PriorCells<Map>& cells, int column, int row, const Vec3<float>& told) {
+  const Surroundings& around = cells.around[row * cells.columns + column];
+  const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
+  PriorPlane best{{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)};
+  const float there = dot(told, center);
+  const auto agrees = [&](const Vec3<float>& plane) {
+    const float along = dot(plane, told);
+    return abs(dot(plane, center) - there) < kToldTolerance * there && along > 0.0F &&
+           along * along > kToldMinCos * kToldMinCos * dot(plane, plane) * dot(told, told);
+  };
+  for (int i = 0; i < kPriorDirections; ++i) {
+    for (int j = i + 1; j < kPriorDirections; ++j) {
+      for (int k = j + 1; k < kPriorDirections; ++k) {
+        const Vec3<float>& a = around.points[i];
+        const Vec3<float>& b = around.points[j];
+        const Vec3<float>& c = around.points[k];
+        if (!is_point(a) || !is_point(b) || !is_point(c)) continue;
+        const Vec3<float> plane = plane_through(a, b, c);
+        if (agrees(plane)) consider(best, plane, around, center, cells.limits, kToldMinSupports);
+      }
+    }
+  }
+  if (best.supports == 0) return best.plane;
+  const Vec3<float> plane = refitted(around, best.plane);
+  return agrees(plane) && is_allowed(plane, center, cells.limits) ? plane : best.plane;
+}
+
 /// Writes `chosen` of a cell: its own plane, or that of a cell beside it if that explains the surroundings better.
+/// Where there is none: one that agrees with the given one, or else that.
 template <class Map>
 PMSP_HD void choose_plane(const PriorCells<Map>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
@@ -245,6 +371,11 @@ PMSP_HD void choose_plane(const PriorCells<Map>& cells, int column, int row) {
       const PriorPlane& other = cells.found[other_row * cells.columns + other_column];
       if (other.supports > 0) consider(best, other.plane, cells.around[cell], center, cells.limits);
     }
+  }
+  if (best.supports == 0 && cells.given != nullptr) {
+    const Vec3<float> told = corrected_given(cells, column, row);
+    best.plane = is_point(told) ? told_plane(cells, column, row, told) : told;
+    if (!is_point(best.plane)) best.plane = told;
   }
   cells.chosen[cell] = best;
 }

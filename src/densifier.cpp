@@ -165,6 +165,7 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
   views_.back().frame->asked_for = !part_ || part_->asks_for(place);
   views_.back().keyframe.image = {};
   views_.back().keyframe.mask = {};
+  views_.back().keyframe.prior_depth = {};
   ++taken_;
 }
 

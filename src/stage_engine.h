@@ -273,6 +273,7 @@ class StageEngine final : public Engine {
         break;
       case Artefact::kPlanes:
         for (auto& raw : done.raws) raw.reset();
+        done.given.reset();
         break;
       case Artefact::kMedian:
         done.median.reset();
@@ -335,6 +336,7 @@ class StageEngine final : public Engine {
     Waiting<std::uint16_t> packed;            ///< those that are, where they cannot be asked for again
     Waiting<Color> color;                     ///< of the depth map's pixels
     Waiting<std::uint8_t> mask;               ///< there, too; none: see Processor::mask
+    Array<kernels::Vec3<float>> given;        ///< planes of cells (given_planes); none: there is no prior depth
     Waiting<Plane> raws[2];                   ///< after the last even and the last odd pass of PatchMatch
     Waiting<Plane> median;                    ///< after the last pass and the median filter
     Waiting<float> confidence;                ///< after the consistency filter; 0 = no depth
@@ -386,7 +388,8 @@ class StageEngine final : public Engine {
         propose_first_planes(task, pass, sources, on);
       } else if (context_.options.patchmatch.plane_priors) {
         sources.priors = on.planes();
-        find_plane_priors(on, looks_[own(*task.reference).home], on.map(sources.before), pass.matching.reference,
+        const StageFrame& reference = own(*task.reference);
+        find_plane_priors(on, looks_[reference.home], reference.given, on.map(sources.before), pass.matching.reference,
                           pass.matching.limits, context_.options.patchmatch, on.to(sources.priors));
         pass.priors = on.map(sources.priors);
       }
@@ -466,6 +469,9 @@ class StageEngine final : public Engine {
     if (&on == &processor_of(frame)) {
       frame.color.put(std::move(prepared.color), pixels());
       if (prepared.mask) frame.mask.put(std::move(prepared.mask), pixels());
+      if (priors && !keyframe.prior_depth.empty()) {
+        frame.given = on.upload(given_planes(keyframe.prior_depth, keyframe.scale, {options.width, options.height}));
+      }
     }
     return std::move(prepared.cubes);
   }

@@ -35,6 +35,11 @@ struct Keyframe {
   ImageView<const Rgb> image;          ///< even width from 16, even height from 8; only read during the call
                                        ///< that it is given to
   ImageView<const std::uint8_t> mask;  ///< 0 = ignore, any other = use; size of `image`; empty = use all
+  /// Depth along each pixel's ray from elsewhere, such as a lidar or a network [scene units]; 0, or what is not finite
+  /// = none. Of any size from 16 x 8; empty = there is none; only read during the call. It is proposed where there is
+  /// little texture and nothing better is known, and believed where images or other keyframes agree; see
+  /// pmsp/plane_priors.h, and pmsp/prior_depth.h for what is not in scene units.
+  ImageView<const float> prior_depth;
 
   /// The unit of all that is made of the keyframe (planes, depths, points) in scene units, 1 / kMaxScale to kMaxScale,
   /// see KeyframePose. What is given is in scene units all the same.

@@ -24,8 +24,11 @@ std::string short_text(double value) {
   return text;
 }
 
-void align(const FrameOptions& options, const SlamMap& map, CloudFrame& frame) {
-  const std::vector<Anchor> anchors = read_anchors(options.align, map, options.align_time_offset);
+void align(const FrameOptions& options, const SlamMap& map, const ImageFiles& images, CloudFrame& frame) {
+  const bool is_exif = options.align == kAlignExif;
+  std::string origin;
+  const std::vector<Anchor> anchors =
+      is_exif ? gps_anchors(map, images, origin) : read_anchors(options.align, map, options.align_time_offset);
   std::vector<Eigen::Vector3d> source, target;
   Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
   bool has_turns = true;
@@ -35,9 +38,10 @@ void align(const FrameOptions& options, const SlamMap& map, CloudFrame& frame) {
     has_turns = has_turns && anchor.file_from_map;
     if (anchor.file_from_map) turn += *anchor.file_from_map;
   }
-  const std::string name = options.align.string();
+  const std::string name = is_exif ? "the images' EXIF data" : options.align.string();
   if (anchors.size() < 3) {
-    throw InvalidInput(name + ": holds " + std::to_string(anchors.size()) + " points, at least 3 are needed");
+    throw InvalidInput(name + ": holds " + std::to_string(anchors.size()) + (is_exif ? " places" : " points") +
+                       ", at least 3 are needed");
   }
   const bool is_line = is_a_line(target) || is_a_line(source);
   if (is_line && !has_turns) {
@@ -56,6 +60,7 @@ void align(const FrameOptions& options, const SlamMap& map, CloudFrame& frame) {
   frame.description = "aligned with " + std::to_string(anchors.size()) + " points of " + name + ": scale " +
                       short_text(frame.file_from_map.scale) + ", residuals " + short_text(frame.residual_rms()) +
                       " (RMS), " + short_text(worst->distance) + " at most (" + worst->name + ")";
+  if (is_exif) frame.description += "; metres east, north and up of " + origin;
 }
 
 void turn_up(const SlamMap& map, CloudFrame& frame) {
@@ -81,9 +86,9 @@ double CloudFrame::residual_max() const {
   return most;
 }
 
-CloudFrame find_cloud_frame(const FrameOptions& options, const SlamMap& map) {
+CloudFrame find_cloud_frame(const FrameOptions& options, const SlamMap& map, const ImageFiles& images) {
   CloudFrame frame;
-  if (!options.align.empty()) align(options, map, frame);
+  if (!options.align.empty()) align(options, map, images, frame);
   if (options.up) turn_up(map, frame);
   if (!options.transform.empty()) frame.file_from_map = read_similarity(options.transform) * frame.file_from_map;
   if (options.scale != 1.0) {

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,10 +13,16 @@
 
 namespace pmsp {
 
+/// Name of an alignment with the places in the images' EXIF data.
+constexpr const char* kAlignExif = "exif";
+
+/// Files of images by keyframe id.
+using ImageFiles = std::map<std::int64_t, std::filesystem::path>;
+
 /// In which frame a cloud is written. Where more than one is given: `align` or `up` first, then `transform`, `scale`
 /// last.
 struct FrameOptions {
-  std::filesystem::path align;      ///< see read_anchors; empty = none
+  std::filesystem::path align;      ///< see read_anchors; kAlignExif = gps_anchors; empty = none
   double align_time_offset = 0.0;   ///< added to the keyframes' timestamps [s]
   bool up = false;                  ///< z upwards, as the cameras stood
   std::filesystem::path transform;  ///< see read_similarity; empty = none
@@ -37,8 +45,8 @@ struct CloudFrame {
   double residual_max() const;
 };
 
-/// Throws IoError, InvalidInput.
-CloudFrame find_cloud_frame(const FrameOptions& options, const SlamMap& map);
+/// `images`: those that kAlignExif looks at. Throws IoError, InvalidInput.
+CloudFrame find_cloud_frame(const FrameOptions& options, const SlamMap& map, const ImageFiles& images = {});
 
 /// A 4 x 4 matrix as text, 16 numbers: scale times a rotation, a translation, and 0 0 0 1 (as CloudCompare writes its
 /// transformations). Throws IoError, InvalidInput where it is no such thing.
@@ -58,6 +66,11 @@ struct Anchor {
 ///                                      time of a keyframe is interpolated between poses not more than a second apart
 /// All lines are of one kind. Throws IoError, InvalidInput with the line.
 std::vector<Anchor> read_anchors(const std::filesystem::path& path, const SlamMap& map, double time_offset);
+
+/// Where the cameras were by the GPS data of their images (EXIF): metres east, north and up of the first of them, on
+/// the plane that touches the ellipsoid there. `origin` becomes that place, for people. Images without a place are
+/// passed over, those that cannot be read, too.
+std::vector<Anchor> gps_anchors(const SlamMap& map, const ImageFiles& images, std::string& origin);
 
 /// Which way is up in the map, as the cameras stood: the direction that their up axes (-y) have in common. `spread_deg`
 /// becomes the median angle to it. Throws InvalidInput where they have none in common.

@@ -14,6 +14,7 @@
 #include <system_error>
 #include <vector>
 
+#include "exif.h"
 #include "pmsp/error.h"
 
 namespace pmsp::io {
@@ -117,6 +118,26 @@ Header header_of(const std::vector<std::uint8_t>& bytes) {
   return {};
 }
 
+/// The image as its EXIF orientation asks: rows and columns changed over (5 to 8), then turned or mirrored.
+cv::Mat upright(const std::filesystem::path& path, const cv::Mat& image, int orientation) {
+  constexpr int kAboutX = 0, kAboutY = 1, kBoth = -1;
+  cv::Mat turned = image;
+  const bool is_quarter = orientation >= 5;
+  if (is_quarter && image.cols > image.rows) {
+    throw InvalidInput(path.string() + ": its EXIF data (orientation " + std::to_string(orientation) +
+                       ") say that it is to be turned by a quarter, which makes it " + std::to_string(image.rows) +
+                       "x" + std::to_string(image.cols) +
+                       "; expected a panorama that is twice as wide as high: remove the orientation, or put the image "
+                       "upright and remake the map");
+  }
+  if (is_quarter) cv::transpose(image, turned);
+  cv::Mat result = turned;
+  if (orientation == 2 || orientation == 6) cv::flip(turned, result, kAboutY);
+  if (orientation == 3 || orientation == 7) cv::flip(turned, result, kBoth);
+  if (orientation == 4 || orientation == 8) cv::flip(turned, result, kAboutX);
+  return result;
+}
+
 }  // namespace
 
 cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags) {
@@ -131,12 +152,12 @@ cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags) {
                   " bytes without its end marker; copy the file again");
   cv::Mat image;
   try {
-    image = cv::imdecode(bytes, imread_flags);
+    image = cv::imdecode(bytes, imread_flags | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const std::exception& error) {
     throw IoError(path.string() + ": cannot be decoded: " + error.what());
   }
   if (image.empty()) throw IoError(path.string() + ": cannot be decoded: broken, or no image format that OpenCV reads");
-  return image;
+  return upright(path, image, read_exif(bytes).orientation);
 }
 
 Image<Rgb> rgb_from_bgr(const cv::Mat& bgr) {

@@ -10,9 +10,9 @@
 
 namespace pmsp::io {
 
-/// Decodes an image file; `imread_flags` as cv::imread takes them. Throws IoError, naming the path, also for a JPEG
-/// that ends too early, which OpenCV would fill with gray; InvalidInput for a JPEG that says it is a part of a
-/// panorama.
+/// Decodes an image file, turned as its EXIF orientation asks; `imread_flags` as cv::imread takes them. Throws IoError,
+/// naming the path, also for a JPEG that ends too early, which OpenCV would fill with gray; InvalidInput for a JPEG
+/// that says it is a part of a panorama, and for a wide image that is to be turned by a quarter.
 cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags);
 
 /// 8-bit BGR to RGB.

@@ -61,8 +61,7 @@ PairingVerifier::Verdict try_reading(const SlamMap& map, const io::Reading& read
     const MapCamera& camera = map.cameras[static_cast<std::size_t>(map.keyframes[k].camera)];
     const auto& path = files[static_cast<std::size_t>(reading.file[k])].path;
     images.emplace_back(map.keyframes[k].id, std::async(std::launch::async, [&path, &camera] {
-                          const int flags = trial_flags(camera) | cv::IMREAD_IGNORE_ORIENTATION;
-                          return io::rgb_from_bgr(io::decode_image_file(path, flags));
+                          return io::rgb_from_bgr(io::decode_image_file(path, trial_flags(camera)));
                         }));
   }
   for (auto& [id, image] : images) {
@@ -190,8 +189,7 @@ class ImageFolder final : public ImageSource {
 
   Item decode(std::size_t i) const {
     const Entry& entry = plan_[i];
-    // The SLAM programs decode without turning the image as its EXIF data may ask.
-    const cv::Mat bgr = io::decode_image_file(entry.path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    const cv::Mat bgr = io::decode_image_file(entry.path, cv::IMREAD_COLOR);
     io::check_image_size(entry.path.string(), bgr.cols, bgr.rows, entry.camera);
     return Item{ids_[i], io::rgb_from_bgr(bgr)};
   }

@@ -73,8 +73,7 @@ Image<std::uint8_t> read_mask(const std::filesystem::path& path, int width, int 
   if (width <= 0 || height <= 0)
     throw InvalidOption("read_mask: size " + std::to_string(width) + "x" + std::to_string(height) + ", expected > 0");
   // Depth is kept and gray is not made here: both would round small values to 0.
-  const cv::Mat image =
-      io::decode_image_file(path, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  const cv::Mat image = io::decode_image_file(path, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR);
   refuse_photo(path, image);
   const cv::Mat mask = usable_pixels(image);
   if (static_cast<std::int64_t>(mask.cols) * height != static_cast<std::int64_t>(mask.rows) * width)

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "plane_prior.h"
+#include "pmsp/image.h"
 #include "pmsp/options.h"
 #include "processor.h"
 
@@ -30,11 +31,16 @@ float texture_spacing(int width);
 /// Variance below which there is none [gray levels squared].
 float texture_variance(const PatchMatchOptions& options);
 
-/// The priors of a map's pixels. `image`: gray values; `looks`: the look_table, where the processor (processor.h) keeps
-/// its arrays.
+/// The cells' planes by a depth image (Keyframe::prior_depth), 0 = none: each through the depths of one surface in and
+/// around the cell. `unit`: of the planes [the depths' unit].
+std::vector<kernels::Vec3<float>> given_planes(ImageView<const float> depth, double unit, const PriorGrid& grid);
+
+/// The priors of a map's pixels. `image`: gray values; `looks`, `given`: the look_table and given_planes (or nullptr),
+/// where the processor (processor.h) keeps its arrays.
 template <class Processor, class Map, class Cube, class Planes>
-void find_plane_priors(Processor& on, const Array<int>& looks, const Map& map, const Cube& image,
-                       const kernels::PlaneLimits& limits, const PatchMatchOptions& options, const Planes& to) {
+void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kernels::Vec3<float>>& given, const Map& map,
+                       const Cube& image, const kernels::PlaneLimits& limits, const PatchMatchOptions& options,
+                       const Planes& to) {
   using kernels::PriorStep;
   const PriorGrid size(map.width, map.height);
   const auto variance =
@@ -44,19 +50,10 @@ void find_plane_priors(Processor& on, const Array<int>& looks, const Map& map, c
   const auto around = on.template array<kernels::Surroundings>(size.cells());
   const auto found = on.template array<kernels::PriorPlane>(size.cells());
   const auto chosen = on.template array<kernels::PriorPlane>(size.cells());
-  const kernels::PriorCells<Map> cells{map,
-                                       on.grid(),
-                                       variance.get(),
-                                       texture_variance(options),
-                                       limits,
-                                       size.columns,
-                                       size.rows,
-                                       looks.get(),
-                                       supports.get(),
-                                       plain.get(),
-                                       around.get(),
-                                       found.get(),
-                                       chosen.get()};
+  const kernels::PriorCells<Map> cells{map,         on.grid(),      variance.get(), texture_variance(options),
+                                       limits,      size.columns,   size.rows,      looks.get(),
+                                       given.get(), supports.get(), plain.get(),    around.get(),
+                                       found.get(), chosen.get()};
   on.launch(
       kernels::TextureVariance<typename Processor::Views>{image, on.grid(), texture_spacing(map.width), variance.get()},
       nullptr);

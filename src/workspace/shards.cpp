@@ -36,6 +36,7 @@ Json to_json(const ShardJob& job) {
           {"mask", job.mask},
           {"mask_bytes", job.mask_bytes},
           {"mask_nadir", job.mask_nadir},
+          {"prior_depth", job.prior_depth},
           {"fps", job.fps},
           {"frame_offset", job.frame_offset},
           {"points", job.points},
@@ -58,6 +59,7 @@ ShardJob job_from(const Json& json) {
   job.mask = json.at("mask").get<std::string>();
   job.mask_bytes = json.at("mask_bytes").get<std::string>();
   job.mask_nadir = json.value("mask_nadir", 0.0);
+  job.prior_depth = json.value("prior_depth", "");
   job.fps = json.at("fps").get<double>();
   job.frame_offset = json.at("frame_offset").get<std::int64_t>();
   job.points = json.value("points", "");

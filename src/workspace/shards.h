@@ -40,6 +40,7 @@ struct ShardJob {
   std::string map, map_bytes;  ///< path, relative to the workspace where possible, and fingerprint
   std::string images, video, mask, mask_bytes;
   double mask_nadir = 0.0;  ///< [deg]
+  std::string prior_depth;
   double fps = 0.0;
   std::int64_t frame_offset = 0;
   std::string points, image_list;  ///< paths, as that of the map

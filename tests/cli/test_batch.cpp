@@ -435,3 +435,20 @@ TEST_CASE("--slurm prints what submits a batch") {
   CHECK_THAT(read_text(missions / "said"), Contains("--array=0-2") && Contains("--dependency=afterany:12 "));
   CHECK(submit("exit 3").code == 6);
 }
+
+TEST_CASE("Missions of a batch have clouds in the formats that they ask for", "[batch]") {
+  const Missions missions;
+  missions.write({Missions::line("plain"), Missions::line("both", {{"options", {{"format", "las,ply"}}}})});
+  REQUIRE(missions.batch({"--format", "las"}).code == 0);
+  CHECK(fs::exists(missions.result("plain") / "cloud.las"));
+  CHECK_FALSE(fs::exists(missions.result("plain") / "cloud.ply"));
+  CHECK(fs::exists(missions.result("both") / "cloud.las"));
+  CHECK(fs::exists(missions.result("both") / "cloud.ply"));
+  fs::remove(missions.result("both") / "cloud.ply");
+  REQUIRE(missions.batch({"--format", "las"}).code == 0);
+  CHECK(fs::exists(missions.result("both") / "cloud.ply"));
+
+  const Result wrong = missions.batch({"--format", "las,obj"});
+  CHECK(wrong.code == 2);
+  CHECK_THAT(wrong.err, Contains("las,obj") && Contains("ply, las"));
+}

@@ -209,6 +209,13 @@ void add_run(CLI::App& app, Arguments& a) {
          "Radius of a cap below the camera that is ignored, for a rig or a hand [deg, 0 to 90; default 0 = none]")
       ->type_name("DEG")
       ->group("Input");
+  app.add_option(
+         "--prior-depth", a.prior_depth,
+         "Folder with a depth image for each image (7.pfm, 7.exr, 7.npy or 7.png for 7.jpg; or what --depth-maps "
+         "writes): depth or inverse depth along the rays, from a lidar or a network. It is aligned to the "
+         "landmarks, and proposed where there is little texture")
+      ->type_name("DIR")
+      ->group("Input");
   app.add_flag("--no-verify", a.no_verify,
                "Do not check that the images belong to their keyframes, nor the conventions of MAP")
       ->group("Input");

@@ -30,6 +30,7 @@ struct Arguments {
   std::filesystem::path video;
   std::filesystem::path mask;
   double mask_nadir = 0.0;  ///< [deg]
+  std::filesystem::path prior_depth;
   std::int64_t frame_offset = 0;
   double fps = 0.0;
   bool no_verify = false;

@@ -166,7 +166,9 @@ class Batch {
     std::error_code ignored;
     if (earlier.fingerprint != fresh.fingerprint) return false;
     if (earlier.state == MissionState::kFailed) return !arguments_.retry || arguments_.summary;
-    return earlier.state == MissionState::kDone && fs::exists(cloud_of(mission.folder), ignored);
+    const std::vector<fs::path> clouds = clouds_of(mission, arguments_);
+    return earlier.state == MissionState::kDone &&
+           std::all_of(clouds.begin(), clouds.end(), [&](const fs::path& cloud) { return fs::exists(cloud, ignored); });
   }
 
   void announce(std::size_t waiting) {

@@ -22,8 +22,11 @@ constexpr const char* kAbout =
 
 constexpr const char* kMore =
     "Options of `run` (see run --help) are for all missions; those of a mission come after them and override them.\n"
-    "--depth-maps and --preview name folders in those of the missions. Not to be given: -o, --stats, --workspace and\n"
-    "--force, which a batch sets itself, --follow and --raw-depth-maps.\n"
+    "--depth-maps and --preview name folders in those of the missions. --format ply,las names the formats of the "
+    "clouds,\n"
+    "which are written as cloud.ply, cloud.las and so on. Not to be given: -o, --stats, --workspace and --force, which "
+    "a\n"
+    "batch sets itself, --follow and --raw-depth-maps.\n"
     "\n"
     "MANIFEST is JSON lines, an object a mission, or tab-separated with a first line that names the columns:\n"
     "name, map, images or video, mask, options. Paths are relative to the manifest. Options are an object as in\n"
@@ -107,7 +110,8 @@ void add_own(CLI::App& app, BatchArguments& a) {
 /// Mistakes in what all missions are given end the batch before it begins.
 void check_options(const std::vector<std::string>& options) {
   std::vector<std::string> words{"", "run", "MAP", "--images=DIR"};
-  words.insert(words.end(), options.begin(), options.end());
+  const std::vector<std::string> of_run = without_formats(options);
+  words.insert(words.end(), of_run.begin(), of_run.end());
   check_run_words(words);
 }
 

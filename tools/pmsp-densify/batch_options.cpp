@@ -9,6 +9,7 @@
 
 #include "arguments.h"
 #include "exit_code.h"
+#include "export/cloud_frame.h"
 
 namespace pmsp::tool {
 namespace {
@@ -16,11 +17,13 @@ namespace {
 namespace fs = std::filesystem;
 
 /// What batch says for each mission, or has a column or an option of its own for.
-constexpr std::array kOfBatch{"--images", "--video",        "--output",        "--format",     "--force",
-                              "--stats",  "--workspace",    "--follow",        "--until-idle", "--progress",
-                              "--quiet",  "--print-config", "--raw-depth-maps"};
+constexpr std::array kOfBatch{"--images",   "--video",     "--output",       "--force",
+                              "--stats",    "--workspace", "--follow",       "--until-idle",
+                              "--progress", "--quiet",     "--print-config", "--raw-depth-maps"};
 constexpr std::array kOfMachine{"--threads", "--device", "--backend", "--simd", "--pipelined", "--scratch"};
-constexpr std::array kFilesToRead{"--config", "--mask", "--scratch", "--align", "--transform", "--crs"};
+constexpr std::array kFilesToRead{"--config", "--mask",      "--prior-depth", "--scratch",
+                                  "--align",  "--transform", "--crs"};
+constexpr const char* kFormat = "--format";
 constexpr std::array kFoldersForResults{"--depth-maps", "--preview"};
 
 template <std::size_t N>
@@ -35,9 +38,11 @@ bool is_plain_name(const std::string& name) {
 }
 
 std::string value_for_mission(const std::string& name, const std::string& value, const fs::path& folder) {
+  if (name == "--format") formats_in({name + "=" + value});
+  if (name == "--align" && value == kAlignExif) return value;
   if (is_one_of(kFilesToRead, name)) return (folder / value).string();
-  const bool is_taken =
-      value == "work" || value == "cloud.ply" || value.find(".json") != std::string::npos || value == "log.txt";
+  const bool is_taken = value == "work" || value.rfind("cloud.", 0) == 0 || value.find(".json") != std::string::npos ||
+                        value == "log.txt";
   if (is_one_of(kFoldersForResults, name) && (is_taken || !is_plain_name(value))) {
     throw UsageError(name + " is \"" + value +
                      "\"; in a batch expected the name of a folder in that of the mission, such as \"depth\"");
@@ -93,6 +98,33 @@ std::vector<std::string> mission_options(std::vector<std::string> words, const f
   }
   refuse_extra_words(app);
   return result;
+}
+
+std::vector<const CloudFormat*> formats_in(const std::vector<std::string>& options) {
+  std::string names = "ply";
+  for (const std::string& option : options) {
+    if (name_of_option(option) == kFormat) names = value_of(option, kFormat);
+  }
+  std::vector<const CloudFormat*> formats;
+  std::string known;
+  for (const CloudFormat& format : cloud_formats()) known += (known.empty() ? "" : ", ") + std::string(format.name);
+  for (std::size_t at = 0; at <= names.size();) {
+    const std::size_t end = std::min(names.find(',', at), names.size());
+    const CloudFormat* const format = find_cloud_format(names.substr(at, end - at));
+    if (format == nullptr || std::find(formats.begin(), formats.end(), format) != formats.end()) {
+      throw UsageError("--format is \"" + names + "\"; in a batch expected one or several of " + known +
+                       ", with commas between them, each once");
+    }
+    formats.push_back(format);
+    at = end + 1;
+  }
+  return formats;
+}
+
+std::vector<std::string> without_formats(std::vector<std::string> options) {
+  const auto is_format = [](const std::string& option) { return name_of_option(option) == kFormat; };
+  options.erase(std::remove_if(options.begin(), options.end(), is_format), options.end());
+  return options;
 }
 
 bool is_of_machine(const std::string& option) { return is_one_of(kOfMachine, name_of_option(option)); }

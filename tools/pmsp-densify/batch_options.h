@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "pmsp/io/cloud_writer.h"
+
 namespace CLI {  // NOLINT(readability-identifier-naming)
 class App;
 }
@@ -30,6 +32,13 @@ std::string value_of(const std::string& option, const std::string& name);
 
 /// The options for a mission whose results lie in `folder`: names of folders for results are names in there.
 std::vector<std::string> options_in(const std::filesystem::path& folder, const std::vector<std::string>& options);
+
+/// The formats of a mission's clouds: by the last --format among such options, which names them with commas between
+/// them; PLY without one. Throws UsageError.
+std::vector<const CloudFormat*> formats_in(const std::vector<std::string>& options);
+
+/// The options without --format.
+std::vector<std::string> without_formats(std::vector<std::string> options);
 
 /// The words of one line, parted by blanks; quotes ("a b", 'a b') hold blanks together. Throws UsageError for an open
 /// quote.

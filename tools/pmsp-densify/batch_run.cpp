@@ -43,16 +43,26 @@ std::string last_words(const fs::path& log) {
 
 void add_option(workspace::Fingerprint& fingerprint, const std::string& option) {
   if (is_of_machine(option)) return;
-  for (const char* name : {"--config", "--mask"}) {
+  for (const char* name : {"--config", "--mask", "--prior-depth"}) {
     const std::string file = value_of(option, name);
     if (file.empty()) continue;
     fingerprint.add(name).add(state_of(file));
+    std::error_code ignored;
+    if (fs::is_directory(file, ignored)) fingerprint.add(state_of_files_in(file));
     return;
   }
   fingerprint.add(option);
 }
 
 }  // namespace
+
+std::vector<fs::path> clouds_of(const BatchMission& mission, const BatchArguments& batch) {
+  std::vector<std::string> options = batch.options;
+  options.insert(options.end(), mission.mission.options.begin(), mission.mission.options.end());
+  std::vector<fs::path> clouds;
+  for (const CloudFormat* format : formats_in(options)) clouds.push_back(cloud_of(mission.folder, *format));
+  return clouds;
+}
 
 std::vector<std::string> run_words(const BatchMission& mission, const BatchArguments& batch, const fs::path& inputs) {
   const Mission& m = mission.mission;
@@ -61,12 +71,12 @@ std::vector<std::string> run_words(const BatchMission& mission, const BatchArgum
   words.push_back(m.video.empty() ? "--images=" + (inputs / m.images).string()
                                   : "--video=" + (inputs / m.video).string());
   for (const auto* options : {&batch.options, &m.options}) {
-    const std::vector<std::string> here = options_in(folder, *options);
+    const std::vector<std::string> here = without_formats(options_in(folder, *options));
     words.insert(words.end(), here.begin(), here.end());
   }
   if (!m.mask.empty()) words.push_back("--mask=" + (inputs / m.mask).string());
   words.push_back("--workspace=" + workspace_of(folder).string());
-  words.push_back("--output=" + cloud_of(folder).string());
+  for (const fs::path& cloud : clouds_of(mission, batch)) words.push_back("--output=" + cloud.string());
   words.push_back("--stats=" + stats_of(folder).string());
   words.insert(words.end(), {"--force", "--progress=plain"});
   return words;

@@ -11,13 +11,18 @@
 #include "batch_manifest.h"
 #include "batch_report.h"
 #include "child_process.h"
+#include "pmsp/io/cloud_writer.h"
 
 namespace pmsp::tool {
 
 // What the run of a mission is given, and what it leaves in the mission's folder.
 
 inline std::filesystem::path workspace_of(const std::filesystem::path& folder) { return folder / "work"; }
-inline std::filesystem::path cloud_of(const std::filesystem::path& folder) { return folder / "cloud.ply"; }
+inline std::filesystem::path cloud_of(const std::filesystem::path& folder, const CloudFormat& format) {
+  return folder / ("cloud" + std::string(format.extension));
+}
+/// Those that a mission is to have.
+std::vector<std::filesystem::path> clouds_of(const BatchMission& mission, const BatchArguments& batch);
 inline std::filesystem::path stats_of(const std::filesystem::path& folder) { return folder / "stats.json"; }
 inline std::filesystem::path log_of(const std::filesystem::path& folder) { return folder / "log.txt"; }
 

@@ -114,7 +114,8 @@ void add_frame(CLI::App& app, CloudArguments& a) {
          "--align", a.frame.align,
          "Turn, scale and move the cloud so that points of the map lie where this table says: lines [NAME] x y z "
          "X Y Z (point in the map, where it belongs), ID X Y Z (keyframe, where its camera was), or timestamp tx "
-         "ty tz qx qy qz qw (TUM trajectory)")
+         "ty tz qx qy qz qw (TUM trajectory); exif: where the images' EXIF data (GPS) say that the cameras were, in "
+         "metres")
       ->type_name("FILE")
       ->group(kFrame);
   app.add_option_function<std::string>(

@@ -24,7 +24,8 @@ constexpr auto kRest = std::chrono::milliseconds(500);
 /// Names, sizes and times of what a run reads.
 std::string state_of_inputs(const Arguments& arguments) {
   const std::string state = state_of_map(arguments.map);
-  return state + (arguments.video.empty() ? state_of_files_in(arguments.images) : state_of(arguments.video));
+  const std::string priors = arguments.prior_depth.empty() ? "" : state_of_files_in(arguments.prior_depth);
+  return state + priors + (arguments.video.empty() ? state_of_files_in(arguments.images) : state_of(arguments.video));
 }
 
 /// Looks often, but at each image only where the map or the folder has changed, and now and then.
@@ -33,7 +34,8 @@ class Watch {
   explicit Watch(const Arguments& arguments) : arguments_(arguments) {}
 
   const std::string& state() {
-    const std::string brief = state_of_map(arguments_.map) + state_of(arguments_.images) + state_of(arguments_.video);
+    const std::string brief = state_of_map(arguments_.map) + state_of(arguments_.images) + state_of(arguments_.video) +
+                              (arguments_.prior_depth.empty() ? "" : state_of(arguments_.prior_depth));
     if (brief == brief_ && Clock::now() - looked_ < kLookAtAll) return state_;
     state_ = state_of_inputs(arguments_);
     brief_ = brief;

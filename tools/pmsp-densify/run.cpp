@@ -20,6 +20,7 @@
 #include "map_input.h"
 #include "pmsp/densifier.h"
 #include "preview.h"
+#include "prior_depth.h"
 #include "progress.h"
 #include "shared_step.h"
 #include "stats.h"
@@ -80,7 +81,11 @@ class Run {
     report_.images = source_->description();
     views_ = std::make_unique<ViewImages>(arguments, map_, *source_);
     for (const std::filesystem::path& path : arguments.cloud.paths) report_.outputs.push_back(path.string());
-    frame_ = find_cloud_frame(arguments.cloud.frame, map_);
+    ImageFiles files;
+    if (arguments.cloud.frame.align == kAlignExif) {
+      for (const std::int64_t id : source_->keyframe_ids()) files[id] = source_->origin(id).file;
+    }
+    frame_ = find_cloud_frame(arguments.cloud.frame, map_, files);
     report_.keyframes = map_.keyframes.size();
     report_.with_image = source_->keyframe_ids().size();
     announce(about_map);
@@ -135,6 +140,10 @@ class Run {
       output_->complete();
     }
     report_.points_written = output_->points();
+    if (priors_.wanted()) {
+      report_.prior_depth = priors_.report();
+      progress_.message(priors_.summary());
+    }
     if (output_->points_in() > 0 && output_->points() == 0) {
       report_.empty_reason = "none of " + std::to_string(output_->points_in()) + " points lies in the box of --crop";
     } else if (output_->points() == 0) {
@@ -319,6 +328,7 @@ class Run {
     keyframe.image = item.image.view();
     views_->set_size(item.keyframe_id, item.image.width(), item.image.height());
     keyframe.mask = masks_.mask_for(source_->origin(keyframe.id).file, item.image.width(), item.image.height());
+    priors_.give(keyframe, source_->origin(keyframe.id).file);
     if (preview_) {
       const Spent spent(report_.time, Busy::kPreview);
       const int width = report_.options.width > 0 ? report_.options.width : item.image.width();
@@ -376,6 +386,7 @@ class Run {
   std::optional<Preview> preview_;
   std::unique_ptr<PairingVerifier> verifier_;
   MaskSource masks_{open_masks(arguments_)};
+  PriorDepths priors_{arguments_};
   std::unique_ptr<WorkspaceStep> step_;  ///< before the densifier, which calls it
   std::size_t steps_ = 0;                ///< images that it needs
   std::unique_ptr<Densifier> densifier_;

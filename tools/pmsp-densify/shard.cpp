@@ -20,6 +20,7 @@
 #include "lenses.h"
 #include "map_input.h"
 #include "plan/halo.h"
+#include "prior_depth.h"
 #include "progress.h"
 #include "shared_step.h"
 #include "stats.h"
@@ -111,6 +112,7 @@ class ShardRun {
                               {"without", report.without.size()},
                               {"seconds", report.seconds}};
     }
+    if (priors_.wanted()) progress_.message(priors_.summary());
     finish(waves);
   }
 
@@ -254,6 +256,7 @@ class ShardRun {
       keyframe.scale = step_->scale_of(keyframe.id);
       keyframe.image = item.image.view();
       keyframe.mask = masks_.mask_for(images->origin(keyframe.id).file, item.image.width(), item.image.height());
+      priors_.give(keyframe, images->origin(keyframe.id).file);
       const bool taken = densifier.add(keyframe);
       progress_.step({name_of(wave_), ++index, needed.size(), keyframe.id, taken, densifier.stats().points});
     });
@@ -350,6 +353,7 @@ class ShardRun {
   Ids depth_maps_;  ///< keyframes that get one
   Ids mine_;        ///< this shard's
   MaskSource masks_{open_masks(arguments_)};
+  PriorDepths priors_{arguments_};
   std::string announced_backend_;
 };
 

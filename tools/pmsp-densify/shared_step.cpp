@@ -66,6 +66,7 @@ workspace::ShardJob shared_job(const Arguments& arguments, const DensifierOption
   job.mask = shared_path(arguments.mask, arguments);
   job.mask_bytes = masks_text(arguments, workspace);
   job.mask_nadir = arguments.mask_nadir;
+  job.prior_depth = shared_path(arguments.prior_depth, arguments);
   job.fps = arguments.fps;
   job.frame_offset = arguments.frame_offset;
   job.points = shared_path(arguments.points, arguments);
@@ -166,6 +167,7 @@ Merge::Merge(const Arguments& given, workspace::Workspace& the_workspace) : work
   arguments.video = there(job.video);
   arguments.mask = there(job.mask);
   arguments.mask_nadir = job.mask_nadir;
+  arguments.prior_depth = there(job.prior_depth);
   arguments.fps = job.fps;
   arguments.frame_offset = job.frame_offset;
   arguments.points = there(job.points);

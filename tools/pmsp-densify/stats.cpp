@@ -166,6 +166,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   for (const SkippedKeyframe& skipped : report.skipped) {
     json["skipped"].push_back({{"keyframe_id", skipped.keyframe_id}, {"reason", skipped.reason}});
   }
+  if (!report.prior_depth.is_null()) json["prior_depth"] = report.prior_depth;
   if (!report.workspace.is_null()) json["workspace"] = report.workspace;
   if (!report.empty_reason.empty()) json["empty"] = report.empty_reason;
   return json;

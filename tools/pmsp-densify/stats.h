@@ -29,9 +29,10 @@ struct RunReport {
   std::vector<SkippedKeyframe> skipped;
   std::optional<PairingVerifier::Verdict> pairing;
   Lenses lenses;
-  TimeAccount time;                  ///< of the main thread
-  std::string empty_reason;          ///< of an empty result
-  nlohmann::ordered_json workspace;  ///< what was kept and what was made; null without one
+  TimeAccount time;                    ///< of the main thread
+  std::string empty_reason;            ///< of an empty result
+  nlohmann::ordered_json prior_depth;  ///< of each keyframe that was looked at; null without
+  nlohmann::ordered_json workspace;    ///< what was kept and what was made; null without one
 };
 
 /// Times up to now.

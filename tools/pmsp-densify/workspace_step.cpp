@@ -10,6 +10,7 @@
 #include "io/map_keyframe.h"
 #include "option_table.h"
 #include "pmsp/error.h"
+#include "prior_depth.h"
 #include "targets.h"
 #include "verbs.h"
 #include "workspace/fingerprint.h"
@@ -79,6 +80,7 @@ WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& a
 std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable) {
   std::set<std::int64_t> fresh;
   const MaskSource masks = open_masks(arguments_);
+  const PriorDepths priors(arguments_);
   for (const std::int64_t id : source.keyframe_ids()) {
     const ImageSource::Origin origin = source.origin(id);
     const Keyframe keyframe = io::keyframe_of(map_, *map_.find_keyframe(id));
@@ -89,6 +91,11 @@ std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std:
       it.image = workspace_.fingerprint(origin.file) + (origin.frame.empty() ? "" : ", " + origin.frame);
       if (masks.is_folder() && !masks.file_for(origin.file).empty())
         it.image += ", mask " + workspace_.fingerprint(masks.file_for(origin.file));
+      const std::filesystem::path prior = priors.file_for(id, origin.file);
+      if (!prior.empty()) {
+        it.image += ", prior depth " + workspace_.fingerprint(prior);
+        if (prior.extension() == ".png") it.image += " times " + priors.unit_text();
+      }
     } catch (const IoError& error) {
       unreadable.push_back({id, error.what()});
       continue;

@@ -35,6 +35,13 @@ struct ImageChannel {
 /// OpenEXR with float32 channels, not compressed, rows from the top to the bottom.
 void write_exr(const std::filesystem::path& path, std::vector<ImageChannel> channels);
 
+/// The depth in an OpenEXR file: its only channel, or the one named Z, depth or Y, half or float; scan lines, not
+/// compressed or ZIP. Throws IoError, InvalidInput.
+Image<float> read_exr_depth(const std::filesystem::path& path);
+
+/// An array of NumPy with rows and columns of little-endian float16, float32 or float64. Throws IoError, InvalidInput.
+Image<float> read_npy(const std::filesystem::path& path);
+
 /// Raw values of a 16-bit (or 8-bit) gray PNG times `scale`.
 Image<float> read_png16(const std::filesystem::path& path, double scale);
 

@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <zlib.h>
+
+#include "export/little_endian.h"
+#include "export/regular_file.h"
+#include "pmsp/error.h"
+#include "pmsp/io/depth_io.h"
+
+namespace pmsp {
+namespace {
+
+constexpr std::int64_t kMostPixels = std::int64_t{16384} * 8192;
+/// No more can come out of a byte that zlib has packed ("maximum expansion factor", zlib's technical details).
+constexpr std::size_t kMostExpansion = 1032;
+
+/// Bits of an IEEE 754 half.
+float from_half(std::uint16_t bits) {
+  const int exponent = bits >> 10U & 0x1fU;
+  const int fraction = bits & 0x3ffU;
+  const float sign = (bits & 0x8000U) != 0 ? -1.0F : 1.0F;
+  if (exponent == 31) return fraction != 0 ? std::nanf("") : sign * HUGE_VALF;
+  if (exponent == 0) return sign * std::ldexp(static_cast<float>(fraction), -24);
+  return sign * std::ldexp(static_cast<float>(fraction + 1024), exponent - 25);
+}
+
+/// Bytes of a file, from the first to the last.
+class Bytes {
+ public:
+  explicit Bytes(const std::filesystem::path& path) : path_(path), bytes_(read_whole_file(path)) {}
+
+  std::size_t size() const { return bytes_.size(); }
+  std::size_t at() const { return at_; }
+  const char* data(std::size_t at, std::size_t count) const {
+    if (at > bytes_.size() || count > bytes_.size() - at) {
+      throw InvalidInput(path_.string() + ": ends at byte " + std::to_string(bytes_.size()) +
+                         " in the middle of the data; is it cut off?");
+    }
+    return bytes_.data() + at;
+  }
+  const char* take(std::size_t count) {
+    const char* const from = data(at_, count);
+    at_ += count;
+    return from;
+  }
+  template <class T>
+  T number() {
+    return get_little<T>(take(sizeof(T)));
+  }
+  /// Up to a zero.
+  std::string text() {
+    const std::size_t end = bytes_.find('\0', at_);
+    if (end == std::string::npos || end - at_ > 255) refuse("a name without an end");
+    std::string found = bytes_.substr(at_, end - at_);
+    at_ = end + 1;
+    return found;
+  }
+  bool starts_with(const std::string& magic) const { return bytes_.compare(0, magic.size(), magic) == 0; }
+  [[noreturn]] void refuse(const std::string& what) const {
+    throw InvalidInput(path_.string() + ": byte " + std::to_string(at_) + ": " + what);
+  }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+  std::string bytes_;
+  std::size_t at_ = 0;
+};
+
+void check_size(const Bytes& file, std::int64_t width, std::int64_t height) {
+  if (width >= 1 && height >= 1 && width <= kMostPixels && height <= kMostPixels / width) return;
+  file.refuse("the image is " + std::to_string(width) + " x " + std::to_string(height) +
+              "; expected 1 to 16384 x 8192 pixels");
+}
+
+// --- EXR: "OpenEXR File Layout"; single part, scan lines
+// ---------------------------------------------------------------
+
+struct ExrChannel {
+  std::string name;
+  int bytes = 0;  ///< of a value
+};
+
+struct ExrHeader {
+  std::vector<ExrChannel> channels;
+  int compression = -1;
+  std::int64_t width = 0, height = 0, first_row = 0;
+};
+
+std::vector<ExrChannel> exr_channels(Bytes& file) {
+  std::vector<ExrChannel> channels;
+  for (std::string name = file.text(); !name.empty(); name = file.text()) {
+    const auto type = file.number<std::int32_t>();
+    file.take(4);
+    const auto columns = file.number<std::int32_t>(), rows = file.number<std::int32_t>();
+    if (type < 0 || type > 2 || columns != 1 || rows != 1) {
+      file.refuse("channel \"" + name + "\" is of another kind; expected values of all pixels");
+    }
+    channels.push_back({name, type == 1 ? 2 : type == 2 ? 4 : -4});
+  }
+  return channels;
+}
+
+ExrHeader exr_header(Bytes& file) {
+  ExrHeader header;
+  file.take(4);
+  const auto version = file.number<std::uint32_t>();
+  if ((version & 0xffU) != 2 || (version & 0x1a00U) != 0) {
+    file.refuse("EXR of tiles, with several parts or of an unknown version; expected scan lines in one part");
+  }
+  for (std::string name = file.text(); !name.empty(); name = file.text()) {
+    const std::string type = file.text();
+    const auto size = file.number<std::int32_t>();
+    if (size < 0) file.refuse("attribute \"" + name + "\" has a negative size");
+    const std::size_t end = file.at() + static_cast<std::size_t>(size);
+    file.data(file.at(), static_cast<std::size_t>(size));
+    if (name == "channels") {
+      header.channels = exr_channels(file);
+    } else if (name == "compression" && size == 1) {
+      header.compression = file.number<std::uint8_t>();
+    } else if (name == "dataWindow" && size == 16) {
+      std::array<std::int64_t, 4> window{};
+      for (std::int64_t& value : window) value = file.number<std::int32_t>();
+      header.first_row = window[1];
+      header.width = window[2] - window[0] + 1;
+      header.height = window[3] - window[1] + 1;
+    }
+    if (file.at() > end) file.refuse("attribute \"" + name + "\" is longer than it says");
+    file.take(end - file.at());
+  }
+  check_size(file, header.width, header.height);
+  return header;
+}
+
+/// The channel that holds depth: the only one, or one of these names.
+std::size_t exr_depth_channel(const Bytes& file, const ExrHeader& header) {
+  std::size_t found = header.channels.size() == 1 ? 0 : header.channels.size();
+  std::string names;
+  for (std::size_t i = 0; i < header.channels.size(); ++i) {
+    const std::string& name = header.channels[i].name;
+    names += (names.empty() ? "" : ", ") + name;
+    const bool is_depth = name == "Z" || name == "depth" || name == "Y";
+    if (found == header.channels.size() && is_depth) found = i;
+  }
+  if (found == header.channels.size()) {
+    file.refuse("its channels are " + (names.empty() ? "none" : names) +
+                "; expected a single one, or one that is named Z, depth or Y");
+  }
+  if (header.channels[found].bytes < 0) file.refuse("its depth is in whole numbers; expected half or float");
+  return found;
+}
+
+/// Undoes what EXR does to bytes before zlib packs them.
+void undo_prediction(std::vector<char>& bytes) {
+  for (std::size_t i = 1; i < bytes.size(); ++i) {
+    const int sum = static_cast<unsigned char>(bytes[i - 1]) + static_cast<unsigned char>(bytes[i]) - 128;
+    bytes[i] = static_cast<char>(static_cast<unsigned char>(sum & 0xff));
+  }
+  std::vector<char> sorted(bytes.size());
+  const std::size_t half = (bytes.size() + 1) / 2;
+  for (std::size_t i = 0; i < bytes.size(); ++i) sorted[i] = bytes[i / 2 + (i % 2 == 0 ? 0 : half)];
+  bytes = std::move(sorted);
+}
+
+void unpack(const Bytes& file, const char* packed, std::size_t size, std::vector<char>& bytes) {
+  uLongf length = static_cast<uLongf>(bytes.size());
+  const int result = ::uncompress(reinterpret_cast<Bytef*>(bytes.data()), &length,
+                                  reinterpret_cast<const Bytef*>(packed), static_cast<uLong>(size));
+  if (result != Z_OK || length != bytes.size()) file.refuse("rows cannot be unpacked; is it broken?");
+  undo_prediction(bytes);
+}
+
+// --- NPY: "NEP 1, a simple file format for NumPy arrays"
+// ---------------------------------------------------------------
+
+/// What follows a key of the header, which is a Python dictionary.
+std::string npy_value(const Bytes& file, const std::string& header, const std::string& key) {
+  std::size_t at = header.find("'" + key + "'");
+  if (at != std::string::npos) at = header.find(':', at);
+  if (at != std::string::npos) at = header.find_first_not_of(' ', at + 1);
+  if (at == std::string::npos) file.refuse("its header has no \"" + key + "\"");
+  const char open = header[at];
+  const std::size_t end = open == '('    ? header.find(')', at)
+                          : open == '\'' ? header.find('\'', at + 1)
+                                         : header.find_first_of(",}", at);
+  if (end == std::string::npos) file.refuse("its header breaks off after \"" + key + "\"");
+  const bool is_enclosed = open == '(' || open == '\'';
+  return header.substr(at + (is_enclosed ? 1 : 0), end - at - (is_enclosed ? 1 : 0));
+}
+
+/// Sides of an array; those of 1 do not count where there are more than two.
+std::vector<std::int64_t> npy_shape(const Bytes& file, const std::string& text) {
+  std::vector<std::int64_t> sides;
+  for (std::size_t at = 0; at < text.size();) {
+    if (text[at] == ' ' || text[at] == ',') {
+      ++at;
+      continue;
+    }
+    std::int64_t side = 0;
+    const auto [end, error] = std::from_chars(text.data() + at, text.data() + text.size(), side);
+    if (error != std::errc() || side < 0) file.refuse("its shape is (" + text + "); expected whole numbers");
+    sides.push_back(side);
+    at = static_cast<std::size_t>(end - text.data());
+  }
+  for (std::size_t i = 0; i < sides.size() && sides.size() > 2;) {
+    if (sides[i] == 1) {
+      sides.erase(sides.begin() + static_cast<std::ptrdiff_t>(i));
+    } else {
+      ++i;
+    }
+  }
+  if (sides.size() != 2) file.refuse("its shape is (" + text + "); expected rows and columns");
+  return sides;
+}
+
+template <class T, class From>
+void take_values(Bytes& file, Image<float>& image, const From& from) {
+  const char* at = file.take(image.size() * sizeof(T));
+  for (float& value : image.pixels()) {
+    value = from(get_little<T>(at));
+    at += sizeof(T);
+  }
+}
+
+}  // namespace
+
+Image<float> read_exr_depth(const std::filesystem::path& path) {
+  Bytes file(path);
+  if (!file.starts_with("\x76\x2f\x31\x01")) throw InvalidInput(path.string() + ": is no EXR");
+  const ExrHeader header = exr_header(file);
+  const std::size_t depth = exr_depth_channel(file, header);
+  constexpr int kNone = 0, kZips = 2, kZip = 3;
+  if (header.compression != kNone && header.compression != kZips && header.compression != kZip) {
+    file.refuse("it is packed in a way (" + std::to_string(header.compression) +
+                ") that is not read; expected none, ZIPS or ZIP");
+  }
+  std::size_t row_bytes = 0, before = 0;
+  for (std::size_t i = 0; i < header.channels.size(); ++i) {
+    if (i == depth) before = row_bytes;
+    row_bytes += static_cast<std::size_t>(std::abs(header.channels[i].bytes)) * static_cast<std::size_t>(header.width);
+  }
+  const std::size_t height = static_cast<std::size_t>(header.height);
+  const std::size_t expansion = header.compression == kNone ? 1 : kMostExpansion;
+  if (row_bytes > file.size() * expansion / height) {
+    file.refuse("the file is too short for " + std::to_string(header.width) + " x " + std::to_string(header.height) +
+                " pixels; is it cut off?");
+  }
+  const std::size_t rows_at_once = header.compression == kZip ? 16 : 1;
+  const std::size_t blocks = (height + rows_at_once - 1) / rows_at_once;
+  const bool is_half = header.channels[depth].bytes == 2;
+  file.take(blocks * sizeof(std::uint64_t));  // blocks say themselves where they belong
+  Image<float> image(static_cast<int>(header.width), static_cast<int>(header.height));
+  std::vector<char> bytes;
+  for (std::size_t block = 0; block < blocks; ++block) {
+    const std::int64_t y = file.number<std::int32_t>() - header.first_row;
+    const auto size = file.number<std::int32_t>();
+    if (y < 0 || y >= header.height || size < 0) file.refuse("a block of rows that lie outside the image");
+    const std::size_t rows = std::min(rows_at_once, height - static_cast<std::size_t>(y));
+    bytes.resize(rows * row_bytes);
+    const char* const packed = file.take(static_cast<std::size_t>(size));
+    if (static_cast<std::size_t>(size) >= bytes.size()) {  // not packed where that would not help
+      if (static_cast<std::size_t>(size) != bytes.size()) file.refuse("a block of rows that is too long");
+      std::memcpy(bytes.data(), packed, bytes.size());
+    } else {
+      if (header.compression == kNone) file.refuse("a block of rows that is too short");
+      unpack(file, packed, static_cast<std::size_t>(size), bytes);
+    }
+    for (std::size_t row = 0; row < rows; ++row) {
+      const char* at = bytes.data() + row * row_bytes + before;
+      float* const to = image.row(static_cast<int>(y) + static_cast<int>(row));
+      for (int x = 0; x < image.width(); ++x, at += is_half ? 2 : 4) {
+        to[x] = is_half ? from_half(get_little<std::uint16_t>(at)) : get_little<float>(at);
+      }
+    }
+  }
+  return image;
+}
+
+Image<float> read_npy(const std::filesystem::path& path) {
+  Bytes file(path);
+  if (!file.starts_with("\x93NUMPY")) throw InvalidInput(path.string() + ": is no NPY");
+  file.take(6);
+  const int version = file.number<std::uint8_t>();
+  file.take(1);
+  if (version < 1 || version > 3) file.refuse("version " + std::to_string(version) + " of NPY; expected 1 to 3");
+  const std::size_t length = version == 1 ? file.number<std::uint16_t>() : file.number<std::uint32_t>();
+  const std::string header(file.take(length), length);
+  const std::string type = npy_value(file, header, "descr");
+  const std::string order = npy_value(file, header, "fortran_order");
+  const std::vector<std::int64_t> sides = npy_shape(file, npy_value(file, header, "shape"));
+  if (order.rfind("False", 0) != 0) file.refuse("its columns follow one another; expected rows (C order)");
+  check_size(file, sides[1], sides[0]);
+  const std::size_t bytes = type == "<f2" ? 2 : type == "<f4" ? 4 : type == "<f8" ? 8 : 0;
+  if (bytes == 0) file.refuse("its values are \"" + type + "\"; expected <f2, <f4 or <f8 (little-endian floats)");
+  file.data(file.at(), bytes * static_cast<std::size_t>(sides[0] * sides[1]));
+  Image<float> image(static_cast<int>(sides[1]), static_cast<int>(sides[0]));
+  if (bytes == 2) take_values<std::uint16_t>(file, image, from_half);
+  if (bytes == 4) take_values<float>(file, image, [](float value) { return value; });
+  if (bytes == 8) take_values<double>(file, image, [](double value) { return static_cast<float>(value); });
+  return image;
+}
+
+}  // namespace pmsp

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "pmsp/camera.h"
+#include "pmsp/initialiser.h"
+#include "priors/prior_setup.h"
+
+namespace pmsp {
+namespace {
+
+constexpr int kSide = 9;              ///< samples along each side of a window around a cell
+constexpr double kWindow = 3.0;       ///< its side [cells]
+constexpr int kMinSamples = 20;       ///< of one surface
+constexpr double kSurface = 0.2;      ///< relative distance from the cell's own depth up to which that is one
+constexpr double kOnPlane = 0.1;      ///< the same from a first plane
+constexpr double kSteadiness = 1e-4;  ///< against turning where samples lie in a line; relative to the spread
+
+struct Sample {
+  Eigen::Vector3d bearing;
+  double inverse_depth;
+};
+
+/// The plane v with v . bearing = inverse depth of most samples, least squares; those farther than `tolerance` from
+/// what `expected(bearing)` says are left out. False where too few are left.
+template <class Expected>
+bool fit(const std::vector<Sample>& samples, double tolerance, const Expected& expected, Eigen::Vector3d& plane) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (const Sample& sample : samples) {
+    const double there = expected(sample.bearing);
+    if (!(std::abs(sample.inverse_depth - there) < tolerance * there)) continue;
+    a += sample.bearing * sample.bearing.transpose();
+    b += sample.inverse_depth * sample.bearing;
+    ++count;
+  }
+  if (count < kMinSamples) return false;
+  a += kSteadiness * count * Eigen::Matrix3d::Identity();
+  plane = a.ldlt().solve(b);
+  return plane.allFinite();
+}
+
+Eigen::Vector3d bearing_of(double lon, double lat) {
+  return {std::cos(lat) * std::sin(lon), -std::sin(lat), std::cos(lat) * std::cos(lon)};
+}
+
+}  // namespace
+
+std::vector<kernels::Vec3<float>> given_planes(ImageView<const float> depth, double unit, const PriorGrid& grid) {
+  std::vector<kernels::Vec3<float>> planes(grid.cells(), kernels::Vec3<float>{0.0F, 0.0F, 0.0F});
+  const double step = kernels::kPi / grid.rows * kWindow / kSide;
+  std::vector<Sample> samples;
+  std::vector<double> own;
+  for (int row = 0; row < grid.rows; ++row) {
+    const double lat = (0.5 - (row + 0.5) / grid.rows) * kernels::kPi;
+    for (int column = 0; column < grid.columns; ++column) {
+      const double lon = ((column + 0.5) / grid.columns - 0.5) * 2.0 * kernels::kPi;
+      const Eigen::Vector3d center = bearing_of(lon, lat);
+      const Eigen::Vector3d right(std::cos(lon), 0.0, -std::sin(lon));
+      const Eigen::Vector3d down = center.cross(right);
+      samples.clear();
+      own.clear();
+      for (int i = 0; i < kSide * kSide; ++i) {
+        const int dx = i % kSide - kSide / 2, dy = i / kSide - kSide / 2;
+        const Eigen::Vector3d bearing = (center + step * dx * right + step * dy * down).normalized();
+        const Eigen::Vector2d at = pixel_from_bearing(bearing, depth.width, depth.height);
+        const int x = (static_cast<int>(std::floor(at.x())) % depth.width + depth.width) % depth.width;
+        const int y = std::clamp(static_cast<int>(std::floor(at.y())), 0, depth.height - 1);
+        const double there = static_cast<double>(depth(x, y)) / unit;
+        if (!is_usable_depth(there)) continue;
+        samples.push_back({bearing, 1.0 / there});
+        if (std::max(std::abs(dx), std::abs(dy)) <= kSide / 6) own.push_back(1.0 / there);
+      }
+      if (own.empty()) continue;
+      std::nth_element(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(own.size() / 2), own.end());
+      const double middle = own[own.size() / 2];
+      Eigen::Vector3d plane;
+      if (!fit(
+              samples, kSurface, [&](const Eigen::Vector3d&) { return middle; }, plane))
+        continue;
+      const Eigen::Vector3d first = plane;
+      if (!fit(
+              samples, kOnPlane, [&](const Eigen::Vector3d& bearing) { return first.dot(bearing); }, plane))
+        continue;
+      const Eigen::Vector3f found = plane.cast<float>();
+      planes[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
+             static_cast<std::size_t>(column)] = {found.x(), found.y(), found.z()};
+    }
+  }
+  return planes;
+}
+
+}  // namespace pmsp

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp/prior_depth.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "pmsp/camera.h"
+#include "pmsp/initialiser.h"
+
+namespace pmsp {
+namespace {
+
+constexpr double kAgrees = 0.15;  ///< relative error of a depth
+constexpr std::size_t kMinLandmarks = 12;
+constexpr double kMinShare = 0.6;
+constexpr double kBetterThanFlat = 0.6;  ///< of the errors of one depth everywhere, at most
+constexpr double kHardlyWorse = 1.1;
+constexpr std::size_t kMostLandmarks = 400;
+constexpr int kPairs = 200;
+constexpr int kRefinements = 5;
+
+struct Pair {
+  double value;
+  double depth;
+};
+
+/// Scale and shift relate x(v) to t(depth).
+double x_of(DepthReading reading, double value) { return reading == DepthReading::kWarped ? 1.0 / value : value; }
+bool is_of_depth(DepthReading reading) { return reading == DepthReading::kScaled || reading == DepthReading::kDepth; }
+
+/// What value v stands for; 0 = nothing.
+double depth_of(DepthReading reading, double scale, double shift, double value) {
+  if (reading == DepthReading::kWarped && !(value > 0.0)) return 0.0;
+  const double t = scale * x_of(reading, value) + shift;
+  const double depth = is_of_depth(reading) ? t : 1.0 / t;
+  return t > 0.0 && is_usable_depth(depth) ? depth : 0.0;
+}
+
+double error_of(const DepthAlignment& fit, const Pair& pair) {
+  const double depth = depth_of(fit.reading, fit.scale, fit.shift, pair.value);
+  return depth > 0.0 ? std::min(std::abs(depth / pair.depth - 1.0), kAgrees) : kAgrees;
+}
+
+double sum_of_errors(const DepthAlignment& fit, const std::vector<Pair>& pairs) {
+  double sum = 0.0;
+  for (const Pair& pair : pairs) sum += error_of(fit, pair);
+  return sum;
+}
+
+/// Keeps the better one.
+void consider(DepthAlignment& best, double& least, const DepthAlignment& fit, const std::vector<Pair>& pairs) {
+  if (!(fit.scale > 0.0) || !std::isfinite(fit.scale) || !std::isfinite(fit.shift)) return;
+  const double sum = sum_of_errors(fit, pairs);
+  if (!(sum < least)) return;
+  least = sum;
+  best = fit;
+}
+
+/// Least squares of relative errors, over the pairs that agree with `fit`.
+DepthAlignment refined(const DepthAlignment& fit, const std::vector<Pair>& pairs) {
+  double xx = 0.0, x1 = 0.0, ones = 0.0, xt = 0.0, t1 = 0.0;
+  for (const Pair& pair : pairs) {
+    if (error_of(fit, pair) >= kAgrees) continue;
+    const double x = x_of(fit.reading, pair.value);
+    const double t = is_of_depth(fit.reading) ? pair.depth : 1.0 / pair.depth;
+    const double w = 1.0 / (t * t);
+    xx += w * x * x;
+    x1 += w * x;
+    ones += w;
+    xt += w * x * t;
+    t1 += w * t;
+  }
+  DepthAlignment better = fit;
+  if (fit.reading == DepthReading::kScaled) {
+    if (xx > 0.0) better.scale = xt / xx;
+    return better;
+  }
+  const double determinant = xx * ones - x1 * x1;
+  if (!(determinant > 1e-12 * xx * ones)) return fit;
+  better.scale = (xt * ones - t1 * x1) / determinant;
+  better.shift = (t1 * xx - xt * x1) / determinant;
+  return better;
+}
+
+/// The best fit of one reading; scale 0 where there is none.
+DepthAlignment best_of(DepthReading reading, const std::vector<Pair>& all, double& least) {
+  std::vector<Pair> pairs;
+  for (const Pair& pair : all) {
+    if (reading != DepthReading::kWarped || pair.value > 0.0) pairs.push_back(pair);
+  }
+  DepthAlignment best;
+  best.reading = reading;
+  least = std::numeric_limits<double>::infinity();
+  if (pairs.size() < kMinLandmarks) return best;
+  std::uint64_t state = 1;
+  const auto draw = [&] {  // Knuth's MMIX generator
+    state = state * 6364136223846793005U + 1442695040888963407U;
+    return static_cast<std::size_t>((state >> 33U) % pairs.size());
+  };
+  for (int i = 0; i < kPairs; ++i) {
+    const Pair& a = pairs[draw()];
+    const Pair& b = pairs[draw()];
+    DepthAlignment fit = best;
+    if (reading == DepthReading::kScaled) {
+      fit.scale = a.depth / a.value;
+    } else {
+      const double xa = x_of(reading, a.value), xb = x_of(reading, b.value);
+      if (xa == xb) continue;
+      const double ta = is_of_depth(reading) ? a.depth : 1.0 / a.depth;
+      const double tb = is_of_depth(reading) ? b.depth : 1.0 / b.depth;
+      fit.scale = (ta - tb) / (xa - xb);
+      fit.shift = ta - fit.scale * xa;
+    }
+    consider(best, least, fit, all);
+  }
+  for (int i = 0; i < kRefinements && best.scale > 0.0; ++i) consider(best, least, refined(best, all), all);
+  return best;
+}
+
+double error_of_flat(std::vector<Pair> pairs) {
+  const auto middle = pairs.begin() + static_cast<std::ptrdiff_t>(pairs.size() / 2);
+  std::nth_element(pairs.begin(), middle, pairs.end(), [](const Pair& a, const Pair& b) { return a.depth < b.depth; });
+  const double depth = middle->depth;
+  double sum = 0.0;
+  for (const Pair& pair : pairs) sum += std::min(std::abs(depth / pair.depth - 1.0), kAgrees);
+  return sum;
+}
+
+std::vector<Pair> pairs_of(ImageView<const float> values, const Keyframe& keyframe) {
+  std::vector<Pair> pairs;
+  for (const Landmark& landmark : keyframe.landmarks) {
+    const Eigen::Vector3d p = keyframe.cam_from_world * landmark.position_world;
+    if (!is_usable_depth(p.norm())) continue;
+    const Eigen::Vector2d at = pixel_from_bearing(p, values.width, values.height);
+    const int x = (static_cast<int>(std::floor(at.x())) % values.width + values.width) % values.width;
+    const int y = std::clamp(static_cast<int>(std::floor(at.y())), 0, values.height - 1);
+    const double value = static_cast<double>(values(x, y));
+    if (std::isfinite(value) && value != 0.0) pairs.push_back({value, p.norm()});
+  }
+  if (pairs.size() <= kMostLandmarks) return pairs;
+  std::vector<Pair> some;
+  for (std::size_t i = 0; i < kMostLandmarks; ++i) some.push_back(pairs[i * pairs.size() / kMostLandmarks]);
+  return some;
+}
+
+std::string percent(double share) { return std::to_string(std::lround(100.0 * share)) + " %"; }
+
+}  // namespace
+
+const char* name_of(DepthReading reading) {
+  switch (reading) {
+    case DepthReading::kScaled:
+      return "depth";
+    case DepthReading::kDepth:
+      return "depth and a shift";
+    case DepthReading::kInverse:
+      return "inverse depth";
+    case DepthReading::kWarped:
+      return "depth of shifted inverse depth";
+  }
+  return "";
+}
+
+DepthAlignment align_prior_depth(ImageView<const float> values, const Keyframe& keyframe) {
+  const std::vector<Pair> pairs = pairs_of(values, keyframe);
+  DepthAlignment best;
+  best.landmarks = pairs.size();
+  if (pairs.size() < kMinLandmarks) {
+    best.why_not = std::to_string(pairs.size()) + " landmarks have a value in it; expected " +
+                   std::to_string(kMinLandmarks) + " or more";
+    return best;
+  }
+  double least = 0.0;
+  best = best_of(DepthReading::kScaled, pairs, least);
+  least *= 1.0 / kHardlyWorse;
+  for (const DepthReading reading : {DepthReading::kDepth, DepthReading::kInverse, DepthReading::kWarped}) {
+    double sum = 0.0;
+    const DepthAlignment fit = best_of(reading, pairs, sum);
+    if (!(sum < least)) continue;
+    least = sum;
+    best = fit;
+  }
+  best.landmarks = pairs.size();
+  std::vector<double> errors;
+  for (const Pair& pair : pairs) {
+    const double error = error_of(best, pair);
+    if (error < kAgrees) errors.push_back(error);
+  }
+  best.share = static_cast<double>(errors.size()) / static_cast<double>(pairs.size());
+  if (!errors.empty()) {
+    const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+    std::nth_element(errors.begin(), middle, errors.end());
+    best.error = *middle;
+  }
+  if (!(best.scale > 0.0) || best.share < kMinShare) {
+    best.why_not = "it agrees with " + percent(best.share) + " of " + std::to_string(pairs.size()) +
+                   " landmarks to 15 %; expected " + percent(kMinShare) + " or more";
+  } else if (sum_of_errors(best, pairs) > kBetterThanFlat * error_of_flat(pairs)) {
+    best.why_not = "it tells little more about the landmarks than the same depth everywhere";
+  }
+  return best;
+}
+
+Image<float> aligned_depth(ImageView<const float> values, const DepthAlignment& alignment) {
+  Image<float> depth(values.width, values.height);
+  for (int y = 0; y < values.height; ++y) {
+    const float* const from = values.row(y);
+    float* const to = depth.row(y);
+    for (int x = 0; x < values.width; ++x) {
+      const double value = static_cast<double>(from[x]);
+      if (!std::isfinite(value) || value == 0.0) continue;
+      to[x] = static_cast<float>(depth_of(alignment.reading, alignment.scale, alignment.shift, value));
+    }
+  }
+  return depth;
+}
+
+}  // namespace pmsp

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// Depth from elsewhere: how it is aligned to landmarks, and when it gives planes.
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <utility>
+
+#include <catch2/catch.hpp>
+
+#include "core/helpers.h"
+#include "core/small_missions.h"
+#include "pmsp/depth_map.h"
+#include "pmsp/error.h"
+#include "pmsp/plane_priors.h"
+#include "pmsp/prior_depth.h"
+#include "support/rng.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+synth::Mission room() { return synth::empty_room(small_recipe(256, 3)); }
+
+/// Landmarks on the surface that the frame shows.
+Keyframe keyframe_with(const synth::Frame& frame, std::size_t landmarks = 200) {
+  Keyframe keyframe;
+  keyframe.cam_from_world = frame.cam_from_world;
+  keyframe.image = frame.image.view();
+  const RigidTransform world_from_cam = frame.cam_from_world.inverse();
+  for (std::size_t i = 0; i < landmarks; ++i) {
+    const int x = static_cast<int>(synth::uniform(5, 2 * i) * frame.depth.width());
+    const int y = static_cast<int>((0.1 + 0.8 * synth::uniform(5, 2 * i + 1)) * frame.depth.height());
+    const Eigen::Vector3d p = static_cast<double>(frame.depth(x, y)) * bearing_of(frame.depth, x, y);
+    keyframe.landmarks.push_back({static_cast<std::int64_t>(i), world_from_cam * p});
+  }
+  return keyframe;
+}
+
+Image<float> made_of(const Image<float>& depth, const std::function<double(double)>& value) {
+  Image<float> values(depth.width(), depth.height());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    values.pixels()[i] = static_cast<float>(value(static_cast<double>(depth.pixels()[i])));
+  }
+  return values;
+}
+
+double largest_error(const Image<float>& depth, const Image<float>& truth) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    const double error = static_cast<double>(depth.pixels()[i] / truth.pixels()[i]) - 1.0;
+    largest = std::max(largest, std::abs(error));
+  }
+  return largest;
+}
+
+}  // namespace
+
+TEST_CASE("a depth image is aligned whatever its values stand for", "[prior depth]") {
+  const synth::Mission mission = room();
+  const synth::Frame& frame = mission.frames[0];
+  const Keyframe keyframe = keyframe_with(frame);
+  const std::pair<DepthReading, std::function<double(double)>> kinds[] = {
+      {DepthReading::kScaled, [](double d) { return 0.37 * d; }},
+      {DepthReading::kDepth, [](double d) { return 2.0 * d - 1.5; }},
+      {DepthReading::kInverse, [](double d) { return 900.0 / d + 40.0; }},
+      {DepthReading::kWarped, [](double d) { return 1.0 / (0.8 / d + 0.3); }}};
+  for (const auto& [reading, value] : kinds) {
+    CAPTURE(name_of(reading));
+    const Image<float> values = made_of(frame.depth, value);
+    const DepthAlignment alignment = align_prior_depth(values.view(), keyframe);
+    CHECK(alignment.why_not.empty());
+    CHECK(alignment.reading == reading);
+    CHECK(alignment.share > 0.99);
+    CHECK(largest_error(aligned_depth(values.view(), alignment), frame.depth) < 0.01);
+  }
+}
+
+TEST_CASE("a third of wrong landmarks does not spoil the alignment", "[prior depth]") {
+  const synth::Mission mission = room();
+  const synth::Frame& frame = mission.frames[0];
+  Keyframe keyframe = keyframe_with(frame);
+  const Eigen::Vector3d center = frame.cam_from_world.center();
+  for (std::size_t i = 0; i < keyframe.landmarks.size(); i += 3) {
+    Eigen::Vector3d& at = keyframe.landmarks[i].position_world;
+    at = center + (0.3 + 2.0 * synth::uniform(8, i)) * (at - center);
+  }
+  const Image<float> values = made_of(frame.depth, [](double d) { return 5.0 / d - 0.2; });
+  const DepthAlignment alignment = align_prior_depth(values.view(), keyframe);
+  CHECK(alignment.why_not.empty());
+  CHECK(largest_error(aligned_depth(values.view(), alignment), frame.depth) < 0.02);
+}
+
+TEST_CASE("what does not fit the landmarks is left out, with the reason", "[prior depth]") {
+  const synth::Mission mission = room();
+  const synth::Frame& frame = mission.frames[0];
+  const Keyframe keyframe = keyframe_with(frame);
+
+  Image<float> random(64, 32);
+  for (std::size_t i = 0; i < random.size(); ++i) random.pixels()[i] = static_cast<float>(0.5 + synth::uniform(1, i));
+  CHECK_FALSE(align_prior_depth(random.view(), keyframe).why_not.empty());
+
+  const Image<float> flat(64, 32, 3.0F);
+  CHECK_FALSE(align_prior_depth(flat.view(), keyframe).why_not.empty());
+
+  const Image<float> none(64, 32, 0.0F);
+  CHECK(align_prior_depth(none.view(), keyframe).why_not.find("0 landmarks") == 0);
+  CHECK(align_prior_depth(frame.depth.view(), keyframe_with(frame, 11)).why_not.find("11 landmarks") == 0);
+}
+
+TEST_CASE("bad values in a depth image are no depth", "[prior depth]") {
+  Image<float> values(16, 8, 2.0F);
+  values(0, 0) = std::nanf("");
+  values(1, 0) = HUGE_VALF;
+  values(2, 0) = -3.0F;
+  values(3, 0) = 0.0F;
+  DepthAlignment alignment;
+  alignment.scale = 1.0;
+  const Image<float> depth = aligned_depth(values.view(), alignment);
+  for (int x = 0; x < 4; ++x) CHECK(depth(x, 0) == 0.0F);
+  CHECK(depth(4, 0) == 2.0F);
+}
+
+TEST_CASE("a prior depth gives planes where nothing surrounds a plain surface, corrected by what is reliable",
+          "[prior depth]") {
+  synth::Frame frame = room().frames[0];
+  const int width = frame.image.width(), height = frame.image.height();
+  // All above 10 degrees is plain: the ceiling and the upper walls, which no plane through reliable points closes in.
+  const auto plain = [&](int y) { return 90.0 - 180.0 * (y + 0.5) / height > 10.0; };
+  DepthMap map = truth_map(frame, 0.95F);
+  Image<float> given(width, height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      given(x, y) = frame.depth(x, y) * 1.06F;  // the whole image is 6 % off
+      if (!plain(y)) continue;
+      frame.image(x, y) = {200, 200, 200};
+      map.depth(x, y) = 1.0F + static_cast<float>(synth::uniform(3, static_cast<std::uint64_t>(y * width + x)));
+      map.confidence(x, y) = 0.3F;
+    }
+  }
+  const Executor executor;
+  const Panorama panorama(frame.image.view(), {}, width, height, executor);
+  const auto share_right = [&](ImageView<const float> prior) {
+    const PlaneMap planes =
+        plane_priors(plane_map_of(map, executor), panorama, {0.3, 30.0}, PatchMatchOptions{}, executor, prior);
+    int right = 0, wrong = 0, pixels = 0;
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        if (90.0 - 180.0 * (y + 0.5) / height < 20.0) continue;
+        ++pixels;
+        const Eigen::Vector3d plane(planes.x(x, y), planes.y(x, y), planes.z(x, y));
+        const double inverse = plane.dot(bearing_of(frame.depth, x, y));
+        if (!(inverse > 0.0)) continue;
+        const bool is_right = std::abs(1.0 / inverse / static_cast<double>(frame.depth(x, y)) - 1.0) < 0.03;
+        ++(is_right ? right : wrong);
+      }
+    }
+    return std::pair(static_cast<double>(right) / pixels, static_cast<double>(wrong) / pixels);
+  };
+  const auto without = share_right({});
+  const auto with = share_right(given.view());
+  CHECK(with.first > 0.8);
+  CHECK(with.first > without.first + 0.2);
+  CHECK(with.second < 0.15);
+
+  Image<float> random(width, height);
+  for (std::size_t i = 0; i < random.size(); ++i)
+    random.pixels()[i] = static_cast<float>(1.0 + 3.0 * synth::uniform(9, i));
+  const auto with_random = share_right(random.view());
+  CHECK(with_random.second < without.second + 0.08);
+}
+
+TEST_CASE("a prior depth too small to tell anything is refused", "[prior depth]") {
+  const synth::Mission mission = room();
+  Keyframe keyframe = keyframe_with(mission.frames[0]);
+  const Image<float> tiny(8, 4, 1.0F);
+  keyframe.prior_depth = tiny.view();
+  Densifier densifier(small_preset(Quality::kOnline), {});
+  CHECK_THROWS_AS(densifier.add(keyframe), InvalidInput);
+}
