@@ -41,6 +41,7 @@ void CloudOutput::commit() {
 
 void CloudOutput::write(const OutputPoint* points, std::size_t count) {
   for (const auto& writer : writers_) writer->add(points, count);
+  for (CloudWriter* writer : others_) writer->add(points, count);
   points_ += static_cast<std::int64_t>(count);
 }
 

@@ -40,6 +40,9 @@ class CloudOutput {
   CloudOutput(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& targets, int threads);
   ~CloudOutput();
 
+  /// Gives it, too, all points that are written; finishing it is left to whom it belongs. Before the first point.
+  void also_to(CloudWriter& writer) { others_.push_back(&writer); }
+
   void add(const KeyframeCloud& cloud);
   /// Points that have come.
   std::int64_t points_in() const { return points_in_; }
@@ -58,6 +61,7 @@ class CloudOutput {
   Similarity file_from_map_;
   std::optional<Box> crop_;
   std::vector<std::unique_ptr<CloudWriter>> writers_;
+  std::vector<CloudWriter*> others_;
   std::unique_ptr<Thinning> thinning_;  ///< nullptr = none
   PlacedPoints placed_;
   std::int64_t points_in_ = 0, points_ = 0;

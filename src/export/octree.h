@@ -12,13 +12,14 @@
 
 namespace pmsp {
 
-/// A point of an octree; 32 bytes.
+/// A point of an octree; 36 bytes.
 struct OctreePoint {
   std::array<std::int32_t, 3> position;
   std::array<float, 3> normal;
   float confidence;
   std::array<std::uint8_t, 3> color;
   std::uint8_t views;
+  std::uint32_t tag = 0;  ///< whatever who builds the tree wants to know of the point again
 };
 
 struct OctreeNode {

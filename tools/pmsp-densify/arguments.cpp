@@ -49,6 +49,19 @@ double mask_nadir_from(const std::string& text) {
   return number_in("--mask-nadir", text, 0.0, 90.0, "degrees, 0 to 90");
 }
 
+std::int64_t report_points_from(const std::string& text) {
+  const auto points = number_from<std::int64_t>(text);
+  if (points && *points >= 0 && *points <= PageCloud::kMostPoints) return *points;
+  throw UsageError("--report-points is \"" + text + "\"; expected a whole number from 0 to " +
+                   std::to_string(PageCloud::kMostPoints));
+}
+
+int report_panoramas_from(const std::string& text) {
+  const auto count = number_from<int>(text);
+  if (count && *count >= 0 && *count <= 1000) return *count;
+  throw UsageError("--report-panoramas is \"" + text + "\"; expected a whole number from 0 to 1000");
+}
+
 double idle_seconds_from(const std::string& text) {
   return number_in("--until-idle", text, 0.0, 1e6, "seconds, 0 to 1000000");
 }
@@ -164,6 +177,26 @@ void add_outputs(CLI::App& app, Arguments& a) {
       ->type_name("S")
       ->group(group);
   app.add_option("--preview", a.preview, "Pictures to judge the result by (PNG)")->type_name("DIR")->group(group);
+  app.add_option("--report", a.report.path,
+                 "One page for a browser, which needs no network: what was run, how well it went, the points to look "
+                 "at and to measure (HTML)")
+      ->type_name("FILE")
+      ->group(group);
+  app.add_option_function<std::string>(
+         "--report-points", [&a](const std::string& text) { a.report.points = report_points_from(text); },
+         "Points that the page holds at most, the most confident ones [0 to 5000000, 20 bytes each; default 1000000]")
+      ->type_name("N")
+      ->group(group);
+  app.add_option_function<std::string>(
+         "--report-panoramas", [&a](const std::string& text) { a.report.panoramas = report_panoramas_from(text); },
+         "Keyframes whose photo the page holds, at most 2048 pixels wide [0 to 1000; default 12]")
+      ->type_name("N")
+      ->group(group);
+  app.add_option("--report-unit", a.report.unit,
+                 "Name of the unit of lengths in the page [default m with --scale, --align or a --transform that "
+                 "scales, else map units]")
+      ->type_name("NAME")
+      ->group(group);
 }
 
 void add_plan(CLI::App& app, Arguments& a) {
@@ -264,6 +297,9 @@ void check_run(const Arguments& a) {
   if (a.print_config) return;
   if (a.map.empty()) throw UsageError("MAP is missing: pmsp-densify MAP --images DIR; see --help");
   if (a.follow && a.workspace.empty()) throw UsageError("--follow needs --workspace DIR, which keeps what is made");
+  if (!a.report.path.empty() && !has_report_page()) {
+    throw UsageError("--report is not in this build (PMSP_VIEWER is OFF)");
+  }
   if (a.until_idle && !a.follow) throw UsageError("--until-idle needs --follow");
   if (!a.workspace.empty() && !a.raw_depth_maps.empty()) {
     throw UsageError("--raw-depth-maps and --workspace exclude each other: a workspace keeps filtered depth maps only");

@@ -11,6 +11,7 @@
 #include "cloud_arguments.h"
 #include "depth_output.h"
 #include "option_table.h"
+#include "report_page.h"
 #include "workspace/shards.h"
 
 namespace pmsp::tool {
@@ -43,6 +44,7 @@ struct Arguments {
   DepthFormats depth_formats;
   std::filesystem::path stats;
   std::filesystem::path preview;
+  ReportArguments report;
   std::filesystem::path scratch;  ///< empty = the folder of the output
   std::filesystem::path plan;     ///< info
   std::filesystem::path workspace;

@@ -8,6 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "depth_picture.h"
 #include "export/atomic_file.h"
 #include "map_figures.h"
 #include "output_folder.h"
@@ -32,23 +33,6 @@ void write_png(const std::filesystem::path& path, const cv::Mat& image) {
   write_file(path, encoded);
 }
 
-cv::Mat view_of(const Image<float>& image) {
-  cv::Mat copy(image.height(), image.width(), CV_32FC1);
-  for (int y = 0; y < image.height(); ++y) std::copy_n(image.row(y), image.width(), copy.ptr<float>(y));
-  return copy;
-}
-
-// Colours of `values` from `low` to `high`; black where there is no depth.
-cv::Mat colored(const cv::Mat& values, const cv::Mat& depth, double low, double high, int map) {
-  cv::Mat gray;
-  const double scale = high > low ? 255.0 / (high - low) : 0.0;
-  values.convertTo(gray, CV_8U, scale, -low * scale);
-  cv::Mat image;
-  cv::applyColorMap(gray, image, map);
-  image.setTo(cv::Scalar(0, 0, 0), depth <= 0.0F);
-  return image;
-}
-
 cv::Mat labelled(const cv::Mat& image, const std::string& words) {
   cv::Mat small = image;
   if (image.cols > kMaxPanelWidth) {
@@ -68,30 +52,16 @@ std::string text(const char* pattern, double a, double b, double c) {
 }
 
 cv::Mat strip_of(const cv::Mat& color, const DepthMap& map) {
-  const cv::Mat depth = view_of(map.depth);
-  std::vector<double> inverse;
-  double confidence_sum = 0.0;
-  for (std::size_t i = 0; i < map.depth.size(); ++i) {
-    if (map.depth.pixels()[i] <= 0.0F) continue;
-    inverse.push_back(1.0 / static_cast<double>(map.depth.pixels()[i]));
-    confidence_sum += static_cast<double>(map.confidence.pixels()[i]);
-  }
-  const double far = percentile(inverse, 2.0);
-  const double near = percentile(inverse, 98.0);
-  cv::Mat values;
-  cv::divide(1.0, cv::max(depth, 1e-12), values);
-  const auto valid = static_cast<double>(inverse.size());
+  const DepthPicture picture = draw_depth(map, cv::COLORMAP_TURBO);
   const std::string depth_words = text("depth: %.1f %% of the pixels; %.3g (red) to %.3g (blue) scene units",
-                                       100.0 * valid / static_cast<double>(map.depth.size()),
-                                       near > 0.0 ? 1.0 / near : 0.0, far > 0.0 ? 1.0 / far : 0.0);
+                                       100.0 * picture.coverage, picture.near, picture.far);
   const std::string confidence_words =
-      text("confidence: %g (violet) to %g (yellow), mean %.2f", 0.0, 1.0, valid > 0.0 ? confidence_sum / valid : 0.0);
+      text("confidence: %g (violet) to %g (yellow), mean %.2f", 0.0, 1.0, picture.mean_confidence);
   cv::Mat strip;
-  cv::hconcat(std::vector<cv::Mat>{labelled(color, "keyframe " + std::to_string(map.keyframe_id)),
-                                   labelled(colored(values, depth, far, near, cv::COLORMAP_TURBO), depth_words),
-                                   labelled(colored(view_of(map.confidence), depth, 0.0, 1.0, cv::COLORMAP_VIRIDIS),
-                                            confidence_words)},
-              strip);
+  cv::hconcat(
+      std::vector<cv::Mat>{labelled(color, "keyframe " + std::to_string(map.keyframe_id)),
+                           labelled(picture.depth, depth_words), labelled(picture.confidence, confidence_words)},
+      strip);
   return strip;
 }
 

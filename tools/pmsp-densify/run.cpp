@@ -22,6 +22,7 @@
 #include "preview.h"
 #include "prior_depth.h"
 #include "progress.h"
+#include "report_page.h"
 #include "shared_step.h"
 #include "stats.h"
 #include "targets.h"
@@ -217,6 +218,10 @@ class Run {
     if (!arguments_.raw_depth_maps.empty())
       raw_.emplace(arguments_.raw_depth_maps, "raw", map_, scale, arguments_.depth_formats, report_.cloud);
     if (!arguments_.preview.empty()) preview_.emplace(arguments_.preview, report_.with_image);
+    if (!arguments_.report.path.empty()) {
+      page_.emplace(arguments_.report, header, map_, report_.with_image);
+      output_->also_to(page_->cloud());
+    }
   }
 
   /// What a workspace lacks. Images that it does not know are looked at first.
@@ -254,12 +259,13 @@ class Run {
         raw_->write(map);
       };
     }
-    if (filtered_ || preview_) {
+    if (filtered_ || preview_ || page_) {
       callbacks.filtered_depth = [this](const DepthMap& map) {
         const Spent spent(report_.time, Busy::kDepthMaps);
         if (filtered_) filtered_->write(map);
         const Spent drawing(report_.time, Busy::kPreview);
         if (preview_) preview_->add_depth(map);
+        if (page_) page_->add_depth(map);
       };
     }
     callbacks.cloud = [this](const KeyframeCloud& cloud) {
@@ -335,12 +341,18 @@ class Run {
       const int height = report_.options.height > 0 ? report_.options.height : width / 2;
       preview_->add_keyframe(index, keyframe.id, keyframe.cam_from_world, keyframe.image, width, height);
     }
+    if (page_) {
+      const Spent spent(report_.time, Busy::kPreview);
+      page_->add_image(index, keyframe);
+      if (!step_) planned_.push_back(plan_keyframe(keyframe, densifier_->options()));
+    }
     const bool accepted = [&] {
       const Spent spent(report_.time, Busy::kDensify);
       return densifier_->add(keyframe);
     }();
     announce_backend();  // whether its memory suffices may turn out with the first image
     if (preview_ && !accepted) preview_->drop_keyframe(keyframe.id);
+    if (page_) page_->set_used(keyframe.id, accepted);
     progress_.step(
         {"densify", index + 1, step_ ? steps_ : report_.with_image, keyframe.id, accepted, output_->points_in()});
   }
@@ -364,10 +376,16 @@ class Run {
       const Spent spent(report_.time, Busy::kFinish);
       output_->commit();
     }
-    if (!preview_) return;
-    progress_.stage("drawing " + arguments_.preview.string());
     const Spent spent(report_.time, Busy::kPreview);
-    preview_->finish(output_->points_in());
+    if (preview_) {
+      progress_.stage("drawing " + arguments_.preview.string());
+      preview_->finish(output_->points_in());
+    }
+    if (page_) {
+      progress_.stage("writing " + arguments_.report.path.string());
+      page_->set_uses(step_ ? step_->step().plan : make_plan(planned_, densifier_->options()));
+      page_->write(to_json(report_));
+    }
   }
 
   RunReport report_;  ///< its clock runs
@@ -384,6 +402,8 @@ class Run {
   std::optional<DepthMapFolder> raw_;
   std::optional<DepthMapFolder> filtered_;
   std::optional<Preview> preview_;
+  std::optional<ReportPage> page_;
+  std::vector<PlanKeyframe> planned_;  ///< for the report, where no step has a plan
   std::unique_ptr<PairingVerifier> verifier_;
   MaskSource masks_{open_masks(arguments_)};
   PriorDepths priors_{arguments_};

@@ -78,10 +78,12 @@ void check_shard(Arguments& a, bool names_output) {
   }
   if (a.workspace.empty()) throw UsageError("--shard needs --workspace DIR, which all shards share");
   if (a.follow) throw UsageError("--shard and --follow exclude each other");
-  if (names_output || !a.depth_maps.empty() || !a.preview.empty() || a.cloud.double_positions) {
+  if (names_output || !a.depth_maps.empty() || !a.preview.empty() || !a.report.path.empty() ||
+      a.cloud.double_positions) {
     throw UsageError(
-        "a shard writes no cloud, depth maps or pictures; leave --output, --double, --depth-maps and --preview out, "
-        "and merge the shards: pmsp-densify merge " +
+        "a shard writes no cloud, depth maps, pictures or report; leave --output, --double, --depth-maps, --preview "
+        "and "
+        "--report out, and merge the shards: pmsp-densify merge " +
         a.workspace.string() + " -o cloud.ply");
   }
   a.cloud.paths.clear();

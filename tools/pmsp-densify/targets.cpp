@@ -100,6 +100,7 @@ std::vector<Target> targets_of(const Arguments& arguments) {
                                {"--depth-maps", arguments.depth_maps, is_depth_map_file},
                                {"--raw-depth-maps", arguments.raw_depth_maps, is_depth_map_file},
                                {"--preview", arguments.preview, is_preview_file},
+                               {"--report", arguments.report.path, nullptr},
                                {"--plan", arguments.plan, nullptr}}) {
     if (!target.path.empty() && !is_of_other_verb(arguments, target)) targets.push_back(target);
   }

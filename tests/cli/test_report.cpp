@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include "cli/command.h"
+#include "report_facts.h"
+#include "report_page.h"
+
+using namespace pmsp_test;
+using Catch::Contains;
+using nlohmann::ordered_json;
+
+namespace {
+
+const std::string kBegin = "<script type=\"application/json\" id=\"pmsp-data\">";
+
+ordered_json data_of(const std::string& page) {
+  const std::size_t begin = page.find(kBegin) + kBegin.size();
+  return ordered_json::parse(page.substr(begin, page.find("</script>", begin) - begin));
+}
+
+}  // namespace
+
+TEST_CASE("a report says what was run and holds the points") {
+  if (!pmsp::tool::has_report_page()) return;
+  const TempDir dir;
+  const Result result =
+      densify(quick_run(dir / "c.ply", {"--report", (dir / "r.html").string(), "--stats", (dir / "s.json").string(),
+                                        "--report-points", "5000", "--report-panoramas", "2", "--scale", "2"}));
+  INFO(result.err);
+  REQUIRE(result.code == 0);
+  const std::string page = read_text(dir / "r.html");
+  CHECK(page.substr(0, 15) == "<!doctype html>");
+  const ordered_json data = data_of(page);
+  const ordered_json stats = ordered_json::parse(read_text(dir / "s.json"));
+  CHECK(data["points_in"] == stats["points_written"]);
+  CHECK(data["points"].get<int>() <= 5000);
+  CHECK(data["points"].get<int>() > 4000);
+  CHECK(data["unit"] == "m");
+  CHECK(data["keyframes"].size() == stats["keyframes"]["in_map"]);
+  std::size_t panoramas = 0, strips = 0, depth_maps = 0;
+  for (const ordered_json& keyframe : data["keyframes"]) {
+    depth_maps += keyframe["use"] == "depth map" ? 1 : 0;
+    if (keyframe.contains("panorama")) {
+      ++panoramas;
+      CHECK_THAT(page, Contains("id=\"pmsp-" + keyframe["panorama"].get<std::string>() + "\">/9j/"));  // JPEG
+    }
+    if (!keyframe.contains("strip")) continue;
+    ++strips;
+    CHECK(keyframe["coverage"].get<double>() > 0.3);
+    CHECK_THAT(page, Contains("id=\"pmsp-" + keyframe["strip"]["depth"].get<std::string>() + "\">/9j/"));
+  }
+  CHECK(panoramas == 2);
+  CHECK(depth_maps == stats["keyframes"]["depth_maps"]);
+  CHECK(strips == depth_maps);
+  std::int64_t points = 0;
+  for (const ordered_json& count : data["confidences"]) points += count.get<std::int64_t>();
+  CHECK(points == stats["points_written"]);
+  CHECK(data["times"].size() > 5);
+  for (std::size_t i = 0; i < data["nodes"].size(); ++i) {
+    CHECK_THAT(page, Contains("id=\"pmsp-node-" + std::to_string(i) + "\">"));
+  }
+}
+
+TEST_CASE("a report of a workspace is that of the whole mission") {
+  if (!pmsp::tool::has_report_page()) return;
+  const TempDir dir;
+  const auto report = [&](const std::string& name) {
+    const Result result = densify(quick_run(dir / "c.ply", {"--report", (dir / name).string(), "--workspace",
+                                                            (dir / "work").string(), "--report-points", "2000"}));
+    INFO(result.err);
+    REQUIRE(result.code == 0);
+    return data_of(read_text(dir / name));
+  };
+  const ordered_json first = report("1.html"), again = report("2.html");
+  CHECK(again["nodes"] == first["nodes"]);
+  CHECK(again["confidences"] == first["confidences"]);
+  for (std::size_t i = 0; i < first["keyframes"].size(); ++i) {
+    CHECK(again["keyframes"][i]["use"] == first["keyframes"][i]["use"]);
+  }
+}
+
+TEST_CASE("a report that cannot be written is refused before the work") {
+  if (!pmsp::tool::has_report_page()) return;
+  const TempDir dir;
+  CHECK(densify(quick_run(dir / "c.ply", {"--report", (dir / "no" / "r.html").string()})).code == 6);
+  CHECK(densify(quick_run(dir / "c.ply", {"--report", (dir / "c.ply").string()})).code == 2);
+  CHECK(densify(quick_run(dir / "c.ply", {"--report-points", "5000001"})).code == 2);
+  CHECK(densify(quick_run(dir / "c.ply", {"--report-panoramas", "-1"})).code == 2);
+  CHECK(dir.entries() == 0);
+}
+
+TEST_CASE("nothing in the data of a page ends its element") {
+  const std::string evil = "</script><!--<script>&\xe2\x80\xa8\xff\"\\";
+  const std::string text = pmsp::tool::script_json({{"map", evil}, {evil, 1}});
+  for (const char* mark : {"<", ">", "&", "\xe2\x80\xa8"}) CHECK(text.find(mark) == std::string::npos);
+  const ordered_json back = ordered_json::parse(text);
+  CHECK(back["map"].get<std::string>().substr(0, 23) == evil.substr(0, 23));
+}
+
+TEST_CASE("what is no statistics gives no facts, and no error") {
+  const ordered_json odd{{"map", 5},        {"outputs", "x"}, {"keyframes", {1, 2}}, {"pixels", nullptr},
+                         {"seconds", "no"}, {"seed", {}},     {"pairing", "yes"},    {"options", {{"width", "x"}}}};
+  CHECK(pmsp::tool::report_facts(odd).size() == 1);  // points
+  CHECK(pmsp::tool::report_times(odd).empty());
+  CHECK(pmsp::tool::report_problems(odd).empty());
+}
+
+TEST_CASE("keyframes are named as people name them") {
+  const std::vector<std::int64_t> order{1, 2, 5, 6, 7, 9, 12};
+  CHECK(pmsp::tool::list_of_keyframes({5}, order) == "5");
+  CHECK(pmsp::tool::list_of_keyframes({1, 2}, order) == "1 and 2");
+  CHECK(pmsp::tool::list_of_keyframes({1, 5, 6, 7, 12}, order) == "1, 5 to 7 and 12");
+}

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// What pmsp-densify puts into the page. docs/report.md says what each thing is; src/export/page_cloud.h has the points.
+import type { Pose, Vec3 } from "./geometry";
+
+export interface NodeData {
+  level: number;
+  /** From the origin. */
+  corner: Vec3;
+  side: number;
+  points: number;
+}
+
+export interface KeyframeData extends Pose {
+  id: number;
+  /** "depth map", "blurred", ... */
+  use: string;
+  /** In words, of one that is left out. */
+  reason?: string;
+  /** Shares of the unmasked panorama. */
+  coverage?: number;
+  confidence?: number;
+  /** Names of images in the page. */
+  panorama?: string;
+  strip?: { image?: string; depth?: string; confidence?: string; near?: number; far?: number };
+}
+
+export interface ReportData {
+  format: string;
+  version: number;
+  title: string;
+  generator: string;
+  unit: string;
+  scale_known: boolean;
+  up: Vec3;
+  origin: Vec3;
+  points_in: number;
+  points: number;
+  nodes: NodeData[];
+  keyframes: KeyframeData[];
+  confidences: number[];
+  /** Angle of a pixel of the depth maps [rad]. */
+  pixel: number;
+  coverage_map?: { width: number; height: number; depth_maps: number; shares: string };
+  facts: [string, string][];
+  times: [string, number][];
+  problems: string[];
+  notes: string[];
+}
+
+export const kNoKeyframe = 65535;
+const kPointBytes = 15;
+
+/** A cube's points, in arrays as the GPU takes them. */
+export interface NodePoints {
+  count: number;
+  /** x, y, z, 0 of each, 65535 = the cube's side. */
+  places: Uint16Array<ArrayBuffer>;
+  /** red, green, blue, confidence */
+  colors: Uint8Array<ArrayBuffer>;
+  /** two bytes of the normal, views, 0 */
+  looks: Uint8Array<ArrayBuffer>;
+  keyframes: Uint16Array<ArrayBuffer>;
+}
+
+export function bytesFromBase64(text: string): Uint8Array<ArrayBuffer> {
+  const binary = atob(text.trim());
+  const bytes = new Uint8Array(binary.length);
+  for (let i = 0; i < binary.length; ++i) bytes[i] = binary.charCodeAt(i);
+  return bytes;
+}
+
+export function nodePoints(bytes: Uint8Array<ArrayBuffer>, count: number): NodePoints {
+  if (bytes.length !== count * kPointBytes) {
+    throw new Error(`a block of the cloud has ${bytes.length} bytes; expected ${count * kPointBytes}`);
+  }
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  const places = new Uint16Array(4 * count);
+  const colors = new Uint8Array(4 * count);
+  const looks = new Uint8Array(4 * count);
+  const keyframes = new Uint16Array(count);
+  for (let i = 0; i < count; ++i) {
+    for (let k = 0; k < 3; ++k) {
+      places[4 * i + k] = view.getUint16(6 * i + 2 * k, true);
+      colors[4 * i + k] = bytes[6 * count + 3 * i + k] ?? 0;
+    }
+    colors[4 * i + 3] = bytes[9 * count + i] ?? 0;
+    looks[4 * i] = bytes[11 * count + 2 * i] ?? 0;
+    looks[4 * i + 1] = bytes[11 * count + 2 * i + 1] ?? 0;
+    looks[4 * i + 2] = bytes[10 * count + i] ?? 0;
+    keyframes[i] = view.getUint16(13 * count + 2 * i, true);
+  }
+  return { count, places, colors, looks, keyframes };
+}
+
+/** Throws where the page holds none, or one of another version. */
+export function readData(document: Document): ReportData {
+  const text = document.getElementById("pmsp-data")?.textContent;
+  if (!text) throw new Error("this page holds no report");
+  const data = JSON.parse(text) as ReportData;
+  if (data.format !== "pmsp-report" || data.version !== 1) throw new Error("this page holds a report of another version");
+  return data;
+}
+
+/** base64 of a block of the page; "" where there is none. */
+export const blockText = (document: Document, name: string): string =>
+  document.getElementById(`pmsp-${name}`)?.textContent?.trim() ?? "";
+
+/** Address of an image that the page holds. */
+export const imageAddress = (document: Document, name: string): string =>
+  `data:image/jpeg;base64,${blockText(document, name)}`;

@@ -1,0 +1,405 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// The page: buttons, keys and the address around the picture.
+import { readData } from "./data";
+import { countText, el } from "./dom";
+import type { Kind, Picked } from "./measure";
+import { pointsOf } from "./measure";
+import { cssGradient } from "./palette";
+import { paletteOf } from "./cloud";
+import { writeReport } from "./report";
+import { type Coloring, colorings, type Mode, modes, stateFrom, stateText } from "./state";
+import { Viewer } from "./viewer";
+
+const modeWords: Record<Mode, string> = { orbit: "Around", plan: "Plan", walk: "Flight", keyframe: "Photo" };
+const coloringWords: Record<Coloring, string> = {
+  photo: "Photo colours",
+  height: "Height",
+  confidence: "Confidence",
+  views: "Views",
+  normal: "Normals",
+};
+const kindWords: Record<Kind, string> = { distance: "Distance", height: "Height", angle: "Angle", area: "Area" };
+const keyWords: [string, string][] = [
+  ["1 2 3 4", "around, plan, flight, photo"],
+  ["C", "next colouring"],
+  ["Arrow keys", "turn or move"],
+  ["+ and -", "nearer, farther"],
+  ["N and B", "next and previous keyframe"],
+  ["F and G", "towards the photo, towards the points"],
+  ["D, H, A, R", "measure a distance, a height, an angle, an area"],
+  ["Enter", "take the point in the middle of the picture; end an area"],
+  ["Escape", "stop measuring"],
+  ["S", "save a picture"],
+  ["0", "start again"],
+];
+
+function byId<T extends HTMLElement>(id: string): T {
+  const found = document.getElementById(id);
+  if (!found) throw new Error(`the page has no ${id}`);
+  return found as T;
+}
+
+function button(words: string, act: () => void, attributes: Record<string, string> = {}): HTMLButtonElement {
+  const made = el("button", { type: "button", ...attributes }, words);
+  made.addEventListener("click", act);
+  return made;
+}
+
+function slider(words: string, low: number, high: number, value: number, act: (value: number) => void): HTMLLabelElement {
+  const input = el("input", { type: "range", min: String(low), max: String(high), step: "any", value: String(value) });
+  input.addEventListener("input", () => act(Number(input.value)));
+  return el("label", {}, el("span", {}, words), input);
+}
+
+class Page {
+  readonly data = readData(document);
+  readonly state = stateFrom(location.hash);
+  readonly viewer = new Viewer(this.data, byId("points"), byId("overlay"), this.state);
+  private kind: Kind | "note" | null = null;
+  private addressTimer = 0;
+  private readonly modeButtons = new Map<Mode, HTMLButtonElement>();
+  private readonly kindButtons = new Map<string, HTMLButtonElement>();
+  private readonly select = el("select", { "aria-label": "Colour by" });
+  private readonly legend = el("div", { id: "legend" });
+  private readonly message = byId("message");
+  private readonly fade = slider("Photo to points", 0, 1, this.state.fade, (v) => {
+    this.state.fade = v;
+    this.changed();
+  });
+  private readonly clips: HTMLInputElement[] = [];
+  private readonly results = byId("results");
+  private readonly where = el("span", { class: "where", "aria-live": "polite" });
+
+  constructor() {
+    document.title = this.data.title;
+    byId("title").textContent = this.data.title;
+    byId("subtitle").textContent =
+      `${countText(this.data.points)} of ${countText(this.data.points_in)} points, ${this.data.keyframes.length} keyframes, ${this.data.generator}`;
+    this.buildToolbar();
+    this.buildPanels();
+    this.listen();
+    writeReport(this.data, byId("report"), this.viewer.basis, (i) => this.enter(i));
+    this.viewer.onChange = () => this.refresh();
+    this.viewer.onLoaded = () => {
+      document.body.dataset["state"] = "loaded";
+      this.say(this.data.points > 0 ? "" : "There are no points.");
+      this.refresh();
+    };
+    this.say("Reading the points…");
+    void this.viewer.load();
+  }
+
+  private buildToolbar(): void {
+    const views = el("div", { role: "group", "aria-label": "View" });
+    for (const mode of modes) {
+      const made = button(modeWords[mode], () => this.setMode(mode));
+      this.modeButtons.set(mode, made);
+      views.append(made);
+    }
+    if (this.data.keyframes.length === 0) {
+      for (const mode of ["walk", "keyframe"] as const) this.modeButtons.get(mode)!.disabled = true;
+    } else if (!this.data.keyframes.some((k) => k.panorama)) {
+      this.modeButtons.get("keyframe")!.disabled = true;
+    }
+    const flight = el("div", { role: "group", "aria-label": "Keyframe", id: "flight" });
+    flight.append(
+      button("◀", () => this.viewer.step(-1), { "aria-label": "Previous keyframe" }),
+      this.where,
+      button("▶", () => this.viewer.step(1), { "aria-label": "Next keyframe" }),
+      this.fade,
+    );
+    for (const coloring of colorings) this.select.append(el("option", { value: coloring }, coloringWords[coloring]));
+    this.select.addEventListener("change", () => this.setColoring(this.select.value as Coloring));
+    const measure = el("div", { role: "group", "aria-label": "Measure" });
+    for (const kind of Object.keys(kindWords) as Kind[]) {
+      const made = button(kindWords[kind], () => this.measure(kind));
+      this.kindButtons.set(kind, made);
+      measure.append(made);
+    }
+    const note = button("Note", () => this.measure("note"));
+    this.kindButtons.set("note", note);
+    measure.append(note);
+    byId("toolbar").append(
+      views,
+      el("div", {}, this.select),
+      measure,
+      el("div", {}, button("Save picture", () => this.save()), button("Help", () => byId<HTMLDialogElement>("help").showModal())),
+      flight,
+    );
+    byId("view").append(this.legend);
+  }
+
+  private buildPanels(): void {
+    const clip = byId("clip");
+    const names = ["Along, from", "Along, to", "Across, from", "Across, to", "Height, from", "Height, to"];
+    names.forEach((name, i) => {
+      const label = slider(name, 0, 1, this.state.clip[i] ?? 0, (v) => {
+        this.state.clip[i] = v;
+        this.changed();
+      });
+      this.clips.push(label.querySelector("input") as HTMLInputElement);
+      clip.append(label);
+    });
+    clip.append(
+      button("Floor slice", () => this.slice()),
+      button("Show all", () => this.setClip([0, 1, 0, 1, 0, 1])),
+      slider("Point size", 0.3, 4, this.state.size, (v) => {
+        this.state.size = v;
+        this.changed();
+      }),
+    );
+    const keys = byId("keys");
+    for (const [key, words] of keyWords) keys.append(el("dt", {}, key), el("dd", {}, words));
+  }
+
+  private listen(): void {
+    const { canvas } = this.viewer;
+    let down: [number, number] | null = null;
+    canvas.addEventListener("pointerdown", (event) => {
+      down = event.isPrimary ? [event.clientX, event.clientY] : null;
+    });
+    canvas.addEventListener("pointerup", (event) => {
+      if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 6 || event.button !== 0) return;
+      const box = canvas.getBoundingClientRect();
+      this.take(event.clientX - box.left, event.clientY - box.top);
+    });
+    canvas.addEventListener("keydown", (event) => this.key(event));
+    window.addEventListener("hashchange", () => {
+      if (location.hash.replace(/^#/, "") === stateText(this.state)) return;
+      Object.assign(this.state, stateFrom(location.hash));
+      this.viewer.setMode(this.state.mode, this.state.eye === null);
+    });
+    const print = byId<HTMLImageElement>("print");
+    window.addEventListener("beforeprint", () => {
+      print.src = this.viewer.picture().toDataURL("image/png");
+    });
+  }
+
+  private key(event: KeyboardEvent): void {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const nudges: Record<string, [number, number, number]> = {
+      ArrowLeft: [-1, 0, 0],
+      ArrowRight: [1, 0, 0],
+      ArrowUp: [0, 1, 0],
+      ArrowDown: [0, -1, 0],
+      "+": [0, 0, 1],
+      "-": [0, 0, -1],
+    };
+    const fadeBy = (by: number): void => {
+      this.state.fade = Math.max(0, Math.min(1, this.state.fade + by));
+      this.changed();
+    };
+    const acts: Record<string, () => void> = {
+      "1": () => this.setMode("orbit"),
+      "2": () => this.setMode("plan"),
+      "3": () => this.setMode("walk"),
+      "4": () => this.setMode("keyframe"),
+      c: () => this.setColoring(colorings[(colorings.indexOf(this.state.coloring) + 1) % colorings.length] ?? "photo"),
+      n: () => this.viewer.step(1),
+      b: () => this.viewer.step(-1),
+      f: () => fadeBy(-0.1),
+      g: () => fadeBy(0.1),
+      d: () => this.measure("distance"),
+      h: () => this.measure("height"),
+      a: () => this.measure("angle"),
+      r: () => this.measure("area"),
+      s: () => this.save(),
+      "0": () => this.setMode(this.state.mode),
+      Escape: () => this.measure(null),
+      Enter: () => this.enterKey(),
+    };
+    const nudge = nudges[event.key];
+    const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (!nudge && !act) return;
+    event.preventDefault();
+    if (nudge) this.viewer.nudge(...nudge);
+    act?.();
+  }
+
+  private enterKey(): void {
+    if (this.kind === "area" && this.viewer.pending.length >= 3) this.complete("area");
+    else this.take(this.viewer.canvas.clientWidth / 2, this.viewer.canvas.clientHeight / 2);
+  }
+
+  setMode(mode: Mode): void {
+    if (this.modeButtons.get(mode)?.disabled) return;
+    if (mode !== "plan" && this.state.mode === "plan") this.state.clip = [0, 1, 0, 1, 0, 1];
+    this.viewer.setMode(mode);
+    this.refresh();
+  }
+
+  private enter(which: number): void {
+    const photo = this.data.keyframes[which]?.panorama !== undefined;
+    this.state.mode = photo ? "keyframe" : "walk";
+    this.state.keyframe = which;
+    this.viewer.setMode(this.state.mode);
+    this.viewer.enter(which, photo, true);
+    byId("view").scrollIntoView();
+    this.refresh();
+  }
+
+  setColoring(coloring: Coloring): void {
+    this.state.coloring = coloring;
+    this.changed();
+  }
+
+  private setClip(clip: number[]): void {
+    this.state.clip = clip;
+    this.changed();
+  }
+
+  /** A tenth of the height, at that of the cameras or in the middle. */
+  private slice(): void {
+    const [, , low, , high] = [0, 0, this.state.clip[4] ?? 0, 0, this.state.clip[5] ?? 1];
+    const isSlice = high - low < 0.15;
+    this.setClip([0, 1, 0, 1, ...(isSlice ? [0, 1] : [0.35, 0.45])]);
+  }
+
+  measure(kind: Kind | "note" | null): void {
+    if (kind === "area" && this.kind === "area" && this.viewer.pending.length >= 3) {
+      this.complete("area");
+      return;
+    }
+    this.kind = kind === this.kind ? null : kind;
+    this.viewer.pending = [];
+    const words: Record<string, string> = {
+      distance: "Click two points.",
+      height: "Click two points; what counts is how much higher one is.",
+      angle: "Click three points; the angle is at the second one.",
+      area: "Click the corners, then Area again or Enter.",
+      note: "Click what the note is about.",
+    };
+    this.say(this.kind ? (words[this.kind] ?? "") : "");
+    this.viewer.redraw();
+    this.refresh();
+  }
+
+  private take(x: number, y: number): void {
+    const { kind, viewer } = this;
+    if (!kind) return;
+    const picked: Picked | null = viewer.pick(x, y);
+    if (!picked) {
+      this.say("There is no point here.");
+      return;
+    }
+    if (kind === "note") {
+      const text = window.prompt("Note", "");
+      if (text) this.state.notes.push({ position: picked.position, text: text.slice(0, 200) });
+      this.measure(null);
+      return;
+    }
+    viewer.pending.push(picked);
+    this.say(`${viewer.pending.length} ${viewer.pending.length === 1 ? "point" : "points"} taken.`);
+    if (kind !== "area" && viewer.pending.length === pointsOf[kind]) this.complete(kind);
+    viewer.redraw();
+  }
+
+  private complete(kind: Kind): void {
+    const made = { kind, points: this.viewer.pending };
+    this.viewer.pending = [];
+    this.state.measurements.push(made);
+    this.say(`${kindWords[kind]}: ${this.viewer.result(made).text}`);
+    this.changed();
+  }
+
+  private listResults(): void {
+    const rows: HTMLElement[] = [];
+    const add = (text: string, remove: () => void): void => {
+      rows.push(
+        el(
+          "li",
+          {},
+          text,
+          button("Remove", () => {
+            remove();
+            this.changed();
+          }, { "aria-label": `Remove ${text}` }),
+        ),
+      );
+    };
+    this.state.measurements.forEach((it, i) =>
+      add(`${kindWords[it.kind]}: ${this.viewer.result(it).text}`, () => this.state.measurements.splice(i, 1)),
+    );
+    this.state.notes.forEach((it, i) => add(it.text, () => this.state.notes.splice(i, 1)));
+    this.results.replaceChildren(...rows);
+  }
+
+  private save(): void {
+    this.viewer.picture().toBlob((blob) => {
+      if (!blob) return;
+      const address = URL.createObjectURL(blob);
+      const link = el("a", { href: address, download: "points.png" });
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(address), 1000);
+    });
+  }
+
+  private say(text: string): void {
+    this.message.textContent = text;
+  }
+
+  private changed(): void {
+    this.viewer.redraw();
+    this.refresh();
+  }
+
+  private refresh(): void {
+    const { state } = this;
+    for (const [mode, made] of this.modeButtons) made.setAttribute("aria-pressed", String(mode === state.mode));
+    for (const [kind, made] of this.kindButtons) made.setAttribute("aria-pressed", String(kind === this.kind));
+    this.select.value = state.coloring;
+    const atKeyframe = state.mode === "walk" || state.mode === "keyframe";
+    byId("flight").hidden = !atKeyframe;
+    this.fade.hidden = state.mode !== "keyframe";
+    (this.fade.querySelector("input") as HTMLInputElement).value = String(state.fade);
+    const id = this.data.keyframes[state.keyframe]?.id;
+    const where = id === undefined ? "" : `keyframe ${id}`;
+    if (this.where.textContent !== where) this.where.textContent = where;
+    this.clips.forEach((input, i) => (input.value = String(state.clip[i] ?? 0)));
+    this.drawLegend();
+    this.listResults();
+    window.clearTimeout(this.addressTimer);
+    this.addressTimer = window.setTimeout(() => {
+      history.replaceState(null, "", `#${stateText(state)}`);
+    }, 200);
+  }
+
+  private drawLegend(): void {
+    const palette = paletteOf(this.state.coloring);
+    const { low, high } = this.viewer.cloud;
+    const ends: Partial<Record<Coloring, [string, string]>> = {
+      height: ["0", `${Number((high[2] - low[2]).toPrecision(3))} ${this.data.unit}`],
+      confidence: ["0: unsure", "1: sure"],
+      views: ["1 view", "10 and more"],
+    };
+    const [from, to] = ends[this.state.coloring] ?? ["", ""];
+    this.legend.hidden = palette === null;
+    const bar = el("span", { class: "gradient", "aria-hidden": "true" });
+    if (palette) bar.style.background = cssGradient(palette);
+    this.legend.replaceChildren(el("span", {}, from), bar, el("span", {}, to));
+  }
+}
+
+declare global {
+  interface Window {
+    /** For tests and for the console. */
+    pmspPage?: Page;
+  }
+}
+
+try {
+  window.pmspPage = new Page();
+} catch (error) {
+  const text = error instanceof Error ? error.message : String(error);
+  byId("message").textContent = `The points cannot be shown: ${text}`;
+  document.body.dataset["state"] = "failed";
+  if (byId("report").childElementCount === 0) {
+    try {
+      const data = readData(document);
+      byId("title").textContent = document.title = data.title;
+      writeReport(data, byId("report"), [[1, 0, 0], [0, 1, 0], [0, 0, 1]], () => {});
+    } catch {
+      // the message says it
+    }
+  }
+}

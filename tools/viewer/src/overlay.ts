@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// Measurements, notes and the scale bar, drawn over the points.
+import type { Vec3 } from "./geometry";
+
+export interface Mark {
+  /** A line through them, or one place. */
+  points: Vec3[];
+  closed: boolean;
+  text: string;
+}
+export interface ScaleBar {
+  pixels: number;
+  text: string;
+}
+
+type Project = (p: Vec3) => [number, number] | null;
+
+const kLine = "#ffd23f";
+const kBack = "rgba(0, 0, 0, 0.75)";
+
+/** Draws on a canvas that lies over the points, or on the picture that is saved. */
+export function drawOverlay(
+  context: CanvasRenderingContext2D,
+  width: number,
+  height: number,
+  ratio: number,
+  project: Project,
+  marks: readonly Mark[],
+  bar: ScaleBar | null,
+): void {
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.font = "14px system-ui, sans-serif";
+  context.textBaseline = "middle";
+  const label = (text: string, x: number, y: number): void => {
+    const wide = context.measureText(text).width + 12;
+    const left = Math.max(2, Math.min(width - wide - 2, x - wide / 2));
+    context.fillStyle = kBack;
+    context.fillRect(left, y - 11, wide, 22);
+    context.fillStyle = "#fff";
+    context.fillText(text, left + 6, y);
+  };
+  for (const mark of marks) {
+    const places = mark.points.map(project);
+    const seen = places.filter((p): p is [number, number] => p !== null);
+    const ends = mark.closed && places.length > 2 ? [...places, places[0] ?? null] : places;
+    for (const [color, wide] of [["#000", 5] as const, [kLine, 2.5] as const]) {
+      context.strokeStyle = color;
+      context.lineWidth = wide;
+      context.beginPath();
+      for (let i = 0; i + 1 < ends.length; ++i) {
+        const [from, to] = [ends[i], ends[i + 1]];
+        if (!from || !to) continue;
+        context.moveTo(...from);
+        context.lineTo(...to);
+      }
+      context.stroke();
+    }
+    for (const [x, y] of seen) {
+      context.beginPath();
+      context.arc(x, y, 5, 0, 2 * Math.PI);
+      context.fillStyle = kLine;
+      context.fill();
+      context.lineWidth = 1.5;
+      context.strokeStyle = "#000";
+      context.stroke();
+    }
+    if (seen.length > 0 && mark.text !== "") {
+      const mean = (k: 0 | 1): number => seen.reduce((sum, p) => sum + p[k], 0) / seen.length;
+      label(mark.text, mean(0), mean(1) - 18);
+    }
+  }
+  if (!bar) return;
+  const [x, y] = [16, height - 20];
+  context.fillStyle = kBack;
+  context.fillRect(x - 8, y - 28, bar.pixels + 16, 40);
+  context.fillStyle = "#fff";
+  context.fillText(bar.text, x, y - 14);
+  context.fillRect(x, y, bar.pixels, 4);
+  context.fillRect(x, y - 5, 2, 10);
+  context.fillRect(x + bar.pixels - 2, y - 5, 2, 10);
+}

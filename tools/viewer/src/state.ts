@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// What is looked at, as text for the page's address. Whatever comes from there is checked.
+import type { Vec3 } from "./geometry";
+import { type Kind, type Picked, pointsOf } from "./measure";
+
+export const modes = ["orbit", "plan", "walk", "keyframe"] as const;
+export type Mode = (typeof modes)[number];
+export const colorings = ["photo", "height", "confidence", "views", "normal"] as const;
+export type Coloring = (typeof colorings)[number];
+
+export interface Measurement {
+  kind: Kind;
+  points: Picked[];
+}
+export interface Note {
+  position: Vec3;
+  text: string;
+}
+
+export interface ViewState {
+  mode: Mode;
+  coloring: Coloring;
+  /** Of the eye and of what it looks at, from the page's origin; null = where the page begins. */
+  eye: Vec3 | null;
+  target: Vec3 | null;
+  zoom: number;
+  /** Place among the keyframes. */
+  keyframe: number;
+  /** 0 = photo, 1 = points */
+  fade: number;
+  /** Point size, times the usual one. */
+  size: number;
+  /** Shares of the cloud's extent that are shown, low and high of each axis. */
+  clip: number[];
+  measurements: Measurement[];
+  notes: Note[];
+}
+
+export const initialState = (): ViewState => ({
+  mode: "orbit",
+  coloring: "photo",
+  eye: null,
+  target: null,
+  zoom: 1,
+  keyframe: 0,
+  fade: 0.5,
+  size: 1,
+  clip: [0, 1, 0, 1, 0, 1],
+  measurements: [],
+  notes: [],
+});
+
+const kMostMarks = 100;
+const kMostLetters = 200;
+
+const short = (x: number): string => String(Number(x.toPrecision(6)));
+const list = (numbers: readonly number[]): string => numbers.map(short).join(",");
+
+export function stateText(state: ViewState): string {
+  const parts = new URLSearchParams();
+  const first = initialState();
+  if (state.mode !== first.mode) parts.set("view", state.mode);
+  if (state.coloring !== first.coloring) parts.set("color", state.coloring);
+  if (state.eye && state.target) {
+    parts.set("eye", list(state.eye));
+    parts.set("at", list(state.target));
+  }
+  if (state.zoom !== 1) parts.set("zoom", short(state.zoom));
+  if (state.mode === "keyframe" || state.mode === "walk") parts.set("keyframe", String(state.keyframe));
+  if (state.mode === "keyframe") parts.set("fade", short(state.fade));
+  if (state.size !== 1) parts.set("size", short(state.size));
+  if (list(state.clip) !== list(first.clip)) parts.set("clip", list(state.clip));
+  for (const it of state.measurements) {
+    parts.append(it.kind, it.points.map((p) => list([...p.position, p.confidence, p.keyframe])).join(";"));
+  }
+  for (const note of state.notes) parts.append("note", `${list(note.position)};${note.text}`);
+  return parts.toString();
+}
+
+function numbers(text: string | null, count: number): number[] | null {
+  if (text === null) return null;
+  const values = text.split(",").map((word) => (word.trim() === "" ? Number.NaN : Number(word)));
+  return values.length === count && values.every((x) => Number.isFinite(x) && Math.abs(x) < 1e12) ? values : null;
+}
+
+function vector(text: string | null): Vec3 | null {
+  const found = numbers(text, 3);
+  return found ? [found[0] ?? 0, found[1] ?? 0, found[2] ?? 0] : null;
+}
+
+const between = (x: number | undefined, low: number, high: number): number => Math.max(low, Math.min(high, x ?? low));
+
+function measurement(kind: Kind, text: string): Measurement | null {
+  const points: Picked[] = [];
+  for (const word of text.split(";").slice(0, kMostMarks)) {
+    const n = numbers(word, 5);
+    if (!n) return null;
+    points.push({
+      position: [n[0] ?? 0, n[1] ?? 0, n[2] ?? 0],
+      confidence: between(n[3], 0, 1),
+      keyframe: Math.round(between(n[4], -1, 65534)),
+    });
+  }
+  return points.length === pointsOf[kind] || (kind === "area" && points.length > 3) ? { kind, points } : null;
+}
+
+export function stateFrom(text: string): ViewState {
+  const state = initialState();
+  const parts = new URLSearchParams(text.replace(/^#/, ""));
+  const one = <T extends string>(all: readonly T[], name: string, otherwise: T): T =>
+    all.find((it) => it === parts.get(name)) ?? otherwise;
+  state.mode = one(modes, "view", state.mode);
+  state.coloring = one(colorings, "color", state.coloring);
+  const eye = vector(parts.get("eye"));
+  const target = vector(parts.get("at"));
+  if (eye && target) {
+    state.eye = eye;
+    state.target = target;
+  }
+  const number = (name: string, low: number, high: number, otherwise: number): number => {
+    const found = numbers(parts.get(name), 1);
+    return found ? between(found[0], low, high) : otherwise;
+  };
+  state.zoom = number("zoom", 0.01, 1000, state.zoom);
+  state.keyframe = Math.round(number("keyframe", 0, 1e6, state.keyframe));
+  state.fade = number("fade", 0, 1, state.fade);
+  state.size = number("size", 0.2, 5, state.size);
+  const clip = numbers(parts.get("clip"), 6);
+  if (clip) state.clip = clip.map((x) => between(x, 0, 1));
+  for (const kind of Object.keys(pointsOf) as Kind[]) {
+    for (const text of parts.getAll(kind).slice(0, kMostMarks)) {
+      const found = measurement(kind, text);
+      if (found) state.measurements.push(found);
+    }
+  }
+  for (const text of parts.getAll("note").slice(0, kMostMarks)) {
+    const end = text.indexOf(";");
+    const position = vector(text.slice(0, end));
+    if (end > 0 && position) state.notes.push({ position, text: text.slice(end + 1).slice(0, kMostLetters) });
+  }
+  return state;
+}

@@ -1,0 +1,452 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// The picture: where one looks from, what is drawn, and what lies under a finger.
+import { OrthographicCamera, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { Cloud } from "./cloud";
+import { type KeyframeData, type ReportData, blockText, bytesFromBase64, imageAddress, nodePoints } from "./data";
+import { type Vec3, add, basisAround, dot, fromCamera, mainDirection, norm, roundLength, sub, times } from "./geometry";
+import { covarianceOf, errorOf, measureText, type Picked, valueOf } from "./measure";
+import { drawOverlay, type Mark, type ScaleBar } from "./overlay";
+import { Panorama } from "./panorama";
+import type { Measurement, Mode, ViewState } from "./state";
+
+const kFov = 60;
+const kPickRadius = 12;
+const kSlowFrame = 28; // [ms]; when frames take longer while something moves, fewer points are drawn
+const kFewestPoints = 200_000;
+
+export class Viewer {
+  readonly cloud: Cloud;
+  readonly renderer: WebGLRenderer;
+  readonly basis: readonly [Vec3, Vec3, Vec3];
+  readonly perspective = new PerspectiveCamera(kFov, 1, 0.01, 1000);
+  readonly flat = new OrthographicCamera(-1, 1, 1, -1, -1000, 1000);
+  /** Keyframes that something can be seen from, in the order of flight; places among the data's. */
+  readonly path: number[];
+  /** A measurement that is not complete yet. */
+  pending: Picked[] = [];
+  /** Called when the view has changed by itself or by the pointer. */
+  onChange: () => void = () => {};
+  onLoaded: () => void = () => {};
+  private readonly scene = new Scene();
+  private readonly panorama: Panorama;
+  private readonly orbit: OrbitControls;
+  private readonly plan: OrbitControls;
+  private width = 1;
+  private height = 1;
+  private waiting = false;
+  private moved = 0;
+  private lastFrame = 0;
+  private yaw = 0;
+  private pitch = 0;
+  private lost = false;
+
+  constructor(
+    readonly data: ReportData,
+    readonly canvas: HTMLCanvasElement,
+    readonly overlay: HTMLCanvasElement,
+    readonly state: ViewState,
+  ) {
+    const places = data.keyframes.map((k) => this.placeOf(k));
+    this.basis = basisAround(data.up, mainDirection(places, data.up));
+    this.path = data.keyframes.map((_, i) => i).filter((i) => data.keyframes[i]?.use === "depth map");
+    if (this.path.length === 0) this.path = data.keyframes.map((_, i) => i);
+    this.cloud = new Cloud(data.nodes, this.basis);
+    this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
+    this.renderer.setClearColor(0x14171a, 1);
+    this.renderer.outputColorSpace = "srgb";
+    this.panorama = new Panorama(() => this.redraw());
+    this.scene.add(this.cloud.group, this.panorama.mesh);
+    this.perspective.up.set(...this.basis[2]);
+    this.flat.up.set(...this.basis[1]);
+    this.orbit = new OrbitControls(this.perspective, canvas);
+    this.plan = new OrbitControls(this.flat, canvas);
+    this.plan.enableRotate = false;
+    this.plan.screenSpacePanning = true;
+    for (const controls of [this.orbit, this.plan]) {
+      controls.addEventListener("change", () => this.changed());
+    }
+    this.plan.mouseButtons.LEFT = 2; // pans
+    this.plan.touches.ONE = 1; // pans
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      this.lost = true;
+    });
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.lost = false;
+      this.redraw();
+    });
+    this.listenForLooking();
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+  }
+
+  /** Of a keyframe's camera, from the page's origin. */
+  placeOf(keyframe: KeyframeData): Vec3 {
+    return sub(keyframe.center, this.data.origin);
+  }
+
+  get camera(): PerspectiveCamera | OrthographicCamera {
+    return this.state.mode === "plan" ? this.flat : this.perspective;
+  }
+
+  /** Reads the cloud cube by cube, coarse ones first, and draws in between. */
+  async load(): Promise<void> {
+    let began = performance.now();
+    let loaded = 0;
+    for (const [i, node] of this.data.nodes.entries()) {
+      const block = document.getElementById(`pmsp-node-${i}`);
+      if (!block) continue;
+      this.cloud.fill(i, nodePoints(bytesFromBase64(blockText(document, `node-${i}`)), node.points));
+      block.remove();
+      if (loaded++ === 0 || performance.now() - began > 40) {
+        if (loaded === 1) {
+          this.cloud.measureExtent();
+          this.setMode(this.state.mode, false);
+        }
+        this.redraw();
+        await new Promise((resolve) => setTimeout(resolve));
+        began = performance.now();
+      }
+    }
+    this.cloud.measureExtent();
+    if (loaded === 0 || !this.state.eye) this.setMode(this.state.mode, false);
+    this.redraw();
+    this.onLoaded();
+  }
+
+  private resize(): void {
+    this.width = Math.max(1, this.canvas.clientWidth);
+    this.height = Math.max(1, this.canvas.clientHeight);
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    this.renderer.setPixelRatio(ratio);
+    this.renderer.setSize(this.width, this.height, false);
+    this.overlay.width = this.width * ratio;
+    this.overlay.height = this.height * ratio;
+    this.draw();
+  }
+
+  private corner(share: Vec3): Vec3 {
+    const { low, high } = this.cloud;
+    return this.basis.reduce(
+      (sum, axis, i) => add(sum, times(axis, (low[i] ?? 0) + (share[i] ?? 0) * ((high[i] ?? 0) - (low[i] ?? 0)))),
+      [0, 0, 0] as Vec3,
+    );
+  }
+
+  private get extent(): number {
+    return Math.max(norm(sub(this.cloud.high, this.cloud.low)), 1e-6);
+  }
+
+  /** `fresh`: look from where the mode begins, not from where the address says. */
+  setMode(mode: Mode, fresh = true): void {
+    const state = this.state;
+    state.mode = mode;
+    this.orbit.enabled = mode === "orbit";
+    this.plan.enabled = mode === "plan";
+    const eye = fresh ? null : state.eye;
+    const target = fresh ? null : state.target;
+    this.perspective.near = this.extent * 2e-4;
+    this.perspective.far = this.extent * 100;
+    this.perspective.fov = kFov;
+    if (mode === "orbit") {
+      const center = this.corner([0.5, 0.5, 0.5]);
+      const from = add(center, times(sub(this.corner([0.1, -0.25, 2.2]), center), 1));
+      const away = times(sub(from, center), (0.95 * this.extent) / norm(sub(from, center)));
+      this.perspective.position.set(...(eye ?? add(center, away)));
+      this.orbit.target.set(...(target ?? center));
+      this.orbit.update();
+    } else if (mode === "plan") {
+      const center = this.corner([0.5, 0.5, 0.5]);
+      if (fresh && state.clip.join() === "0,1,0,1,0,1") state.clip = [0, 1, 0, 1, 0, this.aboveCameras()];
+      this.flat.position.set(...(eye ?? add(center, times(this.basis[2], this.extent))));
+      this.plan.target.set(...(target ?? center));
+      this.flat.near = -100 * this.extent;
+      this.flat.far = 100 * this.extent;
+      this.flat.zoom = fresh ? 1 : state.zoom;
+      this.plan.update();
+    } else {
+      state.keyframe = this.nearestKeyframe(state.keyframe, mode === "keyframe");
+      this.enter(state.keyframe, mode === "keyframe", fresh || !target);
+      if (!fresh && target && eye) this.lookAlong(sub(target, eye));
+    }
+    this.changed();
+  }
+
+  /** Of those that can be entered in a mode. */
+  private nearestKeyframe(which: number, withPhoto: boolean): number {
+    let able = this.data.keyframes.map((_, i) => i).filter((i) => !withPhoto || this.data.keyframes[i]?.panorama);
+    if (able.length === 0) able = this.path;
+    return able.reduce((best, i) => (Math.abs(i - which) < Math.abs(best - which) ? i : best), able[0] ?? 0);
+  }
+
+  /** Share of the height up to a little above the cameras: ceilings would hide the rooms. */
+  private aboveCameras(): number {
+    const up = this.basis[2];
+    const heights = this.path.map((i) => dot(this.placeOf(this.data.keyframes[i] as KeyframeData), up)).sort((a, b) => a - b);
+    const [low, high] = [this.cloud.low[2], this.cloud.high[2]];
+    const top = heights[Math.floor(0.9 * (heights.length - 1))];
+    if (top === undefined || !(high > low)) return 1;
+    return Math.max(0.05, Math.min(1, (top - low) / (high - low) + 0.08));
+  }
+
+  /** Stands where a keyframe's camera stood. `fresh`: looks where it looked. */
+  enter(which: number, withPhoto: boolean, fresh: boolean): void {
+    const keyframe = this.data.keyframes[which];
+    if (!keyframe) return;
+    this.state.keyframe = which;
+    this.perspective.position.set(...this.placeOf(keyframe));
+    if (fresh) {
+      const next = this.data.keyframes[this.path[this.path.indexOf(which) + 1] ?? which];
+      const ahead = next ? sub(next.center, keyframe.center) : ([0, 0, 0] as Vec3);
+      this.lookAlong(withPhoto || norm(ahead) === 0 ? fromCamera(keyframe, [0, 0, 1]) : ahead);
+    } else {
+      this.look();
+    }
+    this.panorama.show(withPhoto && keyframe.panorama ? imageAddress(document, keyframe.panorama) : "", keyframe);
+    this.changed();
+  }
+
+  /** The next or previous keyframe of the flight; with a photo where the mode shows them. */
+  step(by: number): void {
+    let path = this.path;
+    if (this.state.mode === "keyframe") {
+      const withPhoto = path.filter((i) => this.data.keyframes[i]?.panorama);
+      if (withPhoto.length > 0) path = withPhoto;
+    }
+    const at = path.indexOf(this.state.keyframe);
+    const next = path[(Math.max(at, 0) + by + path.length) % path.length];
+    if (next !== undefined) this.enter(next, this.state.mode === "keyframe", false);
+  }
+
+  lookAlong(direction: Vec3): void {
+    const [a, b, c] = this.basis;
+    this.yaw = Math.atan2(dot(direction, b), dot(direction, a));
+    this.pitch = Math.atan2(dot(direction, c), Math.hypot(dot(direction, a), dot(direction, b)));
+    this.look();
+  }
+
+  turn(yaw: number, pitch: number): void {
+    this.yaw += yaw;
+    this.pitch += pitch;
+    this.look();
+  }
+
+  private look(): void {
+    this.pitch = Math.max(-1.5, Math.min(1.5, this.pitch));
+    const [a, b, c] = this.basis;
+    const flat = add(times(a, Math.cos(this.yaw)), times(b, Math.sin(this.yaw)));
+    const ahead = add(times(flat, Math.cos(this.pitch)), times(c, Math.sin(this.pitch)));
+    this.perspective.lookAt(this.perspective.position.clone().add(new Vector3(...ahead)));
+    this.changed();
+  }
+
+  /** Arrow keys and buttons, in all modes. */
+  nudge(right: number, up: number, closer: number): void {
+    const { mode } = this.state;
+    if (mode === "plan") {
+      this.flat.zoom = Math.max(0.01, Math.min(1000, this.flat.zoom * 1.25 ** closer));
+      const step = (0.1 * this.extent) / this.flat.zoom;
+      const by = new Vector3(...add(times(this.basis[0], right * step), times(this.basis[1], up * step)));
+      this.flat.position.add(by);
+      this.plan.target.add(by);
+      this.plan.update();
+    } else if (mode === "orbit") {
+      const off = this.perspective.position.clone().sub(this.orbit.target);
+      off.applyAxisAngle(new Vector3(...this.basis[2]), 0.15 * right);
+      const across = off.clone().cross(new Vector3(...this.basis[2])).normalize();
+      const lifted = off.clone().applyAxisAngle(across, 0.1 * up);
+      if (Math.abs(lifted.clone().normalize().dot(new Vector3(...this.basis[2]))) < 0.995) off.copy(lifted);
+      off.multiplyScalar(0.8 ** closer);
+      this.perspective.position.copy(this.orbit.target).add(off);
+      this.orbit.update();
+    } else {
+      this.turn(-0.12 * right, 0.1 * up);
+      this.zoomFov(-6 * closer);
+    }
+    this.changed();
+  }
+
+  private zoomFov(by: number): void {
+    this.perspective.fov = Math.max(15, Math.min(100, this.perspective.fov + by));
+    this.changed();
+  }
+
+  /** Drags turn the head where one stands at a keyframe. */
+  private listenForLooking(): void {
+    const held = new Map<number, [number, number]>();
+    const free = (): boolean => this.state.mode === "walk" || this.state.mode === "keyframe";
+    this.canvas.addEventListener("pointerdown", (event) => {
+      if (free()) held.set(event.pointerId, [event.clientX, event.clientY]);
+    });
+    this.canvas.addEventListener("pointermove", (event) => {
+      const before = held.get(event.pointerId);
+      if (!before || !free()) return;
+      const others = [...held].filter(([id]) => id !== event.pointerId);
+      held.set(event.pointerId, [event.clientX, event.clientY]);
+      const other = others[0]?.[1];
+      if (other) {
+        const span = (p: [number, number]): number => Math.hypot(p[0] - other[0], p[1] - other[1]);
+        this.zoomFov(0.15 * (span(before) - span([event.clientX, event.clientY])));
+        return;
+      }
+      const scale = ((this.perspective.fov / this.height) * Math.PI) / 180;
+      this.turn((event.clientX - before[0]) * scale, (event.clientY - before[1]) * scale);
+    });
+    for (const name of ["pointerup", "pointercancel", "pointerleave"] as const) {
+      this.canvas.addEventListener(name, (event) => held.delete(event.pointerId));
+    }
+    this.canvas.addEventListener(
+      "wheel",
+      (event) => {
+        if (!free()) return;
+        event.preventDefault();
+        this.zoomFov(0.03 * event.deltaY);
+      },
+      { passive: false },
+    );
+  }
+
+  private changed(): void {
+    const { mode, state } = { mode: this.state.mode, state: this.state };
+    const camera = this.camera;
+    const eye = camera.position.toArray() as [number, number, number];
+    const target =
+      mode === "orbit" ? this.orbit.target : mode === "plan" ? this.plan.target : camera.getWorldDirection(new Vector3()).add(camera.position);
+    state.eye = eye;
+    state.target = target.toArray() as [number, number, number];
+    state.zoom = mode === "plan" ? this.flat.zoom : 1;
+    this.moved = performance.now();
+    this.redraw();
+    this.onChange();
+  }
+
+  redraw(): void {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      const began = performance.now();
+      const busy = began - this.moved < 200;
+      if (busy && began - this.lastFrame < 250) {
+        const took = began - this.lastFrame;
+        if (took > kSlowFrame) this.cloud.budget = Math.max(kFewestPoints, 0.8 * this.cloud.budget);
+        else this.cloud.budget = Math.min(5_000_000, 1.1 * this.cloud.budget);
+      }
+      this.lastFrame = began;
+      this.draw();
+      if (busy && this.cloud.drawnPoints < this.cloud.loaded) setTimeout(() => this.settle(), 300);
+    });
+  }
+
+  /** Draws all there is once nothing moves. */
+  private settle(): void {
+    if (performance.now() - this.moved < 250) return;
+    const budget = this.cloud.budget;
+    this.cloud.budget = Number.POSITIVE_INFINITY;
+    this.draw();
+    this.cloud.budget = budget;
+  }
+
+  /** Draws now. */
+  draw(): void {
+    if (this.lost) return;
+    const { state, width, height } = this;
+    const ratio = this.renderer.getPixelRatio();
+    const aspect = width / height;
+    this.perspective.aspect = aspect;
+    this.perspective.updateProjectionMatrix();
+    const half = (0.55 * this.extent) / (aspect < 1 ? aspect : 1);
+    this.flat.left = -half * aspect;
+    this.flat.right = half * aspect;
+    this.flat.top = half;
+    this.flat.bottom = -half;
+    this.flat.updateProjectionMatrix();
+    const camera = this.camera;
+    camera.updateMatrixWorld();
+    const pixels =
+      camera === this.flat
+        ? (ratio * height * this.flat.zoom) / (2 * half)
+        : (ratio * height) / (2 * Math.tan((this.perspective.fov * Math.PI) / 360));
+    const outside = state.mode === "orbit" || state.mode === "plan";
+    this.cloud.setLook(state.coloring, state.size, state.clip, outside);
+    this.cloud.choose(camera, pixels, ratio);
+    this.panorama.place(this.perspective, state.mode === "keyframe" ? 1 - state.fade : 0);
+    this.renderer.render(this.scene, camera);
+    const context = this.overlay.getContext("2d");
+    if (!context) return;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, this.overlay.width, this.overlay.height);
+    drawOverlay(context, width, height, ratio, (p) => this.project(p), this.marks(), this.scaleBar(half));
+  }
+
+  private scaleBar(half: number): ScaleBar | null {
+    if (this.state.mode !== "plan") return null;
+    const perUnit = (this.height * this.flat.zoom) / (2 * half);
+    const length = roundLength(160 / perUnit);
+    return { pixels: length * perUnit, text: `${Number(length.toPrecision(3))} ${this.data.unit}` };
+  }
+
+  /** Pixels from the upper left corner; null where it is behind. */
+  project(place: Vec3): [number, number] | null {
+    const at = new Vector3(...place).applyMatrix4(this.camera.matrixWorldInverse);
+    if (this.camera === this.perspective && at.z > -this.perspective.near) return null;
+    at.applyMatrix4(this.camera.projectionMatrix);
+    return [((at.x + 1) * this.width) / 2, ((1 - at.y) * this.height) / 2];
+  }
+
+  /** The point at pixels from the upper left corner of the picture. */
+  pick(x: number, y: number): Picked | null {
+    this.camera.updateMatrixWorld();
+    return this.cloud.pick(this.camera, x, y, this.width, this.height, kPickRadius);
+  }
+
+  /** What a measurement says. */
+  result(it: Measurement): { value: number; error: number; text: string } {
+    const places = it.points.map((p) => p.position);
+    const covariances = it.points.map((p) => {
+      const keyframe = this.data.keyframes[p.keyframe];
+      return covarianceOf(p, keyframe ? this.placeOf(keyframe) : null, this.data.pixel, this.extent / 2);
+    });
+    const value = valueOf(it.kind, places, this.basis[2]);
+    const error = errorOf(it.kind, places, covariances, this.basis[2]);
+    return { value, error, text: measureText(it.kind, value, error, this.data.unit) };
+  }
+
+  private marks(): Mark[] {
+    const marks: Mark[] = this.state.measurements.map((it) => ({
+      points: it.points.map((p) => p.position),
+      closed: it.kind === "area",
+      text: this.result(it).text,
+    }));
+    if (this.pending.length > 0) marks.push({ points: this.pending.map((p) => p.position), closed: false, text: "" });
+    for (const note of this.state.notes) marks.push({ points: [note.position], closed: false, text: note.text });
+    return marks;
+  }
+
+  /** The picture with all that is drawn over it. */
+  picture(): HTMLCanvasElement {
+    this.draw();
+    const copy = document.createElement("canvas");
+    copy.width = this.canvas.width;
+    copy.height = this.canvas.height;
+    const context = copy.getContext("2d");
+    context?.drawImage(this.canvas, 0, 0);
+    context?.drawImage(this.overlay, 0, 0, copy.width, copy.height);
+    return copy;
+  }
+
+  /** Median time to draw a frame of all points, as long as it takes until the pixels are there [ms]. */
+  frameTime(frames: number): number {
+    const times: number[] = [];
+    const gl = this.renderer.getContext();
+    for (let i = 0; i < frames; ++i) {
+      const began = performance.now();
+      this.draw();
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+      times.push(performance.now() - began);
+    }
+    times.sort((a, b) => a - b);
+    return times[Math.floor(times.length / 2)] ?? 0;
+  }
+}
