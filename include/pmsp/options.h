@@ -93,8 +93,8 @@ struct MedianFilterOptions {
 /// Keeps what several depth maps agree on.
 struct ConsistencyFilterOptions {
   bool enabled = true;
-  int window = 5;                    ///< depth maps compared, the filtered one in the middle, odd, 3 to 15
-  int min_views = 3;                 ///< depth maps that must agree, the filtered one included, 1 to window
+  int window = 5;     ///< depth maps compared, the filtered one in the middle, odd, 3 to 15
+  int min_views = 3;  ///< depth maps that must agree, the filtered one included, 1 to window
   /// Deviation that still counts as agreement, 0 to 1; where the angle of a pixel [rad] is larger, that angle is.
   double max_relative_depth = 0.01;
 
