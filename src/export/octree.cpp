@@ -11,7 +11,8 @@ namespace {
 
 constexpr std::size_t kLeafPoints = 1 << 14;
 constexpr std::int64_t kInMemory = 1 << 20;
-constexpr int kNearBits = 7;       ///< cells along each side around the origin
+constexpr int kNearBits = 7;  ///< cells along each side around the origin
+constexpr double kCellsOfReach = 32.0;
 constexpr int kCountedLevels = 7;  ///< of cells that are counted before points are dealt out
 
 /// The lowest ten bits with two zeros between each two.
@@ -28,10 +29,10 @@ bool OctreeNode::is_leaf() const {
   return std::all_of(children.begin(), children.end(), [](std::int32_t child) { return child < 0; });
 }
 
-Octree::Octree(const std::string& scratch_folder, double cell_steps)
+Octree::Octree(const std::string& scratch_folder, double reach_steps)
     : folder_(scratch_folder),
       spool_(scratch_folder, 0),
-      cell_bits_(std::clamp(static_cast<int>(std::ceil(std::log2(std::max(cell_steps, 1.0)))), 0, 30)),
+      cell_bits_(std::clamp(static_cast<int>(std::ceil(std::log2(std::max(reach_steps / kCellsOfReach, 1.0)))), 0, 30)),
       near_(std::size_t{1} << (3 * kNearBits), -1) {
   low_.fill(std::numeric_limits<std::int32_t>::max());
   high_.fill(std::numeric_limits<std::int32_t>::min());

@@ -42,9 +42,9 @@ class Octree {
   /// Cells along a node's side.
   static constexpr int kCellBits = 7;
 
-  /// Points are dealt out to cells of so many steps as they come. Cells should hold some 100 000 points: much smaller
-  /// ones take memory, larger ones are dealt out once more.
-  Octree(const std::string& scratch_folder, double cell_steps);
+  /// `reach_steps`: CloudHeader::reach in the points' steps. Points are dealt out to cells of a 32nd of it as they
+  /// come; these should hold some 100 000 points: much smaller ones take memory, larger ones are dealt out once more.
+  Octree(const std::string& scratch_folder, double reach_steps);
 
   void add(const OctreePoint& point);
   std::int64_t points() const { return points_; }

@@ -23,7 +23,7 @@ std::uint8_t byte_of(float share) {
 PageCloud::PageCloud(const CloudHeader& header, std::int64_t most_points, const std::vector<std::int64_t>& keyframes)
     : frame_(integer_frame(header)),
       most_points_(std::clamp<std::int64_t>(most_points, 0, kMostPoints)),
-      octree_(header.scratch.string(), header.reach / frame_.scale / 8.0),
+      octree_(header.scratch.string(), header.reach / frame_.scale),
       scratch_(header.scratch.string()) {
   for (const std::int64_t id : keyframes) {
     if (places_.size() < kNoKeyframe) places_.emplace(id, static_cast<std::uint32_t>(places_.size()));

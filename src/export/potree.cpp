@@ -51,7 +51,7 @@ class Potree final : public CloudWriter {
       : folder_(path),
         header_(header),
         frame_(integer_frame(header)),
-        octree_(header.scratch.string(), header.reach / frame_.scale / 32.0) {}
+        octree_(header.scratch.string(), header.reach / frame_.scale) {}
 
   void add(const OutputPoint* points, std::size_t count) override {
     for (const OutputPoint* point = points; point != points + count; ++point) {
