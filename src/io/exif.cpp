@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "export/regular_file.h"
+#include "jpeg_segments.h"
 #include "pmsp/error.h"
 
 namespace pmsp::io {
@@ -86,12 +87,6 @@ std::optional<GpsPosition> gps_of(const Tiff& tiff, std::size_t first) {
   return gps;
 }
 
-std::uint64_t big_endian(const Bytes& bytes, std::size_t at, std::size_t count) {
-  std::uint64_t value = 0;
-  for (std::size_t i = at; i < at + count && i < bytes.size(); ++i) value = value * 256 + bytes[i];
-  return value;
-}
-
 bool has_at(const Bytes& bytes, std::size_t at, std::initializer_list<std::uint8_t> text) {
   return at <= bytes.size() && text.size() <= bytes.size() - at &&
          std::equal(text.begin(), text.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at));
@@ -100,17 +95,13 @@ bool has_at(const Bytes& bytes, std::size_t at, std::initializer_list<std::uint8
 /// Where the TIFF block lies, and its size; 0 = there is none.
 std::pair<std::size_t, std::size_t> find_tiff(const Bytes& bytes) {
   if (has_at(bytes, 0, {0xFF, 0xD8})) {
-    for (std::size_t at = 2; at + 4 <= bytes.size() && bytes[at] == 0xFF && bytes[at + 1] != 0xDA;) {
-      if (bytes[at + 1] == 0xFF) {  // a fill byte
-        ++at;
-        continue;
-      }
-      const auto size = static_cast<std::size_t>(big_endian(bytes, at + 2, 2));
-      const std::size_t end = std::min(at + 2 + size, bytes.size());
-      const bool is_exif = bytes[at + 1] == 0xE1 && has_at(bytes, at + 4, {'E', 'x', 'i', 'f', 0, 0});
-      if (is_exif && end > at + 10) return {at + 10, end - at - 10};
-      at += 2 + std::max<std::size_t>(size, 2);
-    }
+    std::pair<std::size_t, std::size_t> found{0, 0};
+    each_jpeg_segment(bytes, [&](std::uint8_t kind, std::size_t at, std::size_t size) {
+      const std::size_t end = std::min(at + size, bytes.size());
+      const bool is_exif = kind == 0xE1 && has_at(bytes, at, {'E', 'x', 'i', 'f', 0, 0});
+      if (found.first == 0 && is_exif && end > at + 6) found = {at + 6, end - at - 6};
+    });
+    return found;
   }
   if (has_at(bytes, 0, {0x89, 'P', 'N', 'G'})) {
     for (std::size_t at = 8; at + 8 <= bytes.size();) {

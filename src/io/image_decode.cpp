@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "exif.h"
+#include "jpeg_segments.h"
 #include "pmsp/error.h"
 
 namespace pmsp::io {
@@ -47,32 +48,16 @@ struct Header {
   bool truncated = false;  ///< a JPEG whose end-of-image marker is missing
 };
 
-std::uint64_t big_endian(const std::vector<std::uint8_t>& bytes, std::size_t at, std::size_t count) {
-  std::uint64_t value = 0;
-  for (std::size_t i = at; i < at + count && i < bytes.size(); ++i) value = value * 256 + bytes[i];
-  return value;
-}
-
-/// An embedded thumbnail has a size and an end marker of its own, so the segments before the scan are skipped by their
-/// lengths.
 Header jpeg_header(const std::vector<std::uint8_t>& bytes) {
-  constexpr std::uint8_t kMark = 0xFF, kEnd = 0xD9, kScan = 0xDA, kTables = 0xC4, kExtension = 0xC8, kCoding = 0xCC;
+  constexpr std::uint8_t kMark = 0xFF, kEnd = 0xD9, kTables = 0xC4, kExtension = 0xC8, kCoding = 0xCC;
   Header header;
   header.is_jpeg = true;
-  std::size_t at = 2;
-  while (at + 4 <= bytes.size() && bytes[at] == kMark && bytes[at + 1] != kScan) {
-    const std::uint8_t kind = bytes[at + 1];
-    if (kind == kMark) {  // a fill byte
-      ++at;
-      continue;
-    }
+  std::size_t at = each_jpeg_segment(bytes, [&](std::uint8_t kind, std::size_t segment, std::size_t /*size*/) {
     const bool is_frame = (kind & 0xF0U) == 0xC0U && kind != kTables && kind != kExtension && kind != kCoding;
-    if (is_frame) {
-      header.height = big_endian(bytes, at + 5, 2);
-      header.width = big_endian(bytes, at + 7, 2);
-    }
-    at += 2 + static_cast<std::size_t>(big_endian(bytes, at + 2, 2));
-  }
+    if (!is_frame) return;
+    header.height = big_endian(bytes, segment + 1, 2);
+    header.width = big_endian(bytes, segment + 3, 2);
+  });
   header.truncated = true;
   for (; at + 1 < bytes.size() && header.truncated; ++at)
     header.truncated = bytes[at] != kMark || bytes[at + 1] != kEnd;

@@ -11,7 +11,9 @@
 
 #include "pmsp/camera.h"
 #include "pmsp/initialiser.h"
+#include "priors/nearest_value.h"
 #include "priors/prior_setup.h"
+#include "util/median.h"
 
 namespace pmsp {
 namespace {
@@ -48,10 +50,6 @@ bool fit(const std::vector<Sample>& samples, double tolerance, const Expected& e
   return plane.allFinite();
 }
 
-Eigen::Vector3d bearing_of(double lon, double lat) {
-  return {std::cos(lat) * std::sin(lon), -std::sin(lat), std::cos(lat) * std::cos(lon)};
-}
-
 }  // namespace
 
 std::vector<kernels::Vec3<float>> given_planes(ImageView<const float> depth, double unit, const PriorGrid& grid) {
@@ -60,28 +58,22 @@ std::vector<kernels::Vec3<float>> given_planes(ImageView<const float> depth, dou
   std::vector<Sample> samples;
   std::vector<double> own;
   for (int row = 0; row < grid.rows; ++row) {
-    const double lat = (0.5 - (row + 0.5) / grid.rows) * kernels::kPi;
     for (int column = 0; column < grid.columns; ++column) {
-      const double lon = ((column + 0.5) / grid.columns - 0.5) * 2.0 * kernels::kPi;
-      const Eigen::Vector3d center = bearing_of(lon, lat);
-      const Eigen::Vector3d right(std::cos(lon), 0.0, -std::sin(lon));
+      const Eigen::Vector3d center = bearing_from_pixel({column + 0.5, row + 0.5}, grid.columns, grid.rows);
+      const Eigen::Vector3d right = Eigen::Vector3d(center.z(), 0.0, -center.x()).normalized();
       const Eigen::Vector3d down = center.cross(right);
       samples.clear();
       own.clear();
       for (int i = 0; i < kSide * kSide; ++i) {
         const int dx = i % kSide - kSide / 2, dy = i / kSide - kSide / 2;
         const Eigen::Vector3d bearing = (center + step * dx * right + step * dy * down).normalized();
-        const Eigen::Vector2d at = pixel_from_bearing(bearing, depth.width, depth.height);
-        const int x = (static_cast<int>(std::floor(at.x())) % depth.width + depth.width) % depth.width;
-        const int y = std::clamp(static_cast<int>(std::floor(at.y())), 0, depth.height - 1);
-        const double there = static_cast<double>(depth(x, y)) / unit;
+        const double there = nearest_value(depth, bearing) / unit;
         if (!is_usable_depth(there)) continue;
         samples.push_back({bearing, 1.0 / there});
         if (std::max(std::abs(dx), std::abs(dy)) <= kSide / 6) own.push_back(1.0 / there);
       }
       if (own.empty()) continue;
-      std::nth_element(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(own.size() / 2), own.end());
-      const double middle = own[own.size() / 2];
+      const double middle = median(own);
       Eigen::Vector3d plane;
       if (!fit(
               samples, kSurface, [&](const Eigen::Vector3d&) { return middle; }, plane))

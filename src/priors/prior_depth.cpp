@@ -7,8 +7,9 @@
 #include <limits>
 #include <vector>
 
-#include "pmsp/camera.h"
 #include "pmsp/initialiser.h"
+#include "priors/nearest_value.h"
+#include "util/median.h"
 
 namespace pmsp {
 namespace {
@@ -120,10 +121,10 @@ DepthAlignment best_of(DepthReading reading, const std::vector<Pair>& all, doubl
   return best;
 }
 
-double error_of_flat(std::vector<Pair> pairs) {
-  const auto middle = pairs.begin() + static_cast<std::ptrdiff_t>(pairs.size() / 2);
-  std::nth_element(pairs.begin(), middle, pairs.end(), [](const Pair& a, const Pair& b) { return a.depth < b.depth; });
-  const double depth = middle->depth;
+double error_of_flat(const std::vector<Pair>& pairs) {
+  std::vector<double> depths;
+  for (const Pair& pair : pairs) depths.push_back(pair.depth);
+  const double depth = median(depths);
   double sum = 0.0;
   for (const Pair& pair : pairs) sum += std::min(std::abs(depth / pair.depth - 1.0), kAgrees);
   return sum;
@@ -134,10 +135,7 @@ std::vector<Pair> pairs_of(ImageView<const float> values, const Keyframe& keyfra
   for (const Landmark& landmark : keyframe.landmarks) {
     const Eigen::Vector3d p = keyframe.cam_from_world * landmark.position_world;
     if (!is_usable_depth(p.norm())) continue;
-    const Eigen::Vector2d at = pixel_from_bearing(p, values.width, values.height);
-    const int x = (static_cast<int>(std::floor(at.x())) % values.width + values.width) % values.width;
-    const int y = std::clamp(static_cast<int>(std::floor(at.y())), 0, values.height - 1);
-    const double value = static_cast<double>(values(x, y));
+    const double value = nearest_value(values, p);
     if (std::isfinite(value) && value != 0.0) pairs.push_back({value, p.norm()});
   }
   if (pairs.size() <= kMostLandmarks) return pairs;
@@ -190,11 +188,7 @@ DepthAlignment align_prior_depth(ImageView<const float> values, const Keyframe& 
     if (error < kAgrees) errors.push_back(error);
   }
   best.share = static_cast<double>(errors.size()) / static_cast<double>(pairs.size());
-  if (!errors.empty()) {
-    const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-    std::nth_element(errors.begin(), middle, errors.end());
-    best.error = *middle;
-  }
+  if (!errors.empty()) best.error = median(errors);
   if (!(best.scale > 0.0) || best.share < kMinShare) {
     best.why_not = "it agrees with " + percent(best.share) + " of " + std::to_string(pairs.size()) +
                    " landmarks to 15 %; expected " + percent(kMinShare) + " or more";

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <string>
 #include <vector>
@@ -20,6 +19,7 @@
 #include "pmsp-densify/batch_manifest.h"
 #include "pmsp-densify/option_table.h"
 #include "pmsp/error.h"
+#include "pmsp/io/depth_io.h"
 #include "pmsp/io/mask.h"
 #include "pmsp/io/plan_io.h"
 #include "pmsp/io/ply.h"
@@ -32,13 +32,8 @@ namespace {
 namespace fs = std::filesystem;
 using namespace pmsp;
 
-std::string read_file(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-void write_file(const fs::path& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
-}
+using pmsp_test::read_text;
+using pmsp_test::write_text;
 
 /// A kind of file.
 struct Reader {
@@ -50,7 +45,7 @@ struct Reader {
 template <class Write>
 std::string written(const fs::path& path, const Write& write) {
   write(path);
-  return read_file(path);
+  return read_text(path);
 }
 
 KeyframeCloud small_cloud() {
@@ -79,14 +74,25 @@ std::string encoded(const char* extension) {
 
 /// A JPEG that says of itself that it is a part of a panorama.
 std::string cropped_panorama() {
-  const std::string xmp =
-      "http://ns.adobe.com/xap/1.0/\0<x:xmpmeta><rdf:Description GPano:FullPanoWidthPixels=\"64\" "
-      "GPano:FullPanoHeightPixels=\"32\" GPano:CroppedAreaImageWidthPixels=\"32\" "
-      "GPano:CroppedAreaImageHeightPixels=\"16\"/></x:xmpmeta>";
+  const std::string xmp = std::string("http://ns.adobe.com/xap/1.0/") + '\0' +
+                          "<x:xmpmeta><rdf:Description GPano:FullPanoWidthPixels=\"64\" "
+                          "GPano:FullPanoHeightPixels=\"32\" GPano:CroppedAreaImageWidthPixels=\"32\" "
+                          "GPano:CroppedAreaImageHeightPixels=\"16\"/></x:xmpmeta>";
   std::string jpeg = encoded(".jpg");
   const auto length = static_cast<unsigned>(xmp.size() + 2);
   const std::string marker{'\xFF', '\xE1', static_cast<char>(length >> 8U), static_cast<char>(length & 255U)};
   return jpeg.insert(2, marker + xmp);
+}
+
+Image<float> ramp() {
+  Image<float> image(4, 2);
+  for (std::size_t i = 0; i < image.size(); ++i) image.pixels()[i] = static_cast<float>(i);
+  return image;
+}
+
+std::string npy() {
+  const std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 2), }\n";
+  return std::string("\x93NUMPY\x01\x00", 8) + static_cast<char>(header.size()) + '\0' + header + std::string(8, 'a');
 }
 
 std::vector<Reader> make_readers(const fs::path& folder) {
@@ -106,11 +112,21 @@ std::vector<Reader> make_readers(const fs::path& folder) {
        [](const fs::path& path) { io::decode_image_file(path, cv::IMREAD_COLOR); },
        {encoded(".jpg"), cropped_panorama()}},
       {"a.png", [](const fs::path& path) { io::decode_image_file(path, cv::IMREAD_COLOR); }, {encoded(".png")}},
+      {"a.pfm",
+       [](const fs::path& path) { read_pfm(path); },
+       {written(folder / "a.pfm", [](const fs::path& path) { write_pfm(path, ramp()); })}},
+      {"a.exr",
+       [](const fs::path& path) { read_exr_depth(path); },
+       {written(folder / "a.exr",
+                [](const fs::path& path) {
+                  write_exr(path, {{"Z", ramp()}});
+                })}},
+      {"a.npy", [](const fs::path& path) { read_npy(path); }, {npy()}},
       {"plan.json",
        [](const fs::path& path) { read_plan(path); },
        {"{\"format\": \"pmsp plan\", \"version\": 1, \"entries\": [" + entry + "]}", plan_json({})}},
       {"record.json",
-       [](const fs::path& path) { workspace::record_from_json(read_file(path), "record"); },
+       [](const fs::path& path) { workspace::record_from_json(read_text(path), "record"); },
        {workspace::record_json({})}},
       {"planes",
        [](const fs::path& path) { workspace::read_planes(path); },
@@ -126,7 +142,7 @@ std::vector<Reader> make_readers(const fs::path& folder) {
        {"{\"name\": \"a\", \"map\": \"a.msg\", \"images\": \"a\"}\n", "name\tmap\timages\na\ta.msg\ta\n"}},
       {"config.json",
        [](const fs::path& path) {
-         const nlohmann::json json = nlohmann::json::parse(read_file(path), nullptr, false, true);
+         const nlohmann::json json = nlohmann::json::parse(read_text(path), nullptr, false, true);
          if (json.is_discarded()) return;
          DensifierOptions options;
          tool::apply_json(options, json, "config.json");
@@ -155,7 +171,7 @@ extern "C" int LLVMFuzzerInitialize(int* /*argc*/, char*** /*argv*/) {
   fs::create_directories(folder);
   for (std::size_t i = 0; i < readers().size(); ++i) {
     for (std::size_t k = 0; k < readers()[i].sound.size(); ++k) {
-      write_file(fs::path(folder) / ("seed-" + std::to_string(i) + "-" + std::to_string(k)),
+      write_text(fs::path(folder) / ("seed-" + std::to_string(i) + "-" + std::to_string(k)),
                  static_cast<char>(i) + readers()[i].sound[k]);
     }
   }
@@ -166,7 +182,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size < 1) return 0;
   const Reader& reader = readers()[data[0] % readers().size()];
   const fs::path path = home() / reader.name;
-  write_file(path, std::string(reinterpret_cast<const char*>(data + 1), size - 1));
+  write_text(path, std::string(reinterpret_cast<const char*>(data + 1), size - 1));
   try {
     reader.read(path);
   } catch (const Error&) {

@@ -50,16 +50,13 @@ double mask_nadir_from(const std::string& text) {
 }
 
 std::int64_t report_points_from(const std::string& text) {
-  const auto points = number_from<std::int64_t>(text);
-  if (points && *points >= 0 && *points <= PageCloud::kMostPoints) return *points;
-  throw UsageError("--report-points is \"" + text + "\"; expected a whole number from 0 to " +
-                   std::to_string(PageCloud::kMostPoints));
+  constexpr std::int64_t kMost = PageCloud::kMostPoints;
+  return number_in<std::int64_t>("--report-points", text, 0, kMost,
+                                 "a whole number from 0 to " + std::to_string(kMost));
 }
 
 int report_panoramas_from(const std::string& text) {
-  const auto count = number_from<int>(text);
-  if (count && *count >= 0 && *count <= 1000) return *count;
-  throw UsageError("--report-panoramas is \"" + text + "\"; expected a whole number from 0 to 1000");
+  return number_in("--report-panoramas", text, 0, 1000, "a whole number from 0 to 1000");
 }
 
 double idle_seconds_from(const std::string& text) {

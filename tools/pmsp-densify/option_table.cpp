@@ -359,12 +359,6 @@ void apply_json(DensifierOptions& options, const nlohmann::json& json, const std
   apply_level(options, rest, "", source);
 }
 
-double number_in(const char* option, const std::string& text, double low, double high, const char* expected) {
-  const auto value = number_from<double>(text);
-  if (value && *value >= low && *value <= high) return *value;
-  throw UsageError(std::string(option) + " is \"" + text + "\"; expected " + expected);
-}
-
 std::optional<std::vector<int>> numbers_from(const std::string& list) {
   std::vector<int> numbers;
   std::istringstream items(list + ",");

@@ -11,6 +11,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "exit_code.h"
 #include "pmsp/options.h"
 
 namespace pmsp::tool {
@@ -68,7 +69,12 @@ std::optional<T> number_from(const std::string& text) {
 }
 
 /// A number of an option, from `low` to `high`. Throws UsageError, which says what was expected.
-double number_in(const char* option, const std::string& text, double low, double high, const char* expected);
+template <class T>
+T number_in(const char* option, const std::string& text, T low, T high, const std::string& expected) {
+  const auto value = number_from<T>(text);
+  if (value && *value >= low && *value <= high) return *value;
+  throw UsageError(std::string(option) + " is \"" + text + "\"; expected " + expected);
+}
 
 /// The whole numbers of a list such as "0,1", nullopt where it is none.
 std::optional<std::vector<int>> numbers_from(const std::string& list);

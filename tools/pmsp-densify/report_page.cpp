@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "depth_picture.h"
+#include "elementary.h"
 #include "map_figures.h"
 #include "pmsp/error.h"
 #include "report_facts.h"
@@ -192,14 +193,13 @@ Json ReportPage::coverage_json() const {
   return {{"width", kCoverageWidth}, {"height", kCoverageHeight}, {"depth_maps", depth_maps_}, {"shares", text}};
 }
 
-std::vector<std::string> ReportPage::problems(const Json& stats) const {
+std::vector<std::string> ReportPage::problems(const Json& stats, const Json& keyframes) const {
   std::vector<std::string> all;
   if (!is_scale_known()) {
     all.emplace_back(
         "The map's scale is arbitrary: lengths are in its own unit, not in metres (see --scale and --align).");
   }
   const std::vector<std::int64_t> order = ids_in_order(map_);
-  const Json keyframes = keyframes_json(stats);
   const auto tell = [&](const std::string& use, const std::string& one, const std::string& many) {
     std::vector<std::int64_t> ids;
     for (const Json& keyframe : keyframes) {
@@ -218,11 +218,9 @@ std::vector<std::string> ReportPage::problems(const Json& stats) const {
        "have no neighbour that sees the same from another place");
   tell("no range", "sees too few landmarks for a depth map", "see too few landmarks for a depth map");
   for (const std::string& problem : report_problems(stats)) all.push_back(problem);
-  std::int64_t points = 0;
-  for (const std::int64_t count : cloud_.confidences()) points += count;
   std::int64_t unsure = 0;
   for (std::size_t i = 0; i < 3; ++i) unsure += cloud_.confidences()[i];
-  if (points > 0 && 2 * unsure > points) {
+  if (2 * unsure > cloud_.points_in()) {
     all.push_back("Half of the points have a confidence below 0.3: half of their depths are off by more than 1.2 %.");
   }
   return all;
@@ -253,11 +251,11 @@ Json ReportPage::page_json(const Json& stats) const {
   }
   json["keyframes"] = keyframes_json(stats);
   json["confidences"] = cloud_.confidences();
-  json["pixel"] = depth_width_ > 0 ? 2.0 * 3.14159265358979323846 / depth_width_ : 0.01;
+  json["pixel"] = depth_width_ > 0 ? 2.0 * kernels::kPi / depth_width_ : 0.01;
   if (depth_maps_ > 0) json["coverage_map"] = coverage_json();
   json["facts"] = report_facts(stats);
   json["times"] = report_times(stats);
-  json["problems"] = problems(stats);
+  json["problems"] = problems(stats, json["keyframes"]);
   json["notes"] = Json::array();
   if (cloud_.points() < cloud_.points_in()) {
     json["notes"].push_back("The page holds the most confident points of each place, fewer than the cloud has.");

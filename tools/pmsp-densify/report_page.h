@@ -65,7 +65,7 @@ class ReportPage {
   nlohmann::ordered_json page_json(const nlohmann::ordered_json& stats) const;
   void put(AtomicFile& file, const std::string& name, const std::string& bytes) const;
   bool is_scale_known() const;
-  std::vector<std::string> problems(const nlohmann::ordered_json& stats) const;
+  std::vector<std::string> problems(const nlohmann::ordered_json& stats, const nlohmann::ordered_json& keyframes) const;
 
   ReportArguments arguments_;
   const SlamMap& map_;

@@ -81,9 +81,8 @@ void check_shard(Arguments& a, bool names_output) {
   if (names_output || !a.depth_maps.empty() || !a.preview.empty() || !a.report.path.empty() ||
       a.cloud.double_positions) {
     throw UsageError(
-        "a shard writes no cloud, depth maps, pictures or report; leave --output, --double, --depth-maps, --preview "
-        "and "
-        "--report out, and merge the shards: pmsp-densify merge " +
+        "a shard writes no cloud, depth maps, pictures or report; leave --output, --double, --depth-maps, "
+        "--preview and --report out, and merge the shards: pmsp-densify merge " +
         a.workspace.string() + " -o cloud.ply");
   }
   a.cloud.paths.clear();
