@@ -74,8 +74,8 @@ Pair run_both(const synth::Mission& mission, DensifierOptions options) {
 
 /// What must hold; depth maps of `mission`'s size are compared with the truth too. `raw_equal`: least share of the raw
 /// depths, away from the line of flight, that are equal. Measured (H100): 0.972 (corridor), 0.989 (furniture), 0.991 to
-/// 0.996 (room), 0.999 (others); two seeds: 0.963 in the corridor. `filtered_common`: where a pixel's depth is as good as
-/// the filter's bound, chance decides whether both keep it. Measured from 0.953 on; two seeds: from 0.936.
+/// 0.996 (room), 0.999 (others); two seeds: 0.963 in the corridor. `filtered_common`: where a pixel's depth is as good
+/// as the filter's bound, chance decides whether both keep it. Measured from 0.953 on; two seeds: from 0.936.
 void check_pair(const Pair& pair, const synth::Mission& mission, double raw_equal, double filtered_equal = 0.99,
                 double filtered_common = 0.95) {
   REQUIRE(pair.cuda.order == pair.cpu.order);
