@@ -35,7 +35,7 @@ PMSP_HD F score_at(const PlaneMapView& map, const IntOf<F>& index) {
 
 template <class F>
 struct Agreement {
-  F closeness;  ///< range of the point over the range of the other map's surface in its direction; 0 = nothing there
+  F depth_ratio;  ///< range of the point over the range of the other map's surface in its direction; 0 = nothing there
   F implied_depth;  ///< depth along the first keyframe's ray at which it meets the other map's plane
   /// By how much the other camera's direction to the point turns, over the relative change of depth [rad]: small where
   /// there is little parallax.
@@ -53,13 +53,13 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map
   const Vec3<F> p = fma(depth, turned, t);
   const IntOf<F> index = pixel_index(p, other.width, other.height);
   const Vec3<F> plane = plane_at<F>(other, index);
-  const F closeness = dot(plane, p);
+  const F depth_ratio = dot(plane, p);
   const F along_ray = dot(plane, turned);
   const F rest = F(1) - dot(plane, t);
-  const auto valid = (closeness > F(0)) & (along_ray > F(0)) & (rest > F(0));
+  const auto valid = (depth_ratio > F(0)) & (along_ray > F(0)) & (rest > F(0));
   const Vec3<F> turn = cross(turned, t);
   const F gain = depth * sqrt(dot(turn, turn)) / max(dot(p, p), F(1e-30F));
-  return {select(valid, closeness, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), gain, index};
+  return {select(valid, depth_ratio, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), gain, index};
 }
 
 /// Where another map's surface lies behind the point by more than this many tolerances, that keyframe has looked
@@ -74,10 +74,10 @@ struct Votes {
   F square_spread = F(0);  ///< sum of squared deviations of the maps that agree
   F square_gain = F(0);    ///< sum of their squared parallax gains
 
-  PMSP_HD void add(const F& closeness, const F& parallax_gain, float tolerance) {
-    const F deviation = closeness - F(1);
+  PMSP_HD void add(const F& depth_ratio, const F& parallax_gain, float tolerance) {
+    const F deviation = depth_ratio - F(1);
     const MaskOf<F> near = abs(deviation) <= F(tolerance);
-    const MaskOf<F> through = (closeness > F(0)) & (closeness < F(1.0F - kSeenThrough * tolerance));
+    const MaskOf<F> through = (depth_ratio > F(0)) & (depth_ratio < F(1.0F - kSeenThrough * tolerance));
     agree = agree + select(near, F(1), F(0));
     square_spread = square_spread + select(near, deviation * deviation, F(0));
     square_gain = square_gain + select(near, parallax_gain * parallax_gain, F(0));

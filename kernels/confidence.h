@@ -107,7 +107,7 @@ struct ConsistencyFilter {
       Votes<F> votes;
       for (int k = 0; k < count; ++k) {
         const auto seen = agreement(bearing, surface.depth, others[k].planes, others[k].other_from_first);
-        votes.add(seen.closeness, seen.parallax_gain, tolerance);
+        votes.add(seen.depth_ratio, seen.parallax_gain, tolerance);
       }
       kept = kept & votes.keep(wanted);
       if (any(kept)) {

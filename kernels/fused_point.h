@@ -89,15 +89,15 @@ struct FusePixels {
     for (int k = 0; k < count; ++k) {
       const FusionView<Machine>& other = others[k];
       const Agreement<F> seen = agreement(bearing, depth, other.map, other.other_from_first);
-      const MaskOf<F> near = known & (abs(seen.closeness - F(1)) <= F(limits.max_relative_depth));
+      const MaskOf<F> near = known & (abs(seen.depth_ratio - F(1)) <= F(limits.max_relative_depth));
       if (!any(near)) continue;
       const Vec3<F> there = select(near, plane_at<F>(other.map, seen.index), plane);
       const Vec3<F> turned =
           F(1.0F / other.zoom) * rotate_back(other.other_from_first, Vec3<F>(F(-1) * normalized(there)));
       const MaskOf<F> same = near & (dot(turned, normal) >= F(limits.min_cos_normals));
       const Vec3<F> p = transform(other.other_from_first, Vec3<F>(depth * bearing));
-      const F closeness = select(same, seen.closeness, F(1));
-      const F other_depth = sqrt(dot(p, p)) / (F(other.zoom) * closeness);  // in the first one's unit
+      const F depth_ratio = select(same, seen.depth_ratio, F(1));
+      const F other_depth = sqrt(dot(p, p)) / (F(other.zoom) * depth_ratio);  // in the first one's unit
       const F weight = select(same, fusion_weight(gather<F>(other.map.confidence, seen.index), other_depth), F(0));
       weights = weights + weight;
       depths = fma(weight, seen.implied_depth, depths);

@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
+#include "range_map.h"
 #include "rigid.h"
-#include "sight.h"
 #include "stage.h"
 #include "surfel.h"
 #include "wide_plane.h"
@@ -16,7 +16,7 @@
 // a fence the first one. Nor is a plane a mirror that a camera has been behind. Behind a mirror, what is a mirror image
 // goes, and what lies next to where others have the mirror's own surface.
 //
-// Evidence is gathered for every other pixel of every other row, a cell of the sight maps.
+// Evidence is gathered for every other pixel of every other row, a cell of the range maps.
 namespace pmsp::kernels {
 
 constexpr float kBehindMirror = 1.1F;           ///< depth over the plane's depth from which on a point lies behind it
@@ -44,19 +44,19 @@ struct FindMirrored {
   GridView grid;  ///< of the pixels
   Viewer viewers[kMaxViewers];
   int count;
-  SightLimits limits;
+  FreeSpaceLimits limits;
   const WidePlane* planes;
   std::uint32_t* evidence;
   std::uint32_t* confirmed;  ///< becomes 0
 
-  PMSP_HD int width() const { return grid.width / kSightCell; }
-  PMSP_HD int height() const { return grid.height / kSightCell; }
+  PMSP_HD int width() const { return grid.width / kRangeCell; }
+  PMSP_HD int height() const { return grid.height / kRangeCell; }
 
   template <class F>
   PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
     using U = UIntOf<F>;
-    const IntOf<F> column = at.column * IntOf<F>(kSightCell);
-    const IntOf<F> row(at.row * kSightCell);
+    const IntOf<F> column = at.column * IntOf<F>(kRangeCell);
+    const IntOf<F> row(at.row * kRangeCell);
     const F depth = depth_of_surfel<F>(gather_words<F>(surfels, IntOf<F>(row * IntOf<F>(grid.width) + column)));
     const MaskOf<F> known = depth > F(0);
     const Vec3<F> point = select(known, depth, F(1)) * bearing_at<F>(grid, column, row);
@@ -70,7 +70,7 @@ struct FindMirrored {
       F confirm(0);
       F deny(0);
       for (int k = 0; k < count; ++k) {
-        const Sight<F> seen = sight(image, viewers[k].sight, viewers[k].other_from_first, limits);
+        const RangeVote<F> seen = range_vote(image, viewers[k].ranges, viewers[k].other_from_first, limits);
         confirm = confirm + select(seen.on_surface > F(0), F(1), F(0));
         deny = deny + select(seen.through > F(0), F(1), F(0));
       }
@@ -87,7 +87,7 @@ struct ConfirmMirrors {
   static constexpr int kCounts = 0;
 
   struct Witness {
-    SightView sight;
+    RangeMapView ranges;
     Rigid first_from_other;
   };
   GridView grid;  ///< of the pixels
@@ -97,8 +97,8 @@ struct ConfirmMirrors {
   const std::uint32_t* evidence;
   std::uint32_t* confirmed;  ///< of a plane the bit that it has in `evidence` where something lies behind it
 
-  PMSP_HD int cell_rows() const { return grid.height / kSightCell; }
-  PMSP_HD int width() const { return grid.width / kSightCell; }
+  PMSP_HD int cell_rows() const { return grid.height / kRangeCell; }
+  PMSP_HD int width() const { return grid.width / kRangeCell; }
   PMSP_HD int height() const { return count * cell_rows(); }
 
   template <class F>
@@ -109,13 +109,13 @@ struct ConfirmMirrors {
     const Witness& viewer = viewers[at.row / cell_rows()];
     const int cell_row = at.row % cell_rows();
     const I cell = I(cell_row * width()) + at.column;
-    const F nearest = gather<F>(viewer.sight.nearest, cell);
-    const F farthest = gather<F>(viewer.sight.farthest, cell);
+    const F nearest = gather<F>(viewer.ranges.nearest, cell);
+    const F farthest = gather<F>(viewer.ranges.farthest, cell);
     const MaskOf<F> known = (nearest > F(0)) & (farthest <= F(kOneSurface) * nearest);
     if (!any(known)) return;
     // In the middle of the cell; as good as a unit vector.
-    const I column = at.column * I(kSightCell);
-    const I row(cell_row * kSightCell);
+    const I column = at.column * I(kRangeCell);
+    const I row(cell_row * kRangeCell);
     const Vec3<F> bearing =
         F(0.5F) * (bearing_at<F>(grid, column, row) + bearing_at<F>(grid, I(column + I(1)), I(row + I(1))));
     const F depth = select(known, F(0.5F) * (nearest + farthest), F(1));
@@ -158,11 +158,11 @@ struct CountMirrored {
   PMSP_HD int height() const { return kFieldRows; }
 
   PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
-    const int columns = grid.width / kSightCell;
-    const int rows = grid.height / kSightCell;
+    const int columns = grid.width / kRangeCell;
+    const int rows = grid.height / kRangeCell;
     MirrorCounts sums{};
     for (int row = at.row * rows / kFieldRows; row < (at.row + 1) * rows / kFieldRows; ++row) {
-      const int weight = static_cast<int>(kWeight * grid.cos_lat[row * kSightCell]);
+      const int weight = static_cast<int>(kWeight * grid.cos_lat[row * kRangeCell]);
       for (int column = at.column * columns / kFieldColumns; column < (at.column + 1) * columns / kFieldColumns;
            ++column) {
         const std::uint32_t word = evidence[row * columns + column];
@@ -223,19 +223,19 @@ struct MirrorView {
 /// Whether a keyframe's point is what a mirror shows. `at`: the pixel.
 template <class F>
 PMSP_HD MaskOf<F> is_mirrored(const MirrorView& view, const GridView& grid, const Place<F>& at, const Vec3<F>& point) {
-  const GridView cells{grid.width / kSightCell, grid.height / kSightCell, nullptr, nullptr, nullptr, nullptr};
+  const GridView cells{grid.width / kRangeCell, grid.height / kRangeCell, nullptr, nullptr, nullptr, nullptr};
   MaskOf<F> found = F(0) > F(1);
   for (int p = 0; p < kWidePlanes; ++p) {
     if (!is_plane(view.mirrors[p])) continue;
     const MaskOf<F> behind = dot(plane_of<F>(view.mirrors[p]), point) > F(kBehindMirror);
     if (!any(behind)) continue;
     const IntOf<F> column = at.column >> 1;
-    const int row = at.row / kSightCell;
+    const int row = at.row / kRangeCell;
     const UIntOf<F> own = gather_words<F>(view.evidence, IntOf<F>(IntOf<F>(row * cells.width) + column));
     found = found | (behind & has_bit<F>(own, mirrored_bit(p)));
     for (int dy = -kBesideConfirmed; dy <= kBesideConfirmed; ++dy) {
       if (row + dy < 0 || row + dy >= cells.height) continue;
-      const float wider = 1.0F / max(grid.cos_lat[(row + dy) * kSightCell], 8.0F / static_cast<float>(cells.width));
+      const float wider = 1.0F / max(grid.cos_lat[(row + dy) * kRangeCell], 8.0F / static_cast<float>(cells.width));
       for (int dx = -kBesideConfirmed; dx <= kBesideConfirmed && any(behind & !found); ++dx) {
         const Beside<F> there = beside<F>(cells, column, row, static_cast<int>(static_cast<float>(dx) * wider), dy);
         const IntOf<F> index = there.row * IntOf<F>(cells.width) + there.column;

@@ -6,7 +6,7 @@
 #include "confidence.h"
 #include "fusion.h"
 #include "mirror.h"
-#include "sight.h"
+#include "range_map.h"
 #include "stage.h"
 #include "surfel.h"
 
@@ -218,7 +218,7 @@ struct Eligibility {
   GridView grid;
   Viewer viewers[kMaxViewers];
   int count;
-  SightLimits limits;
+  FreeSpaceLimits limits;
   float max_contradiction;
   MirrorView mirrors;
   std::uint8_t* standings;  ///< kOpen or 0
@@ -237,7 +237,7 @@ struct Eligibility {
     F through(0);
     for (int k = 0; k < count; ++k) {
       const Viewer& viewer = viewers[k];
-      const Sight<F> seen = sight(point, viewer.sight, viewer.other_from_first, limits);
+      const RangeVote<F> seen = range_vote(point, viewer.ranges, viewer.other_from_first, limits);
       on_surface = fma(F(viewer.zoom * viewer.zoom), seen.on_surface, on_surface);
       through = fma(F(viewer.zoom * viewer.zoom), seen.through, through);
     }

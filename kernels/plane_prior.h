@@ -80,10 +80,10 @@ struct PriorCells {
   float min_variance;     ///< less is no texture
   PlaneLimits limits;
   int columns, rows;
-  const int* looks;          ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
-  const Vec3<float>* given;  ///< planes of the cells that are known from elsewhere, 0 = none; nullptr = of no cell
-  Vec3<float>* supports;     ///< points of the surface; (0, 0, 0) = none
-  unsigned char* plain;      ///< whether a cell has pixels without texture
+  const int* looks;            ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
+  const Vec3<float>* given;    ///< planes of the cells that are known from elsewhere, 0 = none; nullptr = of no cell
+  Vec3<float>* supports;       ///< points of the surface; (0, 0, 0) = none
+  unsigned char* textureless;  ///< whether a cell has pixels without texture
   Surroundings* around;
   PriorPlane* found;   ///< from each cell alone
   PriorPlane* chosen;  ///< from its neighbours' too
@@ -108,11 +108,11 @@ PMSP_HD int neighbours_on_plane(const PriorCells<Map>& cells, int x, int y, cons
   return count;
 }
 
-/// Writes `supports` and `plain` of a cell.
+/// Writes `supports` and `textureless` of a cell.
 template <class Map>
 PMSP_HD void find_support(const PriorCells<Map>& cells, int column, int row) {
   Vec3<float> support{0.0F, 0.0F, 0.0F};
-  bool plain = false;
+  bool textureless = false;
   float best = kSupportMinScore;
   const int y1 = (row + 1) * cells.map.height / cells.rows;
   const int x1 = (column + 1) * cells.map.width / cells.columns;
@@ -124,7 +124,7 @@ PMSP_HD void find_support(const PriorCells<Map>& cells, int column, int row) {
       const float inverse_depth = dot(plane, direction);
       if (!(inverse_depth > 0.0F)) continue;
       const bool textured = cells.variance[index] >= cells.min_variance;
-      plain = plain || !textured;
+      textureless = textureless || !textured;
       if (!textured || !(score_at<float>(cells.map, index) > best)) continue;
       if (neighbours_on_plane(cells, x, y, plane) < kSupportMinNeighbours) continue;
       best = score_at<float>(cells.map, index);
@@ -132,7 +132,7 @@ PMSP_HD void find_support(const PriorCells<Map>& cells, int column, int row) {
     }
   }
   cells.supports[row * cells.columns + column] = support;
-  cells.plain[row * cells.columns + column] = plain ? 1 : 0;
+  cells.textureless[row * cells.columns + column] = textureless ? 1 : 0;
 }
 
 /// How many steps of one row of cells one looks along a great circle.
@@ -219,7 +219,7 @@ PMSP_HD void find_plane(const PriorCells<Map>& cells, int column, int row) {
   PriorPlane best{{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)};
   Surroundings& around = cells.around[cell];
   around.count = 0;
-  if (cells.plain[cell] != 0) look_around(around, cells, column, row);
+  if (cells.textureless[cell] != 0) look_around(around, cells, column, row);
   if (around.count >= kPriorMinSupports) {
     const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
     for (int i = 0; i + 2 * kNarrow < kPriorDirections; ++i) {
@@ -404,8 +404,8 @@ struct PriorCellStep {
 template <class Map>
 PMSP_HD Vec3<float> prior_at(const PriorCells<Map>& cells, int x, int y) {
   const int index = y * cells.map.width + x;
-  const bool plain = cells.variance[index] < cells.min_variance && is_point(plane_at<float>(cells.map, index));
-  if (!plain) return {0.0F, 0.0F, 0.0F};
+  const bool textureless = cells.variance[index] < cells.min_variance && is_point(plane_at<float>(cells.map, index));
+  if (!textureless) return {0.0F, 0.0F, 0.0F};
   return cells.chosen[y * cells.rows / cells.map.height * cells.columns + x * cells.columns / cells.map.width].plane;
 }
 

@@ -86,7 +86,7 @@ class Engine {
   /// itself (all matched and filtered).
   virtual void fuse(Frame& reference, const std::vector<const Frame*>& window, std::size_t current) = 0;
 
-  /// Which of them nobody of the viewers has looked through; those (all filtered) keep their sight maps. May be asked
+  /// Which of them nobody of the viewers has looked through; those (all filtered) keep their range maps. May be asked
   /// again, and what follows with it.
   virtual void judge(Frame& reference, const std::vector<const Frame*>& viewers) = 0;
 

@@ -39,7 +39,7 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   std::size_t decided = fused;
   if (options.free_space.enabled) {
     decided = add(Kind::kJudge, 0, {{fused, 0}, {filtered, reach.viewers_after}}, reach.near + reach.viewers_after);
-    keep(Artefact::kSight, stages_[filtered].lead, {{decided, reach.viewers_before}});
+    keep(Artefact::kRangeMap, stages_[filtered].lead, {{decided, reach.viewers_before}});
   }
   const int rounds = ownership_rounds(options);
   for (int round = 1; round <= rounds; ++round) {

@@ -18,7 +18,7 @@ enum class Artefact {
   kPlanes,     ///< of the passes of PatchMatch
   kMedian,     ///< planes after the last pass and the median filter
   kFiltered,   ///< confidence after the consistency filter
-  kSight,      ///< sight map
+  kRangeMap,   ///< range map
   kSurfels,    ///< points of the pixels, and their standings
 };
 

@@ -104,7 +104,7 @@ class StageEngine final : public Engine {
         context_.stats.seconds_consistency, [&](Counts* counts) { on.launch(stage, counts); },
         [&stats = context_.stats](const std::int64_t* numbers) { stats.pixels_after_consistency += numbers[1]; });
     if (context_.results.cloud && context_.options.free_space.enabled) {
-      find_sight(reference, filtered(planes, confidence, on), on);
+      find_ranges(reference, filtered(planes, confidence, on), on);
     }
     if (context_.results.filtered_depth && reference.asked_for) {
       hand_out_depths(reference, planes, confidence.get(), context_.results.filtered_depth, on);
@@ -166,7 +166,7 @@ class StageEngine final : public Engine {
     const auto surfels = reference.surfels.get();
     const auto details = reference.details.get();
     auto standings = on.template array<std::uint8_t>(pixels());
-    std::vector<Array<float>> sights;  // as long as the stage looks at them
+    std::vector<Array<float>> range_maps;  // as long as the stage looks at them
     std::vector<kernels::Rigid> from_viewers;
     kernels::Eligibility stage{};
     stage.surfels = surfels.get();
@@ -175,15 +175,15 @@ class StageEngine final : public Engine {
     for (const Frame* asked : viewers) {
       const StageFrame& viewer = own(*asked);
       const Relation to = relation(viewer.pose, reference.pose, lens());
-      const float* const nearest = sights.emplace_back(viewer.nearest.get(on)).get();
-      const float* const farthest = sights.emplace_back(viewer.farthest.get(on)).get();
-      stage.viewers[stage.count++] = {{nearest, farthest, context_.options.width / kernels::kSightCell,
-                                       context_.options.height / kernels::kSightCell},
+      const float* const nearest = range_maps.emplace_back(viewer.nearest.get(on)).get();
+      const float* const farthest = range_maps.emplace_back(viewer.farthest.get(on)).get();
+      stage.viewers[stage.count++] = {{nearest, farthest, context_.options.width / kernels::kRangeCell,
+                                       context_.options.height / kernels::kRangeCell},
                                       to.other_from_first,
                                       to.zoom};
       from_viewers.push_back(relation(reference.pose, viewer.pose, lens()).other_from_first);
     }
-    stage.limits = sight_limits(context_.options.free_space);
+    stage.limits = free_space_limits(context_.options.free_space);
     stage.max_contradiction = static_cast<float>(context_.options.free_space.max_contradiction);
     stage.standings = standings.get();
     Mirrors mirrors;
@@ -281,7 +281,7 @@ class StageEngine final : public Engine {
       case Artefact::kFiltered:
         done.confidence.reset();
         break;
-      case Artefact::kSight:
+      case Artefact::kRangeMap:
         done.nearest.reset();
         done.farthest.reset();
         break;
@@ -340,7 +340,7 @@ class StageEngine final : public Engine {
     Waiting<Plane> raws[2];                   ///< after the last even and the last odd pass of PatchMatch
     Waiting<Plane> median;                    ///< after the last pass and the median filter
     Waiting<float> confidence;                ///< after the consistency filter; 0 = no depth
-    Waiting<float> nearest, farthest;         ///< see SightMap
+    Waiting<float> nearest, farthest;         ///< see RangeMap
     Waiting<std::uint32_t> surfels, details;  ///< see SurfelMap
     Waiting<std::uint8_t> agree;              ///< there, too
     Waiting<std::uint8_t> standings[2];       ///< after the last even and the last odd round of ownership
@@ -557,11 +557,11 @@ class StageEngine final : public Engine {
     reference.median.put(std::move(median), on.plane_numbers());
   }
 
-  void find_sight(StageFrame& frame, const kernels::FilteredMap<Map>& map, Processor& on) {
+  void find_ranges(StageFrame& frame, const kernels::FilteredMap<Map>& map, Processor& on) {
     auto nearest = on.template array<float>(cells());
     auto farthest = on.template array<float>(cells());
     on.timed(context_.stats.seconds_free_space, [&] {
-      on.launch(kernels::FindSight<Views>{map, on.grid(), nearest.get(), farthest.get()}, nullptr);
+      on.launch(kernels::FindRanges<Views>{map, on.grid(), nearest.get(), farthest.get()}, nullptr);
     });
     frame.nearest.put(std::move(nearest), cells());
     frame.farthest.put(std::move(farthest), cells());
@@ -578,7 +578,7 @@ class StageEngine final : public Engine {
   std::size_t pixels() const {
     return static_cast<std::size_t>(context_.options.width) * static_cast<std::size_t>(context_.options.height);
   }
-  std::size_t cells() const { return pixels() / (kernels::kSightCell * kernels::kSightCell); }
+  std::size_t cells() const { return pixels() / (kernels::kRangeCell * kernels::kRangeCell); }
   double lens() const { return 0.5 * context_.options.lens_distance; }
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
 

@@ -12,7 +12,7 @@
 #include "pmsp/options.h"
 #include "pmsp/plane_map.h"
 #include "pmsp/point_cloud.h"
-#include "pmsp/sight_map.h"
+#include "pmsp/range_map.h"
 #include "pmsp/transform.h"
 
 /// Points of many keyframes without floaters and without duplicates, in three steps that each look at stated keyframes
@@ -50,8 +50,8 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
                       const Executor& executor);
 
 /// A keyframe that is asked about another one's points.
-struct SightFrom {
-  const SightMap* sight = nullptr;  ///< its own pose is not looked at
+struct RangeMapFrom {
+  const RangeMap* ranges = nullptr;  ///< its own pose is not looked at
   KeyframePose pose;
 };
 
@@ -65,7 +65,7 @@ struct SightFrom {
 /// Returns the standings: points that stay are open, the others make no point. May be asked again at any time, with
 /// other poses. `viewers`: of the same size; a plan (pmsp/plan.h) says which are worth it. Throws InvalidOption,
 /// InvalidInput.
-Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
+Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const std::vector<RangeMapFrom>& viewers,
                           const FreeSpaceOptions& options, const Executor& executor);
 
 /// A keyframe's points and what has been decided of them so far.

@@ -59,7 +59,7 @@ struct PlanEntry {
   std::int64_t id = 0;
   KeyframeUse use = KeyframeUse::kNoLandmarks;
   std::vector<std::int64_t> near;            ///< matched with; lend planes and images; the most useful first
-  std::vector<std::int64_t> far;             ///< matched with besides; lend images and sight maps only
+  std::vector<std::int64_t> far;             ///< matched with besides; lend images and range maps only
   std::optional<std::int64_t> first_planes;  ///< keyframe whose planes of the first pass are warped into this one
   DepthRange range;                          ///< [scene units]; {0, 0} without landmarks
   std::vector<std::int64_t> consistency;     ///< whose planes the consistency filter compares
@@ -116,7 +116,7 @@ constexpr std::int64_t kViewBlock = 64;
 /// `free_space.whole_mission` four, else two; none with `fusion.spacing_px` 0).
 ///
 /// points(i) need round R of i; round r those before of i and of its owners; round 0, the eligible points, filtered
-/// planes of i and its fusion window, and the sight maps of its viewers; sight(i) filtered(i); filtered(i) planes P of
+/// planes of i and its fusion window, and the range maps of its viewers; ranges(i) filtered(i); filtered(i) planes P of
 /// the consistency window; planes p those of pass p - 1 of itself and its near neighbours, and images of all
 /// neighbours; planes 0 those images and planes 0 of `first_planes`.
 ///
@@ -125,14 +125,15 @@ struct Halo {
   std::vector<std::int64_t> clouds;               ///< those asked for that get points
   std::vector<std::vector<std::int64_t>> rounds;  ///< standings of pixels' points after each round, 0 to R; 0 = those
                                                   ///< that nobody has looked through
-  std::vector<std::int64_t> sights;               ///< sight maps
+  std::vector<std::int64_t> range_maps;           ///< range maps
   std::vector<std::int64_t> filtered;             ///< planes after the median and consistency filters
   std::vector<std::vector<std::int64_t>> planes;  ///< of each pass, 0 to P
   std::vector<std::int64_t> images;               ///< prepared images
 };
 
 /// `options`: those that the plan was made with. `points`: false = what the filtered depth maps of `ids` depend on;
-/// `clouds`, `rounds` and `sights` then name nobody. Throws InvalidOption where first planes form a chain without end
+/// `clouds`, `rounds` and `range_maps` then name nobody. Throws InvalidOption where first planes form a chain without
+/// end
 /// (`init.warp_previous` with `init.chain_keyframes` 0), InvalidInput when the plan lacks one of `ids`, or a keyframe
 /// that it names.
 Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points = true);

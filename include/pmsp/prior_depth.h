@@ -10,17 +10,17 @@
 namespace pmsp {
 
 /// What the values v of a depth image from elsewhere stand for, up to a scale and a shift.
-enum class DepthReading {
+enum class DepthModel {
   kScaled,   ///< depth = scale * v: lidar, metric networks, other reconstructions
   kDepth,    ///< depth = scale * v + shift
   kInverse,  ///< 1 / depth = scale * v + shift: disparities, what most networks give
   kWarped,   ///< 1 / depth = scale / v + shift: depth made of disparities whose shift was not known
 };
-const char* name_of(DepthReading reading);
+const char* name_of(DepthModel model);
 
 /// How a depth image fits a keyframe's landmarks.
 struct DepthAlignment {
-  DepthReading reading = DepthReading::kScaled;
+  DepthModel model = DepthModel::kScaled;
   double scale = 0.0;
   double shift = 0.0;
   std::size_t landmarks = 0;  ///< that have a value in the image
@@ -30,8 +30,8 @@ struct DepthAlignment {
 };
 
 /// Finds scale (> 0) and shift of an image of values along each pixel's ray (0, or not finite = none) by the
-/// keyframe's landmarks: of pairs of landmarks (RANSAC, the same pairs each time) for each reading the one that most
-/// agree with, then least squares of what agrees. The reading with the smallest sum of relative errors (each at most
+/// keyframe's landmarks: of pairs of landmarks (RANSAC, the same pairs each time) for each model the one that most
+/// agree with, then least squares of what agrees. The model with the smallest sum of relative errors (each at most
 /// 15 %) is taken; kScaled where it is hardly worse. Left out is an image with fewer than 12 landmarks, one in which
 /// less than 60 % of them agree, and one that tells little more than the same depth everywhere.
 DepthAlignment align_prior_depth(ImageView<const float> values, const Keyframe& keyframe);

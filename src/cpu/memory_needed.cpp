@@ -123,7 +123,7 @@ MemoryNeeded memory_needed(const DensifierOptions& options, std::int64_t used) {
                                             flight.left(Artefact::kPlanes, matched)
                                       : 0.0);
     const std::int64_t filtered = flight.through(Kind::kFilter);
-    const double waiting = pixels * (2.0 * flight.left(Artefact::kSight, filtered) +
+    const double waiting = pixels * (2.0 * flight.left(Artefact::kRangeMap, filtered) +
                                      surfel * flight.left(Artefact::kSurfels, flight.through(Kind::kFuse))) +
                            2.0 * texels * std::max(0.0, far_images);
     const double held =

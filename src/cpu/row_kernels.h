@@ -11,7 +11,7 @@
 #include "ownership.h"
 #include "patchmatch.h"
 #include "plane_prior.h"
-#include "sight.h"
+#include "range_map.h"
 #include "stage.h"
 
 // The CPU backend: the stages over one row of pixels, once for each instruction set. This header is included by code of
@@ -32,7 +32,7 @@ struct StageList {
   using Rows = std::tuple<RowOf<Stages>...>;
 };
 using RowStages = StageList<kernels::MedianFilter<HostMachine>, kernels::ConsistencyFilter<HostMachine>,
-                            kernels::FindSight<HostMachine>, kernels::FusePixels<HostMachine>, kernels::Eligibility,
+                            kernels::FindRanges<HostMachine>, kernels::FusePixels<HostMachine>, kernels::Eligibility,
                             kernels::FindMirrored, kernels::ConfirmMirrors, kernels::TextureVariance<HostMachine>>;
 
 template <class Stage, class... Stages>

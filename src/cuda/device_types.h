@@ -13,7 +13,7 @@
 #include "ownership.h"
 #include "patchmatch.h"
 #include "plane_prior.h"
-#include "sight.h"
+#include "range_map.h"
 
 // What kernels are called with. Pointers are device pointers. Images are row-major without padding unless it says
 // otherwise.

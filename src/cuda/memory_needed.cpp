@@ -32,7 +32,7 @@ std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::si
       return 16 * pixels;
     case Artefact::kFiltered:
       return 4 * pixels;
-    case Artefact::kSight:
+    case Artefact::kRangeMap:
       return 2 * pixels;
     case Artefact::kSurfels:
       return (2 * 4 + 2 + static_cast<std::size_t>(agree_bytes(options.fusion))) * pixels;
@@ -51,14 +51,14 @@ std::size_t memory_needed(const DensifierOptions& options) {
     bytes += static_cast<std::size_t>(lifetime.keyframes) * bytes_of(lifetime.artefact, options, pixels, side);
   }
   if (!options.scratch_folder.empty()) {  // what waits is there, but for copies of what a stage looks at
-    for (const Artefact artefact : {Artefact::kSight, Artefact::kSurfels}) {
+    for (const Artefact artefact : {Artefact::kRangeMap, Artefact::kSurfels}) {
       bytes -= static_cast<std::size_t>(schedule.keyframes_with(artefact)) * bytes_of(artefact, options, pixels, side);
     }
     const std::int64_t far_only =
         schedule.keyframes_with(Artefact::kFarImage) - schedule.keyframes_with(Artefact::kImage);
     const std::int64_t unpacked = std::min<std::int64_t>(far_only, kernels::kMaxViews);
     bytes -= static_cast<std::size_t>(far_only - unpacked) * bytes_of(Artefact::kFarImage, options, pixels, side);
-    constexpr std::size_t kOfMost = 6;  // of a viewer: sight, surfels and standings; a pool keeps each size apart
+    constexpr std::size_t kOfMost = 6;  // of a viewer: range map, surfels and standings; a pool keeps each size apart
     bytes += (kernels::kMaxViewers * kOfMost + bytes_of(Artefact::kSurfels, options, 1, 0)) * pixels;
   }
   // State, warped planes, keys, gray, masks; what is known of mirrors.

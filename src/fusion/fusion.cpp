@@ -91,7 +91,7 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   return fused;
 }
 
-Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const std::vector<SightFrom>& viewers,
+Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const std::vector<RangeMapFrom>& viewers,
                           const FreeSpaceOptions& options, const Executor& executor) {
   options.validate();
   check_scale("judge: ", pose.scale);
@@ -105,19 +105,19 @@ Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const 
   stage.surfels = map.surfels.pixels().data();
   stage.details = map.details.pixels().data();
   stage.grid = on.grid();
-  stage.limits = sight_limits(options);
+  stage.limits = free_space_limits(options);
   stage.max_contradiction = static_cast<float>(options.max_contradiction);
   stage.standings = standings.pixels().data();
-  for (const SightFrom& viewer : viewers) {
-    if (viewer.sight == nullptr) throw InvalidInput("judge: a viewer lacks its sight map");
-    const Image<float>& nearest = viewer.sight->nearest;
+  for (const RangeMapFrom& viewer : viewers) {
+    if (viewer.ranges == nullptr) throw InvalidInput("judge: a viewer lacks its range map");
+    const Image<float>& nearest = viewer.ranges->nearest;
     if (2 * nearest.width() != width || 2 * nearest.height() != height) {
       throw InvalidInput("judge: maps differ in size");
     }
     check_scale("judge: ", viewer.pose.scale);
     const Relation to = relation(viewer.pose, pose);
     stage.viewers[stage.count++] = {
-        {nearest.pixels().data(), viewer.sight->farthest.pixels().data(), nearest.width(), nearest.height()},
+        {nearest.pixels().data(), viewer.ranges->farthest.pixels().data(), nearest.width(), nearest.height()},
         to.other_from_first,
         to.zoom};
     from_viewers.push_back(relation(pose, viewer.pose).other_from_first);

@@ -22,7 +22,7 @@ kernels::OwnershipLimits ownership_limits(const FusionOptions& options) {
           min_cos_normals(options)};
 }
 
-kernels::SightLimits sight_limits(const FreeSpaceOptions& options) {
+kernels::FreeSpaceLimits free_space_limits(const FreeSpaceOptions& options) {
   const float tolerance = static_cast<float>(options.max_relative_depth);
   return {1.0F - static_cast<float>(options.min_relative_gap), 1.0F - tolerance, 1.0F + tolerance};
 }

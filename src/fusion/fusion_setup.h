@@ -5,7 +5,7 @@
 #include "ownership.h"
 #include "pmsp/fusion.h"
 #include "pmsp/options.h"
-#include "sight.h"
+#include "range_map.h"
 
 // What the kernels of fusion are given, on every machine.
 namespace pmsp {
@@ -15,6 +15,6 @@ inline int agree_bytes(const FusionOptions& options) { return (options.window - 
 
 kernels::FusionLimits fusion_limits(const FusionOptions& options);
 kernels::OwnershipLimits ownership_limits(const FusionOptions& options);
-kernels::SightLimits sight_limits(const FreeSpaceOptions& options);
+kernels::FreeSpaceLimits free_space_limits(const FreeSpaceOptions& options);
 
 }  // namespace pmsp

@@ -21,7 +21,7 @@ template <class Processor>
 Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_viewers, kernels::Eligibility& judge) {
   if (judge.count < 2) return {};  // a mirror image wants two witnesses
   const kernels::GridView grid = on.grid();
-  const int cells = grid.width / kernels::kSightCell * (grid.height / kernels::kSightCell);
+  const int cells = grid.width / kernels::kRangeCell * (grid.height / kernels::kRangeCell);
   const auto found = on.template array<kernels::WidePlane>(kernels::kFields);
   const auto counts = on.template array<kernels::MirrorCounts>(kernels::kFields);
   const auto words = [&] { return on.template array<std::uint32_t>(static_cast<std::size_t>(cells)); };
@@ -50,7 +50,7 @@ Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_view
     const kernels::Rigid& from_viewer = from_viewers[static_cast<std::size_t>(k)];
     choice.viewers[k] = {from_viewer.t[0], from_viewer.t[1], from_viewer.t[2]};
     behind.viewers[k] = judge.viewers[k];
-    front.viewers[k] = {judge.viewers[k].sight, from_viewer};
+    front.viewers[k] = {judge.viewers[k].ranges, from_viewer};
   }
   on.launch(behind, nullptr);
   on.launch(front, nullptr);

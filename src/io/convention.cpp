@@ -9,7 +9,7 @@
 
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "readings.h"
+#include "pose_convention.h"
 #include "util/median.h"
 
 namespace pmsp {
@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::size_t kFewest = 100;
 constexpr std::size_t kMostOfKeyframe = 200;
-constexpr double kClearlyBetter = 0.4;  ///< of the median error: the other reading's at most
+constexpr double kClearlyBetter = 0.4;  ///< of the median error: the other convention's at most
 constexpr double kStillFits = 0.01;     ///< of the width: what fits worse fits by chance
 constexpr double kHalf = 0.5;
 constexpr double kHalfTolerance = 0.15;  ///< [px]
@@ -64,12 +64,12 @@ Eigen::Vector2d residual(const Sample& sample, const RigidTransform& pose) {
   return off;
 }
 
-double median_error(const std::vector<Sample>& samples, const map_detail::Reading* reading) {
+double median_error(const std::vector<Sample>& samples, const map_detail::PoseConvention* convention) {
   std::vector<double> errors;
   errors.reserve(samples.size());
   for (const Sample& sample : samples) {
     const RigidTransform& pose = sample.keyframe->cam_from_world;
-    errors.push_back(residual(sample, reading != nullptr ? reading->of(pose) : pose).norm());
+    errors.push_back(residual(sample, convention != nullptr ? convention->of(pose) : pose).norm());
   }
   return median(errors);
 }
@@ -129,7 +129,7 @@ void check_half_pixel(const SlamMap& map, const std::vector<Sample>& samples, Co
 
 namespace map_detail {
 
-std::vector<Reading> other_readings() {
+std::vector<PoseConvention> other_conventions() {
   struct Camera {
     const char* as_they_are;
     const char* inverted;
@@ -145,12 +145,12 @@ std::vector<Reading> other_readings() {
       {"images turned by a quarter of their width to the left", "inverted poses of turned images", quarter_turn(1.0)},
       {"images turned by a quarter of their width to the right", "inverted poses of turned images", quarter_turn(-1.0)},
   }};
-  std::vector<Reading> readings;
+  std::vector<PoseConvention> conventions;
   for (const Camera& camera : cameras) {
-    if (*camera.as_they_are != '\0') readings.push_back({camera.as_they_are, false, camera.axes});
-    readings.push_back({camera.inverted, true, camera.axes});
+    if (*camera.as_they_are != '\0') conventions.push_back({camera.as_they_are, false, camera.axes});
+    conventions.push_back({camera.inverted, true, camera.axes});
   }
-  return readings;
+  return conventions;
 }
 
 }  // namespace map_detail
@@ -165,11 +165,11 @@ ConventionCheck check_convention(const SlamMap& map) {
   double width = 0.0;
   for (const MapCamera& camera : map.cameras) width = std::max(width, static_cast<double>(camera.width));
   double best = std::min(kClearlyBetter * check.median_error_px, kStillFits * width);
-  for (const map_detail::Reading& reading : map_detail::other_readings()) {
-    const double error = median_error(samples, &reading);
+  for (const map_detail::PoseConvention& convention : map_detail::other_conventions()) {
+    const double error = median_error(samples, &convention);
     if (error >= best) continue;
     best = check.better_error_px = error;
-    check.fits_better = reading.what;
+    check.fits_better = convention.what;
   }
   if (check.fits_better.empty()) check_half_pixel(map, samples, check);
   return check;
@@ -182,8 +182,8 @@ ConventionCheck require_convention(const SlamMap& map) {
   std::snprintf(errors, sizeof(errors), "median error %.3g px instead of %.3g px", check.better_error_px,
                 check.median_error_px);
   throw InvalidInput(map.path.string() +
-                     ": its points and observations fit another reading clearly better: " + check.fits_better + ", " +
-                     errors + "; put that right where the file was written, a cloud of it would be wrong");
+                     ": its points and observations fit another convention clearly better: " + check.fits_better +
+                     ", " + errors + "; put that right where the file was written, a cloud of it would be wrong");
 }
 
 }  // namespace pmsp

@@ -17,17 +17,17 @@
 namespace pmsp {
 namespace {
 
-constexpr std::size_t kTrialRuns = 3;  ///< pairs of neighbouring keyframes that a reading is tried on
+constexpr std::size_t kTrialRuns = 3;  ///< pairs of neighbouring keyframes that a scheme is tried on
 constexpr int kTrialComparisons = 30;  ///< fewer say nothing
 constexpr double kTrialClear = 0.8;    ///< likeness that no shifted pairing reaches
-constexpr double kTrialBetter = 0.03;  ///< of the likeness, by which a less plausible reading must be better
+constexpr double kTrialBetter = 0.03;  ///< of the likeness, by which a less plausible scheme must be better
 constexpr int kTrialWidth = 960;       ///< [px] to which larger JPEGs are reduced while they are decoded
 
-/// Keyframes of a reading that have a file, in order of time.
-std::vector<std::size_t> paired_keyframes(const SlamMap& map, const io::Reading& reading) {
+/// Keyframes of a scheme that have a file, in order of time.
+std::vector<std::size_t> paired_keyframes(const SlamMap& map, const io::NamingScheme& scheme) {
   std::vector<std::size_t> paired;
   for (std::size_t k = 0; k < map.keyframes.size(); ++k)
-    if (reading.file[k] >= 0) paired.push_back(k);
+    if (scheme.file[k] >= 0) paired.push_back(k);
   std::stable_sort(paired.begin(), paired.end(), [&](std::size_t a, std::size_t b) {
     return map.keyframes[a].timestamp < map.keyframes[b].timestamp;
   });
@@ -52,14 +52,14 @@ int trial_flags(const MapCamera& camera) {
   return camera.width >= 2 * kTrialWidth ? cv::IMREAD_REDUCED_COLOR_2 : cv::IMREAD_COLOR;
 }
 
-/// How well the images of a reading fit their keyframes, tried on a few.
-PairingVerifier::Verdict try_reading(const SlamMap& map, const io::Reading& reading,
-                                     const std::vector<io::NumberedFile>& files) {
+/// How well the images of a scheme fit their keyframes, tried on a few.
+PairingVerifier::Verdict try_scheme(const SlamMap& map, const io::NamingScheme& scheme,
+                                    const std::vector<io::NumberedFile>& files) {
   PairingVerifier verifier(map);
   std::vector<std::pair<std::int64_t, std::future<Image<Rgb>>>> images;  // all at the same time
-  for (const std::size_t k : trial_keyframes(paired_keyframes(map, reading))) {
+  for (const std::size_t k : trial_keyframes(paired_keyframes(map, scheme))) {
     const MapCamera& camera = map.cameras[static_cast<std::size_t>(map.keyframes[k].camera)];
-    const auto& path = files[static_cast<std::size_t>(reading.file[k])].path;
+    const auto& path = files[static_cast<std::size_t>(scheme.file[k])].path;
     images.emplace_back(map.keyframes[k].id, std::async(std::launch::async, [&path, &camera] {
                           return io::rgb_from_bgr(io::decode_image_file(path, trial_flags(camera)));
                         }));
@@ -68,7 +68,7 @@ PairingVerifier::Verdict try_reading(const SlamMap& map, const io::Reading& read
     try {
       verifier.add(id, image.get().view());
     } catch (const Error&) {
-      continue;  // reported when the image's turn comes, if this reading is chosen
+      continue;  // reported when the image's turn comes, if this scheme is chosen
     }
   }
   return verifier.verdict();
@@ -76,12 +76,12 @@ PairingVerifier::Verdict try_reading(const SlamMap& map, const io::Reading& read
 
 /// Names alone cannot always tell (ids and frame indices of a short map look the same); the images can. Readings are
 /// tried in order of plausibility until one clearly fits.
-std::size_t choose_reading(const SlamMap& map, const std::vector<io::Reading>& readings,
-                           const std::vector<io::NumberedFile>& files) {
+std::size_t choose_scheme(const SlamMap& map, const std::vector<io::NamingScheme>& schemes,
+                          const std::vector<io::NumberedFile>& files) {
   std::size_t best = 0;
   std::optional<double> best_likeness;
-  for (std::size_t i = 0; i < readings.size() && readings.size() > 1; ++i) {
-    const PairingVerifier::Verdict verdict = try_reading(map, readings[i], files);
+  for (std::size_t i = 0; i < schemes.size() && schemes.size() > 1; ++i) {
+    const PairingVerifier::Verdict verdict = try_scheme(map, schemes[i], files);
     if (verdict.comparisons < kTrialComparisons) continue;
     if (verdict.likeness >= kTrialClear) return i;
     if (best_likeness && verdict.likeness <= *best_likeness + kTrialBetter) continue;
@@ -109,40 +109,40 @@ std::filesystem::path named_file(const std::filesystem::path& folder, const std:
 }
 
 /// Keyframes whose images the map names take exactly these.
-io::Reading read_map_names(const SlamMap& map, const std::filesystem::path& folder,
-                           std::vector<io::NumberedFile>& files) {
-  io::Reading reading;
-  reading.meaning = "those that " + map.path.filename().string() + " gives";
+io::NamingScheme read_map_names(const SlamMap& map, const std::filesystem::path& folder,
+                                std::vector<io::NumberedFile>& files) {
+  io::NamingScheme scheme;
+  scheme.meaning = "those that " + map.path.filename().string() + " gives";
   for (const MapKeyframe& keyframe : map.keyframes) {
     const std::filesystem::path path = keyframe.image.empty() ? "" : named_file(folder, keyframe.image);
-    reading.file.push_back(path.empty() ? -1 : static_cast<int>(files.size()));
-    reading.reason.push_back(keyframe.image.empty() ? "the map names no image for it"
-                             : path.empty()         ? "there is no " + (folder / keyframe.image).string()
-                                                    : "");
+    scheme.file.push_back(path.empty() ? -1 : static_cast<int>(files.size()));
+    scheme.reason.push_back(keyframe.image.empty() ? "the map names no image for it"
+                            : path.empty()         ? "there is no " + (folder / keyframe.image).string()
+                                                   : "");
     if (path.empty()) continue;
     io::NumberedFile file;
     file.path = path;
     files.push_back(std::move(file));
-    ++reading.found;
+    ++scheme.found;
   }
-  return reading;
+  return scheme;
 }
 
 class ImageFolder final : public ImageSource {
  public:
-  ImageFolder(const SlamMap& map, const std::filesystem::path& folder, const io::Reading& reading,
+  ImageFolder(const SlamMap& map, const std::filesystem::path& folder, const io::NamingScheme& scheme,
               const std::vector<io::NumberedFile>& files, bool told_by_images) {
-    for (const std::size_t k : paired_keyframes(map, reading)) {
+    for (const std::size_t k : paired_keyframes(map, scheme)) {
       const MapKeyframe& keyframe = map.keyframes[k];
       ids_.push_back(keyframe.id);
-      plan_.push_back({files[static_cast<std::size_t>(reading.file[k])].path,
+      plan_.push_back({files[static_cast<std::size_t>(scheme.file[k])].path,
                        map.cameras[static_cast<std::size_t>(keyframe.camera)]});
     }
     for (std::size_t k = 0; k < map.keyframes.size(); ++k)
-      if (reading.file[k] < 0) skipped_.push_back({map.keyframes[k].id, reading.reason[k]});
+      if (scheme.file[k] < 0) skipped_.push_back({map.keyframes[k].id, scheme.reason[k]});
     description_ = std::to_string(ids_.size()) + " of " + std::to_string(map.keyframes.size()) +
-                   " keyframes found in " + folder.string() + ": file names are " + reading.meaning;
-    if (told_by_images) description_ += "; names alone would allow another reading, whose images do not fit";
+                   " keyframes found in " + folder.string() + ": file names are " + scheme.meaning;
+    if (told_by_images) description_ += "; names alone would allow another scheme, whose images do not fit";
   }
 
   const std::vector<std::int64_t>& keyframe_ids() const override { return ids_; }
@@ -219,29 +219,29 @@ std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::fi
                     " names");
     }
     std::vector<io::NumberedFile> named;
-    const io::Reading reading = read_map_names(map, folder, named);
-    if (reading.found == 0) {
+    const io::NamingScheme scheme = read_map_names(map, folder, named);
+    if (scheme.found == 0) {
       throw InvalidInput(folder.string() + ": none of the " + std::to_string(map.keyframes.size()) +
-                         " images that the map names is there: " + reading.reason.front() +
+                         " images that the map names is there: " + scheme.reason.front() +
                          "; names count from the folder that is given");
     }
-    return std::make_unique<ImageFolder>(map, folder, reading, named, false);
+    return std::make_unique<ImageFolder>(map, folder, scheme, named, false);
   }
   std::size_t unnumbered = 0;
   const std::vector<io::NumberedFile> files = io::list_numbered_images(folder, unnumbered);
   if (files.empty())
     throw InvalidInput(folder.string() + ": no image in it (" + std::to_string(unnumbered) +
                        " found) has a number in its name; expected keyframe ids, timestamps or frame indices");
-  const std::vector<io::Reading> readings = io::find_readings(map, files, options);
-  if (readings.empty())
+  const std::vector<io::NamingScheme> schemes = io::find_naming_schemes(map, files, options);
+  if (schemes.empty())
     throw InvalidInput(
         folder.string() + ": the " + std::to_string(files.size()) + " images (such as " +
         files.front().path.filename().string() + ") fit none of the " + std::to_string(map.keyframes.size()) +
         " keyframes of " + map.path.string() +
         ", neither as keyframe ids nor as timestamps nor as frame indices; rename them, or set --fps and "
         "--frame-offset");
-  const std::size_t chosen = choose_reading(map, readings, files);
-  return std::make_unique<ImageFolder>(map, folder, readings[chosen], files, chosen > 0);
+  const std::size_t chosen = choose_scheme(map, schemes, files);
+  return std::make_unique<ImageFolder>(map, folder, schemes[chosen], files, chosen > 0);
 }
 
 }  // namespace pmsp

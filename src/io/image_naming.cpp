@@ -103,45 +103,45 @@ Series make_series(const std::vector<NumberedFile>& files, const std::vector<int
   return series;
 }
 
-/// Where a reading looks for a keyframe's file: its index or -1, and in `key` what was looked for.
+/// Where a scheme looks for a keyframe's file: its index or -1, and in `key` what was looked for.
 using Finder = std::function<int(const MapKeyframe&, std::string& key)>;
 
-Reading read_names(const SlamMap& map, const Series& series, const Finder& find, bool by_time, std::string meaning,
-                   int rank) {
-  Reading reading;
-  reading.meaning = std::move(meaning);
-  reading.rank = rank;
-  reading.file.assign(map.keyframes.size(), -1);
-  reading.reason.resize(map.keyframes.size());
+NamingScheme read_names(const SlamMap& map, const Series& series, const Finder& find, bool by_time, std::string meaning,
+                        int rank) {
+  NamingScheme scheme;
+  scheme.meaning = std::move(meaning);
+  scheme.rank = rank;
+  scheme.file.assign(map.keyframes.size(), -1);
+  scheme.reason.resize(map.keyframes.size());
   const std::vector<int> repeated = by_time ? earlier_with_same_timestamp(map) : std::vector<int>();
   std::unordered_map<int, std::int64_t> taken;
   for (std::size_t k = 0; k < map.keyframes.size(); ++k) {
     if (by_time && repeated[k] >= 0) {
-      reading.reason[k] = same_timestamp_reason(map.keyframes[static_cast<std::size_t>(repeated[k])]);
+      scheme.reason[k] = same_timestamp_reason(map.keyframes[static_cast<std::size_t>(repeated[k])]);
       continue;
     }
     std::string key;
     const int file = find(map.keyframes[k], key);
     if (file < 0) {
-      reading.reason[k] = "no image for " + key;
+      scheme.reason[k] = "no image for " + key;
       continue;
     }
     const auto [other, is_free] = taken.emplace(file, map.keyframes[k].id);
     if (!is_free) {
-      reading.reason[k] = (*series.files)[static_cast<std::size_t>(file)].path.filename().string() +
-                          " is already the image of keyframe " + std::to_string(other->second);
+      scheme.reason[k] = (*series.files)[static_cast<std::size_t>(file)].path.filename().string() +
+                         " is already the image of keyframe " + std::to_string(other->second);
       continue;
     }
-    reading.file[k] = file;
-    ++reading.found;
+    scheme.file[k] = file;
+    ++scheme.found;
   }
-  return reading;
+  return scheme;
 }
 
 class ReadingFinder {
  public:
   ReadingFinder(const SlamMap& map, const Series& series, const ImageFolderOptions& options, int penalty,
-                std::vector<Reading>& out)
+                std::vector<NamingScheme>& out)
       : map_(map), series_(series), options_(options), penalty_(penalty), out_(out) {}
 
   void find_all() {
@@ -246,7 +246,7 @@ class ReadingFinder {
   const Series& series_;
   const ImageFolderOptions& options_;
   int penalty_;
-  std::vector<Reading>& out_;
+  std::vector<NamingScheme>& out_;
 };
 
 /// Files of one series each, the largest first; programs put masks and depth beside the images under names of their
@@ -303,15 +303,15 @@ std::vector<NumberedFile> list_numbered_images(const std::filesystem::path& fold
   return files;
 }
 
-std::vector<Reading> find_readings(const SlamMap& map, const std::vector<NumberedFile>& files,
-                                   const ImageFolderOptions& options) {
-  std::vector<Reading> all;
+std::vector<NamingScheme> find_naming_schemes(const SlamMap& map, const std::vector<NumberedFile>& files,
+                                              const ImageFolderOptions& options) {
+  std::vector<NamingScheme> all;
   if (map.keyframes.empty()) return all;
   for (const auto& [around, members] : group_by_series(files)) {
     const Series series = make_series(files, members);
     ReadingFinder(map, series, options, series_penalty(around), all).find_all();
   }
-  std::stable_sort(all.begin(), all.end(), [](const Reading& a, const Reading& b) {
+  std::stable_sort(all.begin(), all.end(), [](const NamingScheme& a, const NamingScheme& b) {
     const bool likely_a = a.rank < kLessLikelySeries;
     const bool likely_b = b.rank < kLessLikelySeries;
     if (likely_a != likely_b) return likely_a;
@@ -319,13 +319,13 @@ std::vector<Reading> find_readings(const SlamMap& map, const std::vector<Numbere
   });
   const int least = std::min(2, static_cast<int>(map.keyframes.size()));
   int most = 0;
-  for (const Reading& reading : all) most = std::max(most, reading.found);
-  std::vector<Reading> distinct;
-  for (Reading& reading : all) {
-    if (reading.found < least || 2 * reading.found < most) continue;
-    const bool known =
-        std::any_of(distinct.begin(), distinct.end(), [&](const Reading& other) { return other.file == reading.file; });
-    if (!known) distinct.push_back(std::move(reading));
+  for (const NamingScheme& scheme : all) most = std::max(most, scheme.found);
+  std::vector<NamingScheme> distinct;
+  for (NamingScheme& scheme : all) {
+    if (scheme.found < least || 2 * scheme.found < most) continue;
+    const bool known = std::any_of(distinct.begin(), distinct.end(),
+                                   [&](const NamingScheme& other) { return other.file == scheme.file; });
+    if (!known) distinct.push_back(std::move(scheme));
   }
   return distinct;
 }

@@ -28,18 +28,18 @@ bool is_image_name(const std::filesystem::path& path);
 std::vector<NumberedFile> list_numbered_images(const std::filesystem::path& folder, std::size_t& unnumbered);
 
 /// One way to read the names, and the pairing that it gives.
-struct Reading {
+struct NamingScheme {
   std::string meaning;              ///< of the names, for people: "frame indices (timestamp x 10 fps)"
   std::vector<int> file;            ///< for each keyframe of the map: index of the file, -1 = none
   std::vector<std::string> reason;  ///< for each keyframe: why it has none
   int found = 0;                    ///< keyframes with a file
-  int rank = 0;                     ///< the lower, the more plausible among readings that find equally many
+  int rank = 0;                     ///< the lower, the more plausible among schemes that find equally many
 };
 
-/// Readings that pair at least two keyframes (one, where the map has no more), the one that finds most first. Readings
-/// with equal pairings are given once, those that find less than half as many as the best are left out.
-std::vector<Reading> find_readings(const SlamMap& map, const std::vector<NumberedFile>& files,
-                                   const ImageFolderOptions& options);
+/// Naming schemes that pair at least two keyframes (one, where the map has no more), the one that finds most first.
+/// Readings with equal pairings are given once, those that find less than half as many as the best are left out.
+std::vector<NamingScheme> find_naming_schemes(const SlamMap& map, const std::vector<NumberedFile>& files,
+                                              const ImageFolderOptions& options);
 
 /// For each keyframe the index of an earlier one (smaller id) with the same timestamp, or -1.
 std::vector<int> earlier_with_same_timestamp(const SlamMap& map);

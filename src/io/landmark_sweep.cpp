@@ -14,7 +14,7 @@
 #include "elementary.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "readings.h"
+#include "pose_convention.h"
 #include "util/patch_correlation.h"
 #include "util/thread_pool.h"
 
@@ -39,10 +39,10 @@ constexpr float kSeen = 0.7F;          ///< NCC from which a neighbour observes 
 constexpr std::size_t kTrialKeyframes = 8;
 constexpr std::size_t kTrialStride = 4;
 constexpr double kClearlyMore = 1.8;  ///< times what the given poses find
-constexpr double kEnough = 0.15;      ///< of the patches, for another reading to mean something
+constexpr double kEnough = 0.15;      ///< of the patches, for another convention to mean something
 
 using Patch = std::array<float, kSide * kSide>;
-using map_detail::Reading;
+using map_detail::PoseConvention;
 
 /// A keyframe with its small image.
 struct View {
@@ -233,10 +233,10 @@ class Sweep {
   std::vector<View> views_;
 };
 
-/// Some keyframes, evenly spread, as another reading has the poses: the share of patches that are found.
-double share_of(std::vector<View> views, const Reading* reading, ThreadPool& pool) {
-  if (reading != nullptr) {
-    for (View& view : views) view.pose = reading->of(view.pose);
+/// Some keyframes, evenly spread, as another convention has the poses: the share of patches that are found.
+double share_of(std::vector<View> views, const PoseConvention* convention, ThreadPool& pool) {
+  if (convention != nullptr) {
+    for (View& view : views) view.pose = convention->of(view.pose);
   }
   const Sweep sweep(std::move(views));
   const std::size_t count = std::min(kTrialKeyframes, sweep.size());
@@ -300,19 +300,20 @@ void LandmarkSweep::add(std::int64_t keyframe_id, ImageView<const Rgb> image, Im
   impl_->views[keyframe_id] = std::move(view);
 }
 
-LandmarkSweep::Result LandmarkSweep::make_landmarks(SlamMap& map, int threads, bool try_readings) const {
+LandmarkSweep::Result LandmarkSweep::make_landmarks(SlamMap& map, int threads, bool try_conventions) const {
   std::vector<View> views;
   for (const auto& [id, view] : impl_->views) views.push_back(view);
   ThreadPool pool(threads);
   Result result;
-  const double given = try_readings ? share_of(views, nullptr, pool) : 1.0;
+  const double given = try_conventions ? share_of(views, nullptr, pool) : 1.0;
   double best = std::max(kClearlyMore * given, kEnough);
   const bool may_be_another = best < 1.0;
-  for (const Reading& reading : may_be_another ? map_detail::other_readings() : std::vector<Reading>()) {
-    const double share = share_of(views, &reading, pool);
+  for (const PoseConvention& convention :
+       may_be_another ? map_detail::other_conventions() : std::vector<PoseConvention>()) {
+    const double share = share_of(views, &convention, pool);
     if (share < best) continue;
     best = result.better_share = share;
-    result.fits_better = reading.what;
+    result.fits_better = convention.what;
   }
   result.share = given;
   if (!result.fits_better.empty()) return result;

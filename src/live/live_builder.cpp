@@ -29,7 +29,7 @@ constexpr double kStretch = 0.001;
 constexpr int kLevels[] = {2, 3};
 
 constexpr std::size_t kImagePixel = 6;    ///< bytes that a prepared image takes, for each pixel of the depth map
-constexpr std::size_t kResultPixel = 42;  ///< planes 16, confidence 4, colour 4, mask 1, sights 1, points 13, open 3
+constexpr std::size_t kResultPixel = 42;  ///< planes 16, confidence 4, colour 4, mask 1, range map 1, points 13, open 3
 
 std::size_t pixels_of(const DensifierOptions& options) {
   return static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);

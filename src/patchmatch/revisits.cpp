@@ -34,7 +34,7 @@ double parallax_deg(const Eigen::Vector3d& point, const Eigen::Vector3d& a, cons
 }
 
 /// How useful a candidate is for matching a point of the reference; 0 where it does not see it.
-double usefulness(const Outlook& candidate, const Eigen::Vector3d& point, const Eigen::Vector3d& center) {
+double usefulness(const Covisibility& candidate, const Eigen::Vector3d& point, const Eigen::Vector3d& center) {
   const Eigen::Vector3f p = (candidate.cam_from_world * point).cast<float>();
   if (!(p.squaredNorm() > 0.0F) || p.norm() > kMaxBeyond * candidate.farthest[cell_of(p)]) return 0.0;
   return parallax_usefulness(parallax_deg(point, center, candidate.cam_from_world.center()));
@@ -42,7 +42,7 @@ double usefulness(const Outlook& candidate, const Eigen::Vector3d& point, const 
 
 }  // namespace
 
-Outlook::Outlook(const Keyframe& keyframe)
+Covisibility::Covisibility(const Keyframe& keyframe)
     : cam_from_world(keyframe.cam_from_world), farthest(static_cast<std::size_t>(kColumns) * kRows, 0.0F) {
   struct Seen {
     float range;
@@ -67,23 +67,23 @@ Outlook::Outlook(const Keyframe& keyframe)
   for (Sample& sample : samples) sample.solid_angle /= total;
 }
 
-double outlook_usefulness(const Outlook& reference, const std::vector<Eigen::Vector3d>& chosen,
-                          const std::vector<const Outlook*>& others) {
+double covisible_usefulness(const Covisibility& reference, const std::vector<Eigen::Vector3d>& chosen,
+                            const std::vector<const Covisibility*>& others) {
   const Eigen::Vector3d center = reference.cam_from_world.center();
   double result = 0.0;
-  for (const Outlook::Sample& sample : reference.samples) {
+  for (const Covisibility::Sample& sample : reference.samples) {
     double best = 0.0;
     for (const Eigen::Vector3d& other : chosen) {
       best = std::max(best, parallax_usefulness(parallax_deg(sample.position_world, center, other)));
     }
-    for (const Outlook* other : others) best = std::max(best, usefulness(*other, sample.position_world, center));
+    for (const Covisibility* other : others) best = std::max(best, usefulness(*other, sample.position_world, center));
     result += sample.solid_angle * best;
   }
   return result;
 }
 
-std::vector<std::size_t> choose_revisits(const Outlook& reference, const std::vector<Eigen::Vector3d>& chosen,
-                                         const std::vector<const Outlook*>& candidates, int count) {
+std::vector<std::size_t> choose_revisits(const Covisibility& reference, const std::vector<Eigen::Vector3d>& chosen,
+                                         const std::vector<const Covisibility*>& candidates, int count) {
   const Eigen::Vector3d center = reference.cam_from_world.center();
   const std::size_t samples = reference.samples.size();
   std::vector<double> best(samples, 0.0);  // usefulness for each sample so far
@@ -95,8 +95,8 @@ std::vector<std::size_t> choose_revisits(const Outlook& reference, const std::ve
   }
   std::vector<double> useful(candidates.size() * samples);  // a row for each candidate
   double* value = useful.data();
-  for (const Outlook* candidate : candidates) {
-    for (const Outlook::Sample& sample : reference.samples) {
+  for (const Covisibility* candidate : candidates) {
+    for (const Covisibility::Sample& sample : reference.samples) {
       *value++ = usefulness(*candidate, sample.position_world, center);
     }
   }

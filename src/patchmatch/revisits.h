@@ -12,9 +12,9 @@ namespace pmsp {
 
 /// What a keyframe sees of its surroundings, by its landmarks, in a few hundred cells of a coarse panorama: enough to
 /// tell whether it and another keyframe see the same.
-struct Outlook {
-  Outlook() = default;  ///< of a keyframe that nobody asks about
-  explicit Outlook(const Keyframe& keyframe);
+struct Covisibility {
+  Covisibility() = default;  ///< of a keyframe that nobody asks about
+  explicit Covisibility(const Keyframe& keyframe);
 
   RigidTransform cam_from_world;
   std::vector<float> farthest;  ///< range of the farthest landmark of each cell, 0 = none: so far it is known to see
@@ -29,13 +29,13 @@ struct Outlook {
 
 /// How useful source keyframes are for matching what the reference sees, 0 to 1: the best of those at `chosen` (centres
 /// in the world, taken to see everything) and of `others`, averaged over the solid angle with landmarks.
-double outlook_usefulness(const Outlook& reference, const std::vector<Eigen::Vector3d>& chosen,
-                          const std::vector<const Outlook*>& others);
+double covisible_usefulness(const Covisibility& reference, const std::vector<Eigen::Vector3d>& chosen,
+                            const std::vector<const Covisibility*>& others);
 
 /// Chooses further source keyframes among `candidates`, from anywhere in the mission: those that see most of what the
 /// reference sees under a parallax that is more useful than what the source keyframes at `chosen` (their centres in the
 /// world) offer. `count` at most; fewer where there is little to gain. Returns indices into `candidates`.
-std::vector<std::size_t> choose_revisits(const Outlook& reference, const std::vector<Eigen::Vector3d>& chosen,
-                                         const std::vector<const Outlook*>& candidates, int count);
+std::vector<std::size_t> choose_revisits(const Covisibility& reference, const std::vector<Eigen::Vector3d>& chosen,
+                                         const std::vector<const Covisibility*>& candidates, int count);
 
 }  // namespace pmsp

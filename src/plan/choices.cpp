@@ -64,7 +64,7 @@ PlanNode::PlanNode(PlanKeyframe&& given, std::size_t index, bool looks_around) :
   keyframe.landmarks = std::move(given.landmarks);
   center = keyframe.cam_from_world.center();
   reach = reach_of(keyframe);
-  if (looks_around) outlook = Outlook(keyframe);
+  if (looks_around) covisibility = Covisibility(keyframe);
 }
 
 PreviousPlan::PreviousPlan(const Plan* plan) {
@@ -162,18 +162,18 @@ std::vector<std::size_t> choose_far(const PlanNode& node, const std::vector<Eige
                                     const std::vector<const PlanNode*>& candidates, int count,
                                     const PlanEntry* previous) {
   if (count == 0 || candidates.empty()) return {};
-  std::vector<const Outlook*> outlooks;
-  for (const PlanNode* candidate : candidates) outlooks.push_back(&candidate->outlook);
-  const std::vector<std::size_t> chosen = choose_revisits(node.outlook, centers, outlooks, count);
+  std::vector<const Covisibility*> covisibilities;
+  for (const PlanNode* candidate : candidates) covisibilities.push_back(&candidate->covisibility);
+  const std::vector<std::size_t> chosen = choose_revisits(node.covisibility, centers, covisibilities, count);
   if (previous == nullptr || previous->far.size() > static_cast<std::size_t>(count)) return chosen;
   Places places;
   for (std::size_t i = 0; i < candidates.size(); ++i) places.emplace(candidates[i]->keyframe.id, i);
   const std::vector<std::size_t> before = places_of(previous->far, places);
   if (before.size() != previous->far.size()) return chosen;
   const auto value = [&](const std::vector<std::size_t>& list) {
-    std::vector<const Outlook*> others;
-    for (const std::size_t i : list) others.push_back(outlooks[i]);
-    return outlook_usefulness(node.outlook, centers, others);
+    std::vector<const Covisibility*> others;
+    for (const std::size_t i : list) others.push_back(covisibilities[i]);
+    return covisible_usefulness(node.covisibility, centers, others);
   };
   const double kept = value(before);
   const bool worth = kept >= value({}) + kGainToStay * static_cast<double>(before.size());

@@ -19,9 +19,9 @@ struct PlanNode {
 
   Keyframe keyframe;
   Eigen::Vector3d center;
-  double reach;       ///< keyframes farther away than this are not asked about its points [scene units]
-  Outlook outlook;    ///< empty where far neighbours are not looked for
-  std::size_t entry;  ///< index of its entry
+  double reach;               ///< keyframes farther away than this are not asked about its points [scene units]
+  Covisibility covisibility;  ///< empty where far neighbours are not looked for
+  std::size_t entry;          ///< index of its entry
   bool has_depth_map = false;
 };
 

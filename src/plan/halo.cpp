@@ -111,12 +111,12 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
     find.follow(asking, &PlanEntry::owners, made);
   }
   result.rounds[0] = find.ids(made);
-  Set sights = find.none();
-  if (options.free_space.enabled) find.follow(made, &PlanEntry::viewers, sights);
-  result.sights = find.ids(sights);
+  Set range_maps = find.none();
+  if (options.free_space.enabled) find.follow(made, &PlanEntry::viewers, range_maps);
+  result.range_maps = find.ids(range_maps);
   Set filtered = wanted == Wanted::kPlanes ? find.none() : asked;
   HaloFinder::add(filtered, made);
-  HaloFinder::add(filtered, sights);
+  HaloFinder::add(filtered, range_maps);
   find.follow(made, &PlanEntry::fusion, filtered);
   result.filtered = find.ids(filtered);
   Set planes = asked;  // needed after the pass in question

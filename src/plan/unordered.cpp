@@ -145,15 +145,15 @@ std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
   const PlanNode& reference = nodes_[i];
   const int count = options_.patchmatch.neighbours;
   std::vector<std::size_t> candidates;
-  std::vector<const Outlook*> outlooks;
+  std::vector<const Covisibility*> covisibilities;
   Places places;
   for (const Sharer& sharer : sharers_[i]) {
     if (!(distance(i, sharer.node) > 0.0)) continue;
     places.emplace(nodes_[sharer.node].keyframe.id, candidates.size());
     candidates.push_back(sharer.node);
-    outlooks.push_back(&nodes_[sharer.node].outlook);
+    covisibilities.push_back(&nodes_[sharer.node].covisibility);
   }
-  std::vector<std::size_t> chosen = choose_revisits(reference.outlook, {}, outlooks, count);
+  std::vector<std::size_t> chosen = choose_revisits(reference.covisibility, {}, covisibilities, count);
   std::vector<std::pair<double, std::size_t>> others;  // minus usefulness, place
   for (std::size_t k = 0; k < candidates.size(); ++k) {
     if (std::find(chosen.begin(), chosen.end(), k) != chosen.end()) continue;
@@ -167,9 +167,9 @@ std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
   if (const PlanEntry* before = previous_.find(reference.keyframe.id)) {
     const std::vector<std::size_t> kept = places_of(before->near, places);
     const auto value = [&](const std::vector<std::size_t>& list) {
-      std::vector<const Outlook*> views;
-      for (const std::size_t k : list) views.push_back(outlooks[k]);
-      return outlook_usefulness(reference.outlook, {}, views);
+      std::vector<const Covisibility*> views;
+      for (const std::size_t k : list) views.push_back(covisibilities[k]);
+      return covisible_usefulness(reference.covisibility, {}, views);
     };
     if (kept.size() == chosen.size() && value(kept) >= kNearlyAsGood * value(chosen)) chosen = kept;
   }

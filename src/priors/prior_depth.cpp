@@ -29,19 +29,19 @@ struct Pair {
 };
 
 /// Scale and shift relate x(v) to t(depth).
-double x_of(DepthReading reading, double value) { return reading == DepthReading::kWarped ? 1.0 / value : value; }
-bool is_of_depth(DepthReading reading) { return reading == DepthReading::kScaled || reading == DepthReading::kDepth; }
+double x_of(DepthModel model, double value) { return model == DepthModel::kWarped ? 1.0 / value : value; }
+bool is_of_depth(DepthModel model) { return model == DepthModel::kScaled || model == DepthModel::kDepth; }
 
 /// What value v stands for; 0 = nothing.
-double depth_of(DepthReading reading, double scale, double shift, double value) {
-  if (reading == DepthReading::kWarped && !(value > 0.0)) return 0.0;
-  const double t = scale * x_of(reading, value) + shift;
-  const double depth = is_of_depth(reading) ? t : 1.0 / t;
+double depth_of(DepthModel model, double scale, double shift, double value) {
+  if (model == DepthModel::kWarped && !(value > 0.0)) return 0.0;
+  const double t = scale * x_of(model, value) + shift;
+  const double depth = is_of_depth(model) ? t : 1.0 / t;
   return t > 0.0 && is_usable_depth(depth) ? depth : 0.0;
 }
 
 double error_of(const DepthAlignment& fit, const Pair& pair) {
-  const double depth = depth_of(fit.reading, fit.scale, fit.shift, pair.value);
+  const double depth = depth_of(fit.model, fit.scale, fit.shift, pair.value);
   return depth > 0.0 ? std::min(std::abs(depth / pair.depth - 1.0), kAgrees) : kAgrees;
 }
 
@@ -65,8 +65,8 @@ DepthAlignment refined(const DepthAlignment& fit, const std::vector<Pair>& pairs
   double xx = 0.0, x1 = 0.0, ones = 0.0, xt = 0.0, t1 = 0.0;
   for (const Pair& pair : pairs) {
     if (error_of(fit, pair) >= kAgrees) continue;
-    const double x = x_of(fit.reading, pair.value);
-    const double t = is_of_depth(fit.reading) ? pair.depth : 1.0 / pair.depth;
+    const double x = x_of(fit.model, pair.value);
+    const double t = is_of_depth(fit.model) ? pair.depth : 1.0 / pair.depth;
     const double w = 1.0 / (t * t);
     xx += w * x * x;
     x1 += w * x;
@@ -75,7 +75,7 @@ DepthAlignment refined(const DepthAlignment& fit, const std::vector<Pair>& pairs
     t1 += w * t;
   }
   DepthAlignment better = fit;
-  if (fit.reading == DepthReading::kScaled) {
+  if (fit.model == DepthModel::kScaled) {
     if (xx > 0.0) better.scale = xt / xx;
     return better;
   }
@@ -86,14 +86,14 @@ DepthAlignment refined(const DepthAlignment& fit, const std::vector<Pair>& pairs
   return better;
 }
 
-/// The best fit of one reading; scale 0 where there is none.
-DepthAlignment best_of(DepthReading reading, const std::vector<Pair>& all, double& least) {
+/// The best fit of one model; scale 0 where there is none.
+DepthAlignment best_of(DepthModel model, const std::vector<Pair>& all, double& least) {
   std::vector<Pair> pairs;
   for (const Pair& pair : all) {
-    if (reading != DepthReading::kWarped || pair.value > 0.0) pairs.push_back(pair);
+    if (model != DepthModel::kWarped || pair.value > 0.0) pairs.push_back(pair);
   }
   DepthAlignment best;
-  best.reading = reading;
+  best.model = model;
   least = std::numeric_limits<double>::infinity();
   if (pairs.size() < kMinLandmarks) return best;
   std::uint64_t state = 1;
@@ -105,13 +105,13 @@ DepthAlignment best_of(DepthReading reading, const std::vector<Pair>& all, doubl
     const Pair& a = pairs[draw()];
     const Pair& b = pairs[draw()];
     DepthAlignment fit = best;
-    if (reading == DepthReading::kScaled) {
+    if (model == DepthModel::kScaled) {
       fit.scale = a.depth / a.value;
     } else {
-      const double xa = x_of(reading, a.value), xb = x_of(reading, b.value);
+      const double xa = x_of(model, a.value), xb = x_of(model, b.value);
       if (xa == xb) continue;
-      const double ta = is_of_depth(reading) ? a.depth : 1.0 / a.depth;
-      const double tb = is_of_depth(reading) ? b.depth : 1.0 / b.depth;
+      const double ta = is_of_depth(model) ? a.depth : 1.0 / a.depth;
+      const double tb = is_of_depth(model) ? b.depth : 1.0 / b.depth;
       fit.scale = (ta - tb) / (xa - xb);
       fit.shift = ta - fit.scale * xa;
     }
@@ -148,15 +148,15 @@ std::string percent(double share) { return std::to_string(std::lround(100.0 * sh
 
 }  // namespace
 
-const char* name_of(DepthReading reading) {
-  switch (reading) {
-    case DepthReading::kScaled:
+const char* name_of(DepthModel model) {
+  switch (model) {
+    case DepthModel::kScaled:
       return "depth";
-    case DepthReading::kDepth:
+    case DepthModel::kDepth:
       return "depth and a shift";
-    case DepthReading::kInverse:
+    case DepthModel::kInverse:
       return "inverse depth";
-    case DepthReading::kWarped:
+    case DepthModel::kWarped:
       return "depth of shifted inverse depth";
   }
   return "";
@@ -172,11 +172,11 @@ DepthAlignment align_prior_depth(ImageView<const float> values, const Keyframe& 
     return best;
   }
   double least = 0.0;
-  best = best_of(DepthReading::kScaled, pairs, least);
+  best = best_of(DepthModel::kScaled, pairs, least);
   least *= 1.0 / kHardlyWorse;
-  for (const DepthReading reading : {DepthReading::kDepth, DepthReading::kInverse, DepthReading::kWarped}) {
+  for (const DepthModel model : {DepthModel::kDepth, DepthModel::kInverse, DepthModel::kWarped}) {
     double sum = 0.0;
-    const DepthAlignment fit = best_of(reading, pairs, sum);
+    const DepthAlignment fit = best_of(model, pairs, sum);
     if (!(sum < least)) continue;
     least = sum;
     best = fit;
@@ -206,7 +206,7 @@ Image<float> aligned_depth(ImageView<const float> values, const DepthAlignment& 
     for (int x = 0; x < values.width; ++x) {
       const double value = static_cast<double>(from[x]);
       if (!std::isfinite(value) || value == 0.0) continue;
-      to[x] = static_cast<float>(depth_of(alignment.reading, alignment.scale, alignment.shift, value));
+      to[x] = static_cast<float>(depth_of(alignment.model, alignment.scale, alignment.shift, value));
     }
   }
   return depth;

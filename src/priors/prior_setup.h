@@ -46,14 +46,13 @@ void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kerne
   const auto variance =
       on.template array<float>(static_cast<std::size_t>(map.width) * static_cast<std::size_t>(map.height));
   const auto supports = on.template array<kernels::Vec3<float>>(size.cells());
-  const auto plain = on.template array<unsigned char>(size.cells());
+  const auto textureless = on.template array<unsigned char>(size.cells());
   const auto around = on.template array<kernels::Surroundings>(size.cells());
   const auto found = on.template array<kernels::PriorPlane>(size.cells());
   const auto chosen = on.template array<kernels::PriorPlane>(size.cells());
-  const kernels::PriorCells<Map> cells{map,         on.grid(),      variance.get(), texture_variance(options),
-                                       limits,      size.columns,   size.rows,      looks.get(),
-                                       given.get(), supports.get(), plain.get(),    around.get(),
-                                       found.get(), chosen.get()};
+  const kernels::PriorCells<Map> cells{
+      map,         on.grid(),   variance.get(), texture_variance(options), limits,       size.columns, size.rows,
+      looks.get(), given.get(), supports.get(), textureless.get(),         around.get(), found.get(),  chosen.get()};
   on.launch(
       kernels::TextureVariance<typename Processor::Views>{image, on.grid(), texture_spacing(map.width), variance.get()},
       nullptr);

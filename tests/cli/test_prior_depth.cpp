@@ -31,7 +31,7 @@ Json stats_of(const fs::path& path) { return Json::parse(read_text(path)); }
 
 std::size_t used(const Json& stats) {
   std::size_t count = 0;
-  for (const Json& entry : stats["prior_depth"]) count += entry.contains("reading");
+  for (const Json& entry : stats["prior_depth"]) count += entry.contains("model");
   return count;
 }
 
@@ -51,7 +51,7 @@ TEST_CASE("Depth from elsewhere is aligned, and what does not fit is left out an
   const std::size_t keyframes = stats["prior_depth"].size();
   CHECK(keyframes > 2);
   CHECK(used(stats) == keyframes);
-  CHECK(stats["prior_depth"][0]["reading"] == "inverse depth");
+  CHECK(stats["prior_depth"][0]["model"] == "inverse depth");
   CHECK(stats["prior_depth"][0]["scale"].get<double>() > 0.0);
 
   // A broken file, a wrong shape and a missing one cost nobody else.

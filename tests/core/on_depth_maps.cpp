@@ -42,8 +42,8 @@ void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& other
   clear_where_no_depth(map);
 }
 
-SightMap sight_map(const DepthMap& map, const Executor& executor) {
-  return sight_map(plane_map_of(map, executor), map.confidence, executor);
+RangeMap range_map(const DepthMap& map, const Executor& executor) {
+  return range_map(plane_map_of(map, executor), map.confidence, executor);
 }
 
 PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const DepthRange& range,

@@ -11,7 +11,7 @@
 #include "pmsp/initialiser.h"
 #include "pmsp/plane_map.h"
 #include "pmsp/plane_priors.h"
-#include "pmsp/sight_map.h"
+#include "pmsp/range_map.h"
 
 /// The stages on depth maps, in which tests are written: planes go in and come out again. What a filter keeps stays as
 /// it is.
@@ -26,7 +26,7 @@ void median_filter(DepthMap& map, const MedianFilterOptions& options, const Exec
 void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& others,
                         const ConsistencyFilterOptions& options, const Executor& executor,
                         FilterStats* stats = nullptr);
-SightMap sight_map(const DepthMap& map, const Executor& executor);
+RangeMap range_map(const DepthMap& map, const Executor& executor);
 PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const DepthRange& range,
                         const PatchMatchOptions& options, const Executor& executor);
 PlaneImage warp_planes(const DepthMap& previous, const KeyframePose& pose, int width, int height,

@@ -8,7 +8,7 @@
 #include "core/on_depth_maps.h"
 #include "pmsp/error.h"
 #include "pmsp/fusion.h"
-#include "pmsp/sight_map.h"
+#include "pmsp/range_map.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -22,17 +22,17 @@ const synth::Mission& room() {
   return kRoom;
 }
 
-std::vector<SightMap> sights_of(const std::vector<DepthMap>& maps) {
-  std::vector<SightMap> sights;
-  for (const DepthMap& map : maps) sights.push_back(sight_map(map, Executor(2)));
-  return sights;
+std::vector<RangeMap> range_maps_of(const std::vector<DepthMap>& maps) {
+  std::vector<RangeMap> range_maps;
+  for (const DepthMap& map : maps) range_maps.push_back(range_map(map, Executor(2)));
+  return range_maps;
 }
 
 /// All but one.
-std::vector<SightFrom> others_of(const std::vector<SightMap>& sights, std::size_t except) {
-  std::vector<SightFrom> others;
-  for (std::size_t k = 0; k < sights.size(); ++k) {
-    if (k != except) others.push_back({&sights[k], {sights[k].cam_from_world}});
+std::vector<RangeMapFrom> others_of(const std::vector<RangeMap>& range_maps, std::size_t except) {
+  std::vector<RangeMapFrom> others;
+  for (std::size_t k = 0; k < range_maps.size(); ++k) {
+    if (k != except) others.push_back({&range_maps[k], {range_maps[k].cam_from_world}});
   }
   return others;
 }
@@ -45,14 +45,14 @@ SurfelMap points_of(DepthMap map, float scale = 1.0F) {
   return fuse_pixels({{&map, &color, {map.cam_from_world}}}, 0, {}, Executor(2));
 }
 
-KeyframeCloud judged(const DepthMap& map, const std::vector<SightFrom>& others, float scale = 1.0F,
+KeyframeCloud judged(const DepthMap& map, const std::vector<RangeMapFrom>& others, float scale = 1.0F,
                      const FreeSpaceOptions& options = {}, const Executor& executor = Executor(2)) {
   SurfelMap points = points_of(map, scale);
   points.standings = judge(points, {map.cam_from_world}, others, options, executor);
   return owned_points({&points, &points.standings, {map.cam_from_world}});
 }
 
-double kept(const DepthMap& map, const std::vector<SightFrom>& others, float scale = 1.0F,
+double kept(const DepthMap& map, const std::vector<RangeMapFrom>& others, float scale = 1.0F,
             const FreeSpaceOptions& options = {}) {
   return static_cast<double>(judged(map, others, scale, options).points.size()) /
          static_cast<double>(points_of(map, scale).surfels.size());
@@ -66,7 +66,7 @@ Stay staying(const std::vector<DepthMap>& maps, std::size_t k, const std::vector
              const FreeSpaceOptions& options = {}) {
   SurfelMap points = points_of(maps[k]);
   const Image<std::uint8_t> standings =
-      judge(points, {maps[k].cam_from_world}, others_of(sights_of(maps), k), options, Executor(2));
+      judge(points, {maps[k].cam_from_world}, others_of(range_maps_of(maps), k), options, Executor(2));
   std::size_t stay = 0;
   std::size_t named_stay = 0;
   for (const std::uint8_t standing : standings.pixels()) stay += standing != 0 ? 1 : 0;
@@ -79,54 +79,54 @@ Stay staying(const std::vector<DepthMap>& maps, std::size_t k, const std::vector
 
 }  // namespace
 
-TEST_CASE("a sight map holds the nearest and farthest depth of each cell", "[free space]") {
+TEST_CASE("a range map holds the nearest and farthest depth of each cell", "[free space]") {
   DepthMap map = truth_maps(room())[0];
   map.depth(0, 0) = 2.0F;
   map.depth(1, 0) = 0.0F;
   map.depth(0, 1) = 5.0F;
   map.depth(1, 1) = 3.0F;
   for (const int x : {2, 3}) map.depth(x, 0) = map.depth(x, 1) = 0.0F;
-  const SightMap sight = sight_map(map, Executor(2));
-  CHECK(sight.keyframe_id == map.keyframe_id);
-  REQUIRE(sight.nearest.width() == kWidth / 2);
-  REQUIRE(sight.nearest.height() == kWidth / 4);
-  CHECK(sight.nearest(0, 0) == 2.0F);
-  CHECK(sight.farthest(0, 0) == 5.0F);
-  CHECK(sight.nearest(1, 0) == 0.0F);
-  CHECK(sight.farthest(1, 0) == 0.0F);
+  const RangeMap ranges = range_map(map, Executor(2));
+  CHECK(ranges.keyframe_id == map.keyframe_id);
+  REQUIRE(ranges.nearest.width() == kWidth / 2);
+  REQUIRE(ranges.nearest.height() == kWidth / 4);
+  CHECK(ranges.nearest(0, 0) == 2.0F);
+  CHECK(ranges.farthest(0, 0) == 5.0F);
+  CHECK(ranges.nearest(1, 0) == 0.0F);
+  CHECK(ranges.farthest(1, 0) == 0.0F);
 }
 
 TEST_CASE("points on the true surface stay, whoever looks", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
-  const std::vector<SightMap> sights = sights_of(maps);
+  const std::vector<RangeMap> range_maps = range_maps_of(maps);
   for (std::size_t k = 0; k < maps.size(); ++k) {
     INFO(k);
-    CHECK(kept(maps[k], others_of(sights, k)) > 0.999);
+    CHECK(kept(maps[k], others_of(range_maps, k)) > 0.999);
   }
   const std::vector<DepthMap> furnished = truth_maps(synth::textured_room(small_recipe(kWidth, 5)));
-  const std::vector<SightMap> furnished_sights = sights_of(furnished);
-  CHECK(kept(furnished[2], others_of(furnished_sights, 2)) > 0.99);
+  const std::vector<RangeMap> furnished_ranges = range_maps_of(furnished);
+  CHECK(kept(furnished[2], others_of(furnished_ranges, 2)) > 0.99);
 }
 
 TEST_CASE("points in the air go, points behind walls say nothing", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
-  const std::vector<SightMap> sights = sights_of(maps);
-  CHECK(kept(maps[2], others_of(sights, 2), 0.8F) < 0.01);
-  CHECK(kept(maps[2], others_of(sights, 2), 1.2F) > 0.99);
-  CHECK(kept(maps[2], others_of(sights, 2), 0.97F) > 0.95);  // nearer than the gap: no one says it is wrong
+  const std::vector<RangeMap> range_maps = range_maps_of(maps);
+  CHECK(kept(maps[2], others_of(range_maps, 2), 0.8F) < 0.01);
+  CHECK(kept(maps[2], others_of(range_maps, 2), 1.2F) > 0.99);
+  CHECK(kept(maps[2], others_of(range_maps, 2), 0.97F) > 0.95);  // nearer than the gap: no one says it is wrong
   FreeSpaceOptions strict;
   strict.min_relative_gap = 0.01;
   strict.max_relative_depth = 0.005;
-  CHECK(kept(maps[2], others_of(sights, 2), 0.97F, strict) < 0.5);
+  CHECK(kept(maps[2], others_of(range_maps, 2), 0.97F, strict) < 0.5);
 }
 
 TEST_CASE("one keyframe against many does not remove what they confirm", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
-  std::vector<SightMap> sights = sights_of(maps);
-  for (float& depth : sights[1].nearest.pixels()) depth *= 1.5F;  // this one has missed the walls
-  for (float& depth : sights[1].farthest.pixels()) depth *= 1.5F;
-  CHECK(kept(maps[2], others_of(sights, 2)) > 0.9);
-  const std::vector<SightFrom> alone = {{&sights[1], {sights[1].cam_from_world}}};
+  std::vector<RangeMap> range_maps = range_maps_of(maps);
+  for (float& depth : range_maps[1].nearest.pixels()) depth *= 1.5F;  // this one has missed the walls
+  for (float& depth : range_maps[1].farthest.pixels()) depth *= 1.5F;
+  CHECK(kept(maps[2], others_of(range_maps, 2)) > 0.9);
+  const std::vector<RangeMapFrom> alone = {{&range_maps[1], {range_maps[1].cam_from_world}}};
   FreeSpaceOptions even;
   even.max_contradiction = 1.0;
   const double against_one = kept(maps[2], alone, 1.0F, even);  // the nearer of the two decides
@@ -147,12 +147,12 @@ TEST_CASE("what a floor mirrors goes where others have the floor", "[free space]
   off.mirrors = false;
   CHECK(staying(maps, 2, ghosts, off).named > 0.9);  // nobody has looked through them
   // Where a camera has been there is no mirror.
-  std::vector<SightMap> sights = sights_of(maps);
-  SightMap below = sights[1];
+  std::vector<RangeMap> range_maps = range_maps_of(maps);
+  RangeMap below = range_maps[1];
   std::fill(below.nearest.pixels().begin(), below.nearest.pixels().end(), 0.0F);
   std::fill(below.farthest.pixels().begin(), below.farthest.pixels().end(), 0.0F);
   below.cam_from_world.translation -= below.cam_from_world.rotation * Eigen::Vector3d(0.0, 2.5, 0.0);
-  std::vector<SightFrom> viewers = others_of(sights, 2);
+  std::vector<RangeMapFrom> viewers = others_of(range_maps, 2);
   const std::size_t without = judged(maps[2], viewers).points.size();
   viewers.push_back({&below, {below.cam_from_world}});
   CHECK(judged(maps[2], viewers).points.size() > without + ghosts.size() * 9 / 10);
@@ -164,15 +164,15 @@ TEST_CASE("what a floor mirrors goes where others have the floor", "[free space]
 TEST_CASE("mirrors are found in any unit", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
-  const std::vector<SightMap> sights = sights_of(maps);
-  const KeyframeCloud plain = judged(maps[2], others_of(sights, 2));
+  const std::vector<RangeMap> range_maps = range_maps_of(maps);
+  const KeyframeCloud plain = judged(maps[2], others_of(range_maps, 2));
   constexpr double kScales[] = {0.5, 4.0, 2.0, 0.25, 8.0};
-  std::vector<SightMap> scaled = sights;
+  std::vector<RangeMap> scaled = range_maps;
   for (std::size_t k = 0; k < scaled.size(); ++k) {
     for (float& depth : scaled[k].nearest.pixels()) depth /= static_cast<float>(kScales[k]);
     for (float& depth : scaled[k].farthest.pixels()) depth /= static_cast<float>(kScales[k]);
   }
-  std::vector<SightFrom> viewers = others_of(scaled, 2);
+  std::vector<RangeMapFrom> viewers = others_of(scaled, 2);
   for (std::size_t i = 0; i < viewers.size(); ++i) viewers[i].pose.scale = kScales[i < 2 ? i : i + 1];
   const KeyframePose pose{maps[2].cam_from_world, kScales[2]};
   SurfelMap points = points_of(maps[2], 1.0F / static_cast<float>(kScales[2]));
@@ -212,12 +212,12 @@ TEST_CASE("floaters in front of walls cost no wall", "[free space]") {
 
 TEST_CASE("contradiction lowers the confidence of what stays", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
-  std::vector<SightMap> sights = sights_of(maps);
-  const KeyframeCloud confirmed = judged(maps[2], others_of(sights, 2));
+  std::vector<RangeMap> range_maps = range_maps_of(maps);
+  const KeyframeCloud confirmed = judged(maps[2], others_of(range_maps, 2));
   CHECK(confirmed.points[500].confidence == Approx(0.8F).margin(0.5 / 63));
-  for (float& depth : sights[1].nearest.pixels()) depth *= 1.5F;
-  for (float& depth : sights[1].farthest.pixels()) depth *= 1.5F;
-  const KeyframeCloud doubted = judged(maps[2], others_of(sights, 2));
+  for (float& depth : range_maps[1].nearest.pixels()) depth *= 1.5F;
+  for (float& depth : range_maps[1].farthest.pixels()) depth *= 1.5F;
+  const KeyframeCloud doubted = judged(maps[2], others_of(range_maps, 2));
   const auto lowered = std::count_if(doubted.points.begin(), doubted.points.end(),
                                      [](const CloudPoint& p) { return p.confidence < 0.79F && p.confidence > 0.5F; });
   CHECK(static_cast<double>(lowered) > 0.9 * static_cast<double>(doubted.points.size()));
@@ -225,27 +225,27 @@ TEST_CASE("contradiction lowers the confidence of what stays", "[free space]") {
 
 TEST_CASE("a free-space filter that is switched off changes nothing, bad options are refused", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
-  const std::vector<SightMap> sights = sights_of(maps);
+  const std::vector<RangeMap> range_maps = range_maps_of(maps);
   FreeSpaceOptions options;
   options.enabled = false;
-  CHECK(kept(maps[2], others_of(sights, 2), 0.8F, options) == 1.0);
+  CHECK(kept(maps[2], others_of(range_maps, 2), 0.8F, options) == 1.0);
   CHECK(kept(maps[2], {}, 0.8F) == 1.0);
   options.views = 0;
-  CHECK_THROWS_AS(kept(maps[2], others_of(sights, 2), 1.0F, options), InvalidOption);
+  CHECK_THROWS_AS(kept(maps[2], others_of(range_maps, 2), 1.0F, options), InvalidOption);
 }
 
 TEST_CASE("the free-space filter gives the same points for any threads and instruction set", "[free space]") {
   std::vector<DepthMap> maps =
       truth_maps(GENERATE(true, false) ? room() : synth::textured_room(small_recipe(kWidth, 5)));
   look_through_floor(maps[2], room().scene, 0.3, 2.5);
-  const std::vector<SightMap> sights = sights_of(maps);
-  const KeyframeCloud one = judged(maps[2], others_of(sights, 2), 0.96F, {}, Executor(1));
-  const KeyframeCloud five = judged(maps[2], others_of(sights, 2), 0.96F, {}, Executor(5));
+  const std::vector<RangeMap> range_maps = range_maps_of(maps);
+  const KeyframeCloud one = judged(maps[2], others_of(range_maps, 2), 0.96F, {}, Executor(1));
+  const KeyframeCloud five = judged(maps[2], others_of(range_maps, 2), 0.96F, {}, Executor(5));
   REQUIRE(one.points.size() == five.points.size());
   for (std::size_t i = 0; i < one.points.size(); ++i) REQUIRE(one.points[i].position == five.points[i].position);
   for (const Simd simd : available_simd()) {
     INFO(name_of(simd));
-    const KeyframeCloud other = judged(maps[2], others_of(sights, 2), 0.96F, {}, Executor(2, simd));
+    const KeyframeCloud other = judged(maps[2], others_of(range_maps, 2), 0.96F, {}, Executor(2, simd));
     CHECK(static_cast<double>(other.points.size()) == Approx(static_cast<double>(one.points.size())).epsilon(0.003));
   }
 }

@@ -10,7 +10,7 @@
 #include "pmsp/fusion.h"
 #include "pmsp/panorama.h"
 #include "pmsp/plane_priors.h"
-#include "pmsp/sight_map.h"
+#include "pmsp/range_map.h"
 #include "support/fused_float.h"
 
 using namespace pmsp;
@@ -88,18 +88,18 @@ Results run_all(const Executor& executor) {
   const PlaneMap* const filtered[3] = {&maps[0], &maps[4], &maps[2]};
   const Image<float>* const confidences[3] = {&maps[0].score, &results.confidence, &maps[2].score};
   std::vector<FusionMap> window;
-  std::vector<SightMap> sights;
+  std::vector<RangeMap> range_maps;
   std::vector<SurfelMap> surfels;
   for (std::size_t i = 0; i < 3; ++i) {
     window.push_back({filtered[i], confidences[i], &panoramas[i].color(), {filtered[i]->cam_from_world}});
-    sights.push_back(sight_map(*filtered[i], *confidences[i], executor));
+    range_maps.push_back(range_map(*filtered[i], *confidences[i], executor));
   }
   for (std::size_t i = 0; i < 3; ++i) {
     surfels.push_back(fuse_pixels(window, i, FusionOptions{}, executor));
     results.standings.push_back(surfels[i].standings);
-    std::vector<SightFrom> viewers;
+    std::vector<RangeMapFrom> viewers;
     for (std::size_t j = 0; j < 3; ++j) {
-      if (j != i) viewers.push_back({&sights[j], window[j].pose});
+      if (j != i) viewers.push_back({&range_maps[j], window[j].pose});
     }
     surfels[i].standings = judge(surfels[i], window[i].pose, viewers, FreeSpaceOptions{}, executor);
     results.standings.push_back(surfels[i].standings);

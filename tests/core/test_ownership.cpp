@@ -68,7 +68,7 @@ class Owners {
 
   void make(int threads = 2) {
     const Executor executor(threads);
-    std::vector<SightMap> sights;
+    std::vector<RangeMap> range_maps;
     surfels.clear();
     for (std::size_t i = 0; i < size(); ++i) {
       std::vector<FusedDepth> window;
@@ -78,11 +78,11 @@ class Owners {
         window.push_back({&maps[k], &colors[k], poses[k]});
       }
       surfels.push_back(fuse_pixels(window, current, fusion, executor));
-      sights.push_back(sight_map(maps[i], executor));
+      range_maps.push_back(range_map(maps[i], executor));
     }
     for (std::size_t i = 0; i < size(); ++i) {
-      std::vector<SightFrom> asked;
-      for (const std::size_t k : viewers(i)) asked.push_back({&sights[k], poses[k]});
+      std::vector<RangeMapFrom> asked;
+      for (const std::size_t k : viewers(i)) asked.push_back({&range_maps[k], poses[k]});
       surfels[i].standings = judge(surfels[i], poses[i], asked, free_space, executor);
     }
     eligible = 0.0;
@@ -348,9 +348,9 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
   const Executor executor(3);
   std::vector<std::size_t> order = {3, 0, 4, 1, 2};
   // Fusion's windows are in time; the steps after it know no order at all.
-  const std::vector<SightMap> sights = [&] {
-    std::vector<SightMap> made;
-    for (const DepthMap& map : one.maps) made.push_back(sight_map(map, executor));
+  const std::vector<RangeMap> range_maps = [&] {
+    std::vector<RangeMap> made;
+    for (const DepthMap& map : one.maps) made.push_back(range_map(map, executor));
     return made;
   }();
   Owners fresh(box({2.0, 1.5, 4.0}), poses, 0.002);
@@ -365,9 +365,9 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
       window.push_back({&one.maps[k], &one.colors[k], one.poses[k]});
     }
     surfels[i] = fuse_pixels(window, current, one.fusion, executor);
-    std::vector<SightFrom> asked;
+    std::vector<RangeMapFrom> asked;
     for (const std::size_t k : order) {
-      if (k != i) asked.push_back({&sights[k], one.poses[k]});
+      if (k != i) asked.push_back({&range_maps[k], one.poses[k]});
     }
     surfels[i].standings = judge(surfels[i], one.poses[i], asked, one.free_space, executor);
   }

@@ -22,11 +22,11 @@ namespace {
 using Where = std::function<bool(int, int)>;
 
 /// What a pass of PatchMatch would leave: the truth where there is texture, chance elsewhere.
-DepthMap map_without_plain(const synth::Frame& frame, const Where& plain) {
+DepthMap map_without_textureless(const synth::Frame& frame, const Where& textureless) {
   DepthMap map = truth_map(frame, 0.95F);
   for (int y = 0; y < map.depth.height(); ++y) {
     for (int x = 0; x < map.depth.width(); ++x) {
-      if (!plain(x, y)) continue;
+      if (!textureless(x, y)) continue;
       const auto draw = static_cast<std::uint64_t>(y * map.depth.width() + x);
       map.depth(x, y) = static_cast<float>(1.0 + 4.0 * synth::uniform(3, draw));
       map.normal(x, y) = -bearing_of(map.depth, x, y).cast<float>();
@@ -76,10 +76,10 @@ Found judge(const Image<float>& priors, const Image<float>& truth, const Where& 
 }
 
 /// A textured mission whose image is a single colour at some pixels.
-synth::Frame with_plain(synth::Frame frame, const Where& plain) {
+synth::Frame with_textureless(synth::Frame frame, const Where& textureless) {
   for (int y = 0; y < frame.image.height(); ++y) {
     for (int x = 0; x < frame.image.width(); ++x) {
-      if (plain(x, y)) frame.image(x, y) = {200, 200, 200};
+      if (textureless(x, y)) frame.image(x, y) = {200, 200, 200};
     }
   }
   return frame;
@@ -100,18 +100,18 @@ constexpr int kWidth = 256;
 
 }  // namespace
 
-TEST_CASE("a plain patch of a wall gets the wall's plane, wherever it lies", "[priors]") {
+TEST_CASE("a textureless patch of a wall gets the wall's plane, wherever it lies", "[priors]") {
   const synth::Frame textured = frame_of(synth::empty_room(small_recipe(kWidth, 1)));
   const Eigen::Vector3d up(0.0, -1.0, 0.0);
   const Eigen::Vector3d seam(0.05, 0.0, -1.0);
   const Eigen::Vector3d right(1.0, 0.1, 0.1);
   for (const Eigen::Vector3d& direction : {up, seam, right}) {
     CAPTURE(direction.transpose());
-    const Where plain = [&](int x, int y) { return degrees_from(textured, x, y, direction) < 16.0; };
+    const Where textureless = [&](int x, int y) { return degrees_from(textured, x, y, direction) < 16.0; };
     const Where inner = [&](int x, int y) { return degrees_from(textured, x, y, direction) < 8.0; };
     const Where outside = [&](int x, int y) { return degrees_from(textured, x, y, direction) > 24.0; };
-    const synth::Frame frame = with_plain(textured, plain);
-    const Image<float> priors = ranges(priors_of(frame, map_without_plain(frame, plain)));
+    const synth::Frame frame = with_textureless(textured, textureless);
+    const Image<float> priors = ranges(priors_of(frame, map_without_textureless(frame, textureless)));
     const Found found = judge(priors, frame.depth, inner);
     CAPTURE(found.share, found.within);
     CHECK(found.share > 0.98);
@@ -127,15 +127,15 @@ TEST_CASE("behind a near thing the wall goes on", "[priors]") {
   const synth::Mission mission = synth::make_mission(scene, {RigidTransform{}}, kWidth, kWidth / 2);
   const synth::Frame textured = frame_of(mission);
   const auto on_wall = [&](int x, int y) { return textured.surface(x, y) / 8 == 0; };
-  const Where plain = [&](int x, int y) {
+  const Where textureless = [&](int x, int y) {
     return on_wall(x, y) && degrees_from(textured, x, y, Eigen::Vector3d::UnitZ()) < 40.0;
   };
-  const synth::Frame frame = with_plain(textured, plain);
+  const synth::Frame frame = with_textureless(textured, textureless);
   const Where ring = [&](int x, int y) {  // away from the texture at both rims
     const double degrees = degrees_from(textured, x, y, Eigen::Vector3d::UnitZ());
     return degrees > 18.0 && degrees < 30.0;
   };
-  const Found found = judge(ranges(priors_of(frame, map_without_plain(frame, plain))), frame.depth, ring);
+  const Found found = judge(ranges(priors_of(frame, map_without_textureless(frame, textureless))), frame.depth, ring);
   CAPTURE(found.share, found.within);
   CHECK(found.share > 0.9);
   CHECK(found.within > 0.97);
@@ -145,8 +145,8 @@ TEST_CASE("nothing is proposed to the sky, nor without anything reliable", "[pri
   const synth::Frame textured = frame_of(synth::floor_at_nadir(small_recipe(kWidth, 1)));
   const Where sky = [&](int, int y) { return latitude_of(textured, y) > 0.0; };
   const Where clearly = [&](int, int y) { return latitude_of(textured, y) > 4.0; };
-  const synth::Frame frame = with_plain(textured, sky);
-  DepthMap map = map_without_plain(frame, sky);
+  const synth::Frame frame = with_textureless(textured, sky);
+  DepthMap map = map_without_textureless(frame, sky);
   CHECK(judge(ranges(priors_of(frame, map)), frame.depth, clearly).share == 0.0);
   std::fill(map.confidence.pixels().begin(), map.confidence.pixels().end(), 0.4F);
   CHECK(filled(ranges(priors_of(frame, map))) == 0.0);
@@ -154,16 +154,16 @@ TEST_CASE("nothing is proposed to the sky, nor without anything reliable", "[pri
 
 TEST_CASE("light that falls off along a wall is no texture", "[priors]") {
   const synth::Frame textured = frame_of(synth::empty_room(small_recipe(kWidth, 1)));
-  const Where plain = [&](int x, int y) { return degrees_from(textured, x, y, {1.0, 0.1, 0.1}) < 16.0; };
+  const Where textureless = [&](int x, int y) { return degrees_from(textured, x, y, {1.0, 0.1, 0.1}) < 16.0; };
   const Where inner = [&](int x, int y) { return degrees_from(textured, x, y, {1.0, 0.1, 0.1}) < 8.0; };
   synth::Frame frame = textured;
   for (int y = 0; y < frame.image.height(); ++y) {
     for (int x = 0; x < frame.image.width(); ++x) {
       const auto gray = static_cast<std::uint8_t>(100 + (512 * y) / frame.image.height() % 200);  // 8 levels a row
-      if (plain(x, y)) frame.image(x, y) = {gray, gray, gray};
+      if (textureless(x, y)) frame.image(x, y) = {gray, gray, gray};
     }
   }
-  const DepthMap map = map_without_plain(frame, plain);
+  const DepthMap map = map_without_textureless(frame, textureless);
   CHECK(judge(ranges(priors_of(frame, map)), frame.depth, inner).share > 0.9);
 }
 

@@ -60,17 +60,17 @@ TEST_CASE("a depth image is aligned whatever its values stand for", "[prior dept
   const synth::Mission mission = room();
   const synth::Frame& frame = mission.frames[0];
   const Keyframe keyframe = keyframe_with(frame);
-  const std::pair<DepthReading, std::function<double(double)>> kinds[] = {
-      {DepthReading::kScaled, [](double d) { return 0.37 * d; }},
-      {DepthReading::kDepth, [](double d) { return 2.0 * d - 1.5; }},
-      {DepthReading::kInverse, [](double d) { return 900.0 / d + 40.0; }},
-      {DepthReading::kWarped, [](double d) { return 1.0 / (0.8 / d + 0.3); }}};
-  for (const auto& [reading, value] : kinds) {
-    CAPTURE(name_of(reading));
+  const std::pair<DepthModel, std::function<double(double)>> kinds[] = {
+      {DepthModel::kScaled, [](double d) { return 0.37 * d; }},
+      {DepthModel::kDepth, [](double d) { return 2.0 * d - 1.5; }},
+      {DepthModel::kInverse, [](double d) { return 900.0 / d + 40.0; }},
+      {DepthModel::kWarped, [](double d) { return 1.0 / (0.8 / d + 0.3); }}};
+  for (const auto& [model, value] : kinds) {
+    CAPTURE(name_of(model));
     const Image<float> values = made_of(frame.depth, value);
     const DepthAlignment alignment = align_prior_depth(values.view(), keyframe);
     CHECK(alignment.why_not.empty());
-    CHECK(alignment.reading == reading);
+    CHECK(alignment.model == model);
     CHECK(alignment.share > 0.99);
     CHECK(largest_error(aligned_depth(values.view(), alignment), frame.depth) < 0.01);
   }
@@ -121,18 +121,19 @@ TEST_CASE("bad values in a depth image are no depth", "[prior depth]") {
   CHECK(depth(4, 0) == 2.0F);
 }
 
-TEST_CASE("a prior depth gives planes where nothing surrounds a plain surface, corrected by what is reliable",
+TEST_CASE("a prior depth gives planes where nothing surrounds a textureless surface, corrected by what is reliable",
           "[prior depth]") {
   synth::Frame frame = room().frames[0];
   const int width = frame.image.width(), height = frame.image.height();
-  // All above 10 degrees is plain: the ceiling and the upper walls, which no plane through reliable points closes in.
-  const auto plain = [&](int y) { return 90.0 - 180.0 * (y + 0.5) / height > 10.0; };
+  // All above 10 degrees is textureless: the ceiling and the upper walls, which no plane through reliable points closes
+  // in.
+  const auto textureless = [&](int y) { return 90.0 - 180.0 * (y + 0.5) / height > 10.0; };
   DepthMap map = truth_map(frame, 0.95F);
   Image<float> given(width, height);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       given(x, y) = frame.depth(x, y) * 1.06F;  // the whole image is 6 % off
-      if (!plain(y)) continue;
+      if (!textureless(y)) continue;
       frame.image(x, y) = {200, 200, 200};
       map.depth(x, y) = 1.0F + static_cast<float>(synth::uniform(3, static_cast<std::uint64_t>(y * width + x)));
       map.confidence(x, y) = 0.3F;

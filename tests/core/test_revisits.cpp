@@ -34,11 +34,11 @@ Keyframe surrounded(std::int64_t id, const Vector3d& center, double range = 3.0,
 std::vector<std::size_t> revisits(const Keyframe& reference, const std::vector<Keyframe>& chosen,
                                   const std::vector<Keyframe>& candidates, int count = 2) {
   std::vector<Vector3d> there;
-  std::vector<Outlook> outlooks(candidates.begin(), candidates.end());
-  std::vector<const Outlook*> past;
+  std::vector<Covisibility> covisibilities(candidates.begin(), candidates.end());
+  std::vector<const Covisibility*> past;
   for (const Keyframe& keyframe : chosen) there.push_back(keyframe.cam_from_world.center());
-  for (const Outlook& outlook : outlooks) past.push_back(&outlook);
-  return choose_revisits(Outlook(reference), there, past, count);
+  for (const Covisibility& covisibility : covisibilities) past.push_back(&covisibility);
+  return choose_revisits(Covisibility(reference), there, past, count);
 }
 
 /// A flight along z, and back beside it; the way back is shifted by `aside`.

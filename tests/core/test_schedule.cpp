@@ -56,7 +56,7 @@ class Rehearsal {
       if (lifetime.artefact == Artefact::kPlanes) made = next_.front() + (working == 0 ? 1 : 0);
       if (lifetime.artefact == Artefact::kMedian) made = made_by(Stage::Kind::kMatch, working);
       if (lifetime.artefact == Artefact::kFiltered) made = made_by(Stage::Kind::kFilter, working);
-      if (lifetime.artefact == Artefact::kSight) made = made_by(Stage::Kind::kFilter, working);
+      if (lifetime.artefact == Artefact::kRangeMap) made = made_by(Stage::Kind::kFilter, working);
       if (lifetime.artefact == Artefact::kSurfels) made = made_by(Stage::Kind::kFuse, working);
       std::int64_t& count = most[lifetime.artefact];
       count = std::max(count, made - std::max<std::int64_t>(first, 0));
@@ -99,7 +99,7 @@ TEST_CASE("no more keyframes hold an artefact than the schedule says, however lo
 TEST_CASE("without points nothing is kept for them", "[schedule]") {
   const Schedule maps(preset(Quality::kNormal), false);
   CHECK(maps.keyframes_with(Artefact::kSurfels) == 0);
-  CHECK(maps.keyframes_with(Artefact::kSight) == 0);
+  CHECK(maps.keyframes_with(Artefact::kRangeMap) == 0);
   CHECK(maps.stages().back().kind == Stage::Kind::kFilter);
   DensifierOptions alone = preset(Quality::kOnline);
   alone.fusion.spacing_px = 0.0;  // every pixel makes a point: nobody asks for another one's

@@ -9,7 +9,7 @@
 #include "pmsp/initialiser.h"
 #include "pmsp/patchmatch.h"
 #include "pmsp/plane_map.h"
-#include "pmsp/sight_map.h"
+#include "pmsp/range_map.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -53,9 +53,9 @@ TEST_CASE("depth maps and planes hand their unit on", "[scale]") {
   CHECK(depth_map_of(PlaneMap(), nullptr, executor).scale == 1.0);
   CHECK(median_filter(planes, {}, executor).scale == 4.0);
   const Image<float> sure(kWidth, kWidth / 2, 1.0F);
-  const SightMap sight = sight_map(planes, sure, executor);
-  CHECK(sight.scale == 4.0);
-  CHECK(sight.nearest(5, 5) == 0.25F * sight_map(planes_of(0, 1.0), sure, executor).nearest(5, 5));
+  const RangeMap ranges = range_map(planes, sure, executor);
+  CHECK(ranges.scale == 4.0);
+  CHECK(ranges.nearest(5, 5) == 0.25F * range_map(planes_of(0, 1.0), sure, executor).nearest(5, 5));
 }
 
 TEST_CASE("maps of different units agree as those of one", "[scale]") {

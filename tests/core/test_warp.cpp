@@ -39,8 +39,8 @@ WarpQuality judge(const PlaneImage& planes, const synth::RenderedView& truth) {
       const Vector3d plane = planes(x, y).cast<double>();
       if (!(plane.norm() > 0.0)) continue;
       ++present;
-      const double closeness = plane.dot(bearing_of(truth.depth, x, y)) * static_cast<double>(truth.depth(x, y));
-      depth += std::abs(closeness - 1.0) <= 0.02 ? 1 : 0;
+      const double depth_ratio = plane.dot(bearing_of(truth.depth, x, y)) * static_cast<double>(truth.depth(x, y));
+      depth += std::abs(depth_ratio - 1.0) <= 0.02 ? 1 : 0;
       normal += -plane.normalized().dot(truth.normal(x, y).cast<double>()) >= 0.99939 ? 1 : 0;
     }
   }
@@ -79,9 +79,9 @@ TEST_CASE("warping into the same camera changes nothing", "[init][warp]") {
   for (int y = 0; y < 80; ++y) {
     for (int x = 0; x < 160; ++x) {
       const Vector3d plane = planes(x, y).cast<double>();
-      const double closeness = plane.dot(bearing_of(map.depth, x, y)) * static_cast<double>(map.depth(x, y));
+      const double depth_ratio = plane.dot(bearing_of(map.depth, x, y)) * static_cast<double>(map.depth(x, y));
       const bool same_normal = -plane.normalized().dot(map.normal(x, y).cast<double>()) > 1.0 - 1e-6;
-      wrong += std::abs(closeness - 1.0) < 1e-4 && same_normal ? 0 : 1;
+      wrong += std::abs(depth_ratio - 1.0) < 1e-4 && same_normal ? 0 : 1;
     }
   }
   CHECK(wrong == 0);

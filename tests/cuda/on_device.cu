@@ -102,7 +102,7 @@ struct Agreements {
   kernels::Rigid moved;
   PMSP_HD void operator()(int i, float* out) const {
     const auto seen = kernels::agreement(direction(i), 0.5F + 4.0F * input(i, 3), map, moved);
-    out[0] = seen.closeness;
+    out[0] = seen.depth_ratio;
     out[1] = seen.implied_depth;
     out[2] = static_cast<float>(seen.index);
   }

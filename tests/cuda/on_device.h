@@ -27,7 +27,7 @@ Both planes(int count);
 /// kernels/median.h: median9, median_filtered.
 Both medians(int count);
 
-/// kernels/agreement.h: closeness, implied depth, index; against a map of wavy planes.
+/// kernels/agreement.h: depth_ratio, implied depth, index; against a map of wavy planes.
 Both agreements(int count);
 
 /// kernels/cube.h: a sample of `cube` in a random direction.

@@ -45,8 +45,8 @@ TEST_CASE("mirrors on the device are those of the host", "[cuda][mirrors]") {
   const KeyframePose pose{maps[2].cam_from_world};
   const Image<Rgb> color(room.width, room.height);
   const SurfelMap points = fuse_pixels({{&maps[2], &color, pose}}, 0, {}, executor);
-  std::vector<SightMap> sights;
-  for (const DepthMap& map : maps) sights.push_back(sight_map(map, executor));
+  std::vector<RangeMap> range_maps;
+  for (const DepthMap& map : maps) range_maps.push_back(range_map(map, executor));
 
   const cuda::Stream stream;
   const cuda::DeviceGrid grid(room.width, room.height, stream);
@@ -56,21 +56,21 @@ TEST_CASE("mirrors on the device are those of the host", "[cuda][mirrors]") {
   const cuda::DeviceArray<std::uint8_t> standings(points.surfels.size());
   const cuda::DeviceArray<cuda::Counts> counts(1);
   PMSP_CUDA_CHECK(cudaMemset(counts.get(), 0, sizeof(cuda::Counts)));
-  std::vector<SightFrom> viewers;
+  std::vector<RangeMapFrom> viewers;
   std::vector<cuda::DeviceArray<float>> depths;
   std::vector<kernels::Rigid> from_viewers;
   kernels::Eligibility stage{};
   stage.surfels = surfels.get();
   stage.details = details.get();
   stage.grid = grid.view();
-  stage.limits = sight_limits({});
+  stage.limits = free_space_limits({});
   stage.max_contradiction = static_cast<float>(FreeSpaceOptions{}.max_contradiction);
   stage.standings = standings.get();
   for (const std::size_t k : {0U, 1U, 3U, 4U}) {
-    const SightMap& sight = sights[k];
-    viewers.push_back({&sight, {sight.cam_from_world}});
-    depths.push_back(uploaded(sight.nearest.pixels()));
-    depths.push_back(uploaded(sight.farthest.pixels()));
+    const RangeMap& ranges = range_maps[k];
+    viewers.push_back({&ranges, {ranges.cam_from_world}});
+    depths.push_back(uploaded(ranges.nearest.pixels()));
+    depths.push_back(uploaded(ranges.farthest.pixels()));
     const Relation to = relation(viewers.back().pose, pose);
     stage.viewers[stage.count++] = {
         {depths[depths.size() - 2].get(), depths.back().get(), room.width / 2, room.height / 2},

@@ -64,15 +64,15 @@ std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>&
     window.push_back({&flight.maps[k], &flight.colors[k], flight.poses[k]});
   }
   std::vector<SurfelMap> surfels;
-  std::vector<SightMap> sights;
+  std::vector<RangeMap> range_maps;
   for (std::size_t i = 0; i < flight.size(); ++i) {
     surfels.push_back(fuse_pixels(window, i, flight.fusion, executor));
-    sights.push_back(sight_map(flight.maps[i], executor));
+    range_maps.push_back(range_map(flight.maps[i], executor));
   }
   for (std::size_t i = 0; i < flight.size(); ++i) {
-    std::vector<SightFrom> asked;
+    std::vector<RangeMapFrom> asked;
     for (std::size_t k = 0; k < flight.size(); ++k) {
-      if (k != i) asked.push_back({&sights[k], flight.poses[k]});
+      if (k != i) asked.push_back({&range_maps[k], flight.poses[k]});
     }
     surfels[i].standings = judge(surfels[i], flight.poses[i], asked, flight.free_space, executor);
   }
@@ -174,7 +174,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
                static_cast<int>(kAgreeBytes)};
     cuda::launch(fuse, counts.get(), nullptr);
     cuda::launch(
-        kernels::FindSight<Machine>{filtered(i), grid.view(), frames[i].nearest.get(), frames[i].farthest.get()},
+        kernels::FindRanges<Machine>{filtered(i), grid.view(), frames[i].nearest.get(), frames[i].farthest.get()},
         nullptr, nullptr);
   }
   for (std::size_t i = 0; i < flight.size(); ++i) {
@@ -188,7 +188,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
                                       from(k, i).other_from_first,
                                       from(k, i).zoom};
     }
-    judge.limits = sight_limits(flight.free_space);
+    judge.limits = free_space_limits(flight.free_space);
     judge.max_contradiction = static_cast<float>(flight.free_space.max_contradiction);
     judge.standings = frames[i].standings.get();
     cuda::launch(judge, counts.get(), nullptr);

@@ -150,7 +150,7 @@ TEST_CASE("Named by keyframe id, a repeated timestamp does no harm") {
   CHECK(drain(*source).frames == Frames{0, 1, 5, 13, 19, 31, 40});
 }
 
-TEST_CASE("Where names allow several readings, the images decide") {
+TEST_CASE("Where names allow several naming schemes, the images decide") {
   // All frames of the flight are there: each name is a keyframe id as well as a frame index.
   std::vector<Shot> by_index, by_id;
   for (int i = 0; i < 7; ++i) by_index.push_back({i, 0.3 * i, 3 * i});

@@ -79,7 +79,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("agreement with a plane: closeness is the ratio of the ranges, the implied depth is exact") {
+TEST_CASE("agreement with a plane: depth_ratio is the ratio of the ranges, the implied depth is exact") {
   const PlaneMap map = wall_map();
   Draws draws(1);
   int tested = 0;
@@ -94,7 +94,7 @@ TEST_CASE("agreement with a plane: closeness is the ratio of the ranges, the imp
     const Vec3<double> bearing = (1.0 / depth) * point;
     const auto seen =
         k::agreement(cast<float>(bearing), static_cast<float>(depth), map.view(), to_rigid(other_from_first));
-    REQUIRE(seen.closeness == Approx(ratio).epsilon(1e-4));
+    REQUIRE(seen.depth_ratio == Approx(ratio).epsilon(1e-4));
     // where the first camera's ray meets the plane
     const Eigen::Vector3d turned = other_from_first.rotation * Eigen::Vector3d(bearing.x, bearing.y, bearing.z);
     const double along = k::dot(kWall, {turned.x(), turned.y(), turned.z()});
@@ -134,7 +134,7 @@ TEST_CASE("agreement: the same surface seen from elsewhere is 1, on a sphere up 
     const double depth = test::length(point);
     const auto seen = k::agreement(cast<float>((1.0 / depth) * point), static_cast<float>(depth), map.view(),
                                    to_rigid(other_from_first));
-    worst = std::max(worst, std::fabs(seen.closeness - 1.0));
+    worst = std::max(worst, std::fabs(seen.depth_ratio - 1.0));
     worst_implied = std::max(worst_implied, std::fabs(seen.implied_depth / depth - 1.0));
   }
   INFO(worst << " " << worst_implied);
@@ -180,18 +180,18 @@ TEST_CASE("expected error: grows with spread, roughness and missing maps, falls 
 
 TEST_CASE("agreement: nothing there, behind the other map's surface, or behind the camera gives 0") {
   const PlaneMap map = wall_map();
-  const auto closeness = [&](const Vec3<double>& point, const k::Rigid& other_from_first) {
+  const auto depth_ratio = [&](const Vec3<double>& point, const k::Rigid& other_from_first) {
     const double depth = test::length(point);
     const auto seen =
         k::agreement(cast<float>((1.0 / depth) * point), static_cast<float>(depth), map.view(), other_from_first);
     CHECK(std::isfinite(seen.implied_depth));
-    return seen.closeness;
+    return seen.depth_ratio;
   };
-  CHECK(closeness({0.0, 0.0, 2.0}, kIdentity) == Approx(0.9));
-  CHECK(closeness({0.0, 0.0, -2.0}, kIdentity) == 0.0F);  // the map has no plane there
+  CHECK(depth_ratio({0.0, 0.0, 2.0}, kIdentity) == Approx(0.9));
+  CHECK(depth_ratio({0.0, 0.0, -2.0}, kIdentity) == 0.0F);  // the map has no plane there
   // the first camera stands behind the other one's wall
   const k::Rigid behind{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 5}, {}, 0};
-  CHECK(closeness({0.0, 0.0, 1.0}, behind) == 0.0F);
+  CHECK(depth_ratio({0.0, 0.0, 1.0}, behind) == 0.0F);
 }
 
 TEST_CASE("agreement: index and offset at pixel centres, corners, seam and poles") {
@@ -204,7 +204,7 @@ TEST_CASE("agreement: index and offset at pixel centres, corners, seam and poles
     for (const int y : {0, 1, 80, 158, 159}) {
       const auto seen = at(x + 0.5, y + 0.5);
       CHECK(seen.index == y * kWidth + x);
-      CHECK(seen.closeness == Approx(1.0).epsilon(1e-5));
+      CHECK(seen.depth_ratio == Approx(1.0).epsilon(1e-5));
       CHECK(seen.implied_depth == Approx(2.0).epsilon(1e-5));
     }
   }

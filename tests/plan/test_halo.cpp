@@ -58,10 +58,10 @@ class Naive {
     if (seen("eligible", i)) return;
     filtered(i);
     for (const std::int64_t k : at(i).fusion) filtered(k);
-    for (const std::int64_t v : at(i).viewers) sight(v);
+    for (const std::int64_t v : at(i).viewers) ranges(v);
   }
-  void sight(std::int64_t i) {
-    if (!seen("sight", i)) filtered(i);
+  void ranges(std::int64_t i) {
+    if (!seen("ranges", i)) filtered(i);
   }
   void filtered(std::int64_t i) {
     if (seen("filtered", i)) return;
@@ -132,7 +132,7 @@ TEST_CASE("a halo is what the points need, nothing less and nothing more", "[pla
           for (std::size_t round = 0; round < found.rounds.size(); ++round) {
             CHECK(set_of(found.rounds[round]) == naive.needed["round" + std::to_string(round)]);
           }
-          CHECK(set_of(found.sights) == naive.needed["sight"]);
+          CHECK(set_of(found.range_maps) == naive.needed["ranges"]);
           CHECK(set_of(found.filtered) == naive.needed["filtered"]);
           CHECK(set_of(found.images) == naive.needed["image"]);
           check_nested(found);
@@ -158,7 +158,7 @@ TEST_CASE("depth maps alone need less", "[plan][halo]") {
     for (const std::int64_t id : ids) naive.depth_maps(id);
     const Halo found = halo(plan, ids, options, false);
     CHECK(found.clouds.empty());
-    CHECK(found.sights.empty());
+    CHECK(found.range_maps.empty());
     CHECK(found.rounds == std::vector<std::vector<std::int64_t>>(naive.rounds() + 1));
     CHECK(set_of(found.filtered) == naive.needed["filtered"]);
     for (std::size_t pass = 0; pass < found.planes.size(); ++pass) {

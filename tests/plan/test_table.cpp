@@ -82,7 +82,7 @@ TEST_CASE("the table of docs/plan.md", "[.table]") {
                                            : with_maps.begin() + static_cast<std::ptrdiff_t>(with_maps.size() / 2);
         const std::vector<std::int64_t> ids(from, from + static_cast<std::ptrdiff_t>(count));
         const Halo found = halo(plan, ids, options);
-        std::printf("  | %zu | %zu | %zu | %zu |", count, besides(found.rounds[0], count), found.sights.size(),
+        std::printf("  | %zu | %zu | %zu | %zu |", count, besides(found.rounds[0], count), found.range_maps.size(),
                     besides(found.filtered, count));
         for (std::size_t pass = found.planes.size(); pass > 0; --pass) {
           std::printf(" %zu |", besides(found.planes[pass - 1], count));

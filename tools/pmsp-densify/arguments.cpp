@@ -93,7 +93,7 @@ void add_inputs(CLI::App& app, Arguments& a) {
   app.add_option_function<std::string>(
          "--frame-offset", [&a](const std::string& text) { a.frame_offset = frame_offset_from(text); },
          "Added to the frame indices of keyframes; other than 0, it says that images are found by frame index: by no "
-         "other reading of their names, nor by a video's presentation times [frames; default 0]")
+         "other naming scheme, nor by a video's presentation times [frames; default 0]")
       ->type_name("N")
       ->group("Input");
   app.add_option_function<std::string>(

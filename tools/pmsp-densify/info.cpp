@@ -178,7 +178,7 @@ void print(const Json& j) {
   if (j.contains("reprojection")) {
     std::cout << "projection: landmarks lie " << number(j["reprojection"]["median_error_px"])
               << " px from where they are observed (median of " << j["reprojection"]["observations"]
-              << "); no other reading of the file fits better\n";
+              << "); no other convention fits better\n";
   }
   for (const Json& remark : j["remarks"]) std::cout << "remark:     " << remark.get<std::string>() << "\n";
   if (j.contains("images")) print_images(j);

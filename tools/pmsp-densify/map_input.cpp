@@ -68,7 +68,7 @@ std::string sweep_landmarks(SlamMap& map, const Arguments& arguments, int thread
   const auto percent = [](double share) { return std::to_string(std::lround(100.0 * share)) + " %"; };
   if (!result.fits_better.empty()) {
     throw InvalidInput(map.path.string() +
-                       ": the images fit another reading of its poses clearly better: " + result.fits_better + ", " +
+                       ": the images fit another convention of its poses clearly better: " + result.fits_better + ", " +
                        percent(result.better_share) + " of the patches are found instead of " + percent(result.share) +
                        "; put that right where the file was written, a cloud of it would be wrong");
   }

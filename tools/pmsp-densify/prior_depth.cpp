@@ -77,7 +77,7 @@ nlohmann::ordered_json PriorDepths::report() const {
     } else if (!it.why_not.empty()) {
       entry["left_out"] = it.why_not;
     } else {
-      entry["reading"] = name_of(it.reading);
+      entry["model"] = name_of(it.model);
       entry["scale"] = it.scale;
       entry["shift"] = it.shift;
       entry["landmarks"] = it.landmarks;

@@ -12,18 +12,18 @@ namespace pmsp {
 struct ConventionCheck {
   std::size_t observations = 0;  ///< looked at: all, or some of all keyframes
   double median_error_px = 0.0;  ///< from the projection to the observation, in the images [px]
-  std::string fits_better;       ///< another reading of the file that clearly fits better, in words; "" = none does
+  std::string fits_better;       ///< another convention that clearly fits better, in words; "" = none does
   double better_error_px = 0.0;  ///< its median error [px]
   std::string remark;            ///< what does no harm but should be known; "" = nothing
 };
 
-/// Proof of the conventions that a map was read by: compares them with other readings of the same numbers, such as
+/// Proof of the conventions that a map was read by: compares them with other conventions for the same numbers, such as
 /// mirrored images, latitude upside down, axes of OpenGL, the seam in front, inverted poses, and places in images that
 /// are half a pixel off. Nothing is to be told from less than 100 observations, nor from observations that are
 /// projections themselves (`SlamMap::observations_are_tested`); then `observations` is 0.
 ConventionCheck check_convention(const SlamMap& map);
 
-/// The same, for a program that cannot go on with a wrong one: throws InvalidInput that names the reading that fits.
+/// The same, for a program that cannot go on with a wrong one: throws InvalidInput that names the convention that fits.
 ConventionCheck require_convention(const SlamMap& map);
 
 }  // namespace pmsp

@@ -65,12 +65,12 @@ class ImageSource {
 /// Images in a folder (JPEG, PNG, TIFF, BMP, WebP). Where the map names them (`MapKeyframe::image`), these and no
 /// others are taken, by their path in the folder. Else the folder itself is searched, and the names of its images are
 /// keyframe ids, timestamps (seconds, milli-, micro- or nanoseconds) or frame indices; which one is detected from how
-/// well each reading fits the map's keyframes, and, where names alone leave more than one, by a PairingVerifier on a
-/// few images. What stands before and after the number does not matter ("image12.png"). Frame indices are timestamp x
-/// fps, for Unix times counted from the first keyframe; a constant offset between index and name is detected, too. A
-/// `frame_offset` other than 0 says that names are frame indices, and switches that search off. Of keyframes with one
-/// timestamp the first (smallest id) keeps the image. Throws IoError when there is no such folder or no image in it,
-/// InvalidInput when no reading fits or no image that the map names is there.
+/// well each naming scheme fits the map's keyframes, and, where names alone leave more than one, by a PairingVerifier
+/// on a few images. What stands before and after the number does not matter ("image12.png"). Frame indices are
+/// timestamp x fps, for Unix times counted from the first keyframe; a constant offset between index and name is
+/// detected, too. A `frame_offset` other than 0 says that names are frame indices, and switches that search off. Of
+/// keyframes with one timestamp the first (smallest id) keeps the image. Throws IoError when there is no such folder or
+/// no image in it, InvalidInput when no naming scheme fits or no image that the map names is there.
 struct ImageFolderOptions {
   double fps = 0.0;               ///< of the frame indices [1/s]; 0 = the map's camera's
   std::int64_t frame_offset = 0;  ///< added to the frame index that a keyframe's timestamp gives

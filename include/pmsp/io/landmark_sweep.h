@@ -30,14 +30,14 @@ class LandmarkSweep {
     std::size_t patches = 0;    ///< that were looked for
     std::size_t landmarks = 0;  ///< of those that were found
     double share = 0.0;         ///< landmarks / patches
-    std::string fits_better;    ///< another reading of the poses that finds clearly more, in words; "" = none does
+    std::string fits_better;    ///< another convention of the poses that finds clearly more, in words; "" = none does
     double better_share = 0.0;  ///< what that finds, of the patches of some keyframes
   };
 
   /// Puts landmarks and observations into `map`, the one of the constructor or a copy. `threads`: 0 = one for each CPU.
-  /// With `try_readings`, poses are tried as other readings have them as well (see ConventionCheck); where one finds
-  /// clearly more, the map is left as it is.
-  Result make_landmarks(SlamMap& map, int threads = 0, bool try_readings = true) const;
+  /// With `try_conventions`, poses are tried as other conventions have them as well (see ConventionCheck); where one
+  /// finds clearly more, the map is left as it is.
+  Result make_landmarks(SlamMap& map, int threads = 0, bool try_conventions = true) const;
 
  private:
   struct Impl;

@@ -11,13 +11,13 @@
 namespace pmsp::kernels {
 
 /// How far a keyframe has seen, in cells of several pixels, in row order.
-struct SightView {
+struct RangeMapView {
   const float* nearest;   ///< smallest depth in the cell, 0 = none known
   const float* farthest;  ///< largest depth
   int width, height;
 };
 
-struct SightLimits {
+struct FreeSpaceLimits {
   float min_through;  ///< range over nearest depth below which a point has been looked through, below min_near
   float min_near;     ///< from here on it lies on the surface,
   float max_far;      ///< up to this range over farthest depth
@@ -26,15 +26,15 @@ struct SightLimits {
 /// A view's say: the inverse square of its distance, because errors at edges are as wide as a patch and so grow with
 /// distance. At most one of the two is not zero.
 template <class F>
-struct Sight {
+struct RangeVote {
   F on_surface;
   F through;
 };
 
 /// `point` in the first keyframe, not the place of the other camera.
 template <class F>
-PMSP_HD Sight<F> sight(const Vec3<F>& point, const SightView& other, const Rigid& other_from_first,
-                       const SightLimits& limits) {
+PMSP_HD RangeVote<F> range_vote(const Vec3<F>& point, const RangeMapView& other, const Rigid& other_from_first,
+                                const FreeSpaceLimits& limits) {
   const Vec3<F> p = transform(other_from_first, point);
   const F square = dot(p, p);
   const F range = sqrt(square);
@@ -52,17 +52,17 @@ constexpr int kMaxViewers = 32;
 
 /// A keyframe that may have looked through a point.
 struct Viewer {
-  SightView sight;
+  RangeMapView ranges;
   Rigid other_from_first;  ///< from the first keyframe's unit of length into the other's: the rotation times `zoom`
   float zoom;              ///< the first keyframe's scale over the other's
 };
 
 /// Side of a cell [px].
-constexpr int kSightCell = 2;
+constexpr int kRangeCell = 2;
 
-/// How far a keyframe has seen (pmsp::sight_map), cell by cell; a stage.
+/// How far a keyframe has seen (pmsp::range_map), cell by cell; a stage.
 template <class Machine>
-struct FindSight {
+struct FindRanges {
   static constexpr int kCounts = 0;
 
   FilteredMap<typename Machine::Map> map;
@@ -70,16 +70,16 @@ struct FindSight {
   float* nearest;
   float* farthest;
 
-  PMSP_HD int width() const { return grid.width / kSightCell; }
-  PMSP_HD int height() const { return grid.height / kSightCell; }
+  PMSP_HD int width() const { return grid.width / kRangeCell; }
+  PMSP_HD int height() const { return grid.height / kRangeCell; }
 
   template <class F>
   PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
     F low(0);
     F high(0);
-    for (int i = 0; i < kSightCell * kSightCell; ++i) {
-      const IntOf<F> column = at.column * IntOf<F>(kSightCell) + IntOf<F>(i % kSightCell);
-      const IntOf<F> row(at.row * kSightCell + i / kSightCell);
+    for (int i = 0; i < kRangeCell * kRangeCell; ++i) {
+      const IntOf<F> column = at.column * IntOf<F>(kRangeCell) + IntOf<F>(i % kRangeCell);
+      const IntOf<F> row(at.row * kRangeCell + i / kRangeCell);
       const Surface<F> surface =
           surface_of(plane_at<F>(map, row * IntOf<F>(grid.width) + column), bearing_at<F>(grid, column, row));
       const F depth = select(surface.known, surface.depth, F(0));

@@ -9,8 +9,8 @@
 
 namespace pmsp::map_detail {
 
-/// Another reading of the poses in a file, by which the file may be meant.
-struct Reading {
+/// Another convention for the poses in a file, by which the file may be meant.
+struct PoseConvention {
   const char* what;        ///< for people
   bool inverted;           ///< world_from_cam and cam_from_world are swapped
   Eigen::Matrix3d camera;  ///< axes of the camera; may mirror
@@ -22,6 +22,6 @@ struct Reading {
 };
 
 /// All but the one that the readers have.
-std::vector<Reading> other_readings();
+std::vector<PoseConvention> other_conventions();
 
 }  // namespace pmsp::map_detail

@@ -12,7 +12,7 @@ namespace pmsp {
 
 /// How far a keyframe has seen: what is kept of its depth map for the rest of the mission, two bytes a pixel. One cell
 /// stands for 2 x 2 pixels.
-struct SightMap {
+struct RangeMap {
   std::int64_t keyframe_id = 0;
   RigidTransform cam_from_world;  ///< as it was when the keyframe was added
   Image<float> nearest;           ///< smallest depth in the cell [keyframe's unit]; 0 = none known
@@ -21,6 +21,6 @@ struct SightMap {
 };
 
 /// `map`, of even size; `confidence`: from the consistency filter, 0 = no depth.
-SightMap sight_map(const PlaneMap& map, const Image<float>& confidence, const Executor& executor);
+RangeMap range_map(const PlaneMap& map, const Image<float>& confidence, const Executor& executor);
 
 }  // namespace pmsp
