@@ -25,6 +25,7 @@ constexpr const char* kExamples =
     "  pmsp-densify info map.msg --images keyframes/ --quality normal --plan plan.json\n"
     "  pmsp-densify config --quality high > high.json\n"
     "  pmsp-densify batch missions.jsonl -o results/\n"
+    "  pmsp-densify serve mission.html\n"
     "\n"
     "Exit codes: 0 ok, 1 unexpected error, 2 usage, 3 input, 4 backend unavailable, 5 empty result, 6 output, "
     "7 and 8 some and all missions of a batch failed, "
@@ -350,6 +351,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   CLI::App& info = *app.add_subcommand("info", "What is in a map, which images belong to it, and what a run takes");
   CLI::App& config = *app.add_subcommand("config", "Print the options in force as JSON, for --config");
   app.add_subcommand("batch", "A list of missions, each by a process and in a folder of its own; see batch --help");
+  app.add_subcommand("serve", "A report and its folder over HTTP for a browser; see serve --help");
   for (CLI::App* verb : {&run, &merge, &info, &config}) verb->allow_extras();
   add_run(run, a);
   run.add_flag("--print-config", a.print_config, "Print the options in force as JSON and stop")->group("Behaviour");
