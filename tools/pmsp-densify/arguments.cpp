@@ -356,6 +356,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   add_run(run, a);
   run.add_flag("--print-config", a.print_config, "Print the options in force as JSON and stop")->group("Behaviour");
   add_shard_options(run, a);
+  add_live_options(run, a.live);
   merge.add_option("workspace", a.workspace, "Workspace that the shards have worked in")->type_name("WORKSPACE");
   add_cloud(merge, a);
   add_behaviour(merge, a);
@@ -386,6 +387,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   a.verb = merge.parsed() ? Verb::kMerge : info.parsed() ? Verb::kInfo : config.parsed() ? Verb::kConfig : Verb::kRun;
   if (!a.images.empty() && !a.video.empty()) throw UsageError("--images and --video exclude each other");
   if (a.verb == Verb::kRun) check_run(a);
+  if (a.verb == Verb::kRun) check_live(a.live, a.shard.has_value());
   if (a.verb == Verb::kRun) check_shard(a, run.count("--output") > 0);
   if (a.verb == Verb::kMerge && a.workspace.empty()) {
     throw UsageError("WORKSPACE is missing: pmsp-densify merge WORKSPACE -o cloud.ply");

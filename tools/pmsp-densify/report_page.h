@@ -30,6 +30,9 @@ struct ReportArguments {
 /// Whether this build has the page (PMSP_VIEWER).
 bool has_report_page();
 
+/// The name of a cloud's unit: the one told, or metres where something gave the cloud a scale; "" = that of the map.
+std::string unit_of_lengths(const std::string& told, const Similarity& file_from_map);
+
 /// A mission as one page for a browser: what was run, what came of it, and the points. See docs/report.md. Memory: the
 /// points that it holds (15 bytes each), and JPEGs.
 class ReportPage {
@@ -64,7 +67,6 @@ class ReportPage {
   nlohmann::ordered_json coverage_json() const;
   nlohmann::ordered_json page_json(const nlohmann::ordered_json& stats) const;
   void put(AtomicFile& file, const std::string& name, const std::string& bytes) const;
-  bool is_scale_known() const;
   std::vector<std::string> problems(const nlohmann::ordered_json& stats, const nlohmann::ordered_json& keyframes) const;
 
   ReportArguments arguments_;
