@@ -269,7 +269,14 @@ test("two million points are drawn", async () => {
   const [time, count] = (await page.evaluate(() => {
     const { viewer } = (window as unknown as Viewed).pmspPage;
     viewer.cloud.budget = 1e9;
-    return [viewer.frameTime(3), viewer.cloud.loaded];
+    const gl = viewer.renderer.getContext();
+    const times = [0, 1, 2].map(() => {
+      const began = performance.now();
+      viewer.draw();
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4)); // waits until the frame is there
+      return performance.now() - began;
+    });
+    return [times.sort((a, b) => a - b)[1], viewer.cloud.loaded];
   })) as [number, number];
   console.log(`# 2 million points: open after ${loaded} ms, ${time.toFixed(0)} ms a frame (software rendering)`);
   assert.equal(count, 2_000_000);
