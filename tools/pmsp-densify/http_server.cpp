@@ -176,7 +176,7 @@ class Session : public std::enable_shared_from_this<Session> {
     head_.result(static_cast<unsigned>(reply_.status));
     head_.keep_alive(keep_alive_);
     head_.set(http::field::content_type, reply_.type);
-    head_.set(http::field::content_length, std::to_string(part.count));
+    if (reply_.status != 204) head_.set(http::field::content_length, std::to_string(part.count));
     if (is_file) head_.set(http::field::accept_ranges, "bytes");
     if (reply_.status == 206) {
       head_.set(http::field::content_range, "bytes " + std::to_string(part.first) + "-" +

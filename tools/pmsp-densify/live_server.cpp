@@ -178,7 +178,11 @@ HttpReply LiveServer::points(std::int64_t id, LiveVersion since) {
   const auto found =
       std::lower_bound(snapshot->clouds.begin(), snapshot->clouds.end(), id,
                        [](const LiveCloud& cloud, std::int64_t wanted) { return cloud.keyframe_id < wanted; });
-  if (found == snapshot->clouds.end() || found->keyframe_id != id || found->cloud_since != since) return not_found();
+  if (found == snapshot->clouds.end() || found->keyframe_id != id || found->cloud_since != since) {
+    HttpReply gone;  // there are newer ones, or none: nothing unusual
+    gone.status = 204;
+    return gone;
+  }
   std::shared_ptr<const std::string>& block = blocks_[{id, since}];
   if (!block) {
     block = std::make_shared<const std::string>(live_block(thinned(*found->cloud, kMostLivePoints)));

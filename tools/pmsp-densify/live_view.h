@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <set>
+#include <string>
 
 #include "arguments.h"
 #include "live/live_map.h"
@@ -25,6 +26,8 @@ class LiveView {
   void add(const KeyframeCloud& cloud);
   /// The run is through: keyframes that were not named since it began are gone.
   void end();
+
+  std::string url() const { return server_.url(); }
 
   void finish() { server_.finish(std::chrono::seconds(10)); }
 

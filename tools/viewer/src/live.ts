@@ -152,7 +152,7 @@ export class Live {
 
   private async fetchPoints(it: CloudChange): Promise<void> {
     const reply = await fetch(`live/points/${it.id}/${it.since}`, { cache: "no-store", signal: AbortSignal.timeout(30_000) });
-    if (reply.status === 404) return; // there are newer ones, which the next answer tells
+    if (reply.status === 204) return; // there are newer ones, which the next answer tells
     if (!reply.ok) throw new Error(`no points: ${reply.status}`);
     const bytes = new Uint8Array(await reply.arrayBuffer());
     const place = [...this.matrices.keys()].indexOf(it.id);

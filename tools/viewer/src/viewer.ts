@@ -25,7 +25,7 @@ export class Viewer {
   path: number[] = [];
   /** A measurement that is not complete yet. */
   pending: Picked[] = [];
-  /** Called when the view has changed by itself or by the pointer. */
+  /** The view has changed by itself or by the pointer. */
   onChange: () => void = () => {};
   onLoaded: () => void = () => {};
   private readonly scene = new Scene();
@@ -64,11 +64,9 @@ export class Viewer {
     this.plan = new OrbitControls(this.flat, canvas);
     this.plan.enableRotate = false;
     this.plan.screenSpacePanning = true;
-    for (const controls of [this.orbit, this.plan]) {
-      controls.addEventListener("change", () => this.changed());
-    }
+    for (const controls of [this.orbit, this.plan]) controls.addEventListener("change", () => this.changed());
     this.plan.mouseButtons.LEFT = 2; // pans
-    this.plan.touches.ONE = 1; // pans
+    this.plan.touches.ONE = 1;
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
       this.lost = true;
@@ -179,8 +177,8 @@ export class Viewer {
     this.perspective.fov = kFov;
     if (mode === "orbit") {
       const center = this.corner([0.5, 0.5, 0.5]);
-      const from = add(center, times(sub(this.corner([0.1, -0.25, 2.2]), center), 1));
-      const away = times(sub(from, center), (0.95 * this.extent) / norm(sub(from, center)));
+      const off = sub(this.corner([0.1, -0.25, 2.2]), center);
+      const away = times(off, (0.95 * this.extent) / norm(off));
       this.perspective.position.set(...(eye ?? add(center, away)));
       this.orbit.target.set(...(target ?? center));
       this.orbit.update();
@@ -295,7 +293,8 @@ export class Viewer {
   }
 
   private changed(): void {
-    const { mode, state } = { mode: this.state.mode, state: this.state };
+    const { state } = this;
+    const { mode } = state;
     const camera = this.camera;
     const eye = camera.position.toArray() as [number, number, number];
     const target =

@@ -18,6 +18,7 @@ if (!chromiumPath() || !densify || !synth || !player) {
 
 const folder = mkdtempSync(join(tmpdir(), "pmsp-live-"));
 const mission = join(folder, "mission");
+const children: ChildProcess[] = [];
 let browser: Browser;
 
 before(async () => {
@@ -26,6 +27,7 @@ before(async () => {
 });
 
 after(async () => {
+  for (const child of children) child.kill("SIGKILL");
   await browser?.close();
   rmSync(folder, { recursive: true });
 });
@@ -41,6 +43,7 @@ interface Started {
 /** Starts a program and waits for the address that it tells. */
 async function start(program: string, words: string[]): Promise<Started> {
   const child = spawn(program, words, { stdio: ["pipe", "pipe", "pipe"] });
+  children.push(child);
   let text = "";
   const ended = new Promise<number | null>((done) => child.on("close", done));
   const url = await new Promise<string>((done, fail) => {
@@ -64,6 +67,8 @@ interface Shown {
   points: number;
   /** Centres of the keyframes' cubes. */
   cubes: Record<string, number[]>;
+  /** Where the keyframes' cameras stood. */
+  centers: Record<string, number[]>;
   keyframes: number;
   state: string | undefined;
 }
@@ -73,8 +78,16 @@ const shown = (page: Page): Promise<Shown> =>
     const { viewer } = (window as any).pmspPage;
     const cubes: Record<string, number[]> = {};
     for (const [id, cube] of viewer.cloud.hung) cubes[id] = cube.center.toArray();
-    return { points: viewer.cloud.loaded, cubes, keyframes: viewer.data.keyframes.length, state: document.body.dataset["live"] };
+    const centers = Object.fromEntries(viewer.data.keyframes.map((k: any) => [k.id, k.center]));
+    return { points: viewer.cloud.loaded, cubes, centers, keyframes: viewer.data.keyframes.length, state: document.body.dataset["live"] };
   });
+
+const fetchedOf = (page: Page): Promise<number> => page.evaluate(() => (window as any).pmspPage.live.fetched);
+
+/** Waits until nothing has come for a while. */
+async function hasCaughtUp(page: Page): Promise<void> {
+  for (let before = -1, now = 0; before !== now; before = now, now = await fetchedOf(page)) await page.waitForTimeout(1500);
+}
 
 const light = (page: Page): Promise<number> =>
   page.evaluate(() => {
@@ -129,12 +142,12 @@ test("points of a SLAM come at once, and move with their keyframes", async () =>
   const seen = (await page.evaluate(() => performance.timeOrigin + (window as any).pmspPage.live.lastPoints)) as number;
   await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.hung.size >= 4, null, { timeout: 300_000 });
   while (!/flown/.test(started.text())) await new Promise((done) => setTimeout(done, 100));
-  await page.waitForTimeout(1000);
+  for (const it of [page, other.page]) await hasCaughtUp(it);
   const before = await shown(page);
-  const uploads = await page.evaluate(() => (window as any).pmspPage.live.fetched);
+  const fetched = await fetchedOf(page);
   started.child.stdin!.write("move\n");
-  const far = (cubes: Record<string, number[]>): number[] =>
-    Object.entries(cubes).map(([id, at]) => Math.hypot(...at.map((x, i) => x - (before.cubes[id]?.[i] ?? Number.NaN))));
+  const moved = (now: Record<string, number[]>, then: Record<string, number[]>): number[] =>
+    Object.entries(then).map(([id, at]) => Math.hypot(...at.map((x, i) => x - (now[id]?.[i] ?? Number.NaN))));
   await page.waitForFunction(
     (old) => {
       const { hung } = (window as any).pmspPage.viewer.cloud;
@@ -143,10 +156,12 @@ test("points of a SLAM come at once, and move with their keyframes", async () =>
     before.cubes,
     { timeout: 60_000 },
   );
+  for (const it of [page, other.page]) await hasCaughtUp(it);
   const after = await shown(page);
   assert.deepEqual(Object.keys(after.cubes).sort(), Object.keys(before.cubes).sort());
-  for (const distance of far(after.cubes)) assert.ok(Math.abs(distance - 10) < 1e-3, `moved by ${distance}, not by 10`);
-  assert.equal(await page.evaluate(() => (window as any).pmspPage.live.fetched), uploads, "what only moves is not sent again");
+  assert.equal(await fetchedOf(page), fetched, "what only moves is not sent again");
+  for (const by of moved(after.centers, before.centers)) assert.ok(Math.abs(by - 10) < 1e-6, `moved by ${by}, not by 10`);
+  for (const by of moved(after.cubes, before.cubes)) assert.ok(Math.abs(by - 10) < 1e-3, `points moved by ${by}, not by 10`);
   assert.deepEqual((await shown(other.page)).cubes, after.cubes);
   started.child.stdin!.write("erase\n");
   await page.waitForFunction((count) => (window as any).pmspPage.viewer.cloud.hung.size === count, Object.keys(after.cubes).length - 1);
