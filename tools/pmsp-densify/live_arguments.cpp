@@ -5,7 +5,7 @@
 
 #include "exit_code.h"
 #include "http_server.h"
-#include "report_page.h"
+#include "report_arguments.h"
 #include "serve_arguments.h"
 
 namespace pmsp::tool {
@@ -29,7 +29,7 @@ void add_live_options(CLI::App& run, LiveArguments& a) {
 void check_live(const LiveArguments& a, bool is_shard) {
   is_loopback(a.address);  // or it is none
   if (!a.port) return;
-  if (!has_report_page()) throw UsageError("--live-view is not in this build (PMSP_VIEWER is OFF)");
+  require_report_page("--live-view");
   if (is_shard) throw UsageError("a shard makes no cloud; leave --live-view out");
 }
 

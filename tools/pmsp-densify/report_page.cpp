@@ -257,7 +257,8 @@ Json ReportPage::page_json(const Json& stats) const {
   json["facts"] = report_facts(stats);
   json["times"] = report_times(stats);
   json["problems"] = problems(stats, json["keyframes"]);
-  json["notes"] = Json::array();
+  json["normals"] = has_normals_;
+  json["notes"] = notes_;
   if (cloud_.points() < cloud_.points_in()) {
     json["notes"].push_back("The page holds the most confident points of each place, fewer than the cloud has.");
   }

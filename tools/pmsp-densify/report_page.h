@@ -52,6 +52,11 @@ class ReportPage {
   /// What each keyframe is used for.
   void set_uses(const Plan& plan);
 
+  /// A sentence about the page.
+  void say(const std::string& note) { notes_.push_back(note); }
+  /// The points have none, so that nothing is left out by which side is seen.
+  void leave_out_normals() { has_normals_ = false; }
+
   /// Writes the page. `stats`: of the run, as --stats writes them. Throws OutputError.
   void write(const nlohmann::ordered_json& stats);
 
@@ -77,6 +82,8 @@ class ReportPage {
   PageCloud cloud_;
   std::map<std::int64_t, Jpegs> pictures_;
   std::map<std::int64_t, std::string> uses_;
+  std::vector<std::string> notes_;
+  bool has_normals_ = true;
   int panoramas_ = 0;
   std::size_t depth_maps_ = 0;
   int depth_width_ = 0;

@@ -229,6 +229,7 @@ class Run {
     if (!arguments_.report.path.empty()) {
       page_.emplace(arguments_.report, header, map_, report_.with_image);
       output_->also_to(page_->cloud());
+      if (merge_ != nullptr) page_->say("The shards have left no pictures of keyframes, and no coverage.");
     }
   }
 

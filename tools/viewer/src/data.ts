@@ -36,6 +36,8 @@ export interface ReportData {
   points_in: number;
   points: number;
   nodes: NodeData[];
+  /** Whether the points have normals. */
+  normals?: boolean;
   keyframes: KeyframeData[];
   confidences: number[];
   /** Angle of a pixel of the depth maps [rad]. */

@@ -168,8 +168,7 @@ export class Viewer {
   setMode(mode: Mode, fresh = true): void {
     const state = this.state;
     state.mode = mode;
-    this.orbit.enabled = mode === "orbit";
-    this.plan.enabled = mode === "plan";
+    [this.orbit.enabled, this.plan.enabled] = [mode === "orbit", mode === "plan"];
     const eye = fresh ? null : state.eye;
     const target = fresh ? null : state.target;
     this.perspective.near = this.extent * 2e-4;
@@ -338,7 +337,7 @@ export class Viewer {
       camera === this.flat
         ? (ratio * height * this.flat.zoom) / (2 * half)
         : (ratio * height) / (2 * Math.tan((this.perspective.fov * Math.PI) / 360));
-    const outside = state.mode === "orbit" || state.mode === "plan";
+    const outside = this.data.normals !== false && (state.mode === "orbit" || state.mode === "plan");
     this.cloud.setLook(state.coloring, state.size, state.clip, outside);
     this.cloud.choose(camera, pixels, ratio);
     this.panorama.place(this.perspective, state.mode === "keyframe" ? 1 - state.fade : 0);
