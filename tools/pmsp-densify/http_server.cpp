@@ -266,6 +266,7 @@ struct HttpServer::Impl {
       throw OutputError("port " + std::to_string(options.port) + " of " + options.address + " cannot be served: " +
                         error.code().message() + "; give another one, or 0 for one that is free");
     }
+    port = acceptor.local_endpoint().port();
     accept();
     thread = std::thread([this] {
       run_at_low_priority(common.options.nice);
@@ -300,6 +301,7 @@ struct HttpServer::Impl {
     return true;
   }
 
+  std::uint16_t port = 0;
   Common common;  ///< before the context, whose end ends the sessions
   asio::io_context context{1};
   tcp::acceptor acceptor{context};
@@ -311,7 +313,7 @@ HttpServer::HttpServer(const HttpOptions& options, HttpHandler handler)
     : impl_(std::make_unique<Impl>(options, std::move(handler))) {}
 HttpServer::~HttpServer() = default;
 
-std::uint16_t HttpServer::port() const { return impl_->acceptor.local_endpoint().port(); }
+std::uint16_t HttpServer::port() const { return impl_->port; }
 
 std::string HttpServer::url() const {
   const asio::ip::address address = address_from(impl_->common.options.address);
