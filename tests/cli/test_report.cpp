@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+
 #include <catch2/catch.hpp>
 
 #include <nlohmann/json.hpp>
@@ -112,4 +114,63 @@ TEST_CASE("keyframes are named as people name them") {
   CHECK(pmsp::tool::list_of_keyframes({5}, order) == "5");
   CHECK(pmsp::tool::list_of_keyframes({1, 2}, order) == "1 and 2");
   CHECK(pmsp::tool::list_of_keyframes({1, 5, 6, 7, 12}, order) == "1, 5 to 7 and 12");
+}
+
+TEST_CASE("a report is made from a cloud or a workspace alone, and says what it lacks") {
+  if (!pmsp::tool::has_report_page()) return;
+  const TempDir dir;
+  const Result run =
+      densify(quick_run(dir / "c.ply", {"--workspace", (dir / "work").string(), "--stats", (dir / "s.json").string()}));
+  INFO(run.err);
+  REQUIRE(run.code == 0);
+  const ordered_json stats = ordered_json::parse(read_text(dir / "s.json"));
+  const auto report = [&](const std::string& from, const std::string& name, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> words{"report", (dir / from).string(), "-o", (dir / name).string()};
+    words.insert(words.end(), more.begin(), more.end());
+    return densify(words);
+  };
+  REQUIRE(report("c.ply", "cloud.html", {"--unit", "ft", "--points", "1000"}).code == 0);
+  const ordered_json cloud = data_of(read_text(dir / "cloud.html"));
+  CHECK(cloud["points_in"] == stats["points_written"]);
+  CHECK(cloud["points"].get<int>() <= 1000);
+  CHECK(cloud["unit"] == "ft");
+  CHECK(cloud["keyframes"].empty());
+  CHECK(cloud["normals"] == true);
+  CHECK_THAT(cloud["notes"].dump(), Contains("knows no keyframes"));
+  REQUIRE(report("work", "work.html").code == 0);
+  const ordered_json work = data_of(read_text(dir / "work.html"));
+  CHECK(work["points_in"] == stats["points_written"]);
+  CHECK(work["confidences"] == cloud["confidences"]);
+  std::size_t used = 0;
+  for (const ordered_json& keyframe : work["keyframes"]) used += keyframe["use"] == "depth map" ? 1 : 0;
+  CHECK(used == stats["keyframes"]["depth_maps"]);
+  CHECK_THAT(work["notes"].dump(), Contains("no pictures"));
+  CHECK(report("work", "work.html").code == 6);
+  CHECK(report("work", "work.html", {"--force"}).code == 0);
+  CHECK(report("c.ply", "c.ply", {"--force"}).code == 2);
+  CHECK(report("none.ply", "n.html").code == 3);
+  CHECK(densify({"report", dir.path().string(), "-o", (dir / "n.html").string()}).code == 3);
+  CHECK(densify({"report", (dir / "c.ply").string()}).code == 2);
+}
+
+TEST_CASE("merged shards give a report") {
+  if (!pmsp::tool::has_report_page()) return;
+  const TempDir dir;
+  const auto shard = [&](const std::string& which) {
+    std::vector<std::string> words =
+        quick_run("unused.ply", {"--workspace", (dir / "work").string(), "--shard", which});
+    words.erase(std::remove(words.begin(), words.end(), "unused.ply"), words.end());
+    words.erase(std::remove(words.begin(), words.end(), "-o"), words.end());
+    const Result result = densify(words);
+    INFO(result.err);
+    REQUIRE(result.code == 0);
+  };
+  shard("0/1");
+  const Result merged = densify({"merge", (dir / "work").string(), "-o", (dir / "c.ply").string(), "--report",
+                                 (dir / "r.html").string(), "--stats", (dir / "s.json").string()});
+  INFO(merged.err);
+  REQUIRE(merged.code == 0);
+  const ordered_json data = data_of(read_text(dir / "r.html"));
+  CHECK(data["points_in"] == ordered_json::parse(read_text(dir / "s.json"))["points_written"]);
+  CHECK_THAT(data["notes"].dump(), Contains("no pictures"));
 }

@@ -8,6 +8,7 @@
 
 #include "exit_code.h"
 #include "pmsp/executor.h"
+#include "report_arguments.h"
 #include "shard_arguments.h"
 
 namespace pmsp::tool {
@@ -25,6 +26,8 @@ constexpr const char* kExamples =
     "  pmsp-densify info map.msg --images keyframes/ --quality normal --plan plan.json\n"
     "  pmsp-densify config --quality high > high.json\n"
     "  pmsp-densify batch missions.jsonl -o results/\n"
+    "  pmsp-densify report cloud.ply -o cloud.html\n"
+    "  pmsp-densify serve mission.html\n"
     "\n"
     "Exit codes: 0 ok, 1 unexpected error, 2 usage, 3 input, 4 backend unavailable, 5 empty result, 6 output, "
     "7 and 8 some and all missions of a batch failed, "
@@ -47,16 +50,6 @@ double frame_rate_from(const std::string& text) {
 
 double mask_nadir_from(const std::string& text) {
   return number_in("--mask-nadir", text, 0.0, 90.0, "degrees, 0 to 90");
-}
-
-std::int64_t report_points_from(const std::string& text) {
-  constexpr std::int64_t kMost = PageCloud::kMostPoints;
-  return number_in<std::int64_t>("--report-points", text, 0, kMost,
-                                 "a whole number from 0 to " + std::to_string(kMost));
-}
-
-int report_panoramas_from(const std::string& text) {
-  return number_in("--report-panoramas", text, 0, 1000, "a whole number from 0 to 1000");
 }
 
 double idle_seconds_from(const std::string& text) {
@@ -174,26 +167,7 @@ void add_outputs(CLI::App& app, Arguments& a) {
       ->type_name("S")
       ->group(group);
   app.add_option("--preview", a.preview, "Pictures to judge the result by (PNG)")->type_name("DIR")->group(group);
-  app.add_option("--report", a.report.path,
-                 "One page for a browser, which needs no network: what was run, how well it went, the points to look "
-                 "at and to measure (HTML)")
-      ->type_name("FILE")
-      ->group(group);
-  app.add_option_function<std::string>(
-         "--report-points", [&a](const std::string& text) { a.report.points = report_points_from(text); },
-         "Points that the page holds at most, the most confident ones [0 to 5000000, 20 bytes each; default 1000000]")
-      ->type_name("N")
-      ->group(group);
-  app.add_option_function<std::string>(
-         "--report-panoramas", [&a](const std::string& text) { a.report.panoramas = report_panoramas_from(text); },
-         "Keyframes whose photo the page holds, at most 2048 pixels wide [0 to 1000; default 12]")
-      ->type_name("N")
-      ->group(group);
-  app.add_option("--report-unit", a.report.unit,
-                 "Name of the unit of lengths in the page [default m with --scale, --align or a --transform that "
-                 "scales, else map units]")
-      ->type_name("NAME")
-      ->group(group);
+  add_report_options(app, a.report);
 }
 
 void add_plan(CLI::App& app, Arguments& a) {
@@ -294,9 +268,6 @@ void check_run(const Arguments& a) {
   if (a.print_config) return;
   if (a.map.empty()) throw UsageError("MAP is missing: pmsp-densify MAP --images DIR; see --help");
   if (a.follow && a.workspace.empty()) throw UsageError("--follow needs --workspace DIR, which keeps what is made");
-  if (!a.report.path.empty() && !has_report_page()) {
-    throw UsageError("--report is not in this build (PMSP_VIEWER is OFF)");
-  }
   if (a.until_idle && !a.follow) throw UsageError("--until-idle needs --follow");
   if (!a.workspace.empty() && !a.raw_depth_maps.empty()) {
     throw UsageError("--raw-depth-maps and --workspace exclude each other: a workspace keeps filtered depth maps only");
@@ -350,12 +321,16 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   CLI::App& info = *app.add_subcommand("info", "What is in a map, which images belong to it, and what a run takes");
   CLI::App& config = *app.add_subcommand("config", "Print the options in force as JSON, for --config");
   app.add_subcommand("batch", "A list of missions, each by a process and in a folder of its own; see batch --help");
+  app.add_subcommand("report", "The page of --report from a cloud or a workspace; see report --help");
+  app.add_subcommand("serve", "A report and its folder over HTTP for a browser; see serve --help");
   for (CLI::App* verb : {&run, &merge, &info, &config}) verb->allow_extras();
   add_run(run, a);
   run.add_flag("--print-config", a.print_config, "Print the options in force as JSON and stop")->group("Behaviour");
   add_shard_options(run, a);
+  add_live_options(run, a.live);
   merge.add_option("workspace", a.workspace, "Workspace that the shards have worked in")->type_name("WORKSPACE");
   add_cloud(merge, a);
+  add_report_options(merge, a.report);
   add_behaviour(merge, a);
   add_inputs(info, a);
   info.add_flag("--json", a.json, "As JSON");
@@ -384,6 +359,8 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   a.verb = merge.parsed() ? Verb::kMerge : info.parsed() ? Verb::kInfo : config.parsed() ? Verb::kConfig : Verb::kRun;
   if (!a.images.empty() && !a.video.empty()) throw UsageError("--images and --video exclude each other");
   if (a.verb == Verb::kRun) check_run(a);
+  if (!a.report.path.empty()) require_report_page("--report");
+  if (a.verb == Verb::kRun) check_live(a.live, a.shard.has_value());
   if (a.verb == Verb::kRun) check_shard(a, run.count("--output") > 0);
   if (a.verb == Verb::kMerge && a.workspace.empty()) {
     throw UsageError("WORKSPACE is missing: pmsp-densify merge WORKSPACE -o cloud.ply");

@@ -10,6 +10,7 @@
 
 #include "cloud_arguments.h"
 #include "depth_output.h"
+#include "live_arguments.h"
 #include "option_table.h"
 #include "report_page.h"
 #include "workspace/shards.h"
@@ -45,6 +46,7 @@ struct Arguments {
   std::filesystem::path stats;
   std::filesystem::path preview;
   ReportArguments report;
+  LiveArguments live;
   std::filesystem::path scratch;  ///< empty = the folder of the output
   std::filesystem::path plan;     ///< info
   std::filesystem::path workspace;

@@ -24,7 +24,7 @@ constexpr const char* kMore =
     "Options of `run` (see run --help) are for all missions; those of a mission come after them and override them.\n"
     "--depth-maps and --preview name folders in those of the missions. --format ply,las names the formats of the\n"
     "clouds, which are written as cloud.ply, cloud.las and so on. Not to be given: -o, --stats, --workspace and\n"
-    "--force, which a batch sets itself, --follow, --raw-depth-maps and --report.\n"
+    "--force, which a batch sets itself, --follow, --raw-depth-maps, --report and --live-view.\n"
     "\n"
     "MANIFEST is JSON lines, an object a mission, or tab-separated with a first line that names the columns:\n"
     "name, map, images or video, mask, options. Paths are relative to the manifest. Options are an object as in\n"

@@ -15,7 +15,10 @@ namespace {
 
 int guarded_main(int argc, char** argv) {
   using namespace pmsp::tool;
-  if (argc > 1 && std::string(argv[1]) == "batch") return batch(argc, argv);
+  const std::string verb = argc > 1 ? argv[1] : "";
+  if (verb == "batch") return batch(argc, argv);
+  if (verb == "report") return report(argc, argv);
+  if (verb == "serve") return serve(argc, argv);
   const std::optional<Arguments> arguments = parse_arguments(argc, argv);
   if (!arguments) return kExitOk;
   if (arguments->verb == Verb::kInfo) {

@@ -73,6 +73,10 @@ const char* words_for(const std::string& use) {
 
 bool has_report_page() { return std::string(kReportTemplate).find(kDataMark) != std::string::npos; }
 
+std::string unit_of_lengths(const std::string& told, const Similarity& file_from_map) {
+  return !told.empty() || file_from_map.scale == 1.0 ? told : "m";
+}
+
 ReportPage::ReportPage(const ReportArguments& arguments, const CloudHeader& header, const SlamMap& map,
                        std::size_t keyframes)
     : arguments_(arguments),
@@ -138,8 +142,6 @@ void ReportPage::set_uses(const Plan& plan) {
   for (const PlanEntry& entry : plan.entries) uses_[entry.id] = name_of(entry.use);
 }
 
-bool ReportPage::is_scale_known() const { return !arguments_.unit.empty() || file_from_map_.scale != 1.0; }
-
 Json ReportPage::keyframes_json(const Json& stats) const {
   std::map<std::int64_t, std::string> skipped;
   if (stats.contains("skipped")) {
@@ -195,7 +197,7 @@ Json ReportPage::coverage_json() const {
 
 std::vector<std::string> ReportPage::problems(const Json& stats, const Json& keyframes) const {
   std::vector<std::string> all;
-  if (!is_scale_known()) {
+  if (unit_of_lengths(arguments_.unit, file_from_map_).empty()) {
     all.emplace_back(
         "The map's scale is arbitrary: lengths are in its own unit, not in metres (see --scale and --align).");
   }
@@ -231,15 +233,14 @@ Json ReportPage::page_json(const Json& stats) const {
   for (const MapKeyframe& keyframe : map_.keyframes) {
     up -= file_from_map_.rotation * keyframe.cam_from_world.rotation.row(1).transpose();
   }
+  const std::string unit = unit_of_lengths(arguments_.unit, file_from_map_);
   const std::string map_name = map_.path.filename().string();
   Json json{{"format", "pmsp-report"},
             {"version", 1},
             {"title", map_name + ": report"},
             {"generator", stats.value("generator", "pmsp-densify")},
-            {"unit", !arguments_.unit.empty() ? arguments_.unit
-                     : is_scale_known()       ? "m"
-                                              : "map units"},
-            {"scale_known", is_scale_known()},
+            {"unit", unit.empty() ? "map units" : unit},
+            {"scale_known", !unit.empty()},
             {"up", vector_json(up.norm() > 1e-9 ? Eigen::Vector3d(up.normalized()) : Eigen::Vector3d(0.0, -1.0, 0.0))},
             {"origin", vector_json(cloud_.origin())},
             {"points_in", cloud_.points_in()},
@@ -256,7 +257,8 @@ Json ReportPage::page_json(const Json& stats) const {
   json["facts"] = report_facts(stats);
   json["times"] = report_times(stats);
   json["problems"] = problems(stats, json["keyframes"]);
-  json["notes"] = Json::array();
+  json["normals"] = has_normals_;
+  json["notes"] = notes_;
   if (cloud_.points() < cloud_.points_in()) {
     json["notes"].push_back("The page holds the most confident points of each place, fewer than the cloud has.");
   }

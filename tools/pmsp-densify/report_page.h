@@ -30,6 +30,9 @@ struct ReportArguments {
 /// Whether this build has the page (PMSP_VIEWER).
 bool has_report_page();
 
+/// The name of a cloud's unit: the one told, or metres where something gave the cloud a scale; "" = that of the map.
+std::string unit_of_lengths(const std::string& told, const Similarity& file_from_map);
+
 /// A mission as one page for a browser: what was run, what came of it, and the points. See docs/report.md. Memory: the
 /// points that it holds (15 bytes each), and JPEGs.
 class ReportPage {
@@ -49,6 +52,11 @@ class ReportPage {
   /// What each keyframe is used for.
   void set_uses(const Plan& plan);
 
+  /// A sentence about the page.
+  void say(const std::string& note) { notes_.push_back(note); }
+  /// The points have none, so that nothing is left out by which side is seen.
+  void leave_out_normals() { has_normals_ = false; }
+
   /// Writes the page. `stats`: of the run, as --stats writes them. Throws OutputError.
   void write(const nlohmann::ordered_json& stats);
 
@@ -64,7 +72,6 @@ class ReportPage {
   nlohmann::ordered_json coverage_json() const;
   nlohmann::ordered_json page_json(const nlohmann::ordered_json& stats) const;
   void put(AtomicFile& file, const std::string& name, const std::string& bytes) const;
-  bool is_scale_known() const;
   std::vector<std::string> problems(const nlohmann::ordered_json& stats, const nlohmann::ordered_json& keyframes) const;
 
   ReportArguments arguments_;
@@ -75,6 +82,8 @@ class ReportPage {
   PageCloud cloud_;
   std::map<std::int64_t, Jpegs> pictures_;
   std::map<std::int64_t, std::string> uses_;
+  std::vector<std::string> notes_;
+  bool has_normals_ = true;
   int panoramas_ = 0;
   std::size_t depth_maps_ = 0;
   int depth_width_ = 0;

@@ -17,6 +17,7 @@
 #include "interrupt.h"
 #include "io/map_keyframe.h"
 #include "lenses.h"
+#include "live_view.h"
 #include "map_input.h"
 #include "pmsp/densifier.h"
 #include "preview.h"
@@ -53,11 +54,13 @@ std::future<void> start_device(const DensifierOptions& options) {
 class Run {
  public:
   /// `workspace`: nullptr = none. `growing`: more keyframes will come. `merge`: what shards have made is all there is.
+  /// `live`: nullptr = nobody looks.
   Run(const Arguments& arguments, DensifierOptions options, workspace::Workspace* workspace, bool growing,
-      const Merge* merge = nullptr)
+      const Merge* merge = nullptr, LiveView* live = nullptr)
       : arguments_(arguments),
         growing_(growing),
         merge_(merge),
+        live_(live),
         threads_(options.threads > 0 ? options.threads : usable_cpus()),
         progress_(arguments.progress, arguments.quiet, arguments.verbose) {
     std::future<void> device = start_device(options);
@@ -90,6 +93,10 @@ class Run {
     report_.keyframes = map_.keyframes.size();
     report_.with_image = source_->keyframe_ids().size();
     announce(about_map);
+    if (live_ != nullptr) {
+      live_->begin(map_, {map_.path.filename().string() + ": live",
+                          unit_of_lengths(arguments.report.unit, frame_.file_from_map), frame_.file_from_map});
+    }
     if (merge == nullptr) {  // shards have done so
       progress_.stage("looking at the lenses");
       const Spent spent(report_.time, Busy::kImages);
@@ -127,6 +134,7 @@ class Run {
         throw;
       }
     }
+    if (live_ != nullptr) live_->end();
     report_.stats = densifier_->stats();
     if (step_) {
       step_->commit();
@@ -221,6 +229,7 @@ class Run {
     if (!arguments_.report.path.empty()) {
       page_.emplace(arguments_.report, header, map_, report_.with_image);
       output_->also_to(page_->cloud());
+      if (merge_ != nullptr) page_->say("The shards have left no pictures of keyframes, and no coverage.");
     }
   }
 
@@ -273,6 +282,7 @@ class Run {
       output_->add(cloud);
       const Spent drawing(report_.time, Busy::kPreview);
       if (preview_) preview_->add_points(cloud);
+      if (live_ != nullptr) live_->add(cloud);
     };
     return callbacks;
   }
@@ -350,6 +360,7 @@ class Run {
       const Spent spent(report_.time, Busy::kDensify);
       return densifier_->add(keyframe);
     }();
+    if (live_ != nullptr) live_->set_camera(keyframe.cam_from_world);
     announce_backend();  // whether its memory suffices may turn out with the first image
     if (preview_ && !accepted) preview_->drop_keyframe(keyframe.id);
     if (page_) page_->set_used(keyframe.id, accepted);
@@ -392,6 +403,7 @@ class Run {
   const Arguments& arguments_;
   const bool growing_;
   const Merge* const merge_;
+  LiveView* const live_;
   const int threads_;
   Progress progress_;
   SlamMap map_;
@@ -455,12 +467,17 @@ void run(const Arguments& arguments) {
   DensifierOptions options = effective_options(arguments);
   if (arguments.workspace.empty()) check_targets(arguments);
   if (options.free_space.whole_mission) options.scratch_folder = scratch_folder(arguments).string();
-  if (arguments.workspace.empty()) return Run(arguments, options, nullptr, false)();
+  const std::unique_ptr<LiveView> live = arguments.live.port ? std::make_unique<LiveView>(arguments.live) : nullptr;
+  if (arguments.workspace.empty()) {
+    Run(arguments, options, nullptr, false, nullptr, live.get())();
+    if (live) live->finish();
+    return;
+  }
   check_names(arguments);
   workspace::Workspace workspace(arguments.workspace);
   check_targets(arguments, written_before(arguments, workspace));
   const auto once = [&](bool growing) {
-    Run run(arguments, options, &workspace, growing);
+    Run run(arguments, options, &workspace, growing, nullptr, live.get());
     run();
     return run.is_finished();
   };
@@ -469,6 +486,7 @@ void run(const Arguments& arguments) {
   } else {
     once(false);
   }
+  if (live) live->finish();
 }
 
 void merge(const Arguments& arguments) {

@@ -23,6 +23,12 @@ void config(const Arguments& arguments);
 /// Has a command line of its own, from which it makes those of `run`. Returns the exit code.
 int batch(int argc, const char* const* argv);
 
+/// Likewise: the page of a cloud or of a workspace.
+int report(int argc, const char* const* argv);
+
+/// Likewise: a folder over HTTP until a signal comes.
+int serve(int argc, const char* const* argv);
+
 /// What --images or --video names; nullptr without either.
 std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamMap& map);
 

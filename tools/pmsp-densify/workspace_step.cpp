@@ -74,7 +74,8 @@ WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& a
   inputs_.options = options;
   inputs_.mask = masks_text(arguments, workspace_);
   inputs_.growing = growing;
-  inputs_.ask_all_again = !arguments.depth_maps.empty() || !arguments.preview.empty() || !arguments.report.path.empty();
+  const bool has_pages = !arguments.depth_maps.empty() || !arguments.preview.empty() || !arguments.report.path.empty();
+  inputs_.ask_all_again = has_pages && arguments.verb != Verb::kMerge;  // which makes nothing
 }
 
 std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable) {

@@ -45,7 +45,7 @@ if (what === "--write" || (what === "--to" && file)) {
   console.log("the prebuilt page is what its sources give");
 } else if (what === "--tests") {
   await build({
-    entryPoints: ["geometry", "measure", "state", "data", "palette"].map((name) => join(here, "tests", `${name}.test.ts`)),
+    entryPoints: ["geometry", "measure", "state", "data", "palette", "live"].map((name) => join(here, "tests", `${name}.test.ts`)),
     bundle: true,
     platform: "node",
     format: "esm",
@@ -54,12 +54,13 @@ if (what === "--write" || (what === "--to" && file)) {
   });
 } else if (what === "--browser-test") {
   await build({
-    entryPoints: [join(here, "tests", "page.e2e.ts")],
+    entryPoints: ["page", "live"].map((name) => join(here, "tests", `${name}.e2e.ts`)),
     bundle: true,
     platform: "node",
     format: "esm",
     external: ["playwright-core", "axe-core"],
-    outfile: join(here, "build", "browser", "page.mjs"),
+    outdir: join(here, "build", "browser"),
+    outExtension: { ".js": ".mjs" },
   });
 } else {
   console.error("usage: node build.mjs --write | --check | --to FILE | --tests | --browser-test");

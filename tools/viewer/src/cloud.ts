@@ -22,49 +22,15 @@ import { type NodeData, type NodePoints, kNoKeyframe } from "./data";
 import { type Vec3, normalFrom } from "./geometry";
 import type { Picked } from "./measure";
 import { type PaletteName, paletteBytes } from "./palette";
+import { fragmentShader, vertexShader } from "./shaders";
 import { type Coloring, colorings } from "./state";
 
-const vertexShader = `
-precision highp float;
-in vec4 position; in vec4 rgbc; in vec4 look;
-uniform mat4 modelViewMatrix, projectionMatrix, modelMatrix, viewMatrix;
-uniform mat3 basis; uniform vec3 low, high; uniform vec2 heights;
-uniform int coloring; uniform bool facing; uniform float size, pixels, most; uniform sampler2D palette;
-out vec3 color;
-vec3 normalOf(vec2 e) {
-  vec2 s = mix(e, e - 256.0, step(127.5, e)) / 127.0;
-  float w = 1.0 - abs(s.x) - abs(s.y), fold = max(-w, 0.0);
-  return normalize(vec3(s.x + (s.x >= 0.0 ? -fold : fold), s.y + (s.y >= 0.0 ? -fold : fold), w));
-}
-void main() {
-  vec3 place = basis * (modelMatrix * vec4(position.xyz, 1.0)).xyz;
-  vec4 eye = modelViewMatrix * vec4(position.xyz, 1.0);
-  gl_Position = projectionMatrix * eye;
-  // Surfaces seen from behind are left out: that opens walls and ceilings.
-  vec3 normal = normalOf(look.xy * 255.0);
-  float ahead = projectionMatrix[3][3] == 1.0 ? 1.0 : 0.0;
-  vec3 seen = mix(eye.xyz, vec3(0.0, 0.0, -1.0), ahead);
-  if (facing && dot(mat3(viewMatrix) * normal, seen) > 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
-  if (any(lessThan(place, low)) || any(greaterThan(place, high))) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
-  gl_PointSize = clamp(size * pixels / gl_Position.w, 2.0, most);
-  float share = coloring == 1 ? (place.z - heights.x) / max(heights.y - heights.x, 1e-9)
-              : coloring == 2 ? rgbc.a : (look.z * 255.0 - 1.0) / 9.0;
-  color = coloring == 0 ? rgbc.rgb
-        : coloring == 4 ? 0.5 + 0.5 * (basis * normal)
-        : texture(palette, vec2(clamp(share, 0.0, 1.0) * (255.0 / 256.0) + 0.5 / 256.0, 0.5)).rgb;
-}`;
-
-const fragmentShader = `
-precision mediump float;
-in vec3 color; out vec4 result;
-void main() {
-  vec2 p = gl_PointCoord - 0.5;
-  if (dot(p, p) > 0.27) discard;
-  result = vec4(color, 1.0);
-}`;
-
 interface Cube {
-  data: NodeData;
+  /** From the cube with corners 0 and 1 to the keyframe that it hangs on, or else to the page. */
+  local: Matrix4;
+  /** To the page. */
+  matrix: Matrix4;
+  side: number;
   center: Vector3;
   /** Of the ball around it. */
   radius: number;
@@ -86,7 +52,9 @@ function texture(name: PaletteName): DataTexture {
 
 export class Cloud {
   readonly group = new Group();
-  readonly cubes: Cube[];
+  cubes: Cube[];
+  /** Those that hang on a keyframe, by its id. */
+  private readonly hung = new Map<number, Cube>();
   loaded = 0;
   /** Points that may be drawn at a time. */
   budget = 3_000_000;
@@ -101,13 +69,7 @@ export class Cloud {
     nodes: readonly NodeData[],
     readonly basis: readonly [Vec3, Vec3, Vec3],
   ) {
-    this.cubes = nodes.map((data) => ({
-      data,
-      center: new Vector3(...data.corner).addScalar(data.side / 2),
-      radius: (data.side * Math.sqrt(3)) / 2,
-      points: null,
-      drawn: null,
-    }));
+    this.cubes = nodes.map((node) => newCube(node.corner, node.side));
     const [a, b, c] = basis;
     this.material = new RawShaderMaterial({
       glslVersion: GLSL3,
@@ -129,12 +91,49 @@ export class Cloud {
     this.spacing = usualSpacing(nodes);
   }
 
-  readonly spacing: number;
+  private spacing: number;
 
   /** Takes the points of a cube. */
   fill(which: number, points: NodePoints): void {
     const cube = this.cubes[which];
+    if (cube) this.attach(cube, points);
+  }
+
+  /** Hangs points on a keyframe in place of those that it has. `page`: from the keyframe's frame to the page. */
+  hang(id: number, page: Matrix4, block: { corner: Vec3; side: number; points: NodePoints }): void {
+    this.remove(id);
+    const cube = newCube(block.corner, block.side);
+    this.hung.set(id, cube);
+    this.cubes.push(cube);
+    this.attach(cube, block.points);
+    this.move(id, page);
+    this.spacing = usualSpacing(this.cubes.map((it) => ({ side: it.side / 2, points: it.points?.count ?? 0 })));
+  }
+
+  /** Moves a keyframe with what hangs on it. */
+  move(id: number, page: Matrix4): void {
+    const cube = this.hung.get(id);
     if (!cube) return;
+    cube.matrix.multiplyMatrices(page, cube.local);
+    cube.center.set(0.5, 0.5, 0.5).applyMatrix4(cube.matrix);
+    cube.side = cube.matrix.getMaxScaleOnAxis();
+    cube.radius = (cube.side * Math.sqrt(3)) / 2;
+    cube.drawn?.matrix.copy(cube.matrix);
+    if (cube.drawn) cube.drawn.matrixWorldNeedsUpdate = true;
+  }
+
+  remove(id: number): void {
+    const cube = this.hung.get(id);
+    if (!cube) return;
+    this.hung.delete(id);
+    this.cubes = this.cubes.filter((it) => it !== cube);
+    this.loaded -= cube.points?.count ?? 0;
+    if (!cube.drawn) return;
+    this.group.remove(cube.drawn);
+    cube.drawn.geometry.dispose();
+  }
+
+  private attach(cube: Cube, points: NodePoints): void {
     cube.points = points;
     this.loaded += points.count;
     const geometry = new BufferGeometry();
@@ -142,11 +141,9 @@ export class Cloud {
     geometry.setAttribute("rgbc", new BufferAttribute(points.colors, 4, true));
     geometry.setAttribute("look", new BufferAttribute(points.looks, 4, true));
     const drawn = new Points(geometry, this.material);
-    drawn.position.set(...cube.data.corner);
-    drawn.scale.setScalar(cube.data.side);
     drawn.frustumCulled = false;
     drawn.matrixAutoUpdate = false;
-    drawn.updateMatrix();
+    drawn.matrix.copy(cube.matrix);
     cube.drawn = drawn;
     this.group.add(drawn);
   }
@@ -167,16 +164,9 @@ export class Cloud {
 
   private forEach(stride: number, visit: (x: number, y: number, z: number) => void): void {
     let number = 0;
-    for (const { data, points } of this.cubes) {
-      if (!points) continue;
-      for (let i = 0; i < points.count; ++i) {
-        if (number++ % stride !== 0) continue;
-        const step = data.side / 65535;
-        visit(
-          data.corner[0] + step * (points.places[4 * i] ?? 0),
-          data.corner[1] + step * (points.places[4 * i + 1] ?? 0),
-          data.corner[2] + step * (points.places[4 * i + 2] ?? 0),
-        );
+    for (const cube of this.cubes) {
+      for (let i = 0; i < (cube.points?.count ?? 0); ++i) {
+        if (number++ % stride === 0) visit(...this.placeOf(cube, i));
       }
     }
   }
@@ -242,10 +232,8 @@ export class Cloud {
     for (const cube of this.cubes) {
       const points = cube.points;
       if (!points) continue;
-      const { corner, side } = cube.data;
-      const step = side / 65535;
-      const local = new Matrix4().makeTranslation(...corner).multiply(new Matrix4().makeScale(step, step, step));
-      const e = local.premultiply(m).elements;
+      const step = new Matrix4().makeScale(1 / 65535, 1 / 65535, 1 / 65535);
+      const e = step.premultiply(cube.matrix).premultiply(m).elements;
       const [e0, e1, e3, e4, e5, e7] = [e[0]!, e[1]!, e[3]!, e[4]!, e[5]!, e[7]!];
       const [e8, e9, e11, e12, e13, e15] = [e[8]!, e[9]!, e[11]!, e[12]!, e[13]!, e[15]!];
       const places = points.places;
@@ -292,7 +280,7 @@ export class Cloud {
 
   private isFromBehind(camera: Camera, cube: Cube, i: number, at: Vec3): boolean {
     const signed = (k: number): number => ((cube.points?.looks[4 * i + k] ?? 0) << 24) >> 24;
-    const normal = new Vector3(...normalFrom(signed(0), signed(1)));
+    const normal = new Vector3(...normalFrom(signed(0), signed(1))).transformDirection(cube.matrix);
     const seen = isPerspective(camera)
       ? new Vector3(...at).sub(camera.position)
       : camera.getWorldDirection(new Vector3());
@@ -300,9 +288,11 @@ export class Cloud {
   }
 
   private placeOf(cube: Cube, i: number): Vec3 {
-    const step = cube.data.side / 65535;
-    const at = (k: 0 | 1 | 2): number => cube.data.corner[k] + step * (cube.points?.places[4 * i + k] ?? 0);
-    return [at(0), at(1), at(2)];
+    const at = (k: number): number => (cube.points?.places[4 * i + k] ?? 0) / 65535;
+    const [x, y, z] = [at(0), at(1), at(2)];
+    const e = cube.matrix.elements;
+    const row = (r: number): number => e[r]! * x + e[r + 4]! * y + e[r + 8]! * z + e[r + 12]!;
+    return [row(0), row(1), row(2)];
   }
 
   private pointOf(cube: Cube, i: number): Picked {
@@ -313,6 +303,19 @@ export class Cloud {
       keyframe: keyframe === kNoKeyframe ? -1 : keyframe,
     };
   }
+}
+
+function newCube(corner: Vec3, side: number): Cube {
+  const local = new Matrix4().makeTranslation(...corner).scale(new Vector3(side, side, side));
+  return {
+    local,
+    matrix: local.clone(),
+    side,
+    center: new Vector3(...corner).addScalar(side / 2),
+    radius: (side * Math.sqrt(3)) / 2,
+    points: null,
+    drawn: null,
+  };
 }
 
 const isPerspective = (camera: Camera): boolean => (camera as PerspectiveCamera).isPerspectiveCamera === true;
@@ -333,7 +336,7 @@ function frustumPlanes(matrix: Matrix4): Vector4[] {
 }
 
 /** Half of the points have a neighbour that is nearer, if they cover surfaces evenly. */
-function usualSpacing(nodes: readonly NodeData[]): number {
+function usualSpacing(nodes: readonly { side: number; points: number }[]): number {
   const leaves = nodes.filter((n) => n.points > 0).map((n) => [n.side / Math.sqrt(n.points), n.points] as const);
   leaves.sort((a, b) => a[0] - b[0]);
   const half = leaves.reduce((sum, it) => sum + it[1], 0) / 2;

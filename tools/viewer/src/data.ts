@@ -36,6 +36,8 @@ export interface ReportData {
   points_in: number;
   points: number;
   nodes: NodeData[];
+  /** Whether the points have normals. */
+  normals?: boolean;
   keyframes: KeyframeData[];
   confidences: number[];
   /** Angle of a pixel of the depth maps [rad]. */
@@ -45,10 +47,12 @@ export interface ReportData {
   times: [string, number][];
   problems: string[];
   notes: string[];
+  /** Of a page that shows a run while it works: which run (live.ts). */
+  live?: number;
 }
 
 export const kNoKeyframe = 65535;
-const kPointBytes = 15;
+export const kPointBytes = 15;
 
 /** A cube's points, in arrays as the GPU takes them. */
 export interface NodePoints {

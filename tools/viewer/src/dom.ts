@@ -24,3 +24,15 @@ export function svg(name: string, attributes: Record<string, string | number>, .
 /** 1234567 as "1 234 567" */
 export const countText = (count: number): string => String(Math.round(count)).replace(/\B(?=(\d{3})+(?!\d))/g, " ");
 export const percentText = (share: number): string => `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`;
+
+export function button(words: string, act: () => void, attributes: Record<string, string> = {}): HTMLButtonElement {
+  const made = el("button", { type: "button", ...attributes }, words);
+  made.addEventListener("click", act);
+  return made;
+}
+
+export function slider(words: string, low: number, high: number, value: number, act: (value: number) => void): HTMLLabelElement {
+  const input = el("input", { type: "range", min: String(low), max: String(high), step: "any", value: String(value) });
+  input.addEventListener("input", () => act(Number(input.value)));
+  return el("label", {}, el("span", {}, words), input);
+}

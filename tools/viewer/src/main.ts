@@ -1,37 +1,16 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // The page: buttons, keys and the address around the picture.
 import { readData } from "./data";
-import { countText, el } from "./dom";
+import { button, countText, el, slider } from "./dom";
 import type { Kind, Picked } from "./measure";
 import { pointsOf } from "./measure";
 import { cssGradient } from "./palette";
 import { paletteOf } from "./cloud";
+import { Live, type LiveState } from "./live";
 import { writeReport } from "./report";
 import { type Coloring, colorings, type Mode, modes, stateFrom, stateText } from "./state";
 import { Viewer } from "./viewer";
-
-const modeWords: Record<Mode, string> = { orbit: "Around", plan: "Plan", walk: "Flight", keyframe: "Photo" };
-const coloringWords: Record<Coloring, string> = {
-  photo: "Photo colours",
-  height: "Height",
-  confidence: "Confidence",
-  views: "Views",
-  normal: "Normals",
-};
-const kindWords: Record<Kind, string> = { distance: "Distance", height: "Height", angle: "Angle", area: "Area" };
-const keyWords: [string, string][] = [
-  ["1 2 3 4", "around, plan, flight, photo"],
-  ["C", "next colouring"],
-  ["Arrow keys", "turn or move"],
-  ["+ and -", "nearer, farther"],
-  ["N and B", "next and previous keyframe"],
-  ["F and G", "towards the photo, towards the points"],
-  ["D, H, A, R", "measure a distance, a height, an angle, an area"],
-  ["Enter", "take the point in the middle of the picture; end an area"],
-  ["Escape", "stop measuring"],
-  ["S", "save a picture"],
-  ["0", "start again"],
-];
+import { coloringWords, keyWords, kindWords, modeWords } from "./words";
 
 function byId<T extends HTMLElement>(id: string): T {
   const found = document.getElementById(id);
@@ -39,22 +18,11 @@ function byId<T extends HTMLElement>(id: string): T {
   return found as T;
 }
 
-function button(words: string, act: () => void, attributes: Record<string, string> = {}): HTMLButtonElement {
-  const made = el("button", { type: "button", ...attributes }, words);
-  made.addEventListener("click", act);
-  return made;
-}
-
-function slider(words: string, low: number, high: number, value: number, act: (value: number) => void): HTMLLabelElement {
-  const input = el("input", { type: "range", min: String(low), max: String(high), step: "any", value: String(value) });
-  input.addEventListener("input", () => act(Number(input.value)));
-  return el("label", {}, el("span", {}, words), input);
-}
-
 class Page {
   readonly data = readData(document);
   readonly state = stateFrom(location.hash);
   readonly viewer = new Viewer(this.data, byId("points"), byId("overlay"), this.state);
+  live: Live | null = null;
   private kind: Kind | "note" | null = null;
   private addressTimer = 0;
   private readonly modeButtons = new Map<Mode, HTMLButtonElement>();
@@ -82,11 +50,33 @@ class Page {
     this.viewer.onChange = () => this.refresh();
     this.viewer.onLoaded = () => {
       document.body.dataset["state"] = "loaded";
+      if (this.data.live !== undefined) return this.follow(this.data.live);
       this.say(this.data.points > 0 ? "" : "There are no points.");
       this.refresh();
     };
     this.say("Reading the points…");
     void this.viewer.load();
+  }
+
+  /** Shows a run while it works. */
+  private follow(run: number): void {
+    const words: Record<LiveState, string> = {
+      waiting: "Waiting for the first points…",
+      running: "",
+      done: "The run is done.",
+      lost: "The run cannot be reached.",
+    };
+    const live = (this.live = new Live(this.viewer, run, () => {
+      document.body.dataset["live"] = live.state;
+      this.say(words[live.state]);
+      const { keyframes } = this.data;
+      const done = keyframes.filter((k) => k.use === "depth map").length;
+      byId("subtitle").textContent =
+        `${countText(this.viewer.cloud.loaded)} points of ${done} of ${keyframes.length} keyframes, ${this.data.generator}`;
+      this.modeButtons.get("walk")!.disabled = keyframes.length === 0;
+      this.refresh();
+    }));
+    void live.follow();
   }
 
   private buildToolbar(): void {

@@ -100,3 +100,21 @@ export function measureText(kind: Kind, value: number, error: number, unitName: 
   const what = kind === "angle" ? "°" : kind === "area" ? ` ${unitName}²` : ` ${unitName}`;
   return `${value.toFixed(digits)} ± ${error.toFixed(digits)}${what}`;
 }
+
+export interface Result {
+  value: number;
+  error: number;
+  text: string;
+}
+
+/** What a measurement says. `camera`: where that of a keyframe stood; null = nobody knows. */
+export function resultOf(
+  it: { kind: Kind; points: Picked[] },
+  about: { up: Vec3; unit: string; pixel: number; reach: number; camera: (keyframe: number) => Vec3 | null },
+): Result {
+  const places = it.points.map((p) => p.position);
+  const covariances = it.points.map((p) => covarianceOf(p, about.camera(p.keyframe), about.pixel, about.reach));
+  const value = valueOf(it.kind, places, about.up);
+  const error = errorOf(it.kind, places, covariances, about.up);
+  return { value, error, text: measureText(it.kind, value, error, about.unit) };
+}

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Measurements, notes and the scale bar, drawn over the points.
-import type { Vec3 } from "./geometry";
+import { type Vec3, roundLength } from "./geometry";
 
 export interface Mark {
   /** A line through them, or one place. */
@@ -11,6 +11,18 @@ export interface Mark {
 export interface ScaleBar {
   pixels: number;
   text: string;
+}
+
+/** `perUnit`: pixels. */
+export function scaleBar(perUnit: number, unit: string): ScaleBar {
+  const length = roundLength(160 / perUnit);
+  return { pixels: length * perUnit, text: `${Number(length.toPrecision(3))} ${unit}` };
+}
+
+/** The flight while it goes on. */
+export interface Trail {
+  places: { at: Vec3; hasPoints: boolean }[];
+  camera: Vec3 | null;
 }
 
 type Project = (p: Vec3) => [number, number] | null;
@@ -27,6 +39,7 @@ export function drawOverlay(
   project: Project,
   marks: readonly Mark[],
   bar: ScaleBar | null,
+  trail: Trail | null,
 ): void {
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.font = "14px system-ui, sans-serif";
@@ -39,6 +52,7 @@ export function drawOverlay(
     context.fillStyle = "#fff";
     context.fillText(text, left + 6, y);
   };
+  if (trail) drawTrail(context, project, trail, label);
   for (const mark of marks) {
     const places = mark.points.map(project);
     const seen = places.filter((p): p is [number, number] => p !== null);
@@ -78,4 +92,31 @@ export function drawOverlay(
   context.fillRect(x, y, bar.pixels, 4);
   context.fillRect(x, y - 5, 2, 10);
   context.fillRect(x + bar.pixels - 2, y - 5, 2, 10);
+}
+
+/** Keyframes with points are dots, those without are rings. */
+function drawTrail(
+  context: CanvasRenderingContext2D,
+  project: Project,
+  trail: Trail,
+  label: (text: string, x: number, y: number) => void,
+): void {
+  for (const { at, hasPoints } of trail.places) {
+    const place = project(at);
+    if (!place) continue;
+    context.beginPath();
+    context.arc(...place, 3, 0, 2 * Math.PI);
+    context.lineWidth = 1.5;
+    context.strokeStyle = context.fillStyle = hasPoints ? kLine : "#fff";
+    if (hasPoints) context.fill();
+    else context.stroke();
+  }
+  const camera = trail.camera && project(trail.camera);
+  if (!camera) return;
+  context.beginPath();
+  context.arc(...camera, 8, 0, 2 * Math.PI);
+  context.lineWidth = 3;
+  context.strokeStyle = kLine;
+  context.stroke();
+  label("camera", camera[0], camera[1] - 22);
 }

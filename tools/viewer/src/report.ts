@@ -165,11 +165,11 @@ export function writeReport(
   const strip = strips(data, enter);
   const used = data.keyframes.filter((k) => k.use === "depth map").length;
   for (const part of [
-    section(
+    data.live === undefined && section(
       "What to know first",
       data.problems.length > 0 ? problems : el("p", {}, "Nothing unusual was noticed."),
     ),
-    section("What was run", facts),
+    data.facts.length > 0 && section("What was run", facts),
     data.keyframes.length > 0 &&
       section("Keyframes", el("p", {}, `${used} of ${data.keyframes.length} keyframes have a depth map.`), leftOut(data.keyframes)),
     data.keyframes.length > 1 && section("Path of the camera", trajectory(data, basis, enter)),

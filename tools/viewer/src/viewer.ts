@@ -4,16 +4,16 @@ import { OrthographicCamera, PerspectiveCamera, Scene, Vector3, WebGLRenderer } 
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { Cloud } from "./cloud";
 import { type KeyframeData, type ReportData, blockText, bytesFromBase64, imageAddress, nodePoints } from "./data";
-import { type Vec3, add, basisAround, dot, fromCamera, mainDirection, norm, roundLength, sub, times } from "./geometry";
-import { covarianceOf, errorOf, measureText, type Picked, valueOf } from "./measure";
-import { drawOverlay, type Mark, type ScaleBar } from "./overlay";
+import { type Vec3, add, basisAround, dot, fromCamera, mainDirection, norm, sub, times } from "./geometry";
+import { type Picked, type Result, resultOf } from "./measure";
+import { listenForLooking, nudgeOrbit } from "./navigate";
+import { drawOverlay, type Mark, scaleBar, type Trail } from "./overlay";
+import { Pace } from "./pace";
 import { Panorama } from "./panorama";
 import type { Measurement, Mode, ViewState } from "./state";
 
 const kFov = 60;
 const kPickRadius = 12;
-const kSlowFrame = 28; // [ms]; when frames take longer while something moves, fewer points are drawn
-const kFewestPoints = 200_000;
 
 export class Viewer {
   readonly cloud: Cloud;
@@ -22,10 +22,10 @@ export class Viewer {
   readonly perspective = new PerspectiveCamera(kFov, 1, 0.01, 1000);
   readonly flat = new OrthographicCamera(-1, 1, 1, -1, -1000, 1000);
   /** Keyframes that something can be seen from, in the order of flight; places among the data's. */
-  readonly path: number[];
+  path: number[] = [];
   /** A measurement that is not complete yet. */
   pending: Picked[] = [];
-  /** Called when the view has changed by itself or by the pointer. */
+  /** The view has changed by itself or by the pointer. */
   onChange: () => void = () => {};
   onLoaded: () => void = () => {};
   private readonly scene = new Scene();
@@ -35,11 +35,13 @@ export class Viewer {
   private width = 1;
   private height = 1;
   private waiting = false;
-  private moved = 0;
-  private lastFrame = 0;
+  private readonly pace = new Pace();
   private yaw = 0;
   private pitch = 0;
   private lost = false;
+  private trail: Trail | null = null;
+  /** Whether somebody has chosen what to look at. */
+  private touched = false;
 
   constructor(
     readonly data: ReportData,
@@ -49,8 +51,7 @@ export class Viewer {
   ) {
     const places = data.keyframes.map((k) => this.placeOf(k));
     this.basis = basisAround(data.up, mainDirection(places, data.up));
-    this.path = data.keyframes.map((_, i) => i).filter((i) => data.keyframes[i]?.use === "depth map");
-    if (this.path.length === 0) this.path = data.keyframes.map((_, i) => i);
+    this.findPath();
     this.cloud = new Cloud(data.nodes, this.basis);
     this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
     this.renderer.setClearColor(0x14171a, 1);
@@ -63,11 +64,9 @@ export class Viewer {
     this.plan = new OrbitControls(this.flat, canvas);
     this.plan.enableRotate = false;
     this.plan.screenSpacePanning = true;
-    for (const controls of [this.orbit, this.plan]) {
-      controls.addEventListener("change", () => this.changed());
-    }
+    for (const controls of [this.orbit, this.plan]) controls.addEventListener("change", () => this.changed());
     this.plan.mouseButtons.LEFT = 2; // pans
-    this.plan.touches.ONE = 1; // pans
+    this.plan.touches.ONE = 1;
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
       this.lost = true;
@@ -76,9 +75,36 @@ export class Viewer {
       this.lost = false;
       this.redraw();
     });
-    this.listenForLooking();
+    listenForLooking(canvas, {
+      isFree: () => this.state.mode === "walk" || this.state.mode === "keyframe",
+      perPixel: () => ((this.perspective.fov / this.height) * Math.PI) / 180,
+      turn: (yaw, pitch) => this.turn(yaw, pitch),
+      zoom: (by) => this.zoomFov(by),
+    });
+    for (const name of ["pointerdown", "wheel", "keydown"]) {
+      canvas.addEventListener(name, () => (this.touched = true), { passive: true });
+    }
     new ResizeObserver(() => this.resize()).observe(canvas);
+    this.touched = state.eye !== null;
     this.resize();
+  }
+
+  private findPath(): void {
+    const { keyframes } = this.data;
+    this.path = keyframes.map((_, i) => i).filter((i) => keyframes[i]?.use === "depth map");
+    if (this.path.length === 0) this.path = keyframes.map((_, i) => i);
+  }
+
+  /** Of a page that shows a run while it works: the flight, and the cloud, have changed. */
+  showFlight(keyframes: KeyframeData[], camera: Vec3 | null): void {
+    this.data.keyframes = keyframes;
+    this.findPath();
+    const there = keyframes.filter((k) => k.use !== "gone");
+    const places = there.map((k) => ({ at: this.placeOf(k), hasPoints: k.use === "depth map" }));
+    this.trail = { places, camera };
+    this.cloud.measureExtent();
+    if (!this.touched && this.cloud.loaded > 0) this.setMode(this.state.mode);
+    this.redraw();
   }
 
   /** Of a keyframe's camera, from the page's origin. */
@@ -142,8 +168,7 @@ export class Viewer {
   setMode(mode: Mode, fresh = true): void {
     const state = this.state;
     state.mode = mode;
-    this.orbit.enabled = mode === "orbit";
-    this.plan.enabled = mode === "plan";
+    [this.orbit.enabled, this.plan.enabled] = [mode === "orbit", mode === "plan"];
     const eye = fresh ? null : state.eye;
     const target = fresh ? null : state.target;
     this.perspective.near = this.extent * 2e-4;
@@ -151,8 +176,8 @@ export class Viewer {
     this.perspective.fov = kFov;
     if (mode === "orbit") {
       const center = this.corner([0.5, 0.5, 0.5]);
-      const from = add(center, times(sub(this.corner([0.1, -0.25, 2.2]), center), 1));
-      const away = times(sub(from, center), (0.95 * this.extent) / norm(sub(from, center)));
+      const off = sub(this.corner([0.1, -0.25, 2.2]), center);
+      const away = times(off, (0.95 * this.extent) / norm(off));
       this.perspective.position.set(...(eye ?? add(center, away)));
       this.orbit.target.set(...(target ?? center));
       this.orbit.update();
@@ -252,13 +277,7 @@ export class Viewer {
       this.plan.target.add(by);
       this.plan.update();
     } else if (mode === "orbit") {
-      const off = this.perspective.position.clone().sub(this.orbit.target);
-      off.applyAxisAngle(new Vector3(...this.basis[2]), 0.15 * right);
-      const across = off.clone().cross(new Vector3(...this.basis[2])).normalize();
-      const lifted = off.clone().applyAxisAngle(across, 0.1 * up);
-      if (Math.abs(lifted.clone().normalize().dot(new Vector3(...this.basis[2]))) < 0.995) off.copy(lifted);
-      off.multiplyScalar(0.8 ** closer);
-      this.perspective.position.copy(this.orbit.target).add(off);
+      nudgeOrbit(this.perspective, this.orbit.target, this.basis[2], right, up, closer);
       this.orbit.update();
     } else {
       this.turn(-0.12 * right, 0.1 * up);
@@ -272,43 +291,9 @@ export class Viewer {
     this.changed();
   }
 
-  /** Drags turn the head where one stands at a keyframe. */
-  private listenForLooking(): void {
-    const held = new Map<number, [number, number]>();
-    const free = (): boolean => this.state.mode === "walk" || this.state.mode === "keyframe";
-    this.canvas.addEventListener("pointerdown", (event) => {
-      if (free()) held.set(event.pointerId, [event.clientX, event.clientY]);
-    });
-    this.canvas.addEventListener("pointermove", (event) => {
-      const before = held.get(event.pointerId);
-      if (!before || !free()) return;
-      const others = [...held].filter(([id]) => id !== event.pointerId);
-      held.set(event.pointerId, [event.clientX, event.clientY]);
-      const other = others[0]?.[1];
-      if (other) {
-        const span = (p: [number, number]): number => Math.hypot(p[0] - other[0], p[1] - other[1]);
-        this.zoomFov(0.15 * (span(before) - span([event.clientX, event.clientY])));
-        return;
-      }
-      const scale = ((this.perspective.fov / this.height) * Math.PI) / 180;
-      this.turn((event.clientX - before[0]) * scale, (event.clientY - before[1]) * scale);
-    });
-    for (const name of ["pointerup", "pointercancel", "pointerleave"] as const) {
-      this.canvas.addEventListener(name, (event) => held.delete(event.pointerId));
-    }
-    this.canvas.addEventListener(
-      "wheel",
-      (event) => {
-        if (!free()) return;
-        event.preventDefault();
-        this.zoomFov(0.03 * event.deltaY);
-      },
-      { passive: false },
-    );
-  }
-
   private changed(): void {
-    const { mode, state } = { mode: this.state.mode, state: this.state };
+    const { state } = this;
+    const { mode } = state;
     const camera = this.camera;
     const eye = camera.position.toArray() as [number, number, number];
     const target =
@@ -316,7 +301,7 @@ export class Viewer {
     state.eye = eye;
     state.target = target.toArray() as [number, number, number];
     state.zoom = mode === "plan" ? this.flat.zoom : 1;
-    this.moved = performance.now();
+    this.pace.moved();
     this.redraw();
     this.onChange();
   }
@@ -326,26 +311,10 @@ export class Viewer {
     this.waiting = true;
     requestAnimationFrame(() => {
       this.waiting = false;
-      const began = performance.now();
-      const busy = began - this.moved < 200;
-      if (busy && began - this.lastFrame < 250) {
-        const took = began - this.lastFrame;
-        if (took > kSlowFrame) this.cloud.budget = Math.max(kFewestPoints, 0.8 * this.cloud.budget);
-        else this.cloud.budget = Math.min(5_000_000, 1.1 * this.cloud.budget);
-      }
-      this.lastFrame = began;
+      this.pace.frame(this.cloud);
       this.draw();
-      if (busy && this.cloud.drawnPoints < this.cloud.loaded) setTimeout(() => this.settle(), 300);
+      this.pace.settle(this.cloud, () => this.draw());
     });
-  }
-
-  /** Draws all there is once nothing moves. */
-  private settle(): void {
-    if (performance.now() - this.moved < 250) return;
-    const budget = this.cloud.budget;
-    this.cloud.budget = Number.POSITIVE_INFINITY;
-    this.draw();
-    this.cloud.budget = budget;
   }
 
   /** Draws now. */
@@ -368,7 +337,7 @@ export class Viewer {
       camera === this.flat
         ? (ratio * height * this.flat.zoom) / (2 * half)
         : (ratio * height) / (2 * Math.tan((this.perspective.fov * Math.PI) / 360));
-    const outside = state.mode === "orbit" || state.mode === "plan";
+    const outside = this.data.normals !== false && (state.mode === "orbit" || state.mode === "plan");
     this.cloud.setLook(state.coloring, state.size, state.clip, outside);
     this.cloud.choose(camera, pixels, ratio);
     this.panorama.place(this.perspective, state.mode === "keyframe" ? 1 - state.fade : 0);
@@ -377,14 +346,9 @@ export class Viewer {
     if (!context) return;
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.overlay.width, this.overlay.height);
-    drawOverlay(context, width, height, ratio, (p) => this.project(p), this.marks(), this.scaleBar(half));
-  }
-
-  private scaleBar(half: number): ScaleBar | null {
-    if (this.state.mode !== "plan") return null;
-    const perUnit = (this.height * this.flat.zoom) / (2 * half);
-    const length = roundLength(160 / perUnit);
-    return { pixels: length * perUnit, text: `${Number(length.toPrecision(3))} ${this.data.unit}` };
+    const perUnit = state.mode === "plan" ? (height * this.flat.zoom) / (2 * half) : 0;
+    const scale = perUnit > 0 ? scaleBar(perUnit, this.data.unit) : null;
+    drawOverlay(context, width, height, ratio, (p) => this.project(p), this.marks(), scale, this.trail);
   }
 
   /** Pixels from the upper left corner; null where it is behind. */
@@ -402,15 +366,13 @@ export class Viewer {
   }
 
   /** What a measurement says. */
-  result(it: Measurement): { value: number; error: number; text: string } {
-    const places = it.points.map((p) => p.position);
-    const covariances = it.points.map((p) => {
-      const keyframe = this.data.keyframes[p.keyframe];
-      return covarianceOf(p, keyframe ? this.placeOf(keyframe) : null, this.data.pixel, this.extent / 2);
-    });
-    const value = valueOf(it.kind, places, this.basis[2]);
-    const error = errorOf(it.kind, places, covariances, this.basis[2]);
-    return { value, error, text: measureText(it.kind, value, error, this.data.unit) };
+  result(it: Measurement): Result {
+    const { unit, pixel } = this.data;
+    const camera = (i: number): Vec3 | null => {
+      const keyframe = this.data.keyframes[i];
+      return keyframe ? this.placeOf(keyframe) : null;
+    };
+    return resultOf(it, { up: this.basis[2], unit, pixel, reach: this.extent / 2, camera });
   }
 
   private marks(): Mark[] {
@@ -434,19 +396,5 @@ export class Viewer {
     context?.drawImage(this.canvas, 0, 0);
     context?.drawImage(this.overlay, 0, 0, copy.width, copy.height);
     return copy;
-  }
-
-  /** Median time to draw a frame of all points, as long as it takes until the pixels are there [ms]. */
-  frameTime(frames: number): number {
-    const times: number[] = [];
-    const gl = this.renderer.getContext();
-    for (let i = 0; i < frames; ++i) {
-      const began = performance.now();
-      this.draw();
-      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
-      times.push(performance.now() - began);
-    }
-    times.sort((a, b) => a - b);
-    return times[Math.floor(times.length / 2)] ?? 0;
   }
 }

@@ -16,12 +16,31 @@ export async function startBrowser(): Promise<Browser> {
   });
 }
 
+const isBelow = (url: string, address: string): boolean =>
+  url === address || (address.endsWith("/") && url.startsWith(address));
+
 /** Opens a file; requests to anywhere else and errors are noted. */
-export async function openFile(
+export const openFile = (browser: Browser, file: string, options: Window = {}): Promise<Opened> =>
+  openPage(browser, pathToFileURL(file).href, options);
+
+interface Window {
+  width?: number;
+  height?: number;
+  hash?: string;
+  touch?: boolean;
+}
+interface Opened {
+  page: Page;
+  requests: string[];
+  errors: string[];
+}
+
+/** Opens an address; requests to other places than below it, and errors, are noted. */
+export async function openPage(
   browser: Browser,
-  file: string,
-  options: { width?: number; height?: number; hash?: string; touch?: boolean } = {},
-): Promise<{ page: Page; requests: string[]; errors: string[] }> {
+  address: string,
+  options: Window = {},
+): Promise<Opened> {
   const context = await browser.newContext({
     viewport: { width: options.width ?? 1000, height: options.height ?? 800 },
     hasTouch: options.touch ?? false,
@@ -29,10 +48,9 @@ export async function openFile(
   const page = await context.newPage();
   const requests: string[] = [];
   const errors: string[] = [];
-  const address = pathToFileURL(file).href;
   page.on("request", (request) => {
     const url = request.url();
-    if (url.split("#")[0] !== address && !/^(data|blob):/.test(url)) requests.push(url);
+    if (!isBelow(url.split("#")[0] ?? "", address) && !/^(data|blob):/.test(url)) requests.push(url);
   });
   page.on("pageerror", (error) => errors.push(error.message));
   page.on("console", (message) => {

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <chrono>
+#include <thread>
+
+#include <catch2/catch.hpp>
+
+#include "cli/command.h"
+#include "report_page.h"
+#include "web/client.h"
+
+using namespace pmsp_test;
+using Catch::Contains;
+
+namespace {
+
+/// The address of the page that a run has told.
+std::string url_of(const Command& command) {
+  for (int i = 0; i < 6000; ++i) {
+    const std::string err = command.err_so_far();
+    const std::size_t begin = err.find("http://");
+    const std::size_t end = err.find('\n', begin);
+    if (begin != std::string::npos && end != std::string::npos) return err.substr(begin, end - begin);
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return "";
+}
+
+}  // namespace
+
+TEST_CASE("clients that mean harm change nothing in a run that is looked at") {
+  if (!pmsp::tool::has_report_page()) return;
+  const TempDir dir;
+  REQUIRE(densify(quick_run(dir / "alone.ply")).code == 0);
+  Command run(densify_words(quick_run(dir / "looked.ply", {"--live-view", "0"})));
+  const std::string url = url_of(run);
+  REQUIRE_THAT(url, Contains("http://127.0.0.1:"));
+  const auto port = static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1)));
+  std::vector<Connection> crowd;
+  for (int i = 0; i < 200; ++i) {
+    crowd.emplace_back(port);
+    if (i % 2 == 0) crowd.back().send("GET " + path_of(url) + " HTTP/1.1\r\nX: ");  // never ends
+    if (i % 5 == 0) crowd.back().send(std::string(10000, 'x'));
+  }
+  crowd.emplace_back(port, 4096);  // has the token, and does not read
+  crowd.back().send("GET " + path_of(url) + " HTTP/1.1\r\nHost: x\r\n\r\n");
+  CHECK(get(port, "/").status != 200);
+  CHECK(get(port, path_of(url) + "../../etc/passwd").status != 200);
+  const Result result = run.wait();
+  INFO(result.err);
+  CHECK(result.code == 0);
+  CHECK(read_text(dir / "looked.ply") == read_text(dir / "alone.ply"));
+}
+
+TEST_CASE("what is served is asked for as it can be given") {
+  const TempDir dir;
+  const auto code = [&](const std::vector<std::string>& more) { return densify(quick_run(dir / "c.ply", more)).code; };
+  CHECK(code({"--live-view", "x"}) == 2);
+  CHECK(code({"--live-view", "65536"}) == 2);
+  CHECK(code({"--live-view", "0", "--live-address", "localhost"}) == 2);
+  CHECK(code({"--live-view", "0", "--live-address", "192.0.2.1"}) == 6);  // of no computer
+  CHECK(densify({"serve"}).code == 2);
+  CHECK(densify({"serve", (dir / "none").string()}).code == 3);
+  CHECK(densify({"serve", dir.path().string(), "--port", "-1"}).code == 2);
+  CHECK(densify({"serve", dir.path().string(), "--adress", "::1"}).code == 2);
+  CHECK(dir.entries() == 0);
+}

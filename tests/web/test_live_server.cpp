@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include "export/little_endian.h"
+#include "live/live_map.h"
+#include "live_block.h"
+#include "live_server.h"
+#include "live_view.h"
+#include "report_page.h"
+#include "web/client.h"
+
+using namespace pmsp;
+using namespace pmsp::tool;
+using namespace pmsp_test;
+using Catch::Contains;
+using nlohmann::json;
+
+namespace {
+
+KeyframeCloud cloud_of(std::int64_t id, int points, float depth = 2.0F) {
+  KeyframeCloud cloud;
+  cloud.keyframe_id = id;
+  for (int i = 0; i < points; ++i) {
+    CloudPoint point;
+    point.position = {0.01F * static_cast<float>(i), 0.0F, depth};
+    point.normal = {0.0F, 0.0F, -1.0F};
+    point.color = {10, 20, 30};
+    point.views = 3;
+    point.confidence = 0.5F;
+    cloud.points.push_back(point);
+  }
+  return cloud;
+}
+
+KeyframePose pose_at(double x) {
+  KeyframePose pose;
+  pose.cam_from_world.translation = {-x, 0.0, 0.0};
+  return pose;
+}
+
+HttpOptions impatient() {
+  HttpOptions options;
+  options.patience = std::chrono::milliseconds(200);
+  return options;
+}
+
+/// What a page would see.
+struct Looked {
+  explicit Looked(const std::string& url)
+      : port(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1)))), root(path_of(url)) {}
+
+  json ask() {
+    const Reply reply =
+        get(port, root + "live/changes?epoch=1&since=" + std::to_string(since) + "&news=" + std::to_string(news));
+    REQUIRE(reply.status == 200);
+    const json changes = json::parse(reply.body);
+    since = changes["version"];
+    news = changes["news"];
+    return changes;
+  }
+  Reply points(std::int64_t id, std::uint64_t version) const {
+    return get(port, root + "live/points/" + std::to_string(id) + "/" + std::to_string(version));
+  }
+
+  std::uint16_t port;
+  std::string root;
+  std::uint64_t since = 0, news = 0;
+};
+
+/// A map that is looked at.
+struct Served {
+  LiveMap map;
+  LiveServer server{
+      impatient(), {[this](LiveVersion since) { return map.changes_since(since); }, [this] { return map.snapshot(); }}};
+  Looked page{server.url()};
+};
+
+}  // namespace
+
+TEST_CASE("a page is told of points that are new, others, moved and gone") {
+  Served it;
+  it.page.ask();
+  it.map.publish({7, pose_at(1.0), 0}, std::make_shared<const KeyframeCloud>(cloud_of(7, 3)), true);
+  json changes = it.page.ask();
+  REQUIRE(changes["clouds"].size() == 1);
+  CHECK(changes["clouds"][0]["id"] == 7);
+  CHECK(changes["clouds"][0]["preliminary"] == true);
+  CHECK(changes["clouds"][0]["matrix"] == json({1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0}));
+  const std::uint64_t first = changes["clouds"][0]["since"];
+  const Reply block = it.page.points(7, first);
+  REQUIRE(block.body.size() == 32 + 3 * 13);
+  CHECK(get_little<double>(block.body.data() + 16) == 2.0);                // z of the corner
+  CHECK(get_little<double>(block.body.data() + 24) == Approx(0.02));       // side
+  CHECK(get_little<std::uint16_t>(block.body.data() + 32 + 12) == 65535);  // x of the last point
+
+  it.map.move({{7, pose_at(4.0), 0}});
+  changes = it.page.ask();
+  REQUIRE(changes["clouds"].size() == 1);
+  CHECK(changes["clouds"][0]["since"] == first);
+  CHECK(changes["clouds"][0]["matrix"][3] == 4.0);
+
+  it.map.publish({7, pose_at(4.0), 0}, std::make_shared<const KeyframeCloud>(cloud_of(7, 5)), false);
+  changes = it.page.ask();
+  const std::uint64_t second = changes["clouds"][0]["since"];
+  CHECK(second > first);
+  CHECK(it.page.points(7, second).body.size() == 32 + 5 * 13);
+  CHECK(it.page.points(7, first).status == 204);
+  CHECK(it.page.points(8, first).status == 204);
+
+  it.map.remove({7});
+  changes = it.page.ask();
+  CHECK(changes["clouds"].empty());
+  CHECK(changes["removed"] == json({7}));
+  CHECK(it.page.ask()["removed"].empty());  // after a while, though nothing has happened
+}
+
+TEST_CASE("a page is told where the camera is, and when no more comes") {
+  Served it;
+  it.page.ask();
+  it.server.set_camera({1.0, 2.0, 3.0});
+  CHECK(it.page.ask()["camera"] == json({1.0, 2.0, 3.0}));
+  CHECK(it.page.ask()["done"] == false);
+  it.server.finish(std::chrono::seconds(10));
+  CHECK(it.page.ask()["done"] == true);
+}
+
+TEST_CASE("whatever else is asked of a live page is not there") {
+  Served it;
+  for (const char* target :
+       {"live", "live/", "live/points/7", "live/points/x/1", "live/points/7/-1", "live/points/7/1/2",
+        "live/points/99999999999999999999/1", "live/other", "index.html", "live%2fchanges"}) {
+    INFO(target);
+    CHECK(get(it.page.port, it.page.root + target).status == 404);
+  }
+  CHECK(get(it.page.port, it.page.root + "live/changes?since=x&news=").status == 200);
+  CHECK(get(it.page.port, "/live/changes").status == 404);
+  if (!has_report_page()) return;
+  const Reply page = get(it.page.port, it.page.root);
+  CHECK_THAT(page.body, Contains("default-src 'none'; connect-src 'self';") && Contains("\"live\":1"));
+}
+
+TEST_CASE("a run after another one moves what it keeps, and drops what it does not name") {
+  LiveArguments arguments;
+  arguments.port = 0;
+  LiveView view(arguments);
+  SlamMap map;
+  view.begin(map, {});
+  KeyframeCloud a = cloud_of(1, 100'000), b = cloud_of(2, 10);
+  view.add(a);
+  view.add(b);
+  view.end();
+  Looked page(view.url());
+  json changes = page.ask();
+  REQUIRE(changes["clouds"].size() == 2);
+  const std::uint64_t since = changes["clouds"][0]["since"];
+  CHECK(page.points(1, since).body.size() == 32 + 13 * kMostLivePoints);
+  view.begin(map, {});
+  a.cam_from_world.translation = {0.0, 0.0, 5.0};
+  view.add(a);
+  view.end();
+  changes = page.ask();
+  REQUIRE(changes["clouds"].size() == 1);
+  CHECK(changes["clouds"][0]["id"] == 1);
+  CHECK(changes["clouds"][0]["since"] == since);
+  CHECK(changes["clouds"][0]["matrix"][11] == -5.0);
+  CHECK(changes["removed"] == json({2}));
+}
+
+TEST_CASE("a thinned cloud is an even share") {
+  const KeyframeCloud few = thinned(cloud_of(3, 1000), 10);
+  REQUIRE(few.points.size() == 10);
+  for (int i = 0; i < 10; ++i) CHECK(few.points[static_cast<std::size_t>(i)].position.x() == Approx(i));
+  CHECK(thinned(cloud_of(3, 5), 10).points.size() == 5);
+  CHECK(thinned(cloud_of(3, 0), 10).points.empty());
+  CHECK(live_block(cloud_of(3, 0)).size() == 32);
+}

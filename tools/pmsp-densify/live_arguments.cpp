@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "live_arguments.h"
+
+#include <CLI/CLI.hpp>
+
+#include "exit_code.h"
+#include "http_server.h"
+#include "report_arguments.h"
+#include "serve_arguments.h"
+
+namespace pmsp::tool {
+
+void add_live_options(CLI::App& run, LiveArguments& a) {
+  const char* group = "Output";
+  run.add_option_function<std::string>(
+         "--live-view", [&a](const std::string& text) { a.port = port_from("--live-view", text); },
+         "Port of a page for a browser that shows the points while they are made, and those that a newer map has moved "
+         "(--follow); its address is told on stderr [1 to 65535, or 0 for one that is free]")
+      ->type_name("PORT")
+      ->group(group);
+  run.add_option(
+         "--live-address", a.address,
+         "Address that the page of --live-view is served at; one that others can reach shows it to all who know "
+         "its token [default 127.0.0.1]")
+      ->type_name("A")
+      ->group(group);
+}
+
+void check_live(const LiveArguments& a, bool is_shard) {
+  is_loopback(a.address);  // or it is none
+  if (!a.port) return;
+  require_report_page("--live-view");
+  if (is_shard) throw UsageError("a shard makes no cloud; leave --live-view out");
+}
+
+}  // namespace pmsp::tool

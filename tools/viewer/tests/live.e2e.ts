@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// What comes over HTTP, in a real browser: a report that is served, a run that is looked at while it works, and a SLAM
+// whose keyframes move. Needs PMSP_DENSIFY, PMSP_SYNTH and PMSP_LIVE_PLAYER; exits with 77 where there is no chromium.
+import assert from "node:assert/strict";
+import { type ChildProcess, execFileSync, spawn } from "node:child_process";
+import { mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import type { Browser, Page } from "playwright-core";
+import { chromiumPath, openPage, startBrowser } from "./browser";
+
+const { PMSP_DENSIFY: densify, PMSP_SYNTH: synth, PMSP_LIVE_PLAYER: player } = process.env;
+if (!chromiumPath() || !densify || !synth || !player) {
+  console.log("skipped: no chromium, or PMSP_DENSIFY, PMSP_SYNTH and PMSP_LIVE_PLAYER are not set");
+  process.exit(77);
+}
+
+const folder = mkdtempSync(join(tmpdir(), "pmsp-live-"));
+const mission = join(folder, "mission");
+const children: ChildProcess[] = [];
+let browser: Browser;
+
+before(async () => {
+  execFileSync(synth, ["--scene", "room", "--width", "512", "--keyframes", "8", "-o", mission], { stdio: "ignore" });
+  browser = await startBrowser();
+});
+
+after(async () => {
+  for (const child of children) child.kill("SIGKILL");
+  await browser?.close();
+  rmSync(folder, { recursive: true });
+});
+
+interface Started {
+  child: ChildProcess;
+  url: string;
+  /** All that it has told. */
+  text: () => string;
+  ended: Promise<number | null>;
+}
+
+/** Starts a program and waits for the address that it tells. */
+async function start(program: string, words: string[]): Promise<Started> {
+  const child = spawn(program, words, { stdio: ["pipe", "pipe", "pipe"] });
+  children.push(child);
+  let text = "";
+  const ended = new Promise<number | null>((done) => child.on("close", done));
+  const url = await new Promise<string>((done, fail) => {
+    const take = (bytes: Buffer): void => {
+      text += bytes.toString();
+      const found = /http:\/\/\S+\//.exec(text);
+      if (found) done(found[0]);
+    };
+    child.stdout.on("data", take);
+    child.stderr.on("data", take);
+    child.on("close", () => fail(new Error(`no address: ${text}`)));
+  });
+  return { child, url, text: () => text, ended };
+}
+
+const quick = ["--backend", "cpu", "--width", "256", "--height", "128", "--progress", "none"];
+const run = (...more: string[]): string[] =>
+  ["run", join(mission, "map.msg"), "--images", join(mission, "images"), "-o", join(folder, "c.ply"), "--force", ...quick, ...more];
+
+interface Shown {
+  points: number;
+  /** Centres of the keyframes' cubes. */
+  cubes: Record<string, number[]>;
+  /** Where the keyframes' cameras stood. */
+  centers: Record<string, number[]>;
+  keyframes: number;
+  state: string | undefined;
+}
+
+const shown = (page: Page): Promise<Shown> =>
+  page.evaluate(() => {
+    const { viewer } = (window as any).pmspPage;
+    const cubes: Record<string, number[]> = {};
+    for (const [id, cube] of viewer.cloud.hung) cubes[id] = cube.center.toArray();
+    const centers = Object.fromEntries(viewer.data.keyframes.map((k: any) => [k.id, k.center]));
+    return { points: viewer.cloud.loaded, cubes, centers, keyframes: viewer.data.keyframes.length, state: document.body.dataset["live"] };
+  });
+
+const fetchedOf = (page: Page): Promise<number> => page.evaluate(() => (window as any).pmspPage.live.fetched);
+
+/** Waits until nothing has come for a while. */
+async function hasCaughtUp(page: Page): Promise<void> {
+  for (let before = -1, now = 0; before !== now; before = now, now = await fetchedOf(page)) await page.waitForTimeout(1500);
+}
+
+const light = (page: Page): Promise<number> =>
+  page.evaluate(() => {
+    const { viewer } = (window as any).pmspPage;
+    const picture = viewer.picture();
+    const { data } = picture.getContext("2d").getImageData(0, 0, picture.width, picture.height);
+    let light = 0;
+    for (let i = 0; i < data.length; i += 4) light += data[i] + data[i + 1] + data[i + 2] > 120 ? 1 : 0;
+    return light / (data.length / 4);
+  });
+
+test("a report that is served is the page that opens from disk", async () => {
+  const report = join(folder, "report.html");
+  execFileSync(densify, run("--report", report), { stdio: "ignore" });
+  const served = await start(densify, ["serve", report]);
+  const { page, requests, errors } = await openPage(browser, served.url);
+  assert.ok((await shown(page)).points > 1000);
+  assert.ok((await light(page)) > 0.1);
+  assert.deepEqual(requests, []);
+  assert.deepEqual(errors, []);
+  await page.context().close();
+  served.child.kill("SIGINT");
+  assert.equal(await served.ended, 0);
+});
+
+test("a run shows its points while it works, says when it is done, and then ends", async () => {
+  const started = await start(densify, run("--live-view", "0", "--threads", "1", "--width", "512", "--height", "256"));
+  const { page, requests, errors } = await openPage(browser, started.url);
+  await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.loaded > 1000, null, { timeout: 120_000 });
+  const first = await shown(page);
+  await page.waitForSelector('body[data-live="done"]', { timeout: 300_000 });
+  const last = await shown(page);
+  assert.equal(await started.ended, 0);
+  assert.ok(last.points >= first.points);
+  assert.equal(last.keyframes, 8);
+  assert.ok(Object.keys(last.cubes).length > 3);
+  assert.ok((await light(page)) > 0.1);
+  assert.match((await page.textContent("#subtitle")) ?? "", /points of \d of 8 keyframes/);
+  await page.click("text=Flight");
+  await page.click("text=Plan");
+  assert.deepEqual(requests, []);
+  assert.deepEqual(errors, []);
+  await page.context().close();
+});
+
+test("points of a SLAM come at once, and move with their keyframes", async () => {
+  const started = await start(player, [join(mission, "map.msg"), join(mission, "images")]);
+  const { page, errors } = await openPage(browser, started.url);
+  const other = await openPage(browser, started.url);
+  started.child.stdin!.write("fly\n");
+  await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.loaded > 0, null, { timeout: 300_000 });
+  const seen = (await page.evaluate(() => performance.timeOrigin + (window as any).pmspPage.live.lastPoints)) as number;
+  await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.hung.size >= 4, null, { timeout: 300_000 });
+  while (!/flown/.test(started.text())) await new Promise((done) => setTimeout(done, 100));
+  for (const it of [page, other.page]) await hasCaughtUp(it);
+  const before = await shown(page);
+  const fetched = await fetchedOf(page);
+  started.child.stdin!.write("move\n");
+  const moved = (now: Record<string, number[]>, then: Record<string, number[]>): number[] =>
+    Object.entries(then).map(([id, at]) => Math.hypot(...at.map((x, i) => x - (now[id]?.[i] ?? Number.NaN))));
+  await page.waitForFunction(
+    (old) => {
+      const { hung } = (window as any).pmspPage.viewer.cloud;
+      return Object.entries(old).every(([id, at]) => Math.abs((hung.get(Number(id))?.center.x ?? 0) - at[0]!) > 5);
+    },
+    before.cubes,
+    { timeout: 60_000 },
+  );
+  for (const it of [page, other.page]) await hasCaughtUp(it);
+  const after = await shown(page);
+  assert.deepEqual(Object.keys(after.cubes).sort(), Object.keys(before.cubes).sort());
+  assert.equal(await fetchedOf(page), fetched, "what only moves is not sent again");
+  for (const by of moved(after.centers, before.centers)) assert.ok(Math.abs(by - 10) < 1e-6, `moved by ${by}, not by 10`);
+  for (const by of moved(after.cubes, before.cubes)) assert.ok(Math.abs(by - 10) < 1e-3, `points moved by ${by}, not by 10`);
+  assert.deepEqual((await shown(other.page)).cubes, after.cubes);
+  started.child.stdin!.write("erase\n");
+  await page.waitForFunction((count) => (window as any).pmspPage.viewer.cloud.hung.size === count, Object.keys(after.cubes).length - 1);
+  const told = /first points at (\d+)/.exec(started.text());
+  console.log(`# first points in the picture ${(seen - Number(told?.[1])).toFixed(0)} ms after they existed`);
+  started.child.stdin!.write("end\n");
+  await page.waitForSelector('body[data-live="done"]');
+  assert.equal(await started.ended, 0);
+  assert.deepEqual(errors, []);
+  await page.context().close();
+  await other.page.context().close();
+});
