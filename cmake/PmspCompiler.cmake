@@ -1,7 +1,11 @@
 # How the compiler is called, whatever the target.
 
-# Symbols keep their default visibility, so that static and shared builds behave alike and tests reach internals; without
-# this flag position-independent code could then inline no function that another library might replace.
+# Shared libraries show what pmsp/api.h marks, and nothing else.
+set(CMAKE_CXX_VISIBILITY_PRESET hidden)
+set(CMAKE_CUDA_VISIBILITY_PRESET hidden)
+set(CMAKE_VISIBILITY_INLINES_HIDDEN ON)
+
+# Without this flag position-independent code could inline no function that another library might replace.
 include(CheckCXXCompilerFlag)
 check_cxx_compiler_flag(-fno-semantic-interposition PMSP_HAVE_NO_SEMANTIC_INTERPOSITION)
 if(PMSP_HAVE_NO_SEMANTIC_INTERPOSITION)

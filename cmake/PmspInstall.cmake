@@ -16,6 +16,7 @@ foreach(component IN LISTS _pmsp_components)
   set_target_properties(${component} PROPERTIES
     VERSION ${PROJECT_VERSION}
     SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}   # before 1.0 a minor version may break the interface
+    DEFINE_SYMBOL ""   # nothing asks whether it is compiled for a shared library
     INSTALL_RPATH "$ORIGIN")
   install(TARGETS ${component} EXPORT ${component}-targets
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${_pmsp_part}

@@ -22,5 +22,8 @@ function(pmsp_report_template variable)
                      COMMAND ${CMAKE_COMMAND} -DFROM=${page} -DTO=${made} -DNAME=kReportTemplate
                              -DHEADER=report_template.h -P ${PROJECT_SOURCE_DIR}/cmake/EmbedText.cmake
                      DEPENDS ${page} ${PROJECT_SOURCE_DIR}/cmake/EmbedText.cmake VERBATIM)
+  if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+    set_source_files_properties(${made} PROPERTIES COMPILE_OPTIONS -Wno-overlength-strings)
+  endif()
   set(${variable} ${made} PARENT_SCOPE)
 endfunction()

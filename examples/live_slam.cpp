@@ -24,9 +24,9 @@
 #include <vector>
 
 #include "fake_slam.h"
+#include "pmsp/io/cloud_output.h"
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/ply.h"
 #include "pmsp/live.h"
 
 namespace {
@@ -131,12 +131,12 @@ class Viewer {
 };
 
 void write_cloud(const pmsp::LiveSnapshot& snapshot, const std::string& path) {
-  pmsp::PlyWriter writer(path, {});
+  pmsp::CloudOutput output(path);
   for (const pmsp::LiveCloud& cloud : snapshot.clouds) {
-    if (!cloud.preliminary) writer.add(*cloud.cloud, cloud.pose);
+    if (!cloud.preliminary) output.add(*cloud.cloud, cloud.pose);
   }
-  writer.finish();
-  std::printf("%s: %lld points\n", path.c_str(), static_cast<long long>(writer.points()));
+  output.commit();
+  std::printf("%s: %lld points\n", path.c_str(), static_cast<long long>(output.points()));
 }
 
 int run(const Arguments& arguments) {

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "agreement.h"
-#include "fusion.h"
+#include "fusion_weight.h"
 #include "stage.h"
 #include "surfel.h"
 

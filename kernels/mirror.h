@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "range_map.h"
+#include "ranges.h"
 #include "rigid.h"
 #include "stage.h"
 #include "surfel.h"

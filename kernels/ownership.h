@@ -4,9 +4,9 @@
 #include <cstdint>
 
 #include "confidence.h"
-#include "fusion.h"
+#include "fusion_weight.h"
 #include "mirror.h"
-#include "range_map.h"
+#include "ranges.h"
 #include "stage.h"
 #include "surfel.h"
 

@@ -219,6 +219,7 @@ template <class Patch, class F, class Cube>
 PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>* views, int num_views,
                       const Vec3<F>& plane, const PatchLayout& layout) {
   const int kept = (num_views + 1) / 2;
+  static_assert((kMaxViews + 1) / 2 == 4, "a -1 for each of the better half");
   F best[(kMaxViews + 1) / 2] = {F(-1), F(-1), F(-1), F(-1)};
   F all(0);
   F hidden(0);

@@ -1,65 +1,53 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include "depth_evidence.h"
 #include "equirect.h"
 #include "patch.h"
 #include "plane.h"
 #include "stage.h"
 
 // Planes for surfaces without texture, through the reliable surface around them (what ACMP's planar prior is for, Xu
-// and Tao 2020, but without a triangulation). The sphere is divided into cells. A cell's support is the most reliable
-// point of the depth map that it sees. From cells that have pixels without texture one looks along great circles in all
-// directions for the first support; the plane that most of what one finds lies on is the cell's prior. Three supports
-// that surround the cell define it: priors fill in between what is known, they do not extend it. A cell's functions are
-// branchy and therefore in plain floats; there are few cells. Where no plane is found, a depth image from elsewhere may
-// give one (Keyframe::prior_depth), if the reliable surface around agrees with it.
+// and Tao 2020, but without a triangulation). The sphere is divided into cells. A cell's support is the point of the
+// depth map in it that the picture tells best. From cells that have unsure pixels one looks along great circles in all
+// directions for the first support; the plane that explains best what one finds is the cell's prior, its own or that of
+// another cell. Three supports that surround a cell define its own: priors fill in between what is known, they do not
+// extend it. A cell's functions are branchy and therefore in plain floats; there are few cells. Where no plane is
+// found, a depth image from elsewhere may give one (Keyframe::prior_depth), if the reliable surface around agrees with
+// it.
 namespace pmsp::kernels {
 
-constexpr int kPriorColumns = 160;          ///< of cells, at most
-constexpr int kPriorDirections = 16;        ///< in which supports are looked for
-constexpr float kPriorReach = 1.4F;         ///< how far [rad]: to the ends of a room's ceiling
-constexpr int kPriorMinSupports = 5;        ///< that must lie on the plane
-constexpr float kPriorTolerance = 0.02F;    ///< relative distance up to which they do
-constexpr float kSupportMinScore = 0.7F;    ///< of a support's pixel
-constexpr int kSupportMinNeighbours = 3;    ///< of the eight around it that must lie on its plane ...
-constexpr float kSupportTolerance = 0.01F;  ///< ... up to this relative distance: along an edge they do
-constexpr float kTexturePixels = 1.2F;      ///< distance of the samples by which texture is judged
-constexpr int kGivenMinSupports = 3;        ///< around a cell whose given plane is to be corrected
-constexpr float kGivenTolerance = 0.1F;     ///< relative distance up to which corrected planes agree with supports
-constexpr float kGivenMinShare = 0.6F;      ///< of the supports, the near ones counting more, that must agree
-constexpr int kToldMinSupports = 4;         ///< that must lie on a plane which agrees with the given one
-constexpr float kToldTolerance = 0.08F;     ///< relative distance up to which it does
-constexpr float kToldMinCos = 0.9F;         ///< of the angle between their normals
-constexpr float kGivenCoplanar = 0.05F;     ///< relative distance up to which a support lies on the cell's plane
-
-/// Variance of the gray values around a pixel that no linear ramp explains: light that falls off along a wall is no
-/// texture.
-template <class F, class Cube>
-PMSP_HD F ramp_free_variance(const Cube& image, const PatchFrame<F>& frame) {
-  const F center = sample(image, frame.bearing);
-  F sum(0);
-  F square(0);
-  F across(0);
-  F along(0);
-  float spread = 0.0F;
-  for (int j = 0; j < kPatchSide; ++j) {
-    const Vec3<F> left = fma(F(patch_offset(j)), frame.down, frame.bearing);
-    for (int i = 0; i < kPatchSide; ++i) {
-      const F gray = sample(image, fma(F(patch_offset(i)), frame.right, left)) - center;
-      sum = sum + gray;
-      square = fma(gray, gray, square);
-      across = fma(F(patch_offset(i)), gray, across);
-      along = fma(F(patch_offset(j)), gray, along);
-      spread += patch_offset(i) * patch_offset(i);
-    }
-  }
-  const F of_ramp = fma(across, across, along * along) * F(1.0F / spread);
-  return max(square - sum * sum * F(1.0F / kPatchSamples) - of_ramp, F(0)) * F(1.0F / kPatchSamples);
-}
+constexpr int kPriorColumns = 160;        ///< of cells, at most
+constexpr int kPriorDirections = 16;      ///< in which supports are looked for
+constexpr float kPriorReach = 1.4F;       ///< how far [rad]: to the ends of a room's ceiling
+constexpr int kPriorMinSupports = 5;      ///< that must lie on the plane
+constexpr float kPriorTolerance = 0.02F;  ///< relative distance up to which they do, beside twice their own error ...
+constexpr float kMaxPriorTolerance = 0.06F;  ///< ... but no more than that
+/// What a support in front of the plane costs, beside one behind it: the edge of what stands in front of a wall belongs
+/// to that; nothing behind a wall is seen beside it but where it ends.
+constexpr float kOccluderCost = 0.6F;
+constexpr float kSupportMinScore = 0.7F;      ///< of a support's pixel
+constexpr float kSupportMaxError = 0.04F;     ///< relative, of its depth (matching_error) ...
+constexpr float kSupportSure = 0.01F;         ///< ... and less than that counts as that
+constexpr float kSupportTexture = 0.75F;      ///< variance that its patches share, of what makes a patch textured
+constexpr float kLeastSupportError = 0.003F;  ///< relative: what supports have in common
+constexpr float kSureError = 0.02F;           ///< relative, above which a pixel is unsure
+constexpr int kSupportMinNeighbours = 3;      ///< of the eight around it that must lie on its plane ...
+constexpr float kSupportTolerance = 0.01F;    ///< ... up to this relative distance: along an edge they do
+constexpr float kTexturePixels = 1.2F;        ///< distance of the samples by which texture is judged
+constexpr int kGivenMinSupports = 3;          ///< around a cell whose given plane is to be corrected
+constexpr float kGivenTolerance = 0.1F;       ///< relative distance up to which corrected planes agree with supports
+constexpr float kGivenMinShare = 0.6F;        ///< of the supports, the near ones counting more, that must agree
+constexpr int kToldMinSupports = 4;           ///< that must lie on a plane which agrees with the given one
+constexpr float kToldTolerance = 0.08F;       ///< relative distance up to which it does
+constexpr float kToldMinCos = 0.9F;           ///< of the angle between their normals
+constexpr float kGivenCoplanar = 0.05F;       ///< relative distance up to which a support lies on the cell's plane
 
 /// The first support in each direction; (0, 0, 0) where there is none within reach.
 struct Surroundings {
   Vec3<float> points[kPriorDirections];
+  float errors[kPriorDirections];     ///< theirs, relative
+  float tightness[kPriorDirections];  ///< 1 / relative distance up to which they lie on a plane
   int count;
 };
 
@@ -70,23 +58,28 @@ struct PriorPlane {
   float cost;    ///< how far all are off: sum of distances, in tolerances, each at most 1
 };
 
-/// All cells, in row order, and what they are made from. `Map`: the depth map so far, with `width`, `height`,
-/// `plane_at` and `score_at`.
-template <class Map>
+/// All cells, in row order, and what they are made from.
+template <class Machine>
 struct PriorCells {
-  Map map;
-  GridView grid;          ///< of the map
-  const float* variance;  ///< ramp_free_variance of the map's pixels
-  float min_variance;     ///< less is no texture
+  typename Machine::Map map;  ///< so far
+  typename Machine::Cube image;
+  GridView grid;           ///< of the map
+  Baselines baselines;     ///< of the map's matching
+  float spacing;           ///< of samples (tangent of the angle)
+  const float* variance;   ///< of the map's pixels, see DepthEvidence
+  const float* certainty;  ///< likewise
+  float min_variance;      ///< less is no texture
   PlaneLimits limits;
   int columns, rows;
-  const int* looks;            ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
-  const Vec3<float>* given;    ///< planes of the cells that are known from elsewhere, 0 = none; nullptr = of no cell
-  Vec3<float>* supports;       ///< points of the surface; (0, 0, 0) = none
-  unsigned char* textureless;  ///< whether a cell has pixels without texture
+  const int* looks;          ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
+  const Vec3<float>* given;  ///< planes of the cells that are known from elsewhere, 0 = none; nullptr = of no cell
+  Vec3<float>* supports;     ///< points of the surface; (0, 0, 0) = none
+  float* errors;             ///< theirs, relative
+  unsigned char* unsure;     ///< whether a cell has unsure pixels
   Surroundings* around;
-  PriorPlane* found;   ///< from each cell alone
-  PriorPlane* chosen;  ///< from its neighbours' too
+  const PriorPlane* before;  ///< planes so far, of which those are chosen that are to be written
+  PriorPlane* found;         ///< to be written
+  int stride;                ///< from a cell to those whose planes it may choose
 
   PMSP_HD Vec3<float> bearing_at(int x, int y) const { return kernels::bearing_at<float>(grid, x, y); }
 };
@@ -94,8 +87,8 @@ struct PriorCells {
 PMSP_HD bool is_point(const Vec3<float>& p) { return dot(p, p) > 0.0F; }
 
 /// How many pixels two steps around lie on the plane of pixel (x, y).
-template <class Map>
-PMSP_HD int neighbours_on_plane(const PriorCells<Map>& cells, int x, int y, const Vec3<float>& plane) {
+template <class Machine>
+PMSP_HD int neighbours_on_plane(const PriorCells<Machine>& cells, int x, int y, const Vec3<float>& plane) {
   int count = 0;
   for (int i = 0; i < 9; ++i) {
     const int row = y + 2 * (i / 3 - 1);
@@ -108,31 +101,62 @@ PMSP_HD int neighbours_on_plane(const PriorCells<Map>& cells, int x, int y, cons
   return count;
 }
 
-/// Writes `supports` and `textureless` of a cell.
-template <class Map>
-PMSP_HD void find_support(const PriorCells<Map>& cells, int column, int row) {
-  Vec3<float> support{0.0F, 0.0F, 0.0F};
-  bool textureless = false;
-  float best = kSupportMinScore;
+/// Relative error of a pixel's depth, as far as it follows from the picture.
+template <class Machine>
+PMSP_HD float matching_error(const PriorCells<Machine>& cells, int index, float inverse_depth) {
+  return matching_error(cells.variance[index], cells.certainty[index], score_at<float>(cells.map, index), cells.spacing,
+                        inverse_depth);
+}
+
+/// Whether the picture alone does not tell a pixel's depth.
+template <class Machine>
+PMSP_HD bool is_unsure(const PriorCells<Machine>& cells, int index, float inverse_depth) {
+  return cells.variance[index] < cells.min_variance || matching_error(cells, index, inverse_depth) > kSureError;
+}
+
+/// The point of a pixel's plane that the picture tells best: on an edge beside the pixel, say.
+template <class Machine>
+PMSP_HD Vec3<float> best_known(const PriorCells<Machine>& cells, int x, int y) {
+  const PatchFrame<float> frame = patch_frame(cells.grid.sin_lon[x], cells.grid.cos_lon[x], cells.grid.sin_lat[y],
+                                              cells.grid.cos_lat[y], cells.spacing);
+  const Vec3<float> ray = depth_evidence(cells.image, frame, cells.spacing, cells.baselines).best;
+  const float inverse = dot(plane_at<float>(cells.map, y * cells.map.width + x), ray);
+  return inverse > 0.0F ? (1.0F / inverse) * ray : Vec3<float>{0.0F, 0.0F, 0.0F};
+}
+
+/// Writes `supports`, `errors` and `unsure` of a cell. Of pixels that are sure enough, the one that matches best gives
+/// the support.
+template <class Machine>
+PMSP_HD void find_support(const PriorCells<Machine>& cells, int column, int row) {
+  const int cell = row * cells.columns + column;
+  bool unsure = false;
+  int best_x = -1;
+  int best_y = 0;
+  float best = 2.0F * kSupportMaxError;
+  cells.errors[cell] = kSupportMaxError;
   const int y1 = (row + 1) * cells.map.height / cells.rows;
   const int x1 = (column + 1) * cells.map.width / cells.columns;
   for (int y = row * cells.map.height / cells.rows; y < y1; ++y) {
     for (int x = column * cells.map.width / cells.columns; x < x1; ++x) {
       const int index = y * cells.map.width + x;
       const Vec3<float> plane = plane_at<float>(cells.map, index);
-      const Vec3<float> direction = cells.bearing_at(x, y);
-      const float inverse_depth = dot(plane, direction);
+      const float inverse_depth = dot(plane, cells.bearing_at(x, y));
       if (!(inverse_depth > 0.0F)) continue;
-      const bool textured = cells.variance[index] >= cells.min_variance;
-      textureless = textureless || !textured;
-      if (!textured || !(score_at<float>(cells.map, index) > best)) continue;
-      if (neighbours_on_plane(cells, x, y, plane) < kSupportMinNeighbours) continue;
-      best = score_at<float>(cells.map, index);
-      support = (1.0F / inverse_depth) * direction;
+      unsure = unsure || is_unsure(cells, index, inverse_depth);
+      const float score = score_at<float>(cells.map, index);
+      const float error = matching_error(cells, index, inverse_depth);
+      if (!(score > kSupportMinScore) || !(error < kSupportMaxError)) continue;
+      if (score * cells.variance[index] < kSupportTexture * cells.min_variance) continue;
+      const float cost = max(error, kSupportSure) * (2.0F - score);
+      if (!(cost < best) || neighbours_on_plane(cells, x, y, plane) < kSupportMinNeighbours) continue;
+      best = cost;
+      best_x = x;
+      best_y = y;
+      cells.errors[cell] = error;
     }
   }
-  cells.supports[row * cells.columns + column] = support;
-  cells.textureless[row * cells.columns + column] = textureless ? 1 : 0;
+  cells.supports[cell] = best_x < 0 ? Vec3<float>{0.0F, 0.0F, 0.0F} : best_known(cells, best_x, best_y);
+  cells.unsure[cell] = unsure ? 1 : 0;
 }
 
 /// How many steps of one row of cells one looks along a great circle.
@@ -140,8 +164,8 @@ PMSP_HD int look_steps(int rows) {
   return static_cast<int>(kPriorReach / static_cast<float>(kPi) * static_cast<float>(rows));
 }
 
-template <class Map>
-PMSP_HD void look_around(Surroundings& around, const PriorCells<Map>& cells, int column, int row) {
+template <class Machine>
+PMSP_HD void look_around(Surroundings& around, const PriorCells<Machine>& cells, int column, int row) {
   const int steps = look_steps(cells.rows);
   const int* look = cells.looks + row * kPriorDirections * steps;
   around.count = 0;
@@ -150,27 +174,47 @@ PMSP_HD void look_around(Surroundings& around, const PriorCells<Map>& cells, int
     for (int i = 0; i < steps; ++i) {
       const int first = look[d * steps + i];
       const bool beyond = first % cells.columns + column >= cells.columns;
-      const Vec3<float>& support = cells.supports[first + column - (beyond ? cells.columns : 0)];
-      if (!is_point(support)) continue;
-      around.points[d] = support;
+      const int cell = first + column - (beyond ? cells.columns : 0);
+      if (!is_point(cells.supports[cell])) continue;
+      around.points[d] = cells.supports[cell];
+      around.errors[d] = cells.errors[cell];
+      around.tightness[d] = 1.0F / min(kPriorTolerance + 2.0F * cells.errors[cell], kMaxPriorTolerance);
       ++around.count;
       break;
     }
   }
 }
 
-/// Takes the plane if it explains the surroundings better.
+/// Whether directions, a bit each, leave no gap of more than half a turn: a cell in a wider one lies beyond what they
+/// tell.
+PMSP_HD bool surround(std::uint32_t directions) {
+  int gap = 0;
+  for (int d = 0; d < 2 * kPriorDirections; ++d) {
+    gap = (directions >> (d % kPriorDirections) & 1U) != 0 ? 0 : gap + 1;
+    if (gap >= kPriorDirections / 2) return false;
+  }
+  return true;
+}
+
+/// Takes the plane if it explains the surroundings better. `anywhere`: even where the supports on it do not surround
+/// the cell.
 PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const Surroundings& around,
-                      const Vec3<float>& bearing, const PlaneLimits& limits, int min_supports = kPriorMinSupports) {
+                      const Vec3<float>& bearing, const PlaneLimits& limits, int min_supports = kPriorMinSupports,
+                      bool anywhere = false) {
   if (!is_allowed(plane, bearing, limits)) return;
   PriorPlane candidate{plane, 0, 0.0F};
+  std::uint32_t on_it = 0;
   for (int d = 0; d < kPriorDirections; ++d) {
     if (!is_point(around.points[d])) continue;
-    const float off = abs(dot(plane, around.points[d]) - 1.0F) * (1.0F / kPriorTolerance);
-    candidate.supports += off < 1.0F ? 1 : 0;
-    candidate.cost += min(off, 1.0F);
+    const float behind = (dot(plane, around.points[d]) - 1.0F) * around.tightness[d];
+    if (abs(behind) < 1.0F) {
+      ++candidate.supports;
+      on_it |= 1U << d;
+    }
+    candidate.cost += behind < -1.0F ? kOccluderCost : min(abs(behind), 1.0F);
+    if (!(candidate.cost < best.cost)) return;
   }
-  if (candidate.supports >= min_supports && candidate.cost < best.cost) best = candidate;
+  if (candidate.supports >= min_supports && (anywhere || surround(on_it))) best = candidate;
 }
 
 /// The plane through three points; zero where they lie on one with the camera.
@@ -181,17 +225,22 @@ PMSP_HD Vec3<float> plane_through(const Vec3<float>& a, const Vec3<float>& b, co
   return (1.0F / volume) * (cross(a, b) + bc + cross(c, a));
 }
 
-/// Least squares over those of the surroundings that lie on the plane.
+/// Least squares over those of the surroundings that lie on the plane; the nearer to it and the more certain, the more
+/// they count.
 PMSP_HD Vec3<float> refitted(const Surroundings& around, const Vec3<float>& plane) {
   Vec3<float> rows[3] = {};
   Vec3<float> sum{};
   for (int d = 0; d < kPriorDirections; ++d) {
     const Vec3<float>& p = around.points[d];
-    if (!is_point(p) || abs(dot(plane, p) - 1.0F) >= kPriorTolerance) continue;
-    rows[0] = fma(p.x, p, rows[0]);
-    rows[1] = fma(p.y, p, rows[1]);
-    rows[2] = fma(p.z, p, rows[2]);
-    sum = sum + p;
+    if (!is_point(p)) continue;
+    const float off = (dot(plane, p) - 1.0F) * around.tightness[d];
+    if (!(abs(off) < 1.0F)) continue;
+    const float error = around.errors[d];
+    const float weight = (1.0F - off * off) / (error * error + kLeastSupportError * kLeastSupportError);
+    rows[0] = fma(weight * p.x, p, rows[0]);
+    rows[1] = fma(weight * p.y, p, rows[1]);
+    rows[2] = fma(weight * p.z, p, rows[2]);
+    sum = fma(weight, p, sum);
   }
   const Vec3<float> cofactors = cross(rows[1], rows[2]);
   const float determinant = dot(rows[0], cofactors);
@@ -211,15 +260,15 @@ PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
 
 /// Writes `around` and `found` of a cell: of the planes through three supports that surround it, the one that explains
 /// the surroundings best.
-template <class Map>
-PMSP_HD void find_plane(const PriorCells<Map>& cells, int column, int row) {
+template <class Machine>
+PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
   constexpr int kWide = kPriorDirections / 2;  // a wider gap, and the cell would lie outside the triangle
   constexpr int kNarrow = 3;                   // a narrower one makes no good triangle
   const int cell = row * cells.columns + column;
   PriorPlane best{{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)};
   Surroundings& around = cells.around[cell];
   around.count = 0;
-  if (cells.textureless[cell] != 0) look_around(around, cells, column, row);
+  if (cells.unsure[cell] != 0) look_around(around, cells, column, row);
   if (around.count >= kPriorMinSupports) {
     const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
     for (int i = 0; i + 2 * kNarrow < kPriorDirections; ++i) {
@@ -246,8 +295,8 @@ PMSP_HD float support_weight(const Vec3<float>& p, const Vec3<float>& center) {
 }
 
 /// By what the given plane at a support must be multiplied to reach it; 0 = there is none.
-template <class Map>
-PMSP_HD float given_ratio(const PriorCells<Map>& cells, const Vec3<float>& p) {
+template <class Machine>
+PMSP_HD float given_ratio(const PriorCells<Machine>& cells, const Vec3<float>& p) {
   const float told = dot(cells.given[pixel_index(p, cells.columns, cells.rows)], p);
   return told > 0.0F ? 1.0F / told : 0.0F;
 }
@@ -258,8 +307,8 @@ struct GivenRatio {
   float share;
   int count;
 };
-template <class Map>
-PMSP_HD GivenRatio mean_ratio(const PriorCells<Map>& cells, const Surroundings& around, const Vec3<float>& center,
+template <class Machine>
+PMSP_HD GivenRatio mean_ratio(const PriorCells<Machine>& cells, const Surroundings& around, const Vec3<float>& center,
                               float from, float tolerance) {
   GivenRatio mean{0.0F, 0.0F, 0};
   float all = 0.0F;
@@ -309,8 +358,8 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surrounding
 
 /// A cell's given plane, corrected by what the reliable surface around says of the given planes there. Zero where that
 /// does not agree with them.
-template <class Map>
-PMSP_HD Vec3<float> corrected_given(const PriorCells<Map>& cells, int column, int row) {
+template <class Machine>
+PMSP_HD Vec3<float> corrected_given(const PriorCells<Machine>& cells, int column, int row) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
   const int cell = row * cells.columns + column;
   const Vec3<float> given = cells.given[cell];
@@ -328,8 +377,8 @@ PMSP_HD Vec3<float> corrected_given(const PriorCells<Map>& cells, int column, in
 /// The plane that four or more of the supports lie on, wherever they are, and that agrees with what is given: the given
 /// plane tells which supports belong to the cell's surface, these tell where that is. Zero where there is none.
 /// `told`: corrected_given, not zero.
-template <class Map>
-PMSP_HD Vec3<float> told_plane(const PriorCells<Map>& cells, int column, int row, const Vec3<float>& told) {
+template <class Machine>
+PMSP_HD Vec3<float> told_plane(const PriorCells<Machine>& cells, int column, int row, const Vec3<float>& told) {
   const Surroundings& around = cells.around[row * cells.columns + column];
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
   PriorPlane best{{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)};
@@ -347,7 +396,7 @@ PMSP_HD Vec3<float> told_plane(const PriorCells<Map>& cells, int column, int row
         const Vec3<float>& c = around.points[k];
         if (!is_point(a) || !is_point(b) || !is_point(c)) continue;
         const Vec3<float> plane = plane_through(a, b, c);
-        if (agrees(plane)) consider(best, plane, around, center, cells.limits, kToldMinSupports);
+        if (agrees(plane)) consider(best, plane, around, center, cells.limits, kToldMinSupports, true);
       }
     }
   }
@@ -356,39 +405,42 @@ PMSP_HD Vec3<float> told_plane(const PriorCells<Map>& cells, int column, int row
   return agrees(plane) && is_allowed(plane, center, cells.limits) ? plane : best.plane;
 }
 
-/// Writes `chosen` of a cell: its own plane, or that of a cell beside it if that explains the surroundings better.
-/// Where there is none: one that agrees with the given one, or else that.
-template <class Map>
-PMSP_HD void choose_plane(const PriorCells<Map>& cells, int column, int row) {
+/// Writes `found` of a cell: its plane of before, or that of a cell `stride` away if that explains the surroundings
+/// better. Where there is none in the end: one that agrees with the given one, or else that.
+template <class Machine>
+PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
-  PriorPlane best = cells.found[cell];
+  PriorPlane best = cells.before[cell];
   if (cells.around[cell].count >= kPriorMinSupports) {
     const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
     for (int i = 0; i < 9; ++i) {
-      const int other_row = row + i / 3 - 1;
-      const int other_column = (column + i % 3 - 1 + cells.columns) % cells.columns;
+      const int other_row = row + (i / 3 - 1) * cells.stride;
+      const int other_column = (column + (i % 3 - 1) * cells.stride + cells.columns) % cells.columns;
       if (other_row < 0 || other_row >= cells.rows) continue;
-      const PriorPlane& other = cells.found[other_row * cells.columns + other_column];
+      const PriorPlane& other = cells.before[other_row * cells.columns + other_column];
       if (other.supports > 0) consider(best, other.plane, cells.around[cell], center, cells.limits);
     }
+    if (best.supports > 0) {
+      consider(best, refitted(cells.around[cell], best.plane), cells.around[cell], center, cells.limits);
+    }
   }
-  if (best.supports == 0 && cells.given != nullptr) {
+  if (best.supports == 0 && cells.given != nullptr && cells.stride == 1) {
     const Vec3<float> told = corrected_given(cells, column, row);
     best.plane = is_point(told) ? told_plane(cells, column, row, told) : told;
     if (!is_point(best.plane)) best.plane = told;
   }
-  cells.chosen[cell] = best;
+  cells.found[cell] = best;
 }
 
 /// What is found for all cells, one after the other.
 enum class PriorStep { kSupports, kPlanes, kChoice };
 
 /// One of the steps; a stage over the cells.
-template <class Map, PriorStep step>
+template <class Machine, PriorStep step>
 struct PriorCellStep {
   static constexpr int kCounts = 0;
 
-  PriorCells<Map> cells;
+  PriorCells<Machine> cells;
 
   PMSP_HD int width() const { return cells.columns; }
   PMSP_HD int height() const { return cells.rows; }
@@ -401,23 +453,25 @@ struct PriorCellStep {
 };
 
 /// The prior of a pixel of the map; zero = none.
-template <class Map>
-PMSP_HD Vec3<float> prior_at(const PriorCells<Map>& cells, int x, int y) {
+template <class Machine>
+PMSP_HD Vec3<float> prior_at(const PriorCells<Machine>& cells, int x, int y) {
   const int index = y * cells.map.width + x;
-  const bool textureless = cells.variance[index] < cells.min_variance && is_point(plane_at<float>(cells.map, index));
-  if (!textureless) return {0.0F, 0.0F, 0.0F};
-  return cells.chosen[y * cells.rows / cells.map.height * cells.columns + x * cells.columns / cells.map.width].plane;
+  const float inverse_depth = dot(plane_at<float>(cells.map, index), cells.bearing_at(x, y));
+  if (!(inverse_depth > 0.0F) || !is_unsure(cells, index, inverse_depth)) return {0.0F, 0.0F, 0.0F};
+  return cells.found[y * cells.rows / cells.map.height * cells.columns + x * cells.columns / cells.map.width].plane;
 }
 
-/// How much texture there is around each pixel; a stage.
+/// What the picture tells of each pixel's depth; a stage.
 template <class Machine>
-struct TextureVariance {
+struct FindEvidence {
   static constexpr int kCounts = 0;
 
   typename Machine::Cube image;
   GridView grid;
-  float spacing;    ///< of the samples (tangent of the angle)
-  float* variance;  ///< [gray levels squared]
+  Baselines baselines;
+  float spacing;     ///< of samples (tangent of the angle)
+  float* variance;   ///< see DepthEvidence
+  float* certainty;  ///< likewise
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
@@ -426,7 +480,9 @@ struct TextureVariance {
   PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
     const PatchFrame<F> frame = patch_frame(gather<F>(grid.sin_lon, at.column), gather<F>(grid.cos_lon, at.column),
                                             F(grid.sin_lat[at.row]), F(grid.cos_lat[at.row]), F(spacing));
-    store<F>(ramp_free_variance(image, frame), variance + at.first, at.count);
+    const DepthEvidence<F> evidence = depth_evidence(image, frame, spacing, baselines);
+    store<F>(evidence.variance, variance + at.first, at.count);
+    store<F>(evidence.certainty, certainty + at.first, at.count);
   }
 };
 
@@ -435,7 +491,7 @@ template <class Machine>
 struct PixelPriors {
   static constexpr int kCounts = 0;
 
-  PriorCells<typename Machine::Map> cells;
+  PriorCells<Machine> cells;
   typename Machine::Planes to;  ///< without scores
 
   PMSP_HD int width() const { return cells.map.width; }

@@ -147,8 +147,9 @@ void Pipeline::finish() {
   views_.clear();
   index_of_.clear();
   dropped_ = places_;
-  planner_.drop(planner_.entries().size());
+  drop_entries(planner_.entries().size());
   first_ = 0;
+  stats_.work_to_come = 0.0;  // sums of parts leave a rest
   progress_ = Progress(schedule_.stages().size());
   std::fill(kept_.begin(), kept_.end(), 0);
 }
@@ -163,6 +164,9 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
   index_of_[keyframe.id] = end();
   views_.push_back({keyframe, engine_->prepare(keyframe), place});
   views_.back().frame->asked_for = !part_ || part_->asks_for(place);
+  for (const Stage& stage : schedule_.stages()) {
+    if (runs(stage, views_.back())) stats_.work_to_come += stage.cost();
+  }
   views_.back().keyframe.image = {};
   views_.back().keyframe.mask = {};
   views_.back().keyframe.prior_depth = {};
@@ -172,10 +176,19 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
 void Pipeline::advance(bool last) {
   if (options_.backend == Backend::kCuda && options_.devices.size() > 1) return advance_in_step(last);
   while (const std::optional<Task> task = next_task(last)) {
-    run(schedule_.stages()[task->stage], task->keyframe);
-    progress_.mark(task->stage, task->keyframe);
-    forget(last);
+    run_task(*task, last);
   }
+}
+
+void Pipeline::run_task(const Task& task, bool last) {
+  const Stage& stage = schedule_.stages()[task.stage];
+  const double cost = runs(stage, view(task.keyframe)) ? stage.cost() : 0.0;
+  run(stage, task.keyframe);
+  progress_.mark(task.stage, task.keyframe);
+  forget(last);
+  stats_.work_done += cost;
+  stats_.work_to_come -= cost;
+  if (callbacks_.worked) callbacks_.worked();
 }
 
 /// One task of each stage that needs nothing of the others: then no processor waits for what another one has just
@@ -190,9 +203,7 @@ void Pipeline::advance_in_step(bool last) {
     }
     for (const Task& task : tasks) {
       if (stopped()) return;
-      run(schedule_.stages()[task.stage], task.keyframe);
-      progress_.mark(task.stage, task.keyframe);
-      forget(last);
+      run_task(task, last);
     }
   } while (last && !tasks.empty());
 }
@@ -365,7 +376,13 @@ void Pipeline::forget(bool last) {
     views_.pop_front();
   }
   const std::size_t needed = views_.empty() ? places_ : views_.front().place;
-  for (; dropped_ < needed && planner_.complete() > 0; ++dropped_) planner_.drop(1);
+  for (; dropped_ < needed && planner_.complete() > 0; ++dropped_) drop_entries(1);
+}
+
+/// Complete ones.
+void Pipeline::drop_entries(std::size_t count) {
+  for (std::size_t i = 0; i < count && callbacks_.planned; ++i) callbacks_.planned(planner_.entries()[i]);
+  planner_.drop(count);
 }
 
 void Pipeline::count_without_depth_map(KeyframeUse use) {

@@ -29,14 +29,16 @@ void check_keyframe(const Keyframe& keyframe) {
   const std::string who = "keyframe " + std::to_string(keyframe.id) + ": ";
   check_sizes(who, keyframe.image.width, keyframe.image.height, keyframe.mask);
   if (keyframe.image.empty()) throw InvalidInput(who + "there is no image; expected pixels");
-  const ImageView<const float>& prior = keyframe.prior_depth;
-  if (!prior.empty() && (prior.width < 16 || prior.height < 8)) {
-    throw InvalidInput(who + "the prior depth is " + size_text(prior.width, prior.height) +
-                       "; expected 16 x 8 at least, or none");
-  }
+  check_prior_depth(who, keyframe.prior_depth);
   check_pose(who, keyframe.cam_from_world);
   check_scale(who, keyframe.scale);
   check_landmarks(who, keyframe.landmarks);
+}
+
+void check_prior_depth(const std::string& where, ImageView<const float> prior) {
+  if (prior.empty() || (prior.width >= 16 && prior.height >= 8)) return;
+  throw InvalidInput(where + "the prior depth is " + size_text(prior.width, prior.height) +
+                     "; expected 16 x 8 at least, or none");
 }
 
 void check_sizes(const std::string& where, int image_width, int image_height, ImageView<const std::uint8_t> mask) {

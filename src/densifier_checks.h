@@ -8,6 +8,7 @@
 #include "pmsp/image.h"
 #include "pmsp/keyframe.h"
 #include "pmsp/options.h"
+#include "util/io_api.h"
 
 namespace pmsp {
 
@@ -16,12 +17,9 @@ void check_keyframe(const Keyframe& keyframe);
 
 /// Throw InvalidInput unless usable. `where`: the first words of the text.
 void check_sizes(const std::string& where, int image_width, int image_height, ImageView<const std::uint8_t> mask);
-void check_scale(const std::string& where, double scale);
-void check_pose(const std::string& where, const RigidTransform& cam_from_world);
+void check_prior_depth(const std::string& where, ImageView<const float> prior);
+PMSP_IO_API void check_scale(const std::string& where, double scale);
+PMSP_IO_API void check_pose(const std::string& where, const RigidTransform& cam_from_world);
 void check_landmarks(const std::string& where, const std::vector<Landmark>& landmarks);
-
-/// Replaces a width or height of 0 by what an image of this size stands for. Throws InvalidInput if that is no size of
-/// a depth map.
-void fill_in_size(DensifierOptions& options, int image_width, int image_height);
 
 }  // namespace pmsp

@@ -15,13 +15,13 @@ namespace {
 
 std::size_t memory_without_scratch(DensifierOptions options) {
   options.scratch_folder.clear();
-  return cuda::memory_needed(options);
+  return device_memory_needed(options);
 }
 
 /// Empty where the memory suffices, or as long as the size of the depth maps is not known.
 std::string why_too_small(const cuda::Device& device, const DensifierOptions& options) {
   if (options.width == 0 || options.height == 0) return {};
-  const std::size_t needed = std::min(cuda::memory_needed(options), memory_without_scratch(options));
+  const std::size_t needed = std::min(device_memory_needed(options), memory_without_scratch(options));
   if (needed <= device.free_bytes) return {};
   return device.name + " has " + std::to_string(device.free_bytes >> 20U) + " MiB free, but " +
          std::to_string(options.width) + " x " + std::to_string(options.height) + " takes " +

@@ -18,8 +18,8 @@
 #include "plan/plan_part.h"
 #include "plan/planner.h"
 #include "pmsp/densifier.h"
-#include "progress.h"
 #include "schedule.h"
+#include "stage_progress.h"
 
 namespace pmsp {
 
@@ -80,7 +80,7 @@ class Pipeline {
   }
   bool runs(const Stage& stage, const View& view) const { return !part_ || part_->runs(stage, view.place); }
   Engine::Frame* frame_of(std::int64_t id) { return view(index_of_.at(id)).frame.get(); }
-  std::vector<const Engine::Frame*> matched_frames(const std::vector<std::int64_t>& ids);
+  std::vector<const Engine::Frame*> matched_frames(const std::vector<std::int64_t>& keyframes);
 
   bool takes_part(std::int64_t id) const;
   bool take(const Keyframe& keyframe);
@@ -96,12 +96,14 @@ class Pipeline {
   bool is_planned(const Task& task);
   std::size_t planned_for(Stage::Kind kind) const;
 
+  void run_task(const Task& task, bool last);
   void run(const Stage& stage, std::int64_t i);
   PassRange passes_of(const View& view) const;
   void take_earlier(const View& reference, int pass);
   void match(const View& reference, int pass);
   void fuse(const View& reference);
   void forget(bool last);
+  void drop_entries(std::size_t count);
   void count_without_depth_map(KeyframeUse use);
 
   const DensifierOptions given_options_;  ///< what the plan is made with; sizes may be 0

@@ -8,6 +8,21 @@
 
 namespace pmsp {
 
+double Stage::cost() const {
+  switch (kind) {
+    case Kind::kMatch:
+      return 1.0;
+    case Kind::kFilter:
+    case Kind::kFuse:
+      return 0.1;
+    case Kind::kJudge:
+    case Kind::kRound:
+    case Kind::kHandOut:
+      return 0.05;
+  }
+  return 0.0;
+}
+
 Schedule::Schedule(const DensifierOptions& options, bool points) {
   using Kind = Stage::Kind;
   const PlanReach reach = plan_reach(options);

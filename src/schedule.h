@@ -35,6 +35,10 @@ struct Stage {
   int step = 0;             ///< pass of PatchMatch, or round of ownership from 1 on
   std::vector<Need> needs;  ///< of earlier stages
   std::int64_t lead = 0;    ///< keyframes that come after its own before it runs
+
+  /// Of one keyframe, in passes of PatchMatch: what a share of the work and the time left are told from. From
+  /// measurements on a CPU; other machines, sizes and scenes have others.
+  double cost() const;
 };
 
 /// How long an artefact is kept: until these stages have been at all keyframes up to so many after its own.

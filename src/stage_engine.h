@@ -18,7 +18,9 @@
 #include "priors/prior_setup.h"
 #include "processor.h"
 #include "shelved.h"
+#include "sphere/image_noise.h"
 #include "util/eigen_kernels.h"
+#include "util/stopwatch.h"
 
 namespace pmsp {
 
@@ -48,6 +50,10 @@ class StageEngine final : public Engine {
     if (!scratch_ && !options.scratch_folder.empty()) scratch_ = std::make_unique<ScratchFile>(options.scratch_folder);
     auto frame = std::make_unique<StageFrame>(keyframe, *processors_[home], home, scratch_.get(),
                                               options.unordered ? scratch_.get() : nullptr);
+    {
+      const Stopwatch watch(context_.stats.seconds_prepare);
+      frame->noise = image_noise(keyframe.image, keyframe.mask, options.width);
+    }
     for (const auto& on : processors_) frame->cubes.push_back(prepare(keyframe, *on, *frame));
     if (options.unordered && (scratch_ || context_.image_again)) put_away(*frame);
     return frame;
@@ -332,6 +338,7 @@ class StageEngine final : public Engine {
 
     using Plane = typename Planes::element_type;
     std::size_t home;                         ///< number of the processor that works on it
+    float noise = 0.0F;                       ///< of the image, see image_noise
     std::vector<Cubes> cubes;                 ///< matched with, on each processor; none while they are put away
     Waiting<std::uint16_t> packed;            ///< those that are, where they cannot be asked for again
     Waiting<Color> color;                     ///< of the depth map's pixels
@@ -390,7 +397,7 @@ class StageEngine final : public Engine {
         sources.priors = on.planes();
         const StageFrame& reference = own(*task.reference);
         find_plane_priors(on, looks_[reference.home], reference.given, on.map(sources.before), pass.matching.reference,
-                          pass.matching.limits, context_.options.patchmatch, on.to(sources.priors));
+                          reference.noise, baselines_of(pass.matching), pass.matching.limits, on.to(sources.priors));
         pass.priors = on.map(sources.priors);
       }
     });
@@ -481,8 +488,8 @@ class StageEngine final : public Engine {
     const StageFrame& reference = own(*task.reference);
     pass.grid = on.grid();
     pass.mask = view_of(sources.mask, on);
-    pass.matching = make_matching(on.gray(sources.reference), options.patchmatch, options.width, task.range,
-                                  options.seed, reference.id);
+    pass.matching = make_matching(on.gray(sources.reference), reference.noise, options.patchmatch, options.width,
+                                  task.range, options.seed, reference.id);
     for (std::size_t i = 0; i < task.neighbours.size(); ++i) {
       const Cubes& cubes = sources.neighbours[i];
       pass.matching.views[pass.matching.num_views++] = {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/depth_map.h"
 #include "pmsp/keyframe.h"
 #include "pmsp/options.h"
@@ -17,6 +18,7 @@
 namespace pmsp {
 
 struct Plan;  // pmsp/plan.h
+struct PlanEntry;
 
 /// What happened to the pixels of all keyframes so far, stage by stage, and how long it took. Of a Densifier that runs
 /// part of a plan: of all that was worked on, the halo included; `points` and `points_repeated` are of those handed
@@ -37,6 +39,8 @@ struct DensifierStats {
   std::int64_t points_fused = 0;     ///< of pixels, before the free-space filter
   std::int64_t points_repeated = 0;  ///< left out after it, since another keyframe makes the point of their place
   std::int64_t points = 0;           ///< in the cloud; 0 when no callback takes it
+  double work_done = 0.0;            ///< steps of work on keyframes [passes of PatchMatch, roughly, in time]
+  double work_to_come = 0.0;         ///< on the keyframes that are there by now; later ones bring theirs
   double seconds_prepare = 0.0;      ///< resizing, gray values, cube maps [s]
   double seconds_init = 0.0;         ///< [s]
   double seconds_patchmatch = 0.0;   ///< [s]
@@ -57,6 +61,11 @@ struct DensifierCallbacks {
   /// After the last pass and the median filter, for Shortcuts: of all keyframes that are matched, those too that a
   /// given plan's results merely depend on. In the order in which they are made.
   std::function<void(const PlaneMap&)> planes;
+  /// What each keyframe is used for, and which others its results depend on, once nothing changes it any more. Not with
+  /// a given plan.
+  std::function<void(const PlanEntry&)> planned;
+  /// After each step of work, some tens for each keyframe: for those who show how far `stats()` is.
+  std::function<void()> worked;
 };
 
 /// How a run of a given plan matches a keyframe in less than all passes.
@@ -95,7 +104,7 @@ using KeyframeSource = std::function<Keyframe(std::int64_t id)>;
 ///
 /// What a callback throws comes out of `add`, `flush` or `run`. After that, or when these throw anything but the
 /// InvalidInput that leaves all as it was, the Densifier is as after `cancel`.
-class Densifier {
+class PMSP_API Densifier {
  public:
   /// Makes the plan (see make_plan) while keyframes come. Throws InvalidOption; BackendUnavailable when
   /// `options.backend` or `options.simd` asks for more than this machine or build has.
@@ -154,9 +163,9 @@ class Densifier {
   /// thread or a signal handler. Results that were handed out stay valid; nothing more is handed out, and no more is
   /// taken.
   void cancel() noexcept;
-  bool cancelled() const noexcept;
+  bool cancelled() const noexcept;  ///< whether `cancel` was called, or an error left it so
 
-  const DensifierStats& stats() const;
+  const DensifierStats& stats() const;  ///< of all that was done so far
 
   /// With a given plan: the keyframes that `add` needs, in the order of the plan. Without: none.
   std::vector<std::int64_t> images() const;

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "pmsp/api.h"
 #include "pmsp/image.h"
 #include "pmsp/transform.h"
 
@@ -26,5 +27,13 @@ struct DepthMap {
   Image<float> confidence;
   double scale = 1.0;  ///< the keyframe's unit in scene units
 };
+
+class Executor;
+
+/// Normals of a depth map that has none, as DepthMap wants them: of the plane that fits the depths around a pixel,
+/// those beyond an edge (a tenth of the depth) left out. The window is five samples wide and high, 1/640 of the circle
+/// apart, at least a pixel. Facing the camera exactly where there is too little surface, never more slanted than 80
+/// degrees. Depths out of range (0, not finite) count as none.
+PMSP_API Image<Eigen::Vector3f> estimate_normals(const Image<float>& depth, const Executor& executor);
 
 }  // namespace pmsp

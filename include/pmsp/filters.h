@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/executor.h"
 #include "pmsp/image.h"
 #include "pmsp/options.h"
@@ -18,8 +19,8 @@ struct FilterStats {
 
 /// Drops depths that deviate from the median of their 3 x 3 neighbourhood (around the seam and over the poles too) or
 /// whose photometric score is too low. What stays keeps its plane; scores are cut off at 0 and 1. Throws InvalidOption.
-PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, const Executor& executor,
-                       FilterStats* stats = nullptr);
+PMSP_API PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, const Executor& executor,
+                                FilterStats* stats = nullptr);
 
 /// Drops depths on which fewer than `options.min_views` maps agree, `map` included; where fewer maps are at hand than
 /// `options.window`, in proportion (at least one other), and depths that as many maps contradict as agree: those whose
@@ -30,8 +31,8 @@ PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, 
 /// point's direction is as far, within `options.max_relative_depth`. Without any other map confidences are the scores.
 /// `map`, `others`: after the median filter; at most 30 others. Throws InvalidOption, and InvalidInput when the maps
 /// differ in size.
-Image<float> consistency_filter(const PlaneMap& map, const std::vector<const PlaneMap*>& others,
-                                const ConsistencyFilterOptions& options, const Executor& executor,
-                                FilterStats* stats = nullptr);
+PMSP_API Image<float> consistency_filter(const PlaneMap& map, const std::vector<const PlaneMap*>& others,
+                                         const ConsistencyFilterOptions& options, const Executor& executor,
+                                         FilterStats* stats = nullptr);
 
 }  // namespace pmsp

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "pmsp/api.h"
 #include "pmsp/executor.h"
 #include "pmsp/image.h"
 #include "pmsp/options.h"
@@ -46,8 +47,8 @@ struct SurfelMap {
 /// normal and colour are averages over the maps that agree, weighted with the inverse square of their expected errors
 /// (confidence, times the distance). `window`: 33 maps at most, of one size. Throws InvalidOption, and InvalidInput
 /// when sizes differ, something is missing, a scale is out of range or `current` is not in the window.
-SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
-                      const Executor& executor);
+PMSP_API SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
+                               const Executor& executor);
 
 /// A keyframe that is asked about another one's points.
 struct RangeMapFrom {
@@ -65,8 +66,9 @@ struct RangeMapFrom {
 /// Returns the standings: points that stay are open, the others make no point. May be asked again at any time, with
 /// other poses. `viewers`: of the same size; a plan (pmsp/plan.h) says which are worth it. Throws InvalidOption,
 /// InvalidInput.
-Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const std::vector<RangeMapFrom>& viewers,
-                          const FreeSpaceOptions& options, const Executor& executor);
+PMSP_API Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose,
+                                   const std::vector<RangeMapFrom>& viewers, const FreeSpaceOptions& options,
+                                   const Executor& executor);
 
 /// A keyframe's points and what has been decided of them so far.
 struct SurfelsFrom {
@@ -85,11 +87,11 @@ struct SurfelsFrom {
 /// before the first round; of each pixel that is open then, in row order, bit k: viewers[k] may still own its place.
 /// `viewers`: 32 at most, in each round the same ones in the same order; those without a map are not asked. Throws
 /// InvalidOption, and InvalidInput also where `asked` does not go with the standings.
-Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& asked,
-                                    const std::vector<SurfelsFrom>& viewers, const FusionOptions& options,
-                                    const Executor& executor);
+PMSP_API Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& asked,
+                                             const std::vector<SurfelsFrom>& viewers, const FusionOptions& options,
+                                             const Executor& executor);
 
 /// The points that a keyframe makes, in the order of its pixels, with their keys. Needs all of the map.
-KeyframeCloud owned_points(const SurfelsFrom& points);
+PMSP_API KeyframeCloud owned_points(const SurfelsFrom& points);
 
 }  // namespace pmsp

@@ -44,7 +44,7 @@ struct Keyframe {
   /// The unit of all that is made of the keyframe (planes, depths, points) in scene units, 1 / kMaxScale to kMaxScale,
   /// see KeyframePose. What is given is in scene units all the same.
   double scale = 1.0;
-  KeyframePose pose() const { return {cam_from_world, scale}; }
+  KeyframePose pose() const { return {cam_from_world, scale}; }  ///< pose and unit
 };
 
 }  // namespace pmsp

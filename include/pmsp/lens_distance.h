@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/executor.h"
 #include "pmsp/keyframe.h"
 
@@ -26,7 +27,7 @@ struct LensDistance {
 /// distance of the lenses as the one unknown that all have in common (a linear problem, from which each landmark's
 /// place is eliminated). A SLAM that took the camera to have one centre has put landmarks wrong by about as much as the
 /// lenses are off, so that its landmarks tell where to look, nothing more.
-class LensDistanceEstimator {
+class PMSP_API LensDistanceEstimator {
  public:
   LensDistanceEstimator();
   ~LensDistanceEstimator();
@@ -46,6 +47,6 @@ class LensDistanceEstimator {
 
 /// Which of a mission's keyframes are enough: three stretches, at the beginning, in the middle and at the end.
 /// `keyframe_ids`: in the order of flight.
-std::vector<std::int64_t> keyframes_for_lens_distance(const std::vector<std::int64_t>& keyframe_ids);
+PMSP_API std::vector<std::int64_t> keyframes_for_lens_distance(const std::vector<std::int64_t>& keyframe_ids);
 
 }  // namespace pmsp

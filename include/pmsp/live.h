@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/image.h"
 #include "pmsp/keyframe.h"
 #include "pmsp/live_snapshot.h"
@@ -34,10 +35,14 @@ struct LiveKeyframe {
   RigidTransform cam_from_world;
   std::vector<Landmark> landmarks;  ///< that it observes; where none are given again, the last ones stay
   LiveImage image;                  ///< of a keyframe that is new; of others not looked at
-  std::int64_t map_id = 0;          ///< the SLAM's map, where it has several: keyframes of two maps never meet
+  /// Depth from elsewhere, as Keyframe::prior_depth, in the unit that the SLAM has when the keyframe comes (a scale
+  /// that is found later does no harm); null = none. Of a keyframe that is new; of others not looked at. Nobody may
+  /// write to it any more.
+  std::shared_ptr<const Image<float>> prior_depth;
+  std::int64_t map_id = 0;  ///< the SLAM's map, where it has several: keyframes of two maps never meet
 };
 
-struct LiveOptions {
+struct PMSP_API LiveOptions {
   /// Size, quality, seed, backend. With `free_space.whole_mission` points of a place that several keyframes see are
   /// made by one of them, wherever these are; else only neighbours are asked, and keyframes that a loop closure brings
   /// together.
@@ -57,9 +62,9 @@ struct LiveOptions {
   int ripe_after = 3;
   int ripe_at_latest = 8;
   double ripe_move = 0.002;
-  /// Keyframes are matched again when their scales have changed against those of their neighbours by a thousandth, or
-  /// their relative poses have moved what they see by more than this, 0.001 to 100 [px of the depth map]: where
-  /// neighbours are a tenth of the depth away, 0.04 px of 640 are four thousandths of the depth.
+  /// Keyframes are matched again when their poses or scales, relative to those of their neighbours, have changed so
+  /// that what they see has moved by more than this, 0.001 to 100 [px of the depth map]: where neighbours are a tenth
+  /// of the depth away, 0.04 px of 640 are four thousandths of the depth.
   double max_move_px = 0.04;
   std::shared_ptr<const Image<std::uint8_t>> mask;  ///< of all keyframes, as Keyframe::mask; null = none
 
@@ -113,7 +118,7 @@ struct LiveCallbacks {
 /// When it falls behind, keyframes get fewer passes first; then those are left out that show least that others do not.
 /// What was saved is made up for when there is time. A SLAM that moves keyframes by similarities and tells no scale
 /// need not: it is found from baselines and landmarks.
-class LiveDensifier {
+class PMSP_API LiveDensifier {
  public:
   /// Throws InvalidOption, BackendUnavailable, DeviceError.
   explicit LiveDensifier(const LiveOptions& options, LiveCallbacks callbacks = {});
@@ -136,20 +141,20 @@ class LiveDensifier {
   /// Their points go; where a neighbour has seen the place, its own ones come back. Unknown ids are passed over.
   void erase(const std::vector<std::int64_t>& ids);
 
-  void reset();  ///< all is gone; ids may begin again
-  void pause();  ///< no new work is begun; places are followed all the same
-  void resume();
+  void reset();   ///< all is gone; ids may begin again
+  void pause();   ///< no new work is begun; places are followed all the same
+  void resume();  ///< takes `pause` back
   void finish();  ///< no keyframe comes for now: none waits for newer ones. The next `add` takes it back
 
   /// Waits until nothing is left to do, at most so long. Returns whether that is so; never while paused. Not under a
   /// lock that a callback takes, nor is the destructor.
   bool wait(std::chrono::milliseconds at_most) const;
 
-  std::shared_ptr<const LiveSnapshot> snapshot() const;
-  LiveChanges changes_since(LiveVersion version) const;
-  LiveStats stats() const;
-  LiveBacklog backlog() const;
-  std::string backend() const;  ///< see Densifier::backend
+  std::shared_ptr<const LiveSnapshot> snapshot() const;  ///< never null
+  LiveChanges changes_since(LiveVersion version) const;  ///< that a snapshot or change has told
+  LiveStats stats() const;                               ///< since the beginning
+  LiveBacklog backlog() const;                           ///< at the moment
+  std::string backend() const;                           ///< see Densifier::backend
 
  private:
   struct Impl;

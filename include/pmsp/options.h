@@ -5,18 +5,20 @@
 #include <string>
 #include <vector>
 
+#include "pmsp/api.h"
+
 namespace pmsp {
 
 /// Decides which keyframes are worth a depth map (Surmann et al. 2022, section III).
-struct ViewFilterOptions {
+struct PMSP_API ViewFilterOptions {
   bool enabled = true;
   double min_parallax_deg = 6.0;   ///< [deg], 0 to 180, below max_parallax_deg
   double max_parallax_deg = 60.0;  ///< [deg], 0 to 180
   /// Share of the landmarks in common with the newest accepted keyframe whose parallax must lie between the two angles,
   /// 0 to 1. Larger accepts fewer keyframes.
   double min_share = 0.20;
-  /// Sharpness, relative to that of the last accepted keyframes, below which a keyframe is left out as blurred, 0
-  /// (never) to 1: gradient energy around the landmarks in common. Sharp ones have 0.9 to 1.1; motion blur over 2.7
+  /// Sharpness, relative to that of the last accepted keyframes, below which a keyframe is left out as blurred,
+  /// 0 to 1; 0: never. Gradient energy around the landmarks in common. Sharp ones have 0.9 to 1.1; motion blur over 2.7
   /// pixels of the depth map makes it 0.55, over 7 pixels 0.2.
   double min_sharpness = 0.40;
 
@@ -25,7 +27,7 @@ struct ViewFilterOptions {
 };
 
 /// Where PatchMatch starts from.
-struct InitOptions {
+struct PMSP_API InitOptions {
   bool sparse_points = true;      ///< planes through the keyframe's landmarks, spread over their neighbourhood
   double sparse_radius_px = 6.0;  ///< how far one landmark spreads, in pixels of the depth map, 0 to 100
   bool warp_previous = true;      ///< planes of the previous keyframe's depth map, moved into this keyframe
@@ -36,11 +38,11 @@ struct InitOptions {
   /// 1 to 1000. Random planes are drawn log-uniformly inside, none is kept outside.
   double range_margin = 3.0;
 
-  void validate() const;
+  void validate() const;  ///< throws InvalidOption
 };
 
 /// Red-black PatchMatch on the sphere.
-struct PatchMatchOptions {
+struct PMSP_API PatchMatchOptions {
   /// Of the first pass, 1 to 100; each visits every pixel once. More of them find what has texture more exactly, the
   /// geometric passes what has none.
   int iterations = 3;
@@ -50,59 +52,50 @@ struct PatchMatchOptions {
   int revisits = 0;
   int history = 100;    ///< keyframes whose images are remembered for that, 1 to 100000
   int refinements = 3;  ///< random draws per pixel and iteration, 0 to 32
-  double patch_spacing_px =
-      2.0;  ///< distance of the 6 x 6 samples at the equator, in pixels of the depth map, 0.5 to 8
   /// Size of the patch of textured pixels, relative to that of others, 0.1 to 1; 1: all pixels count as textured.
   double fine_patch = 0.6;
-  double fine_patch_contrast = 1.5;  ///< standard deviation that makes a patch textured [gray levels], 0 to 255
-  double sigma_color = 20.0;         ///< bilateral weight: gray levels (0 to 255), 1 to 1000
+  double sigma_color = 20.0;  ///< bilateral weight: gray levels (0 to 255), 1 to 1000
   /// Where the surface around the pixel is smoother, sigma_color shrinks down to this, so that the edge of a near thing
   /// does not decide for the wall behind it, 1 to 1000; sigma_color or more: never.
   double min_sigma_color = 4.0;
-  double sigma_space_px = 5.0;       ///< bilateral weight: pixels of the depth map, 0.5 to 100
-  double fine_sigma_space_px = 2.1;  ///< the same of textured pixels, 0.5 to 100
+  /// Bilateral weight of textured pixels: pixels of the depth map, 0.5 to 100. That of others is 5.
+  double fine_sigma_space_px = 2.1;
   /// Before each geometric pass, planes through the reliable surface around are proposed to pixels without texture, and
   /// preferred there; see pmsp/plane_priors.h.
   bool plane_priors = true;
-  double prior_weight = 0.3;    ///< score that agreement with such a plane is worth, 0 to 4
-  double max_slant_deg = 80.0;  ///< largest angle between a plane's normal and the ray [deg], 10 to 89
   /// Further passes over the depth maps, in which planes score higher that agree with the depth maps of the neighbours,
   /// 0 to 8. Each needs those of the pass before first, so that results come later by as many keyframes as neighbours
-  /// are looked for ahead. With few neighbours more of them are worth their time.
+  /// are looked for ahead. With few neighbours more of them are worth their time. A neighbour from which, by its map,
+  /// something hides a textured pixel's plane has no say about that plane.
   int geometric_passes = 4;
-  int geometric_iterations = 1;  ///< of each of these passes, 1 to 100
-  /// Score that full disagreement with one neighbour costs, 0 to 4; 0: its map has no say at all. Else a neighbour from
-  /// which, by its map, something hides a textured pixel's plane has no say about that plane.
-  double geometric_weight = 0.5;
-  double geometric_tolerance = 0.03;  ///< relative difference of depths from which on it is full, 0.001 to 1
 
-  void validate() const;
+  void validate() const;  ///< throws InvalidOption
 };
 
 /// Removes single outliers from a depth map.
-struct MedianFilterOptions {
+struct PMSP_API MedianFilterOptions {
   bool enabled = true;
   double max_relative_deviation = 0.05;  ///< from the median of the 3 x 3 neighbourhood, 0 to 1; more is dropped
   /// Photometric score (NCC, what is negative taken for 0) below which a pixel is dropped, -1 to 1. 0 drops none: on
   /// bare walls it is low however right the plane is, and what is wrong the consistency filter finds.
   double min_score = 0.0;
 
-  void validate() const;
+  void validate() const;  ///< throws InvalidOption
 };
 
 /// Keeps what several depth maps agree on.
-struct ConsistencyFilterOptions {
+struct PMSP_API ConsistencyFilterOptions {
   bool enabled = true;
   int window = 5;     ///< depth maps compared, the filtered one in the middle, odd, 3 to 15
-  int min_views = 3;  ///< depth maps that must agree, the filtered one included, 1 to window
+  int min_views = 3;  ///< depth maps that must agree, the filtered one included, 1 to 15, `window` at most
   /// Deviation that still counts as agreement, 0 to 1; where the angle of a pixel [rad] is larger, that angle is.
   double max_relative_depth = 0.01;
 
-  void validate() const;
+  void validate() const;  ///< throws InvalidOption
 };
 
 /// Joins depth maps into a cloud without duplicates.
-struct FusionOptions {
+struct PMSP_API FusionOptions {
   int window = 5;                    ///< depth maps that are joined with each other, odd, 1 to 31
   double spacing_px = 0.3;           ///< points closer than this are one point; pixels of the nearer depth map, 0 to 4
   double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
@@ -112,11 +105,11 @@ struct FusionOptions {
   /// either side, 1 to 100000. Each of four rounds waits for those ahead, with 11 bytes and more a pixel.
   int history = 100;
 
-  void validate() const;
+  void validate() const;  ///< throws InvalidOption
 };
 
 /// Removes points that other keyframes have looked through: floaters beside the edges of near things.
-struct FreeSpaceOptions {
+struct PMSP_API FreeSpaceOptions {
   bool enabled = true;
   int views = 16;                    ///< keyframes asked about each keyframe's points besides the fusion window, 1 to
                                      ///< 32; no more than 32 together
@@ -135,7 +128,7 @@ struct FreeSpaceOptions {
   /// depth map; with `whole_mission` 11 bytes and more a pixel for those ahead.
   int history = 100;
 
-  void validate() const;
+  void validate() const;  ///< throws InvalidOption
 };
 
 /// Instruction set of the CPU backend. kAvx2 and kAvx512 give the same bytes; kScalar, plain code, gives others, since
@@ -157,10 +150,11 @@ enum class Quality {
   kHigh,    ///< the video's own size up to 5760 x 2880, 6 neighbours
 };
 
-constexpr int kMostDevices = 16;
+constexpr int kMostDevices = 16;  ///< that may share the work
 
-/// Everything that a Densifier can be told.
-struct DensifierOptions {
+/// Everything that a Densifier can be told. pmsp/option_table.h has the fields as a table, with what `validate` checks
+/// and what `preset` sets.
+struct PMSP_API DensifierOptions {
   int width = 640;         ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images, at most 5760, or
                            ///< twice the height if one is given
   int height = 320;        ///< of the depth maps [px], even, 16 to 8192; 0 = as the images' shape asks
@@ -198,17 +192,21 @@ struct DensifierOptions {
 };
 
 /// The options that a quality stands for.
-DensifierOptions preset(Quality quality);
+PMSP_API DensifierOptions preset(Quality quality);
+
+/// Replaces a width or height of 0 by what an image of this size stands for. Throws InvalidInput if that is no size of
+/// a depth map.
+PMSP_API void fill_in_size(DensifierOptions& options, int image_width, int image_height);
 
 /// "paper", "online", "normal" or "high". Throws InvalidOption for any other.
-Quality quality_from_name(const std::string& name);
+PMSP_API Quality quality_from_name(const std::string& name);
 
 /// "auto", "scalar", "avx2" or "avx512". Throws InvalidOption for any other.
-Simd simd_from_name(const std::string& name);
-const char* name_of(Simd simd);
+PMSP_API Simd simd_from_name(const std::string& name);
+PMSP_API const char* name_of(Simd simd);  ///< as simd_from_name takes it
 
 /// "auto", "cpu" or "cuda". Throws InvalidOption for any other.
-Backend backend_from_name(const std::string& name);
-const char* name_of(Backend backend);
+PMSP_API Backend backend_from_name(const std::string& name);
+PMSP_API const char* name_of(Backend backend);  ///< as backend_from_name takes it
 
 }  // namespace pmsp

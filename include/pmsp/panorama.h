@@ -4,16 +4,22 @@
 #include <cstdint>
 #include <memory>
 
+#include "pmsp/api.h"
 #include "pmsp/executor.h"
 #include "pmsp/image.h"
 
 namespace pmsp {
 
+struct PanoramaData;
+
+/// Resizes a mask: 255 where all that a target pixel covers is usable (nonzero), else 0.
+PMSP_API Image<std::uint8_t> shrink_mask(ImageView<const std::uint8_t> mask, int width, int height);
+
 /// A keyframe's image made ready for matching at one resolution: colours on the grid of the depth map, and gray values
 /// on the six faces of a cube, which is how neighbours are looked up (one division instead of two arcus functions a
 /// sample). Resampling averages over each pixel's area; near the poles, where columns crowd, over an area as wide as at
 /// the equator.
-class Panorama {
+class PMSP_API Panorama {
  public:
   /// `image`: equirectangular, any even size. `mask`: same size or empty; 0 = ignore. `width`, `height`: of the depth
   /// map, even. Throws InvalidInput.
@@ -33,11 +39,9 @@ class Panorama {
   /// x `height`; empty without a mask.
   const Image<std::uint8_t>& usable() const;
 
-  struct Data;
-  const Data& data() const { return *data_; }  ///< for the stages
-
  private:
-  std::unique_ptr<Data> data_;
+  friend struct Inside;
+  std::unique_ptr<PanoramaData> data_;
 };
 
 }  // namespace pmsp

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/executor.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/options.h"
@@ -39,9 +40,9 @@ struct MatchInput {
 /// Red-black PatchMatch on the sphere (Barnes et al. 2009; Galliani et al. 2015; Surmann et al. 2022): finds for each
 /// unmasked pixel of the reference a plane under which its patch looks alike in the neighbours. Its score is the
 /// photometric one (NCC, -1 to 1), less what the neighbours' depth maps have against it, and more by up to
-/// `options.prior_weight` where it agrees with a prior. `seed` and the keyframe's id determine all random numbers. When
+/// 0.3 where it agrees with a prior. `seed` and the keyframe's id determine all random numbers. When
 /// `cancel` becomes true, returns early with an empty map. Throws InvalidInput and InvalidOption.
-PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
-                    const Executor& executor, const std::atomic<bool>* cancel = nullptr);
+PMSP_API PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
+                             const Executor& executor, const std::atomic<bool>* cancel = nullptr);
 
 }  // namespace pmsp

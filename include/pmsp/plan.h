@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/keyframe.h"
 #include "pmsp/options.h"
@@ -22,7 +23,7 @@ struct SharpnessRecord {
 
 /// `width`: of the depth maps, in whose pixels blur counts [px]; 0 = that of the image. Empty for an empty image.
 /// `executor`: whose threads share the work; nullptr = this thread alone.
-SharpnessRecord record_sharpness(const Keyframe& keyframe, int width, const Executor* executor = nullptr);
+PMSP_API SharpnessRecord record_sharpness(const Keyframe& keyframe, int width, const Executor* executor = nullptr);
 
 /// What a plan is made from: a keyframe without its image.
 struct PlanKeyframe {
@@ -34,8 +35,8 @@ struct PlanKeyframe {
 
 /// Without image and mask; `sharpness` from the image where there is one and `options` look for blur. `executor`: as
 /// above.
-PlanKeyframe plan_keyframe(const Keyframe& keyframe, const DensifierOptions& options,
-                           const Executor* executor = nullptr);
+PMSP_API PlanKeyframe plan_keyframe(const Keyframe& keyframe, const DensifierOptions& options,
+                                    const Executor* executor = nullptr);
 
 /// What a keyframe is used for, and if for nothing, why.
 enum class KeyframeUse {
@@ -49,9 +50,9 @@ enum class KeyframeUse {
 };
 
 /// "depth map", "no neighbour", "no range", "too little parallax", "too much parallax", "no landmarks" or "blurred".
-const char* name_of(KeyframeUse use);
+PMSP_API const char* name_of(KeyframeUse use);
 /// Throws InvalidInput for any other.
-KeyframeUse keyframe_use_from_name(const std::string& name);
+PMSP_API KeyframeUse keyframe_use_from_name(const std::string& name);
 
 /// What is decided for one keyframe. All lists name keyframes by id, never this one; all but `near` and `far` name
 /// those with a depth map only.
@@ -71,7 +72,7 @@ struct PlanEntry {
   bool used() const { return use <= KeyframeUse::kNoRange; }
   bool has_depth_map() const { return use == KeyframeUse::kDepthMap; }
 };
-bool operator==(const PlanEntry& a, const PlanEntry& b);
+PMSP_API bool operator==(const PlanEntry& a, const PlanEntry& b);
 inline bool operator!=(const PlanEntry& a, const PlanEntry& b) { return !(a == b); }
 
 /// What every keyframe of a mission is used for and which others its results depend on.
@@ -105,8 +106,8 @@ inline bool operator!=(const Plan& a, const Plan& b) { return !(a == b); }
 /// while it is nearly as good as what would be decided now.
 ///
 /// Throws InvalidOption, or InvalidInput when an id comes twice.
-Plan make_plan(const std::vector<PlanKeyframe>& keyframes, const DensifierOptions& options,
-               const Plan* previous = nullptr);
+PMSP_API Plan make_plan(const std::vector<PlanKeyframe>& keyframes, const DensifierOptions& options,
+                        const Plan* previous = nullptr);
 
 /// Ids of a block in which the view filter begins anew.
 constexpr std::int64_t kViewBlock = 64;
@@ -136,6 +137,11 @@ struct Halo {
 /// end
 /// (`init.warp_previous` with `init.chain_keyframes` 0), InvalidInput when the plan lacks one of `ids`, or a keyframe
 /// that it names.
-Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points = true);
+PMSP_API Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
+                   bool points = true);
+
+/// Throws InvalidOption where first planes form a chain without end, so that a part of a mission has no halo of its
+/// own.
+PMSP_API void refuse_endless_chain(const DensifierOptions& options);
 
 }  // namespace pmsp

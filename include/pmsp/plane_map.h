@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "pmsp/api.h"
 #include "pmsp/depth_map.h"
 #include "pmsp/executor.h"
 #include "pmsp/image.h"
@@ -33,9 +34,9 @@ struct PlaneMap {
 
 /// Depth, normal and confidence of the planes. `confidence`: of each pixel, 0 = leave it out; nullptr = the score, 0 to
 /// 1. Throws InvalidInput when sizes differ.
-DepthMap depth_map_of(const PlaneMap& planes, const Image<float>* confidence, const Executor& executor);
+PMSP_API DepthMap depth_map_of(const PlaneMap& planes, const Image<float>* confidence, const Executor& executor);
 
 /// The other way round; scores are the confidences.
-PlaneMap plane_map_of(const DepthMap& map, const Executor& executor);
+PMSP_API PlaneMap plane_map_of(const DepthMap& map, const Executor& executor);
 
 }  // namespace pmsp

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "pmsp/api.h"
 #include "pmsp/image.h"
 #include "pmsp/transform.h"
 
@@ -40,6 +41,6 @@ struct KeyframeCloud {
 
 /// The cloud's points in world coordinates with the keyframe at `pose`: the cloud's own one, or a newer one from a loop
 /// closure or a bundle adjustment. Positions are rounded to single precision.
-std::vector<CloudPoint> transform_points(const KeyframeCloud& cloud, const KeyframePose& pose);
+PMSP_API std::vector<CloudPoint> transform_points(const KeyframeCloud& cloud, const KeyframePose& pose);
 
 }  // namespace pmsp

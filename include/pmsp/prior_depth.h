@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <string>
 
+#include "pmsp/api.h"
 #include "pmsp/image.h"
 #include "pmsp/keyframe.h"
 
@@ -16,7 +17,7 @@ enum class DepthModel {
   kInverse,  ///< 1 / depth = scale * v + shift: disparities, what most networks give
   kWarped,   ///< 1 / depth = scale / v + shift: depth made of disparities whose shift was not known
 };
-const char* name_of(DepthModel model);
+PMSP_API const char* name_of(DepthModel model);  ///< for people: "inverse depth", ...
 
 /// How a depth image fits a keyframe's landmarks.
 struct DepthAlignment {
@@ -34,9 +35,13 @@ struct DepthAlignment {
 /// agree with, then least squares of what agrees. The model with the smallest sum of relative errors (each at most
 /// 15 %) is taken; kScaled where it is hardly worse. Left out is an image with fewer than 12 landmarks, one in which
 /// less than 60 % of them agree, and one that tells little more than the same depth everywhere.
-DepthAlignment align_prior_depth(ImageView<const float> values, const Keyframe& keyframe);
+PMSP_API DepthAlignment align_prior_depth(ImageView<const float> values, const Keyframe& keyframe);
+
+/// How depths compare with those of the keyframe's landmarks: the median of their ratios, > 0; 0 where fewer than 12
+/// landmarks have a depth in the image.
+PMSP_API double depth_ratio(ImageView<const float> depth, const Keyframe& keyframe);
 
 /// The image as Keyframe::prior_depth takes it; 0 where it gives no depth > 0.
-Image<float> aligned_depth(ImageView<const float> values, const DepthAlignment& alignment);
+PMSP_API Image<float> aligned_depth(ImageView<const float> values, const DepthAlignment& alignment);
 
 }  // namespace pmsp

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "pmsp/api.h"
 #include "pmsp/executor.h"
 #include "pmsp/image.h"
 #include "pmsp/plane_map.h"
@@ -21,6 +22,6 @@ struct RangeMap {
 };
 
 /// `map`, of even size; `confidence`: from the consistency filter, 0 = no depth.
-RangeMap range_map(const PlaneMap& map, const Image<float>& confidence, const Executor& executor);
+PMSP_API RangeMap range_map(const PlaneMap& map, const Image<float>& confidence, const Executor& executor);
 
 }  // namespace pmsp

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "pmsp/api.h"
 #include "pmsp/keyframe.h"
 #include "pmsp/options.h"
 
@@ -20,9 +21,9 @@ struct CommonParallax {
 };
 
 /// Parallax of a landmark = angle between the rays to it from the two centres. `a` and `b` need not be sorted.
-CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vector3d& center_a,
-                               const std::vector<Landmark>& b, const Eigen::Vector3d& center_b, double min_deg,
-                               double max_deg);
+PMSP_API CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vector3d& center_a,
+                                        const std::vector<Landmark>& b, const Eigen::Vector3d& center_b, double min_deg,
+                                        double max_deg);
 
 /// How sharply an image shows the surroundings of a landmark: squared differences of neighbouring pixels over the
 /// variance of the patch, so that brightness and contrast do not matter. Blur lowers it.
@@ -39,7 +40,7 @@ struct LandmarkSharpness {
 /// Leaves out blurred ones too, where the keyframes around do without: while the newest accepted one shares half of its
 /// landmarks and the parallax to it is below a quarter of `max_parallax_deg`. Landmarks seen in several images tell
 /// blur from a lack of texture: the same spots lose their gradients.
-class ViewFilter {
+class PMSP_API ViewFilter {
  public:
   /// `width`: of the depth maps, in whose pixels blur counts [px]; 0 = that of the images. Throws InvalidOption.
   explicit ViewFilter(const ViewFilterOptions& options, int width = 0);

@@ -15,7 +15,7 @@
 #include "cpu/executor_impl.h"
 #include "equirect.h"
 #include "pmsp/camera.h"
-#include "util/median.h"
+#include "util/median_of.h"
 #include "util/patch_correlation.h"
 
 namespace pmsp {
@@ -231,7 +231,7 @@ void LensDistanceEstimator::add(const Keyframe& keyframe) {
 
 LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
   std::vector<std::vector<Term>> found(views_.size());
-  executor.impl().pool.for_each(static_cast<int>(views_.size()), [&](int number) {
+  pool_of(executor).for_each(static_cast<int>(views_.size()), [&](int number) {
     const std::size_t own = static_cast<std::size_t>(number);
     const View& view = *views_[own];
     const double step = 2.0 * kernels::kPi / view.gray.width();

@@ -13,9 +13,9 @@
 namespace pmsp {
 
 Array<std::uint32_t> color_words(const Image<Rgb>& color, const Executor& executor) {
-  const Array<std::uint32_t> packed(new std::uint32_t[color.size()]);
+  Array<std::uint32_t> packed(new std::uint32_t[color.size()]);
   const std::size_t width = static_cast<std::size_t>(color.width());
-  executor.impl().pool.for_each(color.height(), [&](int y) {
+  pool_of(executor).for_each(color.height(), [&](int y) {
     const Rgb* const from = color.row(y);
     std::uint32_t* const to = packed.get() + static_cast<std::size_t>(y) * width;
     for (std::size_t x = 0; x < width; ++x) {
@@ -49,7 +49,7 @@ void collect_points(const kernels::ConstSurfelArrays& map, const kernels::GridVi
 }
 
 Array<std::uint64_t> CpuProcessor::keys() const {
-  const Array<std::uint64_t> keys = array<std::uint64_t>(grid_->size());
+  Array<std::uint64_t> keys = array<std::uint64_t>(grid_->size());
   std::fill_n(keys.get(), grid_->size(), kernels::kNoKey);
   return keys;
 }
@@ -68,7 +68,7 @@ kernels::PlaneArrays CpuProcessor::to(const Planes& planes) const {
 
 CpuProcessor::Prepared CpuProcessor::prepare(const Keyframe& keyframe, double& seconds) const {
   const Stopwatch watch(seconds);
-  Panorama::Data data = prepare_panorama(keyframe.image, keyframe.mask, grid_->width(), grid_->height(), executor_);
+  PanoramaData data = prepare_panorama(keyframe.image, keyframe.mask, grid_->width(), grid_->height(), executor_);
   Prepared image;
   image.cubes.gray = std::make_shared<CubeMap>(std::move(data.gray));
   image.color = color_words(data.color, executor_);
@@ -83,7 +83,7 @@ std::size_t CpuProcessor::packed_size(const Cubes& cubes) const {
 }
 
 Array<std::uint16_t> CpuProcessor::pack(const Cubes& cubes) const {
-  const Array<std::uint16_t> packed = array<std::uint16_t>(packed_size(cubes));
+  Array<std::uint16_t> packed = array<std::uint16_t>(packed_size(cubes));
   write_nodes(*cubes.gray, packed.get());
   if (cubes.usable) write_nodes(*cubes.usable, packed.get() + node_count(cubes.gray->size));
   return packed;
@@ -92,7 +92,7 @@ Array<std::uint16_t> CpuProcessor::pack(const Cubes& cubes) const {
 CpuProcessor::Cubes CpuProcessor::unpack(const Array<std::uint16_t>& packed, std::size_t size) const {
   const int side = cube_size_for(grid_->width());
   const auto unpacked = [&](const std::uint16_t* nodes) {
-    return std::make_shared<CubeMap>(cube_of_nodes(nodes, side, executor_.impl().pool));
+    return std::make_shared<CubeMap>(cube_of_nodes(nodes, side, pool_of(executor_)));
   };
   Cubes cubes{unpacked(packed.get()), nullptr};
   if (size > node_count(side)) cubes.usable = unpacked(packed.get() + node_count(side));
@@ -106,17 +106,17 @@ std::pair<Array<kernels::SparsePoint>, int> CpuProcessor::landmarks(const Keyfra
 }
 
 void CpuProcessor::start(const Pass& pass) const {
-  Executor::Impl& impl = executor_.impl();
+  auto& impl = inside(executor_);
   impl.pool.for_each(pass.grid.height, [&](int y) { impl.rows.start_row(pass, y); });
 }
 
 void CpuProcessor::iterate(const Pass& pass, int colour, int iteration, bool rescore) const {
-  Executor::Impl& impl = executor_.impl();
+  auto& impl = inside(executor_);
   impl.pool.for_each(pass.grid.height, [&](int y) { impl.rows.iterate_row(pass, y, colour, iteration, rescore); });
 }
 
 void CpuProcessor::own(const kernels::OwnershipRound& stage, Asked& asked) const {
-  Executor::Impl& impl = executor_.impl();
+  auto& impl = inside(executor_);
   const std::size_t rows = static_cast<std::size_t>(stage.height());
   const std::ptrdiff_t width = stage.width();
   std::vector<std::size_t> first(rows + 1);  // open pixels before each row

@@ -97,7 +97,7 @@ class CpuProcessor {
   kernels::PlaneArrays to(const Planes& planes) const;
   template <class T>
   Array<T> upload(const std::vector<T>& values) const {
-    const Array<T> copy = array<T>(values.size());
+    Array<T> copy = array<T>(values.size());
     std::copy(values.begin(), values.end(), copy.get());
     return copy;
   }
@@ -124,7 +124,7 @@ class CpuProcessor {
   template <class Stage>
   void launch(const Stage& stage, Counts* counts) const {
     static_assert(Stage::kCounts <= kMostCounts, "room for what is counted");
-    const auto sums = executor_.impl().run(stage);
+    const auto sums = inside(executor_).run(stage);
     if (counts != nullptr) std::copy(sums.begin(), sums.end(), counts);
   }
   void splat(const kernels::SplatLandmarks<Keys>& splat, int count) const {
@@ -165,7 +165,7 @@ class CpuProcessor {
   }
   template <class T>
   Array<T> load(std::size_t count, const ScratchFile& scratch, std::uint64_t at) const {
-    const Array<T> copy = array<T>(count);
+    Array<T> copy = array<T>(count);
     scratch.read(at, copy.get(), count * sizeof(T));
     return copy;
   }

@@ -1,6 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/executor.h"
 
+#include <algorithm>
+#include <thread>
+
+#if defined(__linux__)
+#include <sched.h>
+#endif
+
 #include "cpu/executor_impl.h"
 #include "pmsp/error.h"
 
@@ -39,6 +46,14 @@ const cpu::RowKernels& rows_of(Simd simd) {
 
 }  // namespace
 
+int usable_cpus() {
+#if defined(__linux__)
+  cpu_set_t set;
+  if (sched_getaffinity(0, sizeof(set), &set) == 0) return std::max(1, CPU_COUNT(&set));
+#endif
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
 Simd widest_simd() {
   if (has(Simd::kAvx512)) return Simd::kAvx512;
   if (has(Simd::kAvx2)) return Simd::kAvx2;
@@ -60,6 +75,8 @@ Executor::Executor(int threads, Simd simd) {
 Executor::~Executor() = default;
 Executor::Executor(Executor&&) noexcept = default;
 Executor& Executor::operator=(Executor&&) noexcept = default;
+
+ThreadPool& pool_of(const Executor& executor) { return inside(executor).pool; }
 
 int Executor::threads() const { return impl_->pool.threads(); }
 Simd Executor::simd() const { return impl_->simd; }

@@ -7,6 +7,7 @@
 
 #include "cpu/row_kernels.h"
 #include "pmsp/executor.h"
+#include "util/inside.h"
 #include "util/thread_pool.h"
 
 namespace pmsp {

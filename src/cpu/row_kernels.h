@@ -7,11 +7,11 @@
 
 #include "confidence.h"
 #include "fused_point.h"
+#include "match.h"
 #include "median.h"
 #include "ownership.h"
-#include "patchmatch.h"
 #include "plane_prior.h"
-#include "range_map.h"
+#include "ranges.h"
 #include "stage.h"
 
 // The CPU backend: the stages over one row of pixels, once for each instruction set. This header is included by code of
@@ -33,7 +33,7 @@ struct StageList {
 };
 using RowStages = StageList<kernels::MedianFilter<HostMachine>, kernels::ConsistencyFilter<HostMachine>,
                             kernels::FindRanges<HostMachine>, kernels::FusePixels<HostMachine>, kernels::Eligibility,
-                            kernels::FindMirrored, kernels::ConfirmMirrors, kernels::TextureVariance<HostMachine>>;
+                            kernels::FindMirrored, kernels::ConfirmMirrors, kernels::FindEvidence<HostMachine>>;
 
 template <class Stage, class... Stages>
 constexpr bool has_rows(StageList<Stages...> /*list*/) {

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "cuda/memory_needed.h"
 #include "engine.h"
+#include "pmsp/cost.h"
 #include "pmsp/executor.h"
 
 // What the rest of the library knows of CUDA. Builds without a toolkit have it too (not_built.cpp).

@@ -3,11 +3,11 @@
 
 #include <cstddef>
 
-#include "cpu/executor_impl.h"
 #include "init/init_setup.h"
 #include "pmsp/point_cloud.h"
 #include "sphere/cube_map.h"
 #include "sphere/panorama_data.h"
+#include "util/inside.h"
 
 namespace pmsp::cuda {
 namespace {
@@ -97,7 +97,7 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
   const auto& image = keyframe.image;
   const auto& mask = keyframe.mask;
   set_image_size(image.width, image.height);
-  ThreadPool& pool = executor_.impl().pool;
+  ThreadPool& pool = pool_of(executor_);
   const int size = cube_size_for(grid().width);
   Prepared prepared{{grays_.get(size, kGrayBits), nullptr}, array<Color>(pixels()), nullptr};
   ResizeArgs args{};

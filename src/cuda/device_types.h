@@ -9,11 +9,11 @@
 #include "depth_image.h"
 #include "fused_point.h"
 #include "init.h"
+#include "match.h"
 #include "median.h"
 #include "ownership.h"
-#include "patchmatch.h"
 #include "plane_prior.h"
-#include "range_map.h"
+#include "ranges.h"
 
 // What kernels are called with. Pointers are device pointers. Images are row-major without padding unless it says
 // otherwise.

@@ -43,10 +43,11 @@ template void launch(const kernels::ConfirmMirrors&, Counts*, cudaStream_t);
 template void launch(const kernels::CountMirrored&, Counts*, cudaStream_t);
 template void launch(const kernels::ChooseMirrors&, Counts*, cudaStream_t);
 template void launch(const kernels::OwnershipRound&, Counts*, cudaStream_t);
-template void launch(const kernels::TextureVariance<DeviceMachine>&, Counts*, cudaStream_t);
-template void launch(const kernels::PriorCellStep<DevicePlanes, kernels::PriorStep::kSupports>&, Counts*, cudaStream_t);
-template void launch(const kernels::PriorCellStep<DevicePlanes, kernels::PriorStep::kPlanes>&, Counts*, cudaStream_t);
-template void launch(const kernels::PriorCellStep<DevicePlanes, kernels::PriorStep::kChoice>&, Counts*, cudaStream_t);
+template void launch(const kernels::FindEvidence<DeviceMachine>&, Counts*, cudaStream_t);
+template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kSupports>&, Counts*,
+                     cudaStream_t);
+template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kPlanes>&, Counts*, cudaStream_t);
+template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kChoice>&, Counts*, cudaStream_t);
 template void launch(const kernels::PixelPriors<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::ReorderPlanes<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::WarpPixels<DeviceMachine, DeviceKeys>&, Counts*, cudaStream_t);

@@ -4,9 +4,9 @@
 
 #include <Eigen/Geometry>
 
-#include "export/cloud_frame.h"
 #include "export/number_table.h"
 #include "pmsp/error.h"
+#include "pmsp/io/cloud_frame.h"
 
 namespace pmsp {
 namespace {

@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-#include "export/atomic_file.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp {
 

@@ -17,7 +17,7 @@ bool is_nerfstudio_name(const std::string& name);
 bool is_potree_name(const std::string& name);
 
 const std::vector<CloudFormat>& cloud_formats() {
-  static const std::vector<CloudFormat> formats{
+  static const std::vector<CloudFormat> kFormats{
       {"ply", ".ply", "binary PLY, with normals, colour, confidence and views", nullptr, open_ply},
       {"las", ".las", "LAS 1.4, point format 7, with the same as extra bytes", nullptr, open_las},
       {"colmap", ".colmap", "model and images for COLMAP and trainers", is_colmap_name, open_colmap},
@@ -25,7 +25,7 @@ const std::vector<CloudFormat>& cloud_formats() {
        open_nerfstudio},
       {"potree", ".potree", "Potree 2 octree, for viewers in a browser", is_potree_name, open_potree},
   };
-  return formats;
+  return kFormats;
 }
 
 const CloudFormat* find_cloud_format(const std::string& name) {

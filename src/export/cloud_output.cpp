@@ -1,48 +1,117 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "export/cloud_output.h"
+#include "pmsp/io/cloud_output.h"
 
 #include <algorithm>
 
+#include "export/placed_points.h"
+#include "export/thinning.h"
+#include "pmsp/error.h"
+#include "pmsp/io/map.h"
+
 namespace pmsp {
+
+CloudHeader cloud_header_of(const SlamMap& map, const Similarity& file_from_map, double range_margin) {
+  CloudHeader header;
+  header.file_from_map = file_from_map;
+  if (map.keyframes.empty()) return header;
+  Eigen::Vector3d low = map.keyframes.front().cam_from_world.center(), high = low;
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const Eigen::Vector3d center = keyframe.cam_from_world.center();
+    low = low.cwiseMin(center);
+    high = high.cwiseMax(center);
+  }
+  const double reach = 0.5 * (high - low).norm() + farthest_landmarks(map) * range_margin;
+  header.center = file_from_map * (0.5 * (low + high));
+  header.reach = file_from_map.scale * (reach > 0.0 ? reach : 1.0);
+  return header;
+}
+
+struct CloudOutput::Impl {
+  Impl(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& to, int threads)
+      : file_from_map(header.file_from_map), crop(amount.crop), targets(to), placed(threads) {
+    for (const Target& target : targets) writers.push_back(target.format->open(target.path, header));
+    if (amount.thinning.is_needed()) thinning = std::make_unique<Thinning>(amount.thinning, header.scratch.string());
+  }
+
+  void write(const OutputPoint* points, std::size_t count) {
+    for (const auto& writer : writers) writer->add(points, count);
+    for (CloudWriter* writer : others) writer->add(points, count);
+    written += static_cast<std::int64_t>(count);
+  }
+
+  Similarity file_from_map;
+  std::optional<Box> crop;
+  std::vector<Target> targets;
+  std::vector<std::unique_ptr<CloudWriter>> writers;
+  std::vector<CloudWriter*> others;
+  std::unique_ptr<Thinning> thinning;  ///< nullptr = none
+  PlacedPoints placed;
+  std::int64_t come = 0, written = 0;
+  bool committed = false;
+};
+
+namespace {
+
+std::vector<CloudOutput::Target> target_of(const std::filesystem::path& path) {
+  const CloudFormat* format = cloud_format_of(path);
+  if (format == nullptr && !path.has_extension()) format = &cloud_formats().front();
+  if (format != nullptr) return {{format, path}};
+  std::string known;
+  for (const CloudFormat& it : cloud_formats()) known += (known.empty() ? "" : ", ") + std::string(it.extension);
+  throw InvalidOption(path.string() + ": no format of clouds has this extension; expected one of " + known);
+}
+
+}  // namespace
 
 CloudOutput::CloudOutput(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& targets,
                          int threads)
-    : file_from_map_(header.file_from_map), crop_(amount.crop), placed_(threads) {
-  for (const Target& target : targets) writers_.push_back(target.format->open(target.path, header));
-  if (amount.thinning.is_needed()) thinning_ = std::make_unique<Thinning>(amount.thinning, header.scratch.string());
-}
+    : impl_(std::make_unique<Impl>(header, amount, targets, threads)) {}
+
+CloudOutput::CloudOutput(const std::filesystem::path& path, const CloudHeader& header)
+    : CloudOutput(header, {}, target_of(path)) {}
 
 CloudOutput::~CloudOutput() = default;
 
-void CloudOutput::add(const KeyframeCloud& cloud) {
-  for (const auto& writer : writers_) writer->set_window(cloud.keyframe_id, cloud.window_ids);
-  placed_.for_each_piece(cloud, cloud.pose(), file_from_map_, [this](OutputPoint* points, std::size_t count) {
+void CloudOutput::also_to(CloudWriter& writer) { impl_->others.push_back(&writer); }
+
+void CloudOutput::add(const KeyframeCloud& cloud) { add(cloud, cloud.pose()); }
+
+void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
+  Impl& impl = *impl_;
+  if (impl.committed) {
+    throw OutputError((impl.targets.empty() ? std::string("cloud") : impl.targets[0].path.string()) +
+                      ": points added after the file was finished");
+  }
+  for (const auto& writer : impl.writers) writer->set_window(cloud.keyframe_id, cloud.window_ids);
+  impl.placed.for_each_piece(cloud, pose, impl.file_from_map, [&impl](OutputPoint* points, std::size_t count) {
     OutputPoint* end = points + count;
-    if (crop_) end = std::remove_if(points, end, [this](const OutputPoint& p) { return !crop_->contains(p.position); });
+    if (impl.crop) {
+      end = std::remove_if(points, end, [&impl](const OutputPoint& p) { return !impl.crop->contains(p.position); });
+    }
     const auto left = static_cast<std::size_t>(end - points);
-    points_in_ += static_cast<std::int64_t>(count);
-    if (thinning_) {
-      thinning_->add(points, left);
+    impl.come += static_cast<std::int64_t>(count);
+    if (impl.thinning) {
+      impl.thinning->add(points, left);
     } else {
-      write(points, left);
+      impl.write(points, left);
     }
   });
 }
 
+std::int64_t CloudOutput::points_in() const { return impl_->come; }
+std::int64_t CloudOutput::points() const { return impl_->written; }
+
 void CloudOutput::complete() {
-  if (!thinning_) return;
-  thinning_->finish([this](const OutputPoint* points, std::size_t count) { write(points, count); });
-  thinning_.reset();
+  if (!impl_->thinning) return;
+  impl_->thinning->finish([this](const OutputPoint* points, std::size_t count) { impl_->write(points, count); });
+  impl_->thinning.reset();
 }
 
 void CloudOutput::commit() {
-  for (const auto& writer : writers_) writer->finish();
-}
-
-void CloudOutput::write(const OutputPoint* points, std::size_t count) {
-  for (const auto& writer : writers_) writer->add(points, count);
-  for (CloudWriter* writer : others_) writer->add(points, count);
-  points_ += static_cast<std::int64_t>(count);
+  if (impl_->committed) return;
+  complete();
+  for (const auto& writer : impl_->writers) writer->finish();
+  impl_->committed = true;
 }
 
 }  // namespace pmsp

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// A COLMAP model (binary, as version 4.1 writes it; older readers pass over rigs and frames): sparse/0, images/.
+// A COLMAP model (binary, as version 4.1 writes it; older readers pass over rigs and frames): sparse/0, images/; masks/
+// under the names that its --ImageReader.mask_path looks for.
 #include <map>
 #include <string>
 #include <utility>
@@ -7,10 +8,10 @@
 #include <Eigen/Geometry>
 
 #include "export/dataset_folder.h"
-#include "export/little_endian.h"
 #include "export/spool.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
+#include "pmsp/io/little_endian.h"
 
 namespace pmsp {
 namespace {
@@ -191,6 +192,8 @@ std::unique_ptr<CloudWriter> open_colmap(const std::filesystem::path& path, cons
   return std::make_unique<Colmap>(path, header);
 }
 
-bool is_colmap_name(const std::string& name) { return name == "sparse" || name == "images" || name == "pmsp.txt"; }
+bool is_colmap_name(const std::string& name) {
+  return name == "sparse" || name == "images" || name == "masks" || name == "pmsp.txt";
+}
 
 }  // namespace pmsp

@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "export/atomic_file.h"
 #include "export/thinning.h"
 #include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp {
 
@@ -45,7 +45,7 @@ class DatasetFolder {
   void finish(const Thinning::Take& take) { thinning_.finish(take); }
   std::vector<OutputView> put_images() const {
     make_folder(folder_ / "images");
-    return header_.export_views ? header_.export_views(folder_ / "images") : std::vector<OutputView>{};
+    return header_.export_views ? header_.export_views(folder_.path()) : std::vector<OutputView>{};
   }
 
  private:

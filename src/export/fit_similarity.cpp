@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "export/fit_similarity.h"
+#include "pmsp/io/fit_similarity.h"
 
 #include <cmath>
 #include <cstddef>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// A dataset for nerfstudio and trainers that read its transforms.json: images/, transforms.json, points.ply.
+// A dataset for nerfstudio and trainers that read its transforms.json: images/, masks/, transforms.json,
+// points.ply.
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -56,6 +57,7 @@ class Nerfstudio final : public CloudWriter {
     json["frames"] = Json::array();
     for (const OutputView& view : views) {
       Json frame{{"file_path", "images/" + view.name}};
+      if (view.has_mask) frame["mask_path"] = "masks/" + view.name + ".png";
       if (!is_one_size) set_size(frame, view);
       frame["transform_matrix"] = camera_matrix(view.cam_from_file);
       frame["timestamp"] = view.timestamp;
@@ -77,7 +79,7 @@ std::unique_ptr<CloudWriter> open_nerfstudio(const std::filesystem::path& path, 
 }
 
 bool is_nerfstudio_name(const std::string& name) {
-  return name == "transforms.json" || name == "images" || name == "points.ply";
+  return name == "transforms.json" || name == "images" || name == "masks" || name == "points.ply";
 }
 
 }  // namespace pmsp

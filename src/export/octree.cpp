@@ -89,6 +89,8 @@ void Octree::build(const Take& take) {
   root_ = static_cast<std::size_t>(top.node);
   close(top);
   std::vector<std::uint32_t>().swap(best_);
+  Points().swap(loaded_);
+  Points().swap(spare_);
 }
 
 /// Of a node that is some of the cells that points were dealt out to.
@@ -99,16 +101,9 @@ Octree::Open Octree::build_cells(const std::vector<Cell>& cells, int level) {
   const int cell_level = side_bits_ - cell_bits_;
   if (level == cell_level) return build_list(spool_, cells.front().list, level);
   if (count <= kInMemory) {
-    Points points, spare;
-    points.reserve(static_cast<std::size_t>(count));
-    for (const Cell& it : cells) {
-      spool_.read(it.list, [&](const OctreePoint* some, std::size_t number) {
-        points.insert(points.end(), some, some + number);
-      });
-      spool_.drop(it.list);
-    }
-    spare.resize(points.size());
-    return build_range(points.data(), spare.data(), points.size(), level);
+    loaded_.clear();
+    for (const Cell& it : cells) load(spool_, it.list);
+    return build_loaded(level);
   }
   std::array<std::vector<Cell>, 8> of_child;
   for (const Cell& it : cells) {
@@ -143,13 +138,9 @@ std::uint32_t Octree::cell(const OctreePoint& point, int level, int bits) const 
 /// those are built one after the other.
 Octree::Open Octree::build_list(Spool<OctreePoint>& spool, std::size_t list, int level) {
   if (spool.size(list) <= kInMemory || level >= side_bits_) {
-    Points points, spare;
-    points.reserve(static_cast<std::size_t>(spool.size(list)));
-    spool.read(list,
-               [&](const OctreePoint* some, std::size_t count) { points.insert(points.end(), some, some + count); });
-    spool.drop(list);
-    spare.resize(points.size());
-    return build_range(points.data(), spare.data(), points.size(), level);
+    loaded_.clear();
+    load(spool, list);
+    return build_loaded(level);
   }
   const int depth = std::min(kCountedLevels, side_bits_ - level);
   std::vector<std::vector<std::uint32_t>> counts(static_cast<std::size_t>(depth) + 1);
@@ -204,6 +195,17 @@ Octree::Open Octree::build_counted(Spool<OctreePoint>& chunks, const std::vector
   return join(children, level);
 }
 
+void Octree::load(Spool<OctreePoint>& spool, std::size_t list) {
+  spool.read(list,
+             [&](const OctreePoint* some, std::size_t count) { loaded_.insert(loaded_.end(), some, some + count); });
+  spool.drop(list);
+}
+
+Octree::Open Octree::build_loaded(int level) {
+  if (spare_.size() < loaded_.size()) spare_.resize(loaded_.size());
+  return build_range(loaded_.data(), spare_.data(), loaded_.size(), level);
+}
+
 /// Of points in memory, which it moves between two places.
 Octree::Open Octree::build_range(OctreePoint* points, OctreePoint* spare, std::size_t count, int level) {
   if (count == 0) return {};
@@ -225,17 +227,20 @@ Octree::Open Octree::join(std::array<Open, 8>& children, int level) {
   const int bits = std::min(kCellBits, side_bits_ - level);
   cell_of_.clear();
   confidence_of_.clear();
+  std::size_t taken = 0;
   for (const Open& child : children) {
     for (const OctreePoint& point : child.points) {
       cell_of_.push_back(cell(point, level, bits));
       confidence_of_.push_back(point.confidence);
       std::uint32_t& best = best_[cell_of_.back()];
+      taken += best == 0 ? 1 : 0;
       if (best == 0 || point.confidence > confidence_of_[best - 1]) {
         best = static_cast<std::uint32_t>(cell_of_.size());
       }
     }
   }
   Open parent;
+  parent.points.reserve(taken);
   OctreeNode node;
   node.level = level;
   node.children.fill(-1);

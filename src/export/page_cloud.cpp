@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "export/page_cloud.h"
+#include "pmsp/io/page_cloud.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <utility>
 
-#include "export/little_endian.h"
+#include "export/integer_frame.h"
+#include "export/octree.h"
+#include "export/spool.h"
 #include "pmsp/error.h"
+#include "pmsp/io/little_endian.h"
 
 namespace pmsp {
 namespace {
@@ -20,7 +24,24 @@ std::uint8_t byte_of(float share) {
 
 }  // namespace
 
-PageCloud::PageCloud(const CloudHeader& header, std::int64_t most_points, const std::vector<std::int64_t>& keyframes)
+struct PageCloud::Impl {
+  Impl(const CloudHeader& header, std::int64_t most_points, const std::vector<std::int64_t>& keyframes);
+  void add(const OutputPoint* points, std::size_t count);
+  void finish();
+  std::vector<std::uint32_t> shares() const;
+  void put(const OctreePoint* points, std::size_t count, std::uint32_t share, PageNode& node) const;
+
+  IntegerFrame frame_;
+  std::int64_t most_points_;
+  std::map<std::int64_t, std::uint32_t> places_;
+  Octree octree_;
+  std::string scratch_;
+  std::array<std::int64_t, 10> confidences_{};
+  std::int64_t points_ = 0;
+  std::vector<PageNode> nodes_;
+};
+
+PageCloud::Impl::Impl(const CloudHeader& header, std::int64_t most_points, const std::vector<std::int64_t>& keyframes)
     : frame_(integer_frame(header)),
       most_points_(std::clamp<std::int64_t>(most_points, 0, kMostPoints)),
       octree_(header.scratch.string(), header.reach / frame_.scale),
@@ -30,7 +51,7 @@ PageCloud::PageCloud(const CloudHeader& header, std::int64_t most_points, const 
   }
 }
 
-void PageCloud::add(const OutputPoint* points, std::size_t count) {
+void PageCloud::Impl::add(const OutputPoint* points, std::size_t count) {
   for (const OutputPoint* point = points; point != points + count; ++point) {
     OctreePoint it;
     for (int i = 0; i < 3; ++i) {
@@ -54,7 +75,7 @@ void PageCloud::add(const OutputPoint* points, std::size_t count) {
   }
 }
 
-void PageCloud::finish() {
+void PageCloud::Impl::finish() {
   Spool<OctreePoint> all(scratch_, 1);
   octree_.build([&all](const OctreePoint* points, std::size_t count) {
     for (const OctreePoint* point = points; point != points + count; ++point) all.add(0, *point);
@@ -108,7 +129,7 @@ void PageCloud::finish() {
 }
 
 /// Of the points of each level the share that the page holds, in 65536ths.
-std::vector<std::uint32_t> PageCloud::shares() const {
+std::vector<std::uint32_t> PageCloud::Impl::shares() const {
   std::vector<std::int64_t> of_level(33, 0);
   for (const OctreeNode& node : octree_.nodes()) of_level[static_cast<std::size_t>(node.level)] += node.points;
   std::vector<std::uint32_t> shares;
@@ -121,7 +142,7 @@ std::vector<std::uint32_t> PageCloud::shares() const {
 }
 
 /// An even share of a node's points: they lie in the order of the cubes below.
-void PageCloud::put(const OctreePoint* points, std::size_t count, std::uint32_t share, PageNode& node) const {
+void PageCloud::Impl::put(const OctreePoint* points, std::size_t count, std::uint32_t share, PageNode& node) const {
   const auto taken_before = [share](std::size_t number) { return number * share >> 16U; };
   std::vector<const OctreePoint*> taken;
   for (std::size_t i = 0; i < count; ++i) {
@@ -145,6 +166,20 @@ void PageCloud::put(const OctreePoint* points, std::size_t count, std::uint32_t 
   }
   for (const OctreePoint* point : taken) append_little(node.bytes, static_cast<std::uint16_t>(point->tag));
 }
+
+PageCloud::PageCloud(const CloudHeader& header, std::int64_t most_points, const std::vector<std::int64_t>& keyframes)
+    : impl_(std::make_unique<Impl>(header, most_points, keyframes)) {}
+
+PageCloud::~PageCloud() = default;
+
+void PageCloud::add(const OutputPoint* points, std::size_t count) { impl_->add(points, count); }
+void PageCloud::finish() { impl_->finish(); }
+
+std::int64_t PageCloud::points_in() const { return impl_->octree_.points(); }
+const std::array<std::int64_t, 10>& PageCloud::confidences() const { return impl_->confidences_; }
+const Eigen::Vector3d& PageCloud::origin() const { return impl_->frame_.offset; }
+std::int64_t PageCloud::points() const { return impl_->points_; }
+const std::vector<PageNode>& PageCloud::nodes() const { return impl_->nodes_; }
 
 std::array<std::int8_t, 2> octahedral(const std::array<float, 3>& normal) {
   const float length = std::abs(normal[0]) + std::abs(normal[1]) + std::abs(normal[2]);

@@ -7,10 +7,9 @@
 #include <string>
 #include <system_error>
 
-#include "export/atomic_file.h"
-#include "export/regular_file.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp {
 namespace {
@@ -41,7 +40,7 @@ void write(const std::filesystem::path& path, const Image<T>& image, const char*
              "\n-1.0\n");
   std::vector<char> row(static_cast<std::size_t>(image.width()) * sizeof(T));
   for (int y = image.height() - 1; y >= 0; --y) {
-    std::memcpy(row.data(), image.row(y), row.size());
+    std::memcpy(row.data(), static_cast<const void*>(image.row(y)), row.size());
     if (host_is_big_endian()) swap_floats(row);
     file.write(row.data(), row.size());
   }

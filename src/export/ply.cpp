@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/ply.h"
-
 #include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
 
-#include "export/little_endian.h"
-#include "export/placed_points.h"
 #include "export/record_file.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/little_endian.h"
 
 namespace pmsp {
 namespace {
@@ -109,37 +106,6 @@ class Ply final : public CloudWriter {
 
 std::unique_ptr<CloudWriter> open_ply(const std::filesystem::path& path, const CloudHeader& header) {
   return std::make_unique<Ply>(path, header.comments, header.double_positions || needs_double(header));
-}
-
-struct PlyWriter::Impl {
-  Impl(const std::filesystem::path& path, const Options& options)
-      : file(path, options.comments, options.double_positions), name(path.string()) {}
-
-  Ply file;
-  PlacedPoints placed{std::min(4, usable_cpus())};
-  std::string name;
-  std::int64_t points = 0;
-  bool finished = false;
-};
-
-PlyWriter::PlyWriter(const std::filesystem::path& path, const Options& options)
-    : impl_(std::make_unique<Impl>(path, options)) {}
-
-PlyWriter::~PlyWriter() = default;
-
-void PlyWriter::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
-  if (impl_->finished) throw OutputError(impl_->name + ": points added after the file was finished");
-  impl_->placed.for_each_piece(cloud, pose, {},
-                               [this](OutputPoint* points, std::size_t count) { impl_->file.add(points, count); });
-  impl_->points += static_cast<std::int64_t>(cloud.points.size());
-}
-
-std::int64_t PlyWriter::points() const { return impl_->points; }
-
-void PlyWriter::finish() {
-  if (impl_->finished) return;
-  impl_->file.finish();
-  impl_->finished = true;
 }
 
 }  // namespace pmsp

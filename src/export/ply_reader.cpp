@@ -2,14 +2,15 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <optional>
 #include <string>
 #include <system_error>
 
-#include "export/regular_file.h"
 #include "pmsp/error.h"
+#include "pmsp/io/files.h"
 #include "pmsp/io/ply.h"
 
 namespace pmsp {
@@ -271,7 +272,7 @@ class Body {
     const double count = number(property.count_type);
     if (!(count >= 0)) input_.fail(input_.here() + ": a list with a negative length");
     check_size(count, property.type);
-    for (double i = 0; i < count; ++i) number(property.type);
+    for (auto left = static_cast<std::int64_t>(std::ceil(count)); left > 0; --left) number(property.type);
   }
 
   // Whether `count` numbers can still follow; asked before anything of that size is allocated or looped over.

@@ -6,10 +6,9 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "export/atomic_file.h"
-#include "export/regular_file.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp {
 
@@ -41,7 +40,7 @@ void write_png16(const std::filesystem::path& path, const Image<Eigen::Vector3f>
       if (normal.isZero(0.0F)) continue;
       for (int i = 0; i < 3; ++i) {  // OpenCV's order is blue, green, red
         const float share = std::clamp(0.5F * (normal[i] + 1.0F), 0.0F, 1.0F);
-        values.ptr<cv::Vec3w>(y)[x][2 - i] = static_cast<std::uint16_t>(65535.0F * share + 0.5F);
+        values.ptr<cv::Vec3w>(y)[x][2 - i] = static_cast<std::uint16_t>(std::lround(65535.0F * share));
       }
     }
   }
@@ -50,7 +49,9 @@ void write_png16(const std::filesystem::path& path, const Image<Eigen::Vector3f>
   write_file(path, encoded);
 }
 
-Image<float> read_png16(const std::filesystem::path& path, double scale) {
+namespace {
+
+cv::Mat decoded(const std::filesystem::path& path) {
   require_regular_file(path);
   cv::Mat values;
   try {
@@ -59,6 +60,13 @@ Image<float> read_png16(const std::filesystem::path& path, double scale) {
     values.release();  // OpenCV's own limits on size; told like any other image that cannot be decoded
   }
   if (values.empty()) throw IoError(path.string() + ": cannot be decoded as an image");
+  return values;
+}
+
+}  // namespace
+
+Image<float> read_png16(const std::filesystem::path& path, double scale) {
+  const cv::Mat values = decoded(path);
   if (values.type() != CV_16UC1 && values.type() != CV_8UC1) {
     throw InvalidInput(path.string() + ": has the wrong kind of pixels; expected one gray channel of 16 or 8 bits");
   }
@@ -70,6 +78,24 @@ Image<float> read_png16(const std::filesystem::path& path, double scale) {
     std::copy(from, from + scaled.cols, image.row(y));
   }
   return image;
+}
+
+Image<Eigen::Vector3f> read_png16_normals(const std::filesystem::path& path) {
+  const cv::Mat values = decoded(path);
+  if (values.type() != CV_16UC3) {
+    throw InvalidInput(path.string() + ": has the wrong kind of pixels; expected red, green and blue of 16 bits");
+  }
+  Image<Eigen::Vector3f> normals(values.cols, values.rows, Eigen::Vector3f::Zero());
+  for (int y = 0; y < values.rows; ++y) {
+    for (int x = 0; x < values.cols; ++x) {
+      const cv::Vec3w& color = values.ptr<cv::Vec3w>(y)[x];
+      if (color == cv::Vec3w(0, 0, 0)) continue;
+      Eigen::Vector3f& normal = normals(x, y);
+      for (int i = 0; i < 3; ++i) normal[i] = static_cast<float>(color[2 - i]) / 65535.0F * 2.0F - 1.0F;
+      normal.normalize();
+    }
+  }
+  return normals;
 }
 
 }  // namespace pmsp

@@ -12,9 +12,9 @@
 #include "export/background_file.h"
 #include "export/dataset_folder.h"
 #include "export/integer_frame.h"
-#include "export/little_endian.h"
 #include "export/octree.h"
 #include "pmsp/error.h"
+#include "pmsp/io/little_endian.h"
 
 namespace pmsp {
 namespace {

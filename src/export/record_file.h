@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "export/background_file.h"
+#include "pmsp/executor.h"
 #include "pmsp/io/cloud_writer.h"
 #include "util/thread_pool.h"
 

@@ -6,16 +6,9 @@
 #include <memory>
 #include <string>
 
-#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/cloud_output.h"
 
 namespace pmsp {
-
-struct ThinningOptions {
-  double voxel = 0.0;           ///< side of the cubes of which each keeps one point; 0 = all points stay
-  std::int64_t max_points = 0;  ///< at most so many stay; 0 = all
-
-  bool is_needed() const { return voxel > 0.0 || max_points > 0; }
-};
 
 /// Keeps of each cube the most confident point, then an even share of what is left. Which points stay follows from the
 /// points and their keys, not from the order in which they come. What waits lies in a scratch folder.

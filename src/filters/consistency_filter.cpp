@@ -30,7 +30,7 @@ Image<float> consistency_filter(const PlaneMap& map, const std::vector<const Pla
     check_scale("consistency_filter: ", others[k]->scale);
     stage.others[k] = {view_of(*others[k]), relation(others[k]->pose(), map.pose()).other_from_first};
   }
-  const auto counts = executor.impl().run(stage);
+  const auto counts = inside(executor).run(stage);
   if (stats != nullptr) *stats = {counts[0], counts[1]};
   return confidence;
 }

@@ -87,7 +87,7 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   fused.agree.resize(fused.surfels.size() * static_cast<std::size_t>(fused.agree_bytes()));
   stage.to = {fused.surfels.pixels().data(), fused.details.pixels().data(), fused.standings.pixels().data(),
               fused.agree.data(), fused.agree_bytes()};
-  executor.impl().run(stage);
+  inside(executor).run(stage);
   return fused;
 }
 
@@ -162,12 +162,12 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
   return standings;
 }
 
-KeyframeCloud owned_points(const SurfelsFrom& made) {
-  check_surfels("owned_points", made);
-  const SurfelMap& map = *made.map;
+KeyframeCloud owned_points(const SurfelsFrom& points) {
+  check_surfels("owned_points", points);
+  const SurfelMap& map = *points.map;
   const SphereGrid grid(map.surfels.width(), map.surfels.height());
-  KeyframeCloud cloud{map.keyframe_id, made.pose.cam_from_world, {}, made.pose.scale, {}, {}, map.window_ids};
-  collect_points({map.surfels.pixels().data(), map.details.pixels().data(), made.standings->pixels().data(),
+  KeyframeCloud cloud{map.keyframe_id, points.pose.cam_from_world, {}, points.pose.scale, {}, {}, map.window_ids};
+  collect_points({map.surfels.pixels().data(), map.details.pixels().data(), points.standings->pixels().data(),
                   map.agree.data(), map.agree_bytes(), 0.0F},
                  grid.view(), cloud);
   return cloud;

@@ -5,7 +5,7 @@
 #include "ownership.h"
 #include "pmsp/fusion.h"
 #include "pmsp/options.h"
-#include "range_map.h"
+#include "ranges.h"
 
 // What the kernels of fusion are given, on every machine.
 namespace pmsp {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
+#include <cmath>
 
 #include "pmsp/initialiser.h"
 
@@ -15,7 +16,7 @@ DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options) {
   if (ranges.empty()) return {};
   std::sort(ranges.begin(), ranges.end());
   const auto percentile = [&](double share) {
-    return ranges[static_cast<std::size_t>(share * static_cast<double>(ranges.size() - 1) + 0.5)];
+    return ranges[static_cast<std::size_t>(std::lround(share * static_cast<double>(ranges.size() - 1)))];
   };
   return {std::max(percentile(0.02) / options.range_margin, kMinDepth),
           std::min(percentile(0.98) * options.range_margin, kMaxDepth)};

@@ -6,9 +6,9 @@
 #include <fstream>
 #include <string>
 
-#include "export/little_endian.h"
-#include "export/regular_file.h"
-#include "scene.h"
+#include "map_scene.h"
+#include "pmsp/io/files.h"
+#include "pmsp/io/little_endian.h"
 
 namespace pmsp::map_detail {
 

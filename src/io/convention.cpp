@@ -10,7 +10,7 @@
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "pose_convention.h"
-#include "util/median.h"
+#include "util/median_of.h"
 
 namespace pmsp {
 namespace {

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "depth_folder.h"
+#include "pmsp/io/depth_folder.h"
 
+#include <algorithm>
+#include <initializer_list>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "json_input.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
 
-namespace pmsp::io {
+namespace pmsp {
 namespace {
 
 namespace fs = std::filesystem;
@@ -41,20 +44,32 @@ DepthFolder::DepthFolder(const fs::path& folder, const fs::path& images) : folde
   const JsonValue root(json, index);
   if (root.has("png_scale")) png_scale_ = root.at("png_scale").number();
   if (!(png_scale_ > 0.0)) root.at("png_scale").refuse("a number > 0");
+  if (root.has("kind")) kind_ = root.at("kind").text();
+  if (root.has("lens_distance")) lens_distance_ = root.at("lens_distance").number();
   root.at("maps").each_element([&](const JsonValue& map) {
-    fs::path file;
-    for (const char* key : {"depth", "exr", "depth_png"}) {
-      if (file.empty()) file = named_file(folder, map, key);
-    }
-    if (file.empty()) map.refuse("the name of a file as depth, exr or depth_png");
-    files_[map.at("keyframe_id").integer()] = std::move(file);
+    const auto first_of = [&](std::initializer_list<const char*> keys) {
+      fs::path file;
+      for (const char* key : keys) {
+        if (file.empty()) file = named_file(folder, map, key);
+      }
+      return file;
+    };
+    Files files{first_of({"depth", "exr", "depth_png"}), first_of({"normal", "exr", "normal_png"}),
+                first_of({"confidence", "exr", "confidence_png"})};
+    if (files.depth.empty()) map.refuse("the name of a file as depth, exr or depth_png");
+    files_[map.at("keyframe_id").integer()] = std::move(files);
   });
+}
+
+const DepthFolder::Files* DepthFolder::files_of(std::int64_t keyframe_id) const {
+  const auto found = files_.find(keyframe_id);
+  return found == files_.end() ? nullptr : &found->second;
 }
 
 fs::path DepthFolder::file_for(std::int64_t keyframe_id, const fs::path& image) const {
   if (indexed_) {
-    const auto found = files_.find(keyframe_id);
-    return found == files_.end() ? fs::path() : found->second;
+    const Files* const files = files_of(keyframe_id);
+    return files == nullptr ? fs::path() : files->depth;
   }
   const fs::path relative = images_.empty() ? fs::path() : image.lexically_relative(images_);
   const fs::path name = relative.empty() || *relative.begin() == ".." ? image.filename() : relative;
@@ -75,4 +90,31 @@ Image<float> DepthFolder::read(const fs::path& file) const {
   return read_png16(file, png_scale_);
 }
 
-}  // namespace pmsp::io
+Image<Eigen::Vector3f> DepthFolder::read_normals(std::int64_t keyframe_id) const {
+  const Files* const files = files_of(keyframe_id);
+  if (files == nullptr || files->normal.empty()) return {};
+  const std::string extension = files->normal.extension().string();
+  if (extension == ".pfm") return read_pfm3(files->normal);
+  if (extension != ".exr") return read_png16_normals(files->normal);
+  const std::vector<std::string> names{"N.X", "N.Y", "N.Z"};
+  const std::vector<ImageChannel> channels = read_exr(files->normal, names);
+  if (channels.size() != names.size()) return {};
+  Image<Eigen::Vector3f> normals(channels[0].values.width(), channels[0].values.height(), Eigen::Vector3f::Zero());
+  for (const ImageChannel& channel : channels) {
+    const auto axis = std::find(names.begin(), names.end(), channel.name) - names.begin();
+    for (std::size_t i = 0; i < normals.size(); ++i) normals.pixels()[i][axis] = channel.values.pixels()[i];
+  }
+  return normals;
+}
+
+Image<float> DepthFolder::read_confidence(std::int64_t keyframe_id) const {
+  const Files* const files = files_of(keyframe_id);
+  if (files == nullptr || files->confidence.empty()) return {};
+  const std::string extension = files->confidence.extension().string();
+  if (extension == ".pfm") return read_pfm(files->confidence);
+  if (extension != ".exr") return read_png16(files->confidence, 1.0 / 65535.0);
+  std::vector<ImageChannel> channels = read_exr(files->confidence, {"confidence"});
+  return channels.empty() ? Image<float>() : std::move(channels.front().values);
+}
+
+}  // namespace pmsp

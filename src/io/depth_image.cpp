@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -10,10 +11,10 @@
 
 #include <zlib.h>
 
-#include "export/little_endian.h"
-#include "export/regular_file.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
+#include "pmsp/io/files.h"
+#include "pmsp/io/little_endian.h"
 
 namespace pmsp {
 namespace {
@@ -178,6 +179,95 @@ void unpack(const Bytes& file, const char* packed, std::size_t size, std::vector
   undo_prediction(bytes);
 }
 
+class ExrReader {
+ public:
+  explicit ExrReader(const std::filesystem::path& path) : file_(path) {
+    if (!file_.starts_with("\x76\x2f\x31\x01")) throw InvalidInput(path.string() + ": is no EXR");
+  }
+  const Bytes& bytes() const { return file_; }
+
+  /// `choose(header)`: which channels are wanted, of half or float.
+  template <class Choose>
+  std::vector<ImageChannel> read(const Choose& choose) {
+    const ExrHeader header = exr_header(file_);
+    for (const std::size_t i : choose(header)) channels_.push_back(layout_of(header, i));
+    constexpr int kNone = 0, kZips = 2, kZip = 3;
+    if (header.compression != kNone && header.compression != kZips && header.compression != kZip) {
+      file_.refuse("it is packed in a way (" + std::to_string(header.compression) +
+                   ") that is not read; expected none, ZIPS or ZIP");
+    }
+    std::size_t row_bytes = 0;
+    for (const ExrChannel& channel : header.channels) row_bytes += bytes_of_row(channel, header);
+    const std::size_t height = static_cast<std::size_t>(header.height);
+    const std::size_t expansion = header.compression == kNone ? 1 : kMostExpansion;
+    if (row_bytes > file_.size() * expansion / height) {
+      file_.refuse("the file is too short for " + std::to_string(header.width) + " x " + std::to_string(header.height) +
+                   " pixels; is it cut off?");
+    }
+    std::vector<ImageChannel> found;
+    for (const Layout& channel : channels_) {
+      found.push_back({channel.name, Image<float>(static_cast<int>(header.width), static_cast<int>(header.height))});
+    }
+    const std::size_t rows_at_once = header.compression == kZip ? 16 : 1;
+    const std::size_t blocks = (height + rows_at_once - 1) / rows_at_once;
+    file_.take(blocks * sizeof(std::uint64_t));  // blocks say themselves where they belong
+    std::vector<char> bytes;
+    for (std::size_t block = 0; block < blocks; ++block) {
+      const std::int64_t y = file_.number<std::int32_t>() - header.first_row;
+      const auto size = file_.number<std::int32_t>();
+      if (y < 0 || y >= header.height || size < 0) file_.refuse("a block of rows that lie outside the image");
+      const std::size_t rows = std::min(rows_at_once, height - static_cast<std::size_t>(y));
+      bytes.resize(rows * row_bytes);
+      take_block(static_cast<std::size_t>(size), header.compression == kNone, bytes);
+      for (std::size_t row = 0; row < rows; ++row) {
+        take_row(bytes.data() + row * row_bytes, static_cast<int>(y) + static_cast<int>(row), found);
+      }
+    }
+    return found;
+  }
+
+ private:
+  struct Layout {
+    std::string name;
+    std::size_t before;  ///< bytes of a row
+    bool is_half;
+  };
+
+  static std::size_t bytes_of_row(const ExrChannel& channel, const ExrHeader& header) {
+    return static_cast<std::size_t>(std::abs(channel.bytes)) * static_cast<std::size_t>(header.width);
+  }
+  static Layout layout_of(const ExrHeader& header, std::size_t wanted) {
+    std::size_t before = 0;
+    for (std::size_t i = 0; i < wanted; ++i) before += bytes_of_row(header.channels[i], header);
+    return {header.channels[wanted].name, before, header.channels[wanted].bytes == 2};
+  }
+
+  void take_block(std::size_t size, bool is_plain, std::vector<char>& bytes) {
+    const char* const packed = file_.take(size);
+    if (size >= bytes.size()) {  // not packed where that would not help
+      if (size != bytes.size()) file_.refuse("a block of rows that is too long");
+      std::memcpy(bytes.data(), packed, bytes.size());
+    } else {
+      if (is_plain) file_.refuse("a block of rows that is too short");
+      unpack(file_, packed, size, bytes);
+    }
+  }
+
+  void take_row(const char* bytes, int y, std::vector<ImageChannel>& to) const {
+    for (std::size_t k = 0; k < to.size(); ++k) {
+      const char* at = bytes + channels_[k].before;
+      const bool is_half = channels_[k].is_half;
+      float* const row = to[k].values.row(y);
+      for (int x = 0; x < to[k].values.width(); ++x, at += is_half ? 2 : 4) {
+        row[x] = is_half ? from_half(get_little<std::uint16_t>(at)) : get_little<float>(at);
+      }
+    }
+  }
+
+  Bytes file_;
+  std::vector<Layout> channels_;
+};
+
 // --- NPY: "NEP 1, a simple file format for NumPy arrays"
 // ---------------------------------------------------------------
 
@@ -232,56 +322,22 @@ void take_values(Bytes& file, Image<float>& image, const From& from) {
 
 }  // namespace
 
+std::vector<ImageChannel> read_exr(const std::filesystem::path& path, const std::vector<std::string>& names) {
+  return ExrReader(path).read([&](const ExrHeader& header) {
+    std::vector<std::size_t> wanted;
+    for (std::size_t i = 0; i < header.channels.size(); ++i) {
+      const bool is_named = std::find(names.begin(), names.end(), header.channels[i].name) != names.end();
+      if (is_named && header.channels[i].bytes > 0) wanted.push_back(i);
+    }
+    return wanted;
+  });
+}
+
 Image<float> read_exr_depth(const std::filesystem::path& path) {
-  Bytes file(path);
-  if (!file.starts_with("\x76\x2f\x31\x01")) throw InvalidInput(path.string() + ": is no EXR");
-  const ExrHeader header = exr_header(file);
-  const std::size_t depth = exr_depth_channel(file, header);
-  constexpr int kNone = 0, kZips = 2, kZip = 3;
-  if (header.compression != kNone && header.compression != kZips && header.compression != kZip) {
-    file.refuse("it is packed in a way (" + std::to_string(header.compression) +
-                ") that is not read; expected none, ZIPS or ZIP");
-  }
-  std::size_t row_bytes = 0, before = 0;
-  for (std::size_t i = 0; i < header.channels.size(); ++i) {
-    if (i == depth) before = row_bytes;
-    row_bytes += static_cast<std::size_t>(std::abs(header.channels[i].bytes)) * static_cast<std::size_t>(header.width);
-  }
-  const std::size_t height = static_cast<std::size_t>(header.height);
-  const std::size_t expansion = header.compression == kNone ? 1 : kMostExpansion;
-  if (row_bytes > file.size() * expansion / height) {
-    file.refuse("the file is too short for " + std::to_string(header.width) + " x " + std::to_string(header.height) +
-                " pixels; is it cut off?");
-  }
-  const std::size_t rows_at_once = header.compression == kZip ? 16 : 1;
-  const std::size_t blocks = (height + rows_at_once - 1) / rows_at_once;
-  const bool is_half = header.channels[depth].bytes == 2;
-  file.take(blocks * sizeof(std::uint64_t));  // blocks say themselves where they belong
-  Image<float> image(static_cast<int>(header.width), static_cast<int>(header.height));
-  std::vector<char> bytes;
-  for (std::size_t block = 0; block < blocks; ++block) {
-    const std::int64_t y = file.number<std::int32_t>() - header.first_row;
-    const auto size = file.number<std::int32_t>();
-    if (y < 0 || y >= header.height || size < 0) file.refuse("a block of rows that lie outside the image");
-    const std::size_t rows = std::min(rows_at_once, height - static_cast<std::size_t>(y));
-    bytes.resize(rows * row_bytes);
-    const char* const packed = file.take(static_cast<std::size_t>(size));
-    if (static_cast<std::size_t>(size) >= bytes.size()) {  // not packed where that would not help
-      if (static_cast<std::size_t>(size) != bytes.size()) file.refuse("a block of rows that is too long");
-      std::memcpy(bytes.data(), packed, bytes.size());
-    } else {
-      if (header.compression == kNone) file.refuse("a block of rows that is too short");
-      unpack(file, packed, static_cast<std::size_t>(size), bytes);
-    }
-    for (std::size_t row = 0; row < rows; ++row) {
-      const char* at = bytes.data() + row * row_bytes + before;
-      float* const to = image.row(static_cast<int>(y) + static_cast<int>(row));
-      for (int x = 0; x < image.width(); ++x, at += is_half ? 2 : 4) {
-        to[x] = is_half ? from_half(get_little<std::uint16_t>(at)) : get_little<float>(at);
-      }
-    }
-  }
-  return image;
+  ExrReader file(path);
+  std::vector<ImageChannel> channels = file.read(
+      [&](const ExrHeader& header) { return std::vector<std::size_t>{exr_depth_channel(file.bytes(), header)}; });
+  return std::move(channels.front().values);
 }
 
 Image<float> read_npy(const std::filesystem::path& path) {

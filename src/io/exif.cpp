@@ -7,9 +7,10 @@
 #include <initializer_list>
 #include <utility>
 
-#include "export/regular_file.h"
 #include "jpeg_segments.h"
 #include "pmsp/error.h"
+#include "pmsp/io/files.h"
+#include "pmsp/io/image_source.h"
 
 namespace pmsp::io {
 namespace {
@@ -143,3 +144,5 @@ Exif read_exif(const std::filesystem::path& path) {
 }
 
 }  // namespace pmsp::io
+
+bool pmsp::is_turned_by_exif(const std::filesystem::path& image) { return io::read_exif(image).orientation != 1; }

@@ -93,6 +93,14 @@ const MapLandmark* SlamMap::find_landmark(std::int64_t id) const { return find_b
 
 const MapKeyframe* SlamMap::find_keyframe(std::int64_t id) const { return find_by_id(keyframes, id); }
 
+std::vector<std::string> map_formats() {
+  std::vector<std::string> all;
+  for (const MapFormat* format : kFormats) {
+    if (format->what != nullptr) all.emplace_back(format->what);
+  }
+  return all;
+}
+
 SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& options) {
   MapFile file(path);
   for (const MapFormat* format : kFormats) {
@@ -113,9 +121,7 @@ SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& option
     return map;
   }
   std::string expected;
-  for (const MapFormat* format : kFormats) {
-    if (format->what != nullptr) expected += (expected.empty() ? "" : ", ") + std::string(format->what);
-  }
+  for (const std::string& what : map_formats()) expected += (expected.empty() ? "" : ", ") + what;
   throw InvalidInput(path.string() + ": is no map that can be read: " +
                      (file.is_folder() ? "the folder holds no model of COLMAP (cameras, images, points3D as .bin or "
                                          ".txt), nor folders 0, 1, ... that do"

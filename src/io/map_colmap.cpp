@@ -13,8 +13,8 @@
 
 #include "binary_input.h"
 #include "map_file.h"
+#include "map_scene.h"
 #include "pmsp/error.h"
-#include "scene.h"
 #include "text_input.h"
 
 namespace pmsp::map_detail {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "map_file.h"
-#include "scene.h"
+#include "map_scene.h"
 
 namespace pmsp::map_detail {
 namespace {

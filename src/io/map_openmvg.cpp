@@ -10,8 +10,8 @@
 #include <string>
 
 #include "map_file.h"
+#include "map_scene.h"
 #include "pmsp/camera.h"
-#include "scene.h"
 
 namespace pmsp::map_detail {
 namespace {

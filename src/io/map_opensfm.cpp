@@ -13,7 +13,7 @@
 #include <Eigen/Geometry>
 
 #include "map_file.h"
-#include "scene.h"
+#include "map_scene.h"
 #include "text_input.h"
 
 namespace pmsp::map_detail {

@@ -4,9 +4,9 @@
 #include <limits>
 #include <vector>
 
+#include "map_scene.h"
 #include "pmsp/camera.h"
 #include "pmsp/io/ply.h"
-#include "scene.h"
 
 namespace pmsp::map_detail {
 namespace {

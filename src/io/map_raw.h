@@ -10,8 +10,8 @@
 
 #include <Eigen/Core>
 
+#include "map_scene.h"
 #include "pmsp/io/map.h"
-#include "scene.h"
 
 namespace pmsp::map_detail {
 

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "map_file.h"
-#include "scene.h"
+#include "map_scene.h"
 #include "text_input.h"
-#include "util/median.h"
+#include "util/median_of.h"
 
 namespace pmsp::map_detail {
 namespace {

@@ -5,9 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "export/atomic_file.h"
-#include "export/regular_file.h"
 #include "pmsp/error.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp {
 namespace {

@@ -2,7 +2,6 @@
 #include "live/live_builder.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "densifier_checks.h"
@@ -22,9 +21,6 @@ constexpr double kFarInBetween = 3.0;
 constexpr double kFarToGoOn = 24.0;
 /// Keyframes that have moved in the world by more than this may have been brought to others [rad].
 constexpr double kFarMove = 0.01;
-/// Neighbours whose scales have changed against each other by more than this saw what was stretched since; however well
-/// a scale is found again, no scale puts that right.
-constexpr double kStretch = 0.001;
 /// Points are made at these numbers of passes, and at the full one.
 constexpr int kLevels[] = {2, 3};
 
@@ -151,6 +147,7 @@ void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
   node.pose = {keyframe.cam_from_world, 1.0};
   node.center = node.pose.cam_from_world.center();
   node.image = keyframe.image;
+  node.prior_depth = keyframe.prior_depth;
   node.take_landmarks(keyframe.landmarks, keyframe.cam_from_world);
   undecided_.insert(keyframe.id);
   if (preview_) preview_->add(keyframe.id);
@@ -227,16 +224,6 @@ bool LiveBuilder::is_outdated(const LiveNode& node, const LiveInputs& then, cons
   return false;
 }
 
-/// Whether scales of what it was matched with have changed against its own.
-bool LiveBuilder::is_stretched(const LiveNode& node) const {
-  return std::any_of(node.matched.begin(), node.matched.end(), [&](const LiveInput& then) {
-    const LiveNode* const other = find(then.id);
-    if (other == nullptr) return false;
-    const double before = then.other.scale / then.own.scale;
-    return std::abs(other->pose.scale / node.pose.scale / before - 1.0) > kStretch;
-  });
-}
-
 /// What poses have done to depth maps and points.
 void LiveBuilder::look_for_moves() {
   if (!moved_) return;
@@ -254,7 +241,7 @@ void LiveBuilder::look_for_moves() {
       return most;
     };
     const double moved = furthest(node.matched);
-    if (moved > options_.max_move_px || is_stretched(node)) node.moved_px = std::max(moved, options_.max_move_px);
+    if (moved > options_.max_move_px) node.moved_px = moved;
     if (node.shown == 0) continue;
     if (std::max(furthest(node.fused), furthest(node.judged)) > kQueryTolerance) {
       node.points_due = true;
@@ -303,8 +290,8 @@ int LiveBuilder::level_of(const LiveNode& node) const {
 
 /// The next pass of the keyframe that needs one most: the first one, while few wait; else one of those that have had
 /// the fewest, so that all have something soon. It waits until its neighbours have had the pass before, and until those
-/// that have moved have looked at images alone. What is matched anew has points by now, and comes last; all of it looks
-/// at images before any of it looks at maps.
+/// that have moved have looked at images alone. What is matched anew looks at images, all of it, before any of it looks
+/// at maps; where it has points, it comes last.
 bool LiveBuilder::match() {
   std::vector<LiveNode*> candidates;
   for (const auto& [map_id, flight] : flights_) {
@@ -322,12 +309,16 @@ bool LiveBuilder::match() {
       if (node->passes == 0 || node->wants_images_alone(kFarInBetween * options_.max_move_px)) return true;
       if (!other->linked || (other->passes < node->passes && lacks_passes(*other))) return false;
       if (node->passes >= kLevels[0] && begins_anew(*other)) return false;
-      if (node->anew && is_due_again(*other)) return false;
+      const bool has_points = node->shown > 0;
+      if (node->anew && (has_points ? is_due_again(*other) : begins_anew(*other))) return false;
       const bool waits = other->wants_images_alone(kFarInBetween * options_.max_move_px) && can_match(*other);
-      return (node->passes < kLevels[0] && !node->anew) || !waits;  // first points wait for nobody's move
+      return (node->passes < kLevels[0] && !(node->anew && has_points)) ||
+             !waits;  // first points wait for nobody's move
     });
     if (!ready) continue;
-    const auto urgency = [&](const LiveNode& of) { return (all_at_once ? 0 : level_of(of)) + (of.anew ? full_ : 0); };
+    const auto urgency = [&](const LiveNode& of) {
+      return (all_at_once ? 0 : level_of(of)) + (of.anew && of.shown > 0 ? full_ : 0);
+    };
     if (best == nullptr || urgency(*node) < urgency(*best)) best = node;
   }
   if (best == nullptr) return false;
@@ -366,9 +357,9 @@ bool LiveBuilder::match_again() {
     worst = before;
   }
   ++stats_.matched_again;
+  worst->anew = worst->shown > 0 || begins_anew(*worst);
   worst->passes = 0;
   worst->owed_px = 0.0;
-  worst->anew = worst->shown > 0;
   match(*worst);
   return true;
 }
@@ -456,6 +447,7 @@ std::size_t LiveBuilder::bytes() const {
     if (node.image.data != nullptr) {
       bytes += static_cast<std::size_t>(node.image.height) * static_cast<std::size_t>(node.image.width) * 3;
     }
+    if (node.prior_depth) bytes += node.prior_depth->size() * sizeof(float);
     if (node.has_image) bytes += bytes_of_image();
     if (node.frame) bytes += bytes_of_results();
   }

@@ -13,10 +13,10 @@
 #include <vector>
 
 #include "engine.h"
-#include "live/live_map.h"
 #include "live/live_node.h"
 #include "live/live_preview.h"
 #include "pmsp/live.h"
+#include "pmsp/live_map.h"
 
 namespace pmsp {
 
@@ -115,7 +115,6 @@ class LiveBuilder {
 
   // What changes.
   void look_for_moves();
-  bool is_stretched(const LiveNode& node) const;
   void planes_changed(const LiveNode& node);
   bool is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const;
   LiveInput input(const LiveNode& other, const LiveNode& own, std::uint64_t made) const;

@@ -101,6 +101,7 @@ void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
   node.used = true;
   node.has_image = true;
   node.image = {};
+  node.prior_depth.reset();
   ++stats_.used;
   Flight& flight = flights_[node.map_id];
   flight.insert(std::lower_bound(flight.begin(), flight.end(), node.id), node.id);

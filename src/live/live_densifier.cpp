@@ -13,11 +13,11 @@
 #include "densifier_checks.h"
 #include "live/live_builder.h"
 #include "live/live_image.h"
-#include "live/live_map.h"
 #include "live/live_tracker.h"
 #include "pmsp/error.h"
+#include "pmsp/executor.h"
+#include "pmsp/live_map.h"
 #include "util/check_option.h"
-#include "util/low_priority.h"
 
 namespace pmsp {
 namespace {
@@ -212,9 +212,7 @@ struct LiveDensifier::Impl {
     changed_.notify_all();
   }
 
-  void check_image_of(const LiveKeyframe& keyframe) const {
-    check_image(keyframe.id, keyframe.image, options_.mask.get());
-  }
+  void check_image_of(const LiveKeyframe& keyframe) const { check_image(keyframe, options_.mask.get()); }
 
   // Under the lock.
 

@@ -44,8 +44,9 @@ ImageView<const Rgb> rgb_view(const LiveImage& image, Image<Rgb>& converted) {
   return static_cast<const Image<Rgb>&>(converted).view();
 }
 
-void check_image(std::int64_t keyframe_id, const LiveImage& image, const Image<std::uint8_t>* mask) {
-  const std::string who = "keyframe " + std::to_string(keyframe_id) + ": ";
+void check_image(const LiveKeyframe& keyframe, const Image<std::uint8_t>* mask) {
+  const std::string who = "keyframe " + std::to_string(keyframe.id) + ": ";
+  const LiveImage& image = keyframe.image;
   if (image.data == nullptr || !image.owner) {
     throw InvalidInput(who + "there is no image; expected pixels, and an owner that keeps them");
   }
@@ -54,6 +55,7 @@ void check_image(std::int64_t keyframe_id, const LiveImage& image, const Image<s
     throw InvalidInput(who + "rows of the image are " + std::to_string(image.stride) + " bytes apart; expected " +
                        std::to_string(bytes_of(image.format) * image.width) + " or more");
   }
+  if (keyframe.prior_depth) check_prior_depth(who, keyframe.prior_depth->view());
 }
 
 }  // namespace pmsp

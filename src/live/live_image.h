@@ -11,8 +11,8 @@ namespace pmsp {
 /// The image as red, green and blue: a view of its own pixels where they are that already, else of `converted`.
 ImageView<const Rgb> rgb_view(const LiveImage& image, Image<Rgb>& converted);
 
-/// Throws InvalidInput, naming the keyframe, unless there are pixels, rows do not overlap and sizes are as expected.
-/// `mask`: null = none.
-void check_image(std::int64_t keyframe_id, const LiveImage& image, const Image<std::uint8_t>* mask);
+/// Throws InvalidInput, naming the keyframe, unless there are pixels, rows do not overlap and sizes are as expected,
+/// those of the prior depth, too. `mask`: null = none.
+void check_image(const LiveKeyframe& keyframe, const Image<std::uint8_t>* mask);
 
 }  // namespace pmsp

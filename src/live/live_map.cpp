@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "live/live_map.h"
+#include "pmsp/live_map.h"
 
 #include <algorithm>
 #include <utility>
 
 namespace pmsp {
 
-void LiveMap::publish(LiveMove place, std::shared_ptr<const KeyframeCloud> cloud, bool preliminary) {
+void LiveMap::publish(const LiveMove& place, std::shared_ptr<const KeyframeCloud> cloud, bool preliminary) {
   std::shared_ptr<const KeyframeCloud> replaced;  // freed outside the lock
   const std::lock_guard<std::mutex> lock(mutex_);
   ++version_;

@@ -2,7 +2,7 @@
 #include "live/live_node.h"
 
 #include "live/live_image.h"
-#include "util/median.h"
+#include "util/median_of.h"
 
 namespace pmsp {
 
@@ -23,6 +23,8 @@ Keyframe LiveNode::keyframe(const Image<std::uint8_t>* mask, Image<Rgb>& convert
   Keyframe result = keyframe();
   result.image = rgb_view(image, converted);
   if (mask != nullptr) result.mask = mask->view();
+  // The scale may have changed since it came: what is reliable around a surface corrects that (plane_prior.h).
+  if (prior_depth) result.prior_depth = prior_depth->view();
   return result;
 }
 

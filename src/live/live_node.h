@@ -41,9 +41,10 @@ struct LiveNode {
   std::int64_t map_id = 0;
   std::uint64_t serial = 0;  ///< see LiveBuilder::add
   KeyframePose pose;
-  LiveImage image;             ///< until it is prepared, or not needed
-  std::vector<Landmark> seen;  ///< positions in the camera's frame and unit: they go with the pose
-  double range = 0.0;          ///< median distance of these; 0 = there are none
+  LiveImage image;                                  ///< until it is prepared, or not needed
+  std::shared_ptr<const Image<float>> prior_depth;  ///< as long; null = none
+  std::vector<Landmark> seen;                       ///< positions in the camera's frame and unit: they go with the pose
+  double range = 0.0;                               ///< median distance of these; 0 = there are none
 
   // Ripeness.
   int newer = 0;                                     ///< keyframes that have come since
@@ -89,7 +90,7 @@ struct LiveNode {
   }
   /// With landmarks in the world, as the pose is now; without image.
   Keyframe keyframe() const;
-  /// The same with image, a view of its own pixels or of `converted`, and mask (null = none).
+  /// The same with image, a view of its own pixels or of `converted`, prior depth and mask (null = none).
   Keyframe keyframe(const Image<std::uint8_t>* mask, Image<Rgb>& converted) const;
   void take_landmarks(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
 };

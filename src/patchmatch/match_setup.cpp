@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "elementary.h"
+#include "pmsp/cost.h"
 
 namespace pmsp {
 namespace {
@@ -16,20 +17,48 @@ constexpr std::uint32_t kPatchMatchStage = 1;
 /// would cost plaster and bare roofs their depth: noise of the camera itself is averaged away by the resampling.
 constexpr float kNoiseVariance = 0.1F;
 
+// What follows is the same in all qualities; all of it was measured together, and none of it is worth a choice.
+
+/// Distance of a patch's samples at the equator [px of the depth map]: samples must be closer than a patch is wide, and
+/// farther apart than a pixel, or they say the same.
+constexpr double kPatchSpacing_px = 2.0;
+
+/// Variance from which on a patch has texture: that of a standard deviation of 1.5 in clean images. In noisy ones, more
+/// than noise makes: patches of noise alone vary by up to 2.6 times what the barest have. An image that is textured all
+/// over is taken for noisy, too; so a standard deviation of 3 is texture in any image.
+constexpr float kTexturedVariance = 1.5F * 1.5F;
+constexpr float kTexturedPerNoise = 2.6F;
+constexpr float kMaxTexturedVariance = 3.0F * 3.0F;
+
+/// Bilateral weight: distance [px of the depth map], about half a patch.
+constexpr double kSigmaSpace_px = 5.0;
+
+/// Largest angle between a plane's normal and the ray [deg]: beyond it a pixel's patch covers many times its own area.
+constexpr double kMaxSlant_deg = 80.0;
+
+/// Score that full disagreement with one neighbour's depth map costs, of the 2 that a photometric score spans.
+constexpr float kDisagreementCost = 0.5F;
+
+/// Relative difference of depths from which on disagreement is full.
+constexpr float kDisagreementTolerance = 0.03F;
+
 }  // namespace
 
-kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width) {
+float textured_variance(float noise) {
+  return std::clamp(kTexturedPerNoise * noise, kTexturedVariance, kMaxTexturedVariance);
+}
+
+kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width, float noise) {
   kernels::PatchLayout layout{};
   const auto spacing = [&](double pixels) { return static_cast<float>(std::tan(pixels * 2.0 * kernels::kPi / width)); };
-  layout.spacing = spacing(options.patch_spacing_px);
-  layout.fine_spacing = spacing(options.patch_spacing_px * options.fine_patch);
-  const double contrast = options.fine_patch_contrast;
-  layout.fine_variance = options.fine_patch < 1.0 ? static_cast<float>(contrast * contrast) : -1.0F;
+  layout.spacing = spacing(kPatchSpacing_px);
+  layout.fine_spacing = spacing(kPatchSpacing_px * options.fine_patch);
+  layout.fine_variance = options.fine_patch < 1.0 ? textured_variance(noise) : -1.0F;
   layout.min_sigma_color = static_cast<float>(std::min(options.min_sigma_color, options.sigma_color));
   layout.max_sigma_color = static_cast<float>(options.sigma_color);
   layout.min_variance = kNoiseVariance;
-  layout.disagreement_cost = static_cast<float>(options.geometric_weight);
-  layout.disagreement_tolerance = static_cast<float>(options.geometric_tolerance);
+  layout.disagreement_cost = kDisagreementCost;
+  layout.disagreement_tolerance = kDisagreementTolerance;
   const auto weigh = [](float* weights, double steps) {
     for (int k = 0; k < kernels::kPatchSamples; ++k) {
       const double dx = kernels::patch_offset(k % kernels::kPatchSide);
@@ -37,13 +66,13 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width) {
       weights[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (steps * steps)));
     }
   };
-  weigh(layout.space_weight, options.sigma_space_px / options.patch_spacing_px);
-  weigh(layout.fine_space_weight, options.fine_sigma_space_px / (options.patch_spacing_px * options.fine_patch));
+  weigh(layout.space_weight, kSigmaSpace_px / kPatchSpacing_px);
+  weigh(layout.fine_space_weight, options.fine_sigma_space_px / (kPatchSpacing_px * options.fine_patch));
   return layout;
 }
 
-kernels::PlaneLimits plane_limits(const PatchMatchOptions& options, const DepthRange& range) {
-  const double min_cos = std::cos(options.max_slant_deg * kernels::kPi / 180.0);
+kernels::PlaneLimits plane_limits(const DepthRange& range) {
+  const double min_cos = std::cos(kMaxSlant_deg * kernels::kPi / 180.0);
   return {static_cast<float>(1.0 / range.max), static_cast<float>(1.0 / range.min),
           static_cast<float>(min_cos * min_cos)};
 }
@@ -54,7 +83,13 @@ kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id) 
 
 Iterations iterations_of(const PatchMatchOptions& options, int pass) {
   if (pass == 0) return {0, options.iterations};
-  return {options.iterations + (pass - 1) * options.geometric_iterations, options.geometric_iterations};
+  return {options.iterations + (pass - 1) * kGeometricIterations, kGeometricIterations};
+}
+
+int planes_tried(const PatchMatchOptions& options) {
+  constexpr int kFirst = 3, kAgain = 2;
+  const int visit = kernels::kNeighbours + options.refinements;
+  return kFirst + options.iterations * visit + options.geometric_passes * (kAgain + kGeometricIterations * visit);
 }
 
 }  // namespace pmsp

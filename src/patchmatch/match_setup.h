@@ -4,15 +4,25 @@
 #include <cmath>
 #include <cstdint>
 
-#include "patchmatch.h"
+#include "match.h"
 #include "pmsp/initialiser.h"
 #include "pmsp/options.h"
 
 // What the backends' PatchMatch starts from: the kernels' form of the options.
 namespace pmsp {
 
-kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width);
-kernels::PlaneLimits plane_limits(const PatchMatchOptions& options, const DepthRange& range);
+/// Variance of gray levels from which on a patch counts as textured, in an image with this noise (image_noise).
+float textured_variance(float noise);
+
+/// Score that agreement with a prior's plane is worth: what texture tells outweighs it.
+constexpr float kPriorWeight = 0.3F;
+
+/// Of each geometric pass: another pass, which looks at newer maps, is worth more than another iteration.
+constexpr int kGeometricIterations = 1;
+
+/// `noise`: of the keyframe's image, see image_noise.
+kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width, float noise);
+kernels::PlaneLimits plane_limits(const DepthRange& range);
 kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id);
 
 /// Those of one pass; they are counted on from pass to pass.
@@ -22,18 +32,18 @@ struct Iterations {
 };
 Iterations iterations_of(const PatchMatchOptions& options, int pass);
 
-/// All but the views.
+/// All but the views. `noise`: of the reference's image, see image_noise.
 template <class Cube>
-kernels::Matching<Cube> make_matching(const Cube& reference, const PatchMatchOptions& options, int width,
+kernels::Matching<Cube> make_matching(const Cube& reference, float noise, const PatchMatchOptions& options, int width,
                                       const DepthRange& range, std::uint64_t seed, std::int64_t keyframe_id) {
   kernels::Matching<Cube> matching{};
   matching.reference = reference;
-  matching.layout = patch_layout(options, width);
-  matching.limits = plane_limits(options, range);
+  matching.layout = patch_layout(options, width, noise);
+  matching.limits = plane_limits(range);
   matching.log_depth_span = static_cast<float>(std::log(range.max / range.min));
   matching.random = patchmatch_key(seed, keyframe_id);
   matching.refinements = options.refinements;
-  matching.prior_weight = static_cast<float>(options.prior_weight);
+  matching.prior_weight = kPriorWeight;
   return matching;
 }
 

@@ -80,11 +80,11 @@ Pass pass_for(const MatchInput& input, const PatchMatchOptions& options, std::ui
               const kernels::GridView& grid) {
   const Panorama& reference = *input.reference.panorama;
   Pass pass{};
-  pass.matching =
-      make_matching(reference.data().gray.view(), options, reference.width(), input.range, seed, input.keyframe_id);
+  pass.matching = make_matching(inside(reference).gray.view(), inside(reference).noise, options, reference.width(),
+                                input.range, seed, input.keyframe_id);
   for (std::size_t i = 0; i < input.neighbours.size(); ++i) {
     const PosedPanorama& neighbour = input.neighbours[i];
-    const Panorama::Data& data = neighbour.panorama->data();
+    const PanoramaData& data = inside(*neighbour.panorama);
     pass.matching.views[i] = {data.gray.view(), data.matchable.view(),
                               relation(neighbour.pose, input.reference.pose).other_from_first,
                               view_of_given(input.neighbour_maps.empty() ? nullptr : input.neighbour_maps[i])};

@@ -10,11 +10,9 @@
 #include "pmsp/densifier.h"
 #include "pmsp/options.h"
 #include "pmsp/plan.h"
+#include "util/io_api.h"
 
 namespace pmsp {
-
-/// Throws InvalidOption where first planes form a chain through the whole flight.
-void refuse_endless_chain(const DensifierOptions& options);
 
 /// What a run hands out of the keyframes asked for. Each depends on all that the one before depends on, and more.
 enum class Wanted { kPlanes, kDepthMaps, kPoints };
@@ -30,7 +28,7 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
 
 /// Whose planes the points of keyframes depend on, for asking about many of them: as find_halo with the planes of all
 /// keyframes from an earlier run.
-class PointsHalo {
+class PMSP_IO_API PointsHalo {
  public:
   /// Both must outlive it.
   PointsHalo(const Plan& plan, const DensifierOptions& options);

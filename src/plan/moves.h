@@ -2,6 +2,7 @@
 #pragma once
 
 #include "pmsp/transform.h"
+#include "util/io_api.h"
 
 namespace pmsp {
 
@@ -14,6 +15,6 @@ struct PosePair {
 double moved_angle(const PosePair& then, const PosePair& now, double range);
 
 /// The same [px of `width`].
-double moved_px(const PosePair& then, const PosePair& now, double range, int width);
+PMSP_IO_API double moved_px(const PosePair& then, const PosePair& now, double range, int width);
 
 }  // namespace pmsp

@@ -9,6 +9,7 @@
 #include "plan/choices.h"
 #include "plan/reach.h"
 #include "pmsp/plan.h"
+#include "util/io_api.h"
 #include "view_filter/view_chain.h"
 
 namespace pmsp {
@@ -16,7 +17,7 @@ namespace pmsp {
 /// Makes a plan while keyframes come in: the entries that make_plan gives for all of them, each as soon as the
 /// keyframes that it looks at are there. What is remembered of a flight is bounded. (An unordered set is decided by
 /// `finish`.)
-class Planner {
+class PMSP_IO_API Planner {
  public:
   /// Throws InvalidOption.
   explicit Planner(const DensifierOptions& options, const Plan* previous = nullptr);

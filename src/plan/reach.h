@@ -6,6 +6,7 @@
 
 #include "pmsp/options.h"
 #include "pmsp/plan.h"
+#include "util/io_api.h"
 
 namespace pmsp {
 
@@ -22,7 +23,7 @@ struct PlanReach {
 };
 
 /// `options`: valid.
-PlanReach plan_reach(const DensifierOptions& options);
+PMSP_IO_API PlanReach plan_reach(const DensifierOptions& options);
 
 /// Whether keyframes beyond the fusion window may make the point of a place.
 bool asks_whole_mission(const DensifierOptions& options);

@@ -7,6 +7,7 @@
 
 #include "pmsp/keyframe.h"
 #include "pmsp/transform.h"
+#include "util/io_api.h"
 
 // A monocular SLAM closes a loop by similarities, one for each keyframe, and keeps of each its rotation and translation
 // only (stella_vslam, ORB-SLAM3: the graph is optimised over Sim(3), and the translation divided by the scale). What
@@ -35,6 +36,6 @@ constexpr std::size_t kScaleReach = 5;
 /// Baselines and landmarks each give a robust mean of log ratios and how far it may be off. Where both agree, they are
 /// averaged; where not, the one that goes with the keyframes around counts. What is no more than its own error changes
 /// nothing: bundle adjustments that only shake the poses leave scales as they are.
-std::vector<double> recover_scales(const std::vector<MovedKeyframe>& keyframes);
+PMSP_IO_API std::vector<double> recover_scales(const std::vector<MovedKeyframe>& keyframes);
 
 }  // namespace pmsp

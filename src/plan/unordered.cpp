@@ -7,7 +7,7 @@
 
 #include "patchmatch/neighbours.h"
 #include "plan/reach.h"
-#include "util/median.h"
+#include "util/median_of.h"
 #include "view_filter/sharpness.h"
 
 namespace pmsp {

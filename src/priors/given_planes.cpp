@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
@@ -13,7 +12,8 @@
 #include "pmsp/initialiser.h"
 #include "priors/nearest_value.h"
 #include "priors/prior_setup.h"
-#include "util/median.h"
+#include "util/median_of.h"
+#include "util/plane_fit.h"
 
 namespace pmsp {
 namespace {
@@ -34,20 +34,13 @@ struct Sample {
 /// what `expected(bearing)` says are left out. False where too few are left.
 template <class Expected>
 bool fit(const std::vector<Sample>& samples, double tolerance, const Expected& expected, Eigen::Vector3d& plane) {
-  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
-  int count = 0;
+  PlaneFit on_surface;
   for (const Sample& sample : samples) {
     const double there = expected(sample.bearing);
-    if (!(std::abs(sample.inverse_depth - there) < tolerance * there)) continue;
-    a += sample.bearing * sample.bearing.transpose();
-    b += sample.inverse_depth * sample.bearing;
-    ++count;
+    if (std::abs(sample.inverse_depth - there) < tolerance * there)
+      on_surface.add(sample.bearing, sample.inverse_depth);
   }
-  if (count < kMinSamples) return false;
-  a += kSteadiness * count * Eigen::Matrix3d::Identity();
-  plane = a.ldlt().solve(b);
-  return plane.allFinite();
+  return on_surface.count() >= kMinSamples && on_surface.solve(kSteadiness, plane);
 }
 
 }  // namespace

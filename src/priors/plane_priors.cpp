@@ -1,18 +1,30 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/plane_priors.h"
 
+#include <string>
+
 #include "cpu/cpu_processor.h"
 #include "patchmatch/match_setup.h"
 #include "pmsp/error.h"
 #include "priors/prior_setup.h"
 #include "sphere/panorama_data.h"
 #include "sphere/plane_views.h"
+#include "util/eigen_kernels.h"
 
 namespace pmsp {
 
-PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const DepthRange& range,
-                      const PatchMatchOptions& options, const Executor& executor, ImageView<const float> prior_depth) {
+PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const std::vector<KeyframePose>& neighbours,
+                      const DepthRange& range, const Executor& executor, ImageView<const float> prior_depth) {
   if (!same_size(map, panorama)) throw InvalidInput("plane_priors: the map is not of the panorama's size");
+  if (neighbours.empty() || neighbours.size() > static_cast<std::size_t>(kernels::kMaxViews)) {
+    throw InvalidInput("plane_priors: there are " + std::to_string(neighbours.size()) + " neighbours; expected 1 to " +
+                       std::to_string(kernels::kMaxViews));
+  }
+  const KeyframePose pose{map.cam_from_world, map.scale};
+  kernels::Baselines baselines{};
+  for (const KeyframePose& neighbour : neighbours) {
+    baselines.to[baselines.count++] = baseline(relation(neighbour, pose).other_from_first);
+  }
   const CpuProcessor on(executor, map.width(), map.height());
   PlaneMap priors(map.width(), map.height());
   priors.keyframe_id = map.keyframe_id;
@@ -21,8 +33,8 @@ PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const Depth
   const PriorGrid grid(map.width(), map.height());
   Array<kernels::Vec3<float>> given;
   if (!prior_depth.empty()) given = on.upload(given_planes(prior_depth, map.scale, grid));
-  find_plane_priors(on, on.upload(look_table(grid)), given, view_of(map), panorama.data().gray.view(),
-                    plane_limits(options, range), options, arrays_of(priors));
+  find_plane_priors(on, on.upload(look_table(grid)), given, view_of(map), inside(panorama).gray.view(),
+                    inside(panorama).noise, baselines, plane_limits(range), arrays_of(priors));
   return priors;
 }
 

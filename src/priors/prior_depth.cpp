@@ -9,7 +9,7 @@
 
 #include "pmsp/initialiser.h"
 #include "priors/nearest_value.h"
-#include "util/median.h"
+#include "util/median_of.h"
 
 namespace pmsp {
 namespace {
@@ -196,6 +196,12 @@ DepthAlignment align_prior_depth(ImageView<const float> values, const Keyframe& 
     best.why_not = "it tells little more about the landmarks than the same depth everywhere";
   }
   return best;
+}
+
+double depth_ratio(ImageView<const float> depth, const Keyframe& keyframe) {
+  std::vector<double> ratios;
+  for (const Pair& pair : pairs_of(depth, keyframe)) ratios.push_back(pair.value / pair.depth);
+  return ratios.size() < kMinLandmarks ? 0.0 : median(ratios);
 }
 
 Image<float> aligned_depth(ImageView<const float> values, const DepthAlignment& alignment) {

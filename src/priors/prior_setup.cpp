@@ -36,8 +36,12 @@ float texture_spacing(int width) {
   return static_cast<float>(std::tan(kernels::kTexturePixels * 2.0 * kernels::kPi / width));
 }
 
-float texture_variance(const PatchMatchOptions& options) {
-  return static_cast<float>(options.fine_patch_contrast * options.fine_patch_contrast);
+kernels::Vec3<float> baseline(const kernels::Rigid& other_from_first) {
+  const kernels::Vec3<float> t = kernels::translation<float>(other_from_first);
+  const float square_scale = other_from_first.r[0] * other_from_first.r[0] +
+                             other_from_first.r[1] * other_from_first.r[1] +
+                             other_from_first.r[2] * other_from_first.r[2];
+  return (-1.0F / square_scale) * rotate_back(other_from_first, t);
 }
 
 }  // namespace pmsp

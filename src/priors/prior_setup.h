@@ -2,11 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <utility>
 #include <vector>
 
+#include "patchmatch/match_setup.h"
 #include "plane_prior.h"
 #include "pmsp/image.h"
-#include "pmsp/options.h"
 #include "processor.h"
 
 // What the backends' plane priors start from.
@@ -28,38 +29,76 @@ std::vector<int> look_table(const PriorGrid& grid);
 /// Distance of the samples by which texture is judged (tangent of the angle).
 float texture_spacing(int width);
 
-/// Variance below which there is none [gray levels squared].
-float texture_variance(const PatchMatchOptions& options);
-
 /// The cells' planes by a depth image (Keyframe::prior_depth), 0 = none: each through the depths of one surface in and
 /// around the cell. `unit`: of the planes [the depths' unit].
 std::vector<kernels::Vec3<float>> given_planes(ImageView<const float> depth, double unit, const PriorGrid& grid);
 
+/// From a camera to another one, in the frame of the first.
+kernels::Vec3<float> baseline(const kernels::Rigid& other_from_first);
+
+/// From a keyframe's camera to those that it is matched with.
+template <class Cube>
+kernels::Baselines baselines_of(const kernels::Matching<Cube>& matching) {
+  kernels::Baselines baselines{};
+  for (int k = 0; k < matching.num_views; ++k) {
+    baselines.to[baselines.count++] = baseline(matching.views[k].view_from_ref);
+  }
+  return baselines;
+}
+
+/// Distances in cells over which planes are handed on, one after the other: far first, so that a plane gets everywhere.
+constexpr int kPriorStrides[] = {16, 8, 4, 2, 1};
+
 /// The priors of a map's pixels. `image`: gray values; `looks`, `given`: the look_table and given_planes (or nullptr),
-/// where the processor (processor.h) keeps its arrays.
+/// where the processor (processor.h) keeps its arrays. `noise`: see image_noise.
 template <class Processor, class Map, class Cube, class Planes>
 void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kernels::Vec3<float>>& given, const Map& map,
-                       const Cube& image, const kernels::PlaneLimits& limits, const PatchMatchOptions& options,
-                       const Planes& to) {
+                       const Cube& image, float noise, const kernels::Baselines& baselines,
+                       const kernels::PlaneLimits& limits, const Planes& to) {
+  using Machine = typename Processor::Views;
   using kernels::PriorStep;
   const PriorGrid size(map.width, map.height);
-  const auto variance =
-      on.template array<float>(static_cast<std::size_t>(map.width) * static_cast<std::size_t>(map.height));
+  const std::size_t pixels = static_cast<std::size_t>(map.width) * static_cast<std::size_t>(map.height);
+  const auto variance = on.template array<float>(pixels);
+  const auto certainty = on.template array<float>(pixels);
   const auto supports = on.template array<kernels::Vec3<float>>(size.cells());
-  const auto textureless = on.template array<unsigned char>(size.cells());
+  const auto errors = on.template array<float>(size.cells());
+  const auto unsure = on.template array<unsigned char>(size.cells());
   const auto around = on.template array<kernels::Surroundings>(size.cells());
-  const auto found = on.template array<kernels::PriorPlane>(size.cells());
-  const auto chosen = on.template array<kernels::PriorPlane>(size.cells());
-  const kernels::PriorCells<Map> cells{
-      map,         on.grid(),   variance.get(), texture_variance(options), limits,       size.columns, size.rows,
-      looks.get(), given.get(), supports.get(), textureless.get(),         around.get(), found.get(),  chosen.get()};
+  auto before = on.template array<kernels::PriorPlane>(size.cells());
+  auto found = on.template array<kernels::PriorPlane>(size.cells());
+  kernels::PriorCells<Machine> cells{};
+  cells.map = map;
+  cells.image = image;
+  cells.grid = on.grid();
+  cells.baselines = baselines;
+  cells.spacing = texture_spacing(map.width);
+  cells.variance = variance.get();
+  cells.certainty = certainty.get();
+  cells.min_variance = textured_variance(noise);
+  cells.limits = limits;
+  cells.columns = size.columns;
+  cells.rows = size.rows;
+  cells.looks = looks.get();
+  cells.given = given.get();
+  cells.supports = supports.get();
+  cells.errors = errors.get();
+  cells.unsure = unsure.get();
+  cells.around = around.get();
+  cells.found = found.get();
   on.launch(
-      kernels::TextureVariance<typename Processor::Views>{image, on.grid(), texture_spacing(map.width), variance.get()},
+      kernels::FindEvidence<Machine>{image, cells.grid, baselines, cells.spacing, variance.get(), certainty.get()},
       nullptr);
-  on.launch(kernels::PriorCellStep<Map, PriorStep::kSupports>{cells}, nullptr);
-  on.launch(kernels::PriorCellStep<Map, PriorStep::kPlanes>{cells}, nullptr);
-  on.launch(kernels::PriorCellStep<Map, PriorStep::kChoice>{cells}, nullptr);
-  on.launch(kernels::PixelPriors<typename Processor::Views>{cells, to}, nullptr);
+  on.launch(kernels::PriorCellStep<Machine, PriorStep::kSupports>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<Machine, PriorStep::kPlanes>{cells}, nullptr);
+  for (const int stride : kPriorStrides) {
+    std::swap(before, found);
+    cells.before = before.get();
+    cells.found = found.get();
+    cells.stride = stride;
+    on.launch(kernels::PriorCellStep<Machine, PriorStep::kChoice>{cells}, nullptr);
+  }
+  on.launch(kernels::PixelPriors<Machine>{cells, to}, nullptr);
 }
 
 }  // namespace pmsp

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "pmsp/panorama.h"
+
 namespace pmsp {
 namespace {
 

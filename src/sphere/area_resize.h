@@ -25,7 +25,4 @@ std::vector<ResampleSpan> resample_spans(int source, int target);
 /// 255.
 Image<Eigen::Vector3f> area_resize(ImageView<const Rgb> image, int width, int height, ThreadPool& pool);
 
-/// Resizes a mask: 255 where all that a target pixel covers is usable (nonzero), else 0.
-Image<std::uint8_t> shrink_mask(ImageView<const std::uint8_t> mask, int width, int height);
-
 }  // namespace pmsp

@@ -11,6 +11,7 @@
 #include "elementary.h"
 #include "pmsp/error.h"
 #include "sphere/area_resize.h"
+#include "sphere/image_noise.h"
 #include "sphere/panorama_data.h"
 
 namespace pmsp {
@@ -55,12 +56,12 @@ void equalize_rows(Image<float>& gray, ThreadPool& pool) {
 
 }  // namespace
 
-Panorama::Data prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
-                                const Executor& executor) {
+PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
+                              const Executor& executor) {
   check(image, mask, width, height);
-  ThreadPool& pool = executor.impl().pool;
+  ThreadPool& pool = pool_of(executor);
   const Image<Eigen::Vector3f> resized = area_resize(image, width, height, pool);
-  Panorama::Data data;
+  PanoramaData data;
   data.width = width;
   data.height = height;
   data.color = Image<Rgb>(width, height);
@@ -85,7 +86,9 @@ Panorama::Data prepare_panorama(ImageView<const Rgb> image, ImageView<const std:
 
 Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
                    const Executor& executor)
-    : data_(std::make_unique<Data>(prepare_panorama(image, mask, width, height, executor))) {}
+    : data_(std::make_unique<PanoramaData>(prepare_panorama(image, mask, width, height, executor))) {
+  data_->noise = image_noise(image, mask, width);
+}
 Panorama::~Panorama() = default;
 Panorama::Panorama(Panorama&&) noexcept = default;
 Panorama& Panorama::operator=(Panorama&&) noexcept = default;

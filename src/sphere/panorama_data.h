@@ -3,6 +3,7 @@
 
 #include "pmsp/panorama.h"
 #include "sphere/cube_map.h"
+#include "util/inside.h"
 
 namespace pmsp {
 
@@ -13,17 +14,18 @@ constexpr int kMinPanoramaHeight = 8;
 /// Samples within this of a patch's centre carry most of its weight: so far a patch stays away from masked pixels.
 constexpr double kPatchReachPx = 3.0;
 
-struct Panorama::Data {
+struct PanoramaData {
   int width = 0;
   int height = 0;
   Image<Rgb> color;
   Image<std::uint8_t> usable;  ///< empty without a mask
   CubeMap gray;
-  CubeMap matchable;  ///< where neighbours may be sampled; empty without a mask
+  float noise = 0.0F;  ///< see image_noise
+  CubeMap matchable;   ///< where neighbours may be sampled; empty without a mask
 };
 
-/// As Panorama's constructor.
-Panorama::Data prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
-                                const Executor& executor);
+/// As Panorama's constructor, but for the noise.
+PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
+                              const Executor& executor);
 
 }  // namespace pmsp

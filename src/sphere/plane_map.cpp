@@ -34,7 +34,7 @@ PlaneMap plane_map_of(const DepthMap& map, const Executor& executor) {
   planes.cam_from_world = map.cam_from_world;
   planes.scale = map.scale;
   const kernels::PlaneArrays to = arrays_of(planes);
-  executor.impl().pool.for_each(height, [&](int y) {
+  pool_of(executor).for_each(height, [&](int y) {
     for (int x = 0; x < width; ++x) {
       if (!(map.depth(x, y) > 0.0F)) continue;
       const kernels::Place<float> at = kernels::place_of(x, y, width);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "util/low_priority.h"
+#include "pmsp/executor.h"
 
 #if defined(__linux__)
 #include <sched.h>

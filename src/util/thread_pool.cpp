@@ -1,23 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "util/thread_pool.h"
 
-#include <algorithm>
 #include <system_error>
 #include <utility>
 
-#if defined(__linux__)
-#include <sched.h>
-#endif
+#include "pmsp/executor.h"
 
 namespace pmsp {
-
-int usable_cpus() {
-#if defined(__linux__)
-  cpu_set_t set;
-  if (sched_getaffinity(0, sizeof(set), &set) == 0) return std::max(1, CPU_COUNT(&set));
-#endif
-  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-}
 
 ThreadPool::ThreadPool(int threads) {
   const int wanted = threads > 0 ? threads : usable_cpus();

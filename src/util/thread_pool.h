@@ -42,7 +42,4 @@ class ThreadPool {
   std::exception_ptr error_;
 };
 
-/// Number of CPUs that this process may run on (its affinity mask), at least 1.
-int usable_cpus();
-
 }  // namespace pmsp

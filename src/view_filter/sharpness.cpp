@@ -10,7 +10,7 @@
 #include "cpu/executor_impl.h"
 #include "pmsp/camera.h"
 #include "random.h"
-#include "util/median.h"
+#include "util/median_of.h"
 
 namespace pmsp {
 namespace {
@@ -46,7 +46,8 @@ std::optional<Patch> patch_around(const ImageView<const Rgb>& image, const Eigen
   std::array<int, kSide> columns{};  // where the boxes begin
   std::array<int, kSide> rows{};
   for (int i = 0; i < kSide; ++i) {
-    const double off = (i - kSide / 2) * step;
+    const int from_center = i - kSide / 2;
+    const double off = from_center * step;
     const int column = static_cast<int>(std::lround(center.x() + off / cos_lat - 0.5 * box)) % image.width;
     columns[static_cast<std::size_t>(i)] = column < 0 ? column + image.width : column;
     rows[static_cast<std::size_t>(i)] = static_cast<int>(std::lround(center.y() + off - 0.5 * box));
@@ -109,7 +110,7 @@ std::vector<LandmarkSharpness> landmark_sharpness(const Keyframe& keyframe, int 
   };
   const int tasks = static_cast<int>((landmarks.size() + kPerTask - 1) / kPerTask);
   if (executor != nullptr) {
-    executor->impl().pool.for_each(tasks, find);
+    pool_of(*executor).for_each(tasks, find);
   } else {
     for (int task = 0; task < tasks; ++task) find(task);
   }

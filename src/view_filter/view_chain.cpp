@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "util/median.h"
+#include "util/median_of.h"
 #include "view_filter/sharpness.h"
 
 namespace pmsp {

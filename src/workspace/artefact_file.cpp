@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "workspace/artefact_file.h"
+#include "pmsp/io/workspace/artefact_file.h"
 
 #include <cstdint>
 #include <cstring>
@@ -10,9 +10,8 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-#include "export/atomic_file.h"
-#include "export/regular_file.h"
 #include "pmsp/error.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp::workspace {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "workspace/fingerprint.h"
+#include "pmsp/io/workspace/fingerprint.h"
 
 #include <cstdio>
 #include <fstream>
@@ -8,8 +8,8 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-#include "export/regular_file.h"
 #include "pmsp/error.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp::workspace {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "workspace/record.h"
+#include "pmsp/io/workspace/record.h"
 
 #include <charconv>
 #include <system_error>
@@ -131,6 +131,7 @@ Record record_from(const Json& json, const std::string& where) {
   record.step = json.at("step").get<std::string>();
   record.engine = json.at("engine").get<std::string>();
   record.options = json.at("options").dump();
+  record.lenses_looked_at = json.value("lenses_looked_at", std::size_t{0});
   record.map = json.at("map").get<std::string>();
   record.images = json.at("images").get<std::string>();
   record.outputs = json.at("outputs").get<std::vector<std::string>>();
@@ -158,7 +159,8 @@ std::string record_json(const Record& record) {
   std::string text = "{\n" + line("format", kFormat) + ",\n" + line("version", kVersion) + ",\n" +
                      line("step", record.step) + ",\n" + line("engine", record.engine) + ",\n" +
                      line("map", record.map) + ",\n" + line("images", record.images) + ",\n" +
-                     line("options", Json::parse(record.options)) + ",\n" + line("outputs", record.outputs);
+                     line("options", Json::parse(record.options)) + ",\n" +
+                     line("lenses_looked_at", record.lenses_looked_at) + ",\n" + line("outputs", record.outputs);
   text += ",\n\"keyframes\": {";
   const char* before = "\n";
   for (const auto& [id, keyframe] : record.keyframes) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "workspace/shards.h"
+#include "pmsp/io/workspace/shards.h"
 
 #include <algorithm>
 #include <set>
@@ -7,9 +7,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "export/atomic_file.h"
-#include "export/regular_file.h"
 #include "pmsp/error.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp::workspace {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "workspace/step.h"
+#include "pmsp/io/workspace/step.h"
 
 #include <algorithm>
 #include <set>
@@ -9,9 +9,10 @@
 #include "plan/halo.h"
 #include "plan/moves.h"
 #include "plan/planner.h"
+#include "plan/reach.h"
 #include "plan/scale_recovery.h"
-#include "util/median.h"
-#include "workspace/fingerprint.h"
+#include "pmsp/io/workspace/fingerprint.h"
+#include "util/median_of.h"
 
 namespace pmsp::workspace {
 namespace {
@@ -48,9 +49,13 @@ std::string name_of(const Record& record, const StepInputs& inputs) {
   return name.text().substr(0, 16);
 }
 
-/// Keyframes with fewer newer used ones make do with fewer passes while a mission grows, and are matched anew later.
+/// While a mission grows, keyframes with fewer newer used ones make do with a first pass, and are matched anew later.
+/// Before those that have all passes, each pass ends as many keyframes earlier as neighbours reach. So it finds around
+/// it what it finds in a run of the whole mission, and nothing of it is done again.
 constexpr int kRipe = 12;
 constexpr int kUnripePasses = 1;
+/// Passes are made when at least so many keyframes may have all of them.
+constexpr int kBatch = 6;
 /// Passes after a move, the first of them over images alone.
 constexpr int kMovedPasses = 3;
 
@@ -76,6 +81,7 @@ class StepPlanner {
     for (const StepKeyframe& it : inputs_.keyframes) planner.add(it.keyframe);
     planner.finish();
     step.plan.entries.assign(planner.entries().begin(), planner.entries().end());
+    if (inputs_.growing) find_due(step.plan);
     for (const PlanEntry& entry : step.plan.entries) {
       if (entry.has_depth_map()) plan_planes(step, entry);
     }
@@ -118,7 +124,7 @@ class StepPlanner {
   }
 
   /// Of what the one sees in the other: in its image, or, where results are compared, in its unit, too.
-  double moved_by(std::int64_t id, KeyframePose then, KeyframePose then_other, std::int64_t other,
+  double moved_by(std::int64_t id, const KeyframePose& then, KeyframePose then_other, std::int64_t other,
                   bool in_image) const {
     const KeyframePose& pose = poses_.at(id);
     KeyframePose pose_other = poses_.at(other);
@@ -135,7 +141,7 @@ class StepPlanner {
     Fingerprint own;
     own.add(inputs_.planes_options_json).add(inputs_.engine).add(inputs_.mask).add(now.image);
     it.own = own.text();
-    choose_passes(step.plan, entry, it);
+    choose_passes(entry, it);
     it.pose = poses_.at(entry.id);
     if (!it.has_planes) it.pose.scale = poses_[entry.id].scale = 1.0;
     const int had = it.has_planes ? recorded(entry.id)->planes->passes : 0;
@@ -144,12 +150,13 @@ class StepPlanner {
   }
 
   /// In how many passes the keyframe is matched, and from where on.
-  void choose_passes(const Plan& plan, const PlanEntry& entry, StepKeyframePlan& it) const {
+  void choose_passes(const PlanEntry& entry, StepKeyframePlan& it) const {
     const int full = full_passes();
-    const bool ripe = !inputs_.growing || is_ripe(plan, entry);
+    const auto found = due_.find(entry.id);
+    const int due = found == due_.end() ? full : found->second;
     const auto anew = [&](const char* why) {
       it.reason = why;
-      it.passes = ripe ? full : std::min(full, kUnripePasses);
+      it.passes = due;
     };
     const auto further = [&](const char* why, int passes, bool images_first) {
       if (full < 3) return anew(why);
@@ -163,7 +170,9 @@ class StepPlanner {
     if (!before->planes) return anew("had no depth map");
     if (before->image != now_.at(entry.id)->image) return anew("its image has changed");
     if (before->planes->own != it.own) return anew("options, mask or engine have changed");
-    if (ripe && before->planes->passes < full) return anew("had too few passes");
+    const int had = before->planes->passes;
+    const bool ripe = due > kUnripePasses || full == kUnripePasses;
+    if (had < due && had <= kUnripePasses) return anew("had too few passes");
     double most = 0.0;
     std::set<std::int64_t> then;
     for (const RecordedSource& source : before->planes->sources) {
@@ -174,19 +183,39 @@ class StepPlanner {
       most = std::max(most, moved_by(entry.id, before->planes->pose, source.pose, source.id, true));
     }
     if (!(most <= kMovedMove)) return anew("moved far");
-    if (most > (ripe ? kKeptMove : kUnripeMove)) return further("moved", kMovedPasses, true);
+    if (most > (ripe ? kKeptMove : kUnripeMove)) {
+      return had < full ? anew("moved") : further("moved", kMovedPasses, true);
+    }
+    if (had < due) return further("had too few passes", due - had, false);
     const std::vector<std::int64_t> sources = sources_of(entry);
-    if (std::set<std::int64_t>(sources.begin(), sources.end()) != then) return further("other neighbours", 1, false);
+    const bool has_others = std::set<std::int64_t>(sources.begin(), sources.end()) != then;
+    if (had >= full && ripe && has_others) return further("other neighbours", 1, false);
     it.has_planes = true;
   }
 
   int full_passes() const { return inputs_.options.patchmatch.geometric_passes + 1; }
 
-  /// Whether neighbours and poses are nearly what they will be: a mission that grows moves its newest keyframes most.
-  bool is_ripe(const Plan& plan, const PlanEntry& entry) const {
+  int passes_had(std::int64_t id) const {
+    const RecordedKeyframe* const before = recorded(id);
+    return before != nullptr && before->planes ? before->planes->passes : 0;
+  }
+
+  /// How many passes keyframes are to have while more will come. Neighbours and poses are not yet what they will be: a
+  /// mission that grows moves its newest keyframes most.
+  void find_due(const Plan& plan) {
+    const int full = full_passes();
+    const int stair = static_cast<int>(std::max<std::int64_t>(plan_reach(inputs_.options).near, 1));
     int newer = 0;
-    for (auto it = plan.entries.rbegin(); it->id != entry.id && newer < kRipe; ++it) newer += it->used();
-    return newer >= kRipe;
+    int waiting = 0;
+    for (auto entry = plan.entries.rbegin(); entry != plan.entries.rend(); ++entry) {
+      const int due = newer < kRipe ? kUnripePasses : kUnripePasses + 1 + (newer - kRipe) / stair;
+      due_[entry->id] = std::min(due, full);
+      waiting += entry->has_depth_map() && due >= full && passes_had(entry->id) < full;
+      newer += entry->used();
+    }
+    // All that have some passes get the rest at once: a run counts passes from its last one (pass_range).
+    if (waiting >= std::max(kBatch, (full - 2) * stair)) return;
+    for (auto& [id, due] : due_) due = std::min(due, std::max(passes_had(id), kUnripePasses));
   }
 
   void plan_points(Step& step, const PointsHalo& halo, std::int64_t id) {
@@ -221,6 +250,7 @@ class StepPlanner {
   const StepInputs& inputs_;
   std::unordered_map<std::int64_t, const StepKeyframe*> now_;
   std::unordered_map<std::int64_t, KeyframePose> poses_;
+  std::unordered_map<std::int64_t, int> due_;        ///< passes, by id, while the mission grows
   std::unordered_map<std::int64_t, double> ranges_;  ///< median distance of the landmarks [scene units]
 };
 
@@ -242,6 +272,7 @@ Record record_of(const Step& step, const StepInputs& inputs, const Record& recor
   result.step = step.name;
   result.engine = inputs.engine;
   result.options = inputs.options_json;
+  result.lenses_looked_at = record.lenses_looked_at;
   result.map = record.map;
   result.images = record.images;
   result.outputs = record.outputs;

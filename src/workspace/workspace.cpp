@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "workspace/workspace.h"
+#include "pmsp/io/workspace/workspace.h"
 
 #include <set>
 #include <system_error>
 #include <utility>
 
-#include "export/atomic_file.h"
-#include "export/regular_file.h"
 #include "pmsp/error.h"
-#include "workspace/artefact_file.h"
-#include "workspace/fingerprint.h"
+#include "pmsp/io/files.h"
+#include "pmsp/io/workspace/artefact_file.h"
+#include "pmsp/io/workspace/fingerprint.h"
 
 namespace pmsp::workspace {
 

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
+#include "report_page.h"
 
 using namespace pmsp_test;
 using Catch::Contains;
@@ -162,6 +163,8 @@ TEST_CASE("a batch isolates what fails, and says why in the table, as JSON and b
 
 TEST_CASE("what is done is not made again, what has failed only with --retry, what has changed is") {
   const Missions missions;
+  fs::remove(missions / "images");  // a link; one of them will change
+  fs::copy(mission() / "images", missions / "images");
   const Json bad = Missions::line("b", {{"map", "later.msg"}});
   missions.write({Missions::line("a"), bad});
   REQUIRE(missions.batch().code == 7);
@@ -187,6 +190,9 @@ TEST_CASE("what is done is not made again, what has failed only with --retry, wh
   fs::remove(missions.result("b") / "cloud.ply");
   CHECK_THAT(missions.batch().err, Contains("1 done before, 1 to do"));
   CHECK(fs::exists(missions.result("b") / "cloud.ply"));
+  const fs::path image = fs::directory_iterator(missions / "images")->path();
+  fs::last_write_time(image, fs::last_write_time(image) + std::chrono::hours(1));
+  CHECK_THAT(missions.batch().err, Contains("0 done before, 2 to do"));
   fs::remove(missions / "map.msg");
   missions.write({Missions::line("c")});
   CHECK(missions.batch().code == 8);
@@ -218,7 +224,7 @@ TEST_CASE("a batch that is killed takes its runs with it, and goes on from there
   }
 }
 
-TEST_CASE("a signal ends a batch and its runs; the same command goes on") {
+TEST_CASE("a signal ends a batch and its runs, the same command goes on") {
   const Missions missions;
   missions.write({Missions::line("a"), Missions::line("b")});
   Command command(densify_words(missions.words()));
@@ -244,10 +250,16 @@ TEST_CASE("a table and JSON lines say the same") {
              "# two missions\r\noptions\tname\tmap\timages\tvideo\r\n"
              "--no-median-enabled --fusion-window '7'\ta\tmap.msg\timages\t\r\n"
              "\t\t./map.msg\timages\r\n");
-  REQUIRE(missions.batch().code == 0);
+  const std::vector<std::string> for_all{"--fusion-window", "5"};
+  REQUIRE(missions.batch(for_all).code == 0);
   const std::string status = read_text(missions.result("a") / "status.json");
   CHECK_THAT(status, Contains("--median-enabled=false") && Contains("--fusion-window=7"));
-  const Result table = missions.batch({}, "m.tsv");
+  const auto window = [&](const std::string& name) {
+    return Json::parse(read_text(missions.result(name) / "stats.json"))["options"]["fusion"]["window"];
+  };
+  CHECK(window("a") == 7);  // its own before that of all
+  CHECK(window("map") == 5);
+  const Result table = missions.batch(for_all, "m.tsv");
   CHECK(table.code == 0);
   CHECK_THAT(table.err, Contains("2 done before, 0 to do"));
   CHECK(missions.status("map")["state"] == "done");  // called as its map
@@ -274,6 +286,36 @@ TEST_CASE("the program that reads a batch gets events, and output folders lie wi
   CHECK(fs::exists(missions.result("a") / "work"));  // it was asked for
 }
 
+TEST_CASE("a batch has a page with its table, which leads to what each mission has left") {
+  const Missions missions;
+  missions.write({Missions::line("a"), Missions::line("b", {{"options", {{"format", "ply,potree"}}}}),
+                  Missions::line("c<b>", {{"map", "none & nowhere.msg"}}),
+                  Missions::line("d", {{"map", "none<i>.msg"}})});
+  const bool has_page = pmsp::tool::has_report_page();
+  const std::vector<std::string> more =
+      has_page ? std::vector<std::string>{"--report", "report.html", "--report-points", "500"}
+               : std::vector<std::string>{};
+  CHECK(missions.batch(more).code == 7);
+  const std::string page = read_text(missions / "out" / "index.html");
+  CHECK(page.rfind("<!doctype html>", 0) == 0);
+  CHECK_THAT(page, Contains("2 of 4 missions done, 2 failed") && Contains("default-src 'none'"));
+  CHECK_THAT(page, Contains("<a href=\"./a/cloud.ply\">cloud.ply</a>") && Contains("<a href=\"./a/log.txt\">"));
+  CHECK_THAT(page, !Contains("none<i>") && Contains("none&#60;i&#62;.msg"));
+  CHECK_THAT(page, Contains("5 of 5"));           // depth maps
+  CHECK_THAT(page, !Contains("cloud.potree\""));  // a folder is nothing to look at
+  if (!has_page) return;
+  for (const char* name : {"a", "b"}) {
+    CHECK_THAT(page, Contains("<a href=\"./" + std::string(name) + "/report.html\">" + name + "</a>"));
+    CHECK(fs::exists(missions.result(name) / "report.html"));
+  }
+  CHECK_THAT(read_text(missions.result("b") / "report.html"), Contains("\"potree\":\"./cloud.potree\""));
+  const auto before = fs::last_write_time(missions.result("a") / "report.html");
+  fs::remove(missions.result("b") / "report.html");  // what has lost its report is made again, and nothing else
+  CHECK(missions.batch(more).code == 7);
+  CHECK(fs::exists(missions.result("b") / "report.html"));
+  CHECK(fs::last_write_time(missions.result("a") / "report.html") == before);
+}
+
 TEST_CASE("a manifest or a command line that makes no sense ends a batch before it begins") {
   const Missions missions;
   const auto refused = [&](const std::string& manifest, int code, const std::vector<std::string>& more,
@@ -296,6 +338,8 @@ TEST_CASE("a manifest or a command line that makes no sense ends a batch before 
   refused(good, 2, {"--follow"}, "--follow is not for missions of a batch");
   refused(good, 2, {"--preview", "../look"}, "--preview is \"../look\"");
   refused(good, 2, {"--preview", "work"}, "--preview is \"work\"");
+  refused(good, 2, {"--report", "../r.html"}, "--report is \"../r.html\"");
+  refused(good, 2, {"--report", "log.txt"}, "--report is \"log.txt\"");
   CHECK(densify({"batch"}).code == 2);
   CHECK(densify({"batch", (missions / "m.jsonl").string()}).code == 2);
   CHECK(densify({"batch", (missions / "none.jsonl").string(), "-o", (missions / "out").string()}).code == 3);
@@ -318,7 +362,7 @@ TEST_CASE("a folder that is not of a batch stays as it is") {
   CHECK(read_text(missions.result("b") / "status.json") == "somebody's");
 }
 
-TEST_CASE("--scan finds maps with the images or the video beside them, and its list can be run") {
+TEST_CASE("batch --scan finds maps with the images or the video beside them, and its list can be run") {
   const TempDir dir;
   const auto add = [&](const std::string& folder, const std::string& map, const std::vector<std::string>& files) {
     fs::create_directories(dir / folder);
@@ -355,7 +399,7 @@ TEST_CASE("--scan finds maps with the images or the video beside them, and its l
   CHECK(densify({"batch", "--scan", (dir / "nothing").string()}).code == 3);
 }
 
-TEST_CASE("processes that have a share each make a batch together; the table says how far they are") {
+TEST_CASE("processes that have a share each make a batch together, the table says how far they are") {
   const Missions missions;
   std::vector<Json> lines;
   for (const char* name : {"a", "b", "c", "d", "e"}) lines.push_back(Missions::line(name));
@@ -399,7 +443,7 @@ TEST_CASE("processes that have a share each make a batch together; the table say
   }
 }
 
-TEST_CASE("--slurm prints what submits a batch") {
+TEST_CASE("batch --slurm prints what submits a batch") {
   const Missions missions;
   missions.write({Missions::line("a"), Missions::line("b"), Missions::line("c")});
   const Result script = missions.batch({"--slurm", "--sbatch", "--time=2:00:00 --comment 'a b'", "--retry"});

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
+#include <cstdint>
 #include <cstring>
 
 #include <catch2/catch.hpp>
 
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 
 #include "cli/command.h"
 #include "pmsp/io/cloud_writer.h"
@@ -179,4 +181,66 @@ TEST_CASE("depth maps in the formats that are asked for, and an index that names
   CHECK(static_cast<std::size_t>(std::distance(fs::directory_iterator(dir / "d"), fs::directory_iterator())) == files);
   require_ok(densify(quick_run(dir / "c.ply", {"--depth-maps", depth, "--depth-format", "pfm", "--force"})));
   CHECK(std::distance(fs::directory_iterator(dir / "d"), fs::directory_iterator()) == 1 + 3 * 5);  // old ones are gone
+}
+
+TEST_CASE("datasets carry the masks, under the names that their readers look for", "[outputs]") {
+  const TempDir dir;
+  fs::create_directory(dir / "masks");
+  fs::copy(mission() / "mask.png", dir / "masks/000001.png.png");  // the others are used as a whole
+  const Words targets{"-o", (dir / "c.colmap").string(), "-o", (dir / "n.nerfstudio").string(), "--force"};
+  require_ok(densify(quick(joined(targets, {"--mask", (dir / "masks").string()}))));
+  const auto json = nlohmann::json::parse(read_text(dir / "n.nerfstudio/transforms.json"));
+  const cv::Mat given = cv::imread((mission() / "mask.png").string(), cv::IMREAD_GRAYSCALE);
+  for (int i = 0; i < 5; ++i) {
+    const std::string image = "00000" + std::to_string(i) + ".png", name = image + ".png";
+    CAPTURE(image);
+    const cv::Mat mask = cv::imread((dir / "c.colmap/masks" / name).string(), cv::IMREAD_UNCHANGED);
+    const cv::Mat pixels = cv::imread((dir / "c.colmap/images" / image).string());
+    REQUIRE(mask.type() == CV_8UC1);
+    REQUIRE(mask.size() == pixels.size());
+    REQUIRE(mask.size() == given.size());
+    const cv::Mat expected = i == 1 ? given != 0 : cv::Mat(mask.size(), CV_8UC1, cv::Scalar(255));
+    CHECK(cv::countNonZero(mask != expected) == 0);
+    CHECK(json["frames"][static_cast<std::size_t>(i)]["mask_path"] == "masks/" + name);
+    CHECK(read_text(dir / "n.nerfstudio/masks" / name) == read_text(dir / "c.colmap/masks" / name));
+  }
+  require_ok(densify(quick(targets)));  // without a mask none stays
+  CHECK_FALSE(fs::exists(dir / "c.colmap/masks"));
+  CHECK_FALSE(fs::exists(dir / "n.nerfstudio/masks"));
+  CHECK_FALSE(
+      nlohmann::json::parse(read_text(dir / "n.nerfstudio/transforms.json"))["frames"][0].contains("mask_path"));
+}
+
+TEST_CASE("images that EXIF data turn are upright in a dataset", "[outputs]") {
+  const TempDir dir;
+  fs::copy(mission() / "images", dir / "images");
+  // The eXIf chunk of a TIFF block that says: orientation 3, upside down.
+  const std::string tiff("II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x03\0\0\0\0\0\0\0", 26);
+  const std::string chunk = "eXIf" + tiff;
+  std::uint32_t crc = 0xffffffffU;
+  for (const char c : chunk) {
+    crc ^= static_cast<unsigned char>(c);
+    for (int bit = 0; bit < 8; ++bit) crc = (crc & 1U) != 0 ? 0xedb88320U ^ crc >> 1U : crc >> 1U;
+  }
+  const auto big = [](std::uint32_t value) {
+    std::string bytes;
+    for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(value >> static_cast<unsigned>(shift));
+    return bytes;
+  };
+  const fs::path turned = dir / "images/000002.png";
+  const cv::Mat upright = cv::imread(turned.string());
+  cv::Mat upside_down;
+  cv::rotate(upright, upside_down, cv::ROTATE_180);
+  cv::imwrite(turned.string(), upside_down);
+  const std::string png = read_text(turned);
+  write_text(turned, png.substr(0, 33) + big(26) + chunk + big(crc ^ 0xffffffffU) + png.substr(33));
+  Words words = quick({"-o", (dir / "c.colmap").string(), "-o", (dir / "c.ply").string()});
+  *(std::find(words.begin(), words.end(), "--images") + 1) = (dir / "images").string();
+  require_ok(densify(words));
+  const cv::Mat written =
+      cv::imread((dir / "c.colmap/images/000002.jpg").string(), cv::IMREAD_IGNORE_ORIENTATION | cv::IMREAD_COLOR);
+  REQUIRE(written.size() == upright.size());
+  CHECK(cv::norm(written, upright, cv::NORM_L1) / static_cast<double>(3 * upright.total()) < 4.0);
+  require_ok(densify(quick({"-o", (dir / "plain.ply").string()})));
+  CHECK((read_text(dir / "plain.ply") == read_text(dir / "c.ply")));
 }

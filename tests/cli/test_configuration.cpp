@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
 
+#include <algorithm>
+#include <set>
+#include <sstream>
+
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
-#include "option_table.h"
+#include "option_flags.h"
 
 using namespace pmsp;
 using namespace pmsp_test;
@@ -18,15 +22,13 @@ nlohmann::json at(const nlohmann::json& json, const std::string& key) {
 }
 
 // A value in the option's range that is not its default.
-std::string other_value(const tool::OptionEntry& entry) {
+std::string other_value(const OptionEntry& entry) {
   if (entry.is_switch()) return entry.text_of(DensifierOptions()) == "true" ? "false" : "true";
   if (std::string(entry.key) == "simd") return "scalar";
   if (std::string(entry.key) == "backend") return "cpu";
-  if (std::string(entry.key) == "width") return "512";
-  if (std::string(entry.key) == "height") return "256";
   if (std::string(entry.key) == "seed") return "18446744073709551615";
   const double now = std::stod(entry.text_of(DensifierOptions()));
-  const double step = std::string(entry.key).find("window") != std::string::npos ? 2.0 : 1.0;  // windows are odd
+  const double step = entry.numbers == OptionEntry::Numbers::kAll ? 1.0 : 2.0;
   const double other = now + step <= entry.max ? now + step : 0.5 * (now + entry.min);
   std::string text = std::to_string(other);
   if (text.find(".000000") != std::string::npos) text.resize(text.find('.'));
@@ -35,34 +37,18 @@ std::string other_value(const tool::OptionEntry& entry) {
 
 }  // namespace
 
-TEST_CASE("the table covers every option of the library") {
-  // These stop compiling when a struct gains or loses a field; then the table needs the same change.
-  const DensifierOptions all;
-  [[maybe_unused]] const auto& [width, height, seed, backend, devices, pipelined, threads, simd, scratch_folder,
-                                lens_distance, unordered, view_filter, init, patchmatch, median, consistency, fusion,
-                                free_space] = all;
-  [[maybe_unused]] const auto& [v1, v2, v3, v4, v5] = view_filter;
-  [[maybe_unused]] const auto& [i1, i2, i3, i4, i5] = init;
-  [[maybe_unused]] const auto& [p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15, p16, p17, p18, p19] =
-      patchmatch;
-  [[maybe_unused]] const auto& [m1, m2, m3] = median;
-  [[maybe_unused]] const auto& [c1, c2, c3, c4] = consistency;
-  [[maybe_unused]] const auto& [f1, f2, f3, f4, f5, f6] = fusion;
-  [[maybe_unused]] const auto& [s1, s2, s3, s4, s5, s6, s7, s8] = free_space;
-  CHECK(tool::option_table().size() == 10 + 5 + 5 + 19 + 3 + 4 + 6 + 8);
-}
-
 TEST_CASE("every option is in the help, in the configuration, and taken from flag and file") {
   const TempDir dir;
-  const std::string help = densify({"run", "--help"}).out;
+  const std::string help = densify({"run", "--help-all"}).out;
   const auto defaults = nlohmann::json::parse(densify({"config"}).out);
-  for (const tool::OptionEntry& entry : tool::option_table()) {
+  for (const OptionEntry& entry : option_table()) {
     INFO(entry.key);
-    CHECK_THAT(help, Contains(entry.flag() + " "));
+    const std::string flag = tool::flag_of(entry);
+    CHECK_THAT(help, Contains(flag + " "));
     CHECK_THAT(help, Contains(entry.help));
-    if (entry.is_switch()) CHECK_THAT(help, Contains(entry.negative_flag() + " "));
+    if (entry.is_switch()) CHECK_THAT(help, Contains(tool::negative_flag_of(entry) + " "));
     const std::string value = other_value(entry);
-    const Result by_flag = densify({"config", entry.flag() + "=" + value});
+    const Result by_flag = densify({"config", flag + "=" + value});
     REQUIRE(by_flag.code == 0);
     const auto changed = nlohmann::json::parse(by_flag.out);
     CHECK(at(changed, entry.key) != at(defaults, entry.key));
@@ -70,6 +56,30 @@ TEST_CASE("every option is in the help, in the configuration, and taken from fla
     write_text(dir / "c.json", by_flag.out);
     CHECK(densify({"config", "--config", (dir / "c.json").string()}).out == by_flag.out);
   }
+}
+
+TEST_CASE("the help shows what most people use, and says where the rest is") {
+  const auto flags_in = [](const std::string& help) {
+    std::set<std::string> flags;
+    std::istringstream lines(help);
+    for (std::string line; std::getline(lines, line);) {
+      if (line.rfind("  -", 0) != 0) continue;
+      const std::string names = line.substr(2, line.find(' ', 2) - 2);
+      flags.insert(names.substr(names.rfind(',') + 1));
+    }
+    return flags;
+  };
+  const std::set<std::string> few = flags_in(densify({"run", "--help"}).out);
+  const std::set<std::string> all = flags_in(densify({"run", "--help-all"}).out);
+  CHECK(few.size() == 21);  // twenty, and the help itself
+  CHECK(all.size() > 80);
+  CHECK(std::includes(all.begin(), all.end(), few.begin(), few.end()));
+  for (const char* flag : {"--images", "--output", "--quality", "--help-all"}) CHECK(few.count(flag) == 1);
+  CHECK(few.count("--fusion-window") == 0);
+  CHECK(all.count("--fusion-window") == 1);
+  CHECK(flags_in(densify({"config", "--help"}).out).count("--fusion-window") == 0);
+  CHECK(flags_in(densify({"config", "--help-all"}).out).count("--fusion-window") == 1);
+  CHECK(densify({"config", "--fusion-window", "3"}).code == 0);  // hidden, but there
 }
 
 TEST_CASE("the least confidence has a short name") {
@@ -115,7 +125,7 @@ TEST_CASE("the paper's setting is a quality, and the help names what it changes"
   const auto json = nlohmann::json::parse(densify({"config", "--quality", "paper"}).out);
   CHECK(json["patchmatch"]["fine_patch"] == 1.0);
   CHECK(json["consistency"]["max_relative_depth"] == 0.08);
-  const std::string help = densify({"run", "--help"}).out;
+  const std::string help = densify({"run", "--help-all"}).out;
   CHECK_THAT(help, Contains("or paper") && Contains("paper 0.08"));
 }
 

@@ -82,15 +82,15 @@ TEST_CASE("every format gives the cloud of the map") {
     const PlyCloud cloud = read_ply(output);
     const double points = static_cast<double>(cloud.positions.size()) / static_cast<double>(expected.positions.size());
     CHECK(points == Approx(1.0).margin(format.has_observations ? 0.01 : 0.1));
-    CHECK(share_in(cloud, expected) > (format.has_observations ? 0.999 : usual - 0.02));
-    CHECK(share_in(expected, cloud) > (format.has_observations ? 0.999 : usual - 0.02));
+    CHECK(share_in(cloud, expected) > (format.has_observations ? 0.998 : usual - 0.02));
+    CHECK(share_in(expected, cloud) > (format.has_observations ? 0.998 : usual - 0.02));
     if (format.name[0] != 'C') continue;
     if (colmap.empty()) colmap = read_text(output);
     CHECK(read_text(output) == colmap);  // text and binary
   }
 }
 
-TEST_CASE("poses alone do, with landmarks from the images; what the images contradict is refused by name") {
+TEST_CASE("poses alone do, with landmarks from the images, what the images contradict is refused by name") {
   const TempDir dir;
   REQUIRE(densify(quick_run(dir / "map.ply")).code == 0);
   const PlyCloud expected = read_ply(dir / "map.ply");
@@ -142,6 +142,12 @@ TEST_CASE("info tells of an import, and a wrong one is refused by name") {
   CHECK(refused.code == 3);
   CHECK_THAT(refused.err, Contains("inverted poses"));
   CHECK(!fs::exists(dir / "c.ply"));
+
+  // Images that a map names, and nobody has asked for, may be elsewhere.
+  write_nerfstudio(dir / "n", named_map());
+  const Result elsewhere = densify({"info", (dir / "n/transforms.json").string()});
+  CHECK(elsewhere.code == 0);
+  CHECK_THAT(elsewhere.out, Contains("nerfstudio") && Contains("no images:"));
 
   // A model without a word on where its images are.
   write_colmap_text(dir / "d", named_map());

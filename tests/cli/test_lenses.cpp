@@ -56,32 +56,33 @@ nlohmann::json stats(const TempDir& dir) { return nlohmann::json::parse(read_tex
 
 }  // namespace
 
-TEST_CASE("two lenses are noticed, told, and corrected") {
+// One case, for what its sections look at is drawn once.
+TEST_CASE("two lenses") {
   const TempDir dir;
-  const Result result = run(dir, {});
-  CHECK_THAT(result.err, Contains("lenses: 0.0") && Contains("map units apart") && Contains("corrected"));
-  const nlohmann::json found = stats(dir);
-  CHECK(found["lenses"]["corrected"] == true);
-  CHECK(found["lenses"]["distance"].get<double>() == Approx(0.03).epsilon(0.15));
-  CHECK(found["options"]["lens_distance"] == found["lenses"]["distance"]);
-}
+  SECTION("are noticed, told, and corrected") {
+    const Result result = run(dir, {});
+    CHECK_THAT(result.err, Contains("lenses: 0.0") && Contains("map units apart") && Contains("corrected"));
+    const nlohmann::json found = stats(dir);
+    CHECK(found["lenses"]["corrected"] == true);
+    CHECK(found["lenses"]["distance"].get<double>() == Approx(0.03).epsilon(0.15));
+    CHECK(found["options"]["lens_distance"] == found["lenses"]["distance"]);
+  }
 
-TEST_CASE("a distance that is given is not estimated, nor where nobody wants it") {
-  const TempDir dir;
-  CHECK_THAT(run(dir, {"--lens-distance", "0.05"}).err, !Contains("map units apart"));
-  CHECK(stats(dir)["options"]["lens_distance"] == 0.05);
-  CHECK_FALSE(stats(dir).contains("lenses"));
-  CHECK_THAT(run(dir, {"--no-lens-calibration"}).err, !Contains("map units apart"));
-  CHECK(stats(dir)["options"]["lens_distance"] == 0.0);
-  std::ofstream(dir / "paper.json") << R"({"quality": "paper"})";
-  CHECK_THAT(run(dir, {"--config", (dir / "paper.json").string()}).err, !Contains("map units apart"));
-}
+  SECTION("a distance that is given is not estimated, nor where nobody wants it") {
+    CHECK_THAT(run(dir, {"--lens-distance", "0.05"}).err, !Contains("map units apart"));
+    CHECK(stats(dir)["options"]["lens_distance"] == 0.05);
+    CHECK_FALSE(stats(dir).contains("lenses"));
+    CHECK_THAT(run(dir, {"--no-lens-calibration"}).err, !Contains("map units apart"));
+    CHECK(stats(dir)["options"]["lens_distance"] == 0.0);
+    std::ofstream(dir / "paper.json") << R"({"quality": "paper"})";
+    CHECK_THAT(run(dir, {"--config", (dir / "paper.json").string()}).err, !Contains("map units apart"));
+  }
 
-TEST_CASE("in a workspace the lenses stay as they were found first") {
-  const TempDir dir;
-  const std::string workspace = (dir / "work").string();
-  CHECK_THAT(run(dir, {"--workspace", workspace}).err, Contains("map units apart"));
-  const nlohmann::json first = stats(dir);
-  CHECK_THAT(run(dir, {"--workspace", workspace}).err, !Contains("map units apart") && Contains("0 made"));
-  CHECK(stats(dir)["options"]["lens_distance"] == first["options"]["lens_distance"]);
+  SECTION("in a workspace they stay as they were found first") {
+    const std::string workspace = (dir / "work").string();
+    CHECK_THAT(run(dir, {"--workspace", workspace}).err, Contains("map units apart"));
+    const nlohmann::json first = stats(dir);
+    CHECK_THAT(run(dir, {"--workspace", workspace}).err, !Contains("map units apart") && Contains("0 made"));
+    CHECK(stats(dir)["options"]["lens_distance"] == first["options"]["lens_distance"]);
+  }
 }

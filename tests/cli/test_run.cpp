@@ -175,7 +175,7 @@ TEST_CASE("an empty result gives 5, the stage and the option to try, and no file
   const std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> cases{
       {{"--view-filter-min-parallax-deg", "170", "--view-filter-max-parallax-deg", "180"},
        {"view filter", "--view-filter-"}},
-      {{"--median-min-score", "1"}, {"median filter", "--median-min-score"}},
+      {{"--median-min-score", "1", "--no-patchmatch-plane-priors"}, {"median filter", "--median-min-score"}},
       {{"--fusion-min-confidence", "1"}, {"fusion", "--fusion-min-confidence"}},
   };
   for (const auto& [arguments, expected] : cases) {
@@ -192,7 +192,7 @@ TEST_CASE("an empty result gives 5, the stage and the option to try, and no file
 
 TEST_CASE("each stage that may lose all points is named with an option that exists") {
   DensifierStats stats;
-  const std::string help = densify({"run", "--help"}).out;
+  const std::string help = densify({"run", "--help-all"}).out;
   const auto check = [&](const std::string& stage) {
     const std::string text = tool::explain_empty(stats);
     INFO(text);
@@ -298,7 +298,7 @@ TEST_CASE("SIGTERM ends a run with 143") {
   CHECK(dir.entries() == 0);
 }
 
-TEST_CASE("SIGINT ends a run with 130 and leaves nothing; the old cloud stays") {
+TEST_CASE("SIGINT ends a run with 130 and leaves nothing, the old cloud stays") {
   const TempDir dir;
   write_text(dir / "c.ply", "old");
   Command command(densify_words(quick_run(dir / "c.ply", {"--force", "--width", "2048", "--height", "1024",

@@ -15,11 +15,12 @@ TEST_CASE("help and version go to standard output") {
     const Result help = densify({flag});
     CHECK(help.code == 0);
     CHECK(help.err.empty());
-    for (const char* word :
-         {"run", "info", "config", "Examples:", "--images", "--patchmatch-iterations", "Exit codes", "143"}) {
+    for (const char* word : {"run", "info", "config", "Examples:", "--images", "--help-all", "Exit codes", "143"}) {
       CHECK_THAT(help.out, Contains(word));
     }
+    CHECK_THAT(help.out, !Contains("--patchmatch-iterations"));
   }
+  CHECK_THAT(densify({"--help-all"}).out, Contains("Examples:") && Contains("--patchmatch-iterations"));
   CHECK_THAT(densify({"info", "--help"}).out, Contains("--json"));
   CHECK_THAT(densify({"merge", "--help"}).out, Contains("WORKSPACE") && Contains("--output"));
   const Result version = densify({"--version"});
@@ -41,7 +42,7 @@ TEST_CASE("usage errors give 2 and name what is wrong") {
       {{"m.msg", "--images", "a", "n.msg"}, "n.msg"},
       {{"m.msg", "--images"}, "--images"},
       {{"m.msg", "--images", "a", "--fusion-window", "32"},
-       "--fusion-window is 32; expected a whole number from 1 to 31"},
+       "--fusion-window is 32; expected an odd number from 1 to 31"},
       {{"m.msg", "--images", "a", "--fusion-window", "nan"}, "--fusion-window"},
       {{"m.msg", "--images", "a", "--view-filter-min-share", "nan"}, "--view-filter-min-share"},
       {{"m.msg", "--images", "a", "--seed", "-1"}, "--seed"},

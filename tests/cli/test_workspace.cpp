@@ -6,6 +6,7 @@
 #include <random>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <catch2/catch.hpp>
@@ -153,7 +154,7 @@ TEST_CASE("killed at any moment and run again, a step ends with the same bytes")
   CHECK(files > 6);
 }
 
-TEST_CASE("a full disk ends a step with 6; with more room it goes on to the same bytes") {
+TEST_CASE("a full disk ends a step with 6, with more room it goes on to the same bytes") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   require_ok(densify(quick_run(dir / "plain.ply")));
@@ -167,7 +168,7 @@ TEST_CASE("a full disk ends a step with 6; with more room it goes on to the same
   CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));
 }
 
-TEST_CASE("--follow takes up images as they come, and ends when nothing has changed for long enough") {
+TEST_CASE("run --follow takes up images as they come, and ends when nothing has changed for long enough") {
   const TempDir dir;
   copy_images(dir / "images", 3);
   Command follow(densify_words(step(dir, {"--follow", "--until-idle", "4"})));
@@ -185,7 +186,37 @@ TEST_CASE("--follow takes up images as they come, and ends when nothing has chan
   CHECK_THAT(after.err, Contains("0 refined, 0 made"));
 }
 
-TEST_CASE("--follow waits out a state that cannot be used, and a signal ends it") {
+TEST_CASE("run --growing leaves passes to a run without it, which ends with what has all of them") {
+  const TempDir dir;
+  copy_images(dir / "images", 4);
+  const Result first = densify(step(dir, {"--growing"}));
+  require_ok(first);
+  copy_images(dir / "images", 9);
+  require_ok(densify(step(dir, {"--growing"})));
+  const Result last = densify(step(dir));
+  require_ok(last);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // with these there is one pass only
+  CHECK_THAT(first.err, Contains("lack passes for now"));
+  CHECK_THAT(last.err, Contains("had too few passes 5") && !Contains("lack passes for now"));
+#endif
+  require_ok(densify(quick_run(dir / "plain.ply", {"--images", (dir / "images").string()})));
+  CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));  // all were matched anew
+  CHECK(densify(quick_run(dir / "n.ply", {"--growing"})).code == 2);
+  CHECK(densify(step(dir, {"--growing", "--follow"})).code == 2);
+}
+
+TEST_CASE("run --follow ends with a run that expects no more keyframes, whatever was there before") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  require_ok(densify(step(dir)));
+  const Result result = densify(step(dir, {"--follow", "--until-idle", "0.1"}));
+  require_ok(result);
+  const std::size_t first = result.err.find("workspace:   ");
+  CHECK(first != std::string::npos);
+  CHECK(result.err.find("workspace:   ", first + 1) != std::string::npos);
+}
+
+TEST_CASE("run --follow waits out a state that cannot be used, and a signal ends it") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   const std::string map = read_text(mission() / "map.msg");
@@ -252,6 +283,23 @@ TEST_CASE("other options give what they give in a new workspace") {
     require_ok(densify(step(dir, options)));  // and again, with nothing left to do
     CHECK(same_bytes(dir / "c.ply", fresh / "c.ply"));
     if (kKills == 1) break;  // with sanitizers each run takes long
+  }
+}
+
+TEST_CASE("lenses that were taken for one are looked at again when there are twice as many images, and at the end") {
+  const TempDir dir;
+  struct Run {
+    std::size_t images;
+    bool growing, looks;
+  };
+  for (const Run& run :
+       {Run{2, true, true}, {3, true, false}, {4, true, true}, {5, true, false}, {5, false, true}, {5, false, false}}) {
+    CAPTURE(run.images, run.growing);
+    copy_images(dir / "images", run.images);
+    const Result result =
+        densify(step(dir, run.growing ? std::vector<std::string>{"--growing"} : std::vector<std::string>{}));
+    require_ok(result);
+    CHECK((result.err.find("lenses: ") != std::string::npos) == run.looks);
   }
 }
 

@@ -11,7 +11,7 @@
 #include "pmsp/executor.h"
 #include "pmsp/options.h"
 #include "pmsp/patchmatch.h"
-#include "support/mission.h"
+#include "synth/mission.h"
 
 /// Tag of tests that need images large enough for good depths. Under a sanitizer, where PatchMatch takes many
 /// times as long, they are hidden; the others run there with tiny images.

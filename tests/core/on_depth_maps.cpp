@@ -46,9 +46,17 @@ RangeMap range_map(const DepthMap& map, const Executor& executor) {
   return range_map(plane_map_of(map, executor), map.confidence, executor);
 }
 
-PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const DepthRange& range,
-                        const PatchMatchOptions& options, const Executor& executor) {
-  return image_of(plane_priors(plane_map_of(map, executor), panorama, range, options, executor));
+PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const std::vector<KeyframePose>& neighbours,
+                        const DepthRange& range, const Executor& executor) {
+  return image_of(plane_priors(plane_map_of(map, executor), panorama, neighbours, range, executor));
+}
+
+std::vector<KeyframePose> places_around(const KeyframePose& pose) {
+  std::vector<KeyframePose> places(3, pose);
+  for (int axis = 0; axis < 3; ++axis) {
+    places[static_cast<std::size_t>(axis)].cam_from_world.translation[axis] += 1.0 / pose.scale;
+  }
+  return places;
 }
 
 PlaneImage warp_planes(const DepthMap& previous, const KeyframePose& pose, int width, int height,

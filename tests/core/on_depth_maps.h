@@ -27,8 +27,11 @@ void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& other
                         const ConsistencyFilterOptions& options, const Executor& executor,
                         FilterStats* stats = nullptr);
 RangeMap range_map(const DepthMap& map, const Executor& executor);
-PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const DepthRange& range,
-                        const PatchMatchOptions& options, const Executor& executor);
+/// `neighbours`: where the keyframes are that the map is matched with.
+PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const std::vector<KeyframePose>& neighbours,
+                        const DepthRange& range, const Executor& executor);
+/// Keyframes beside, above and before another one, so that any texture tells depths.
+std::vector<KeyframePose> places_around(const KeyframePose& pose);
 PlaneImage warp_planes(const DepthMap& previous, const KeyframePose& pose, int width, int height,
                        const Executor& executor);
 

@@ -11,7 +11,7 @@
 #include "core/on_depth_maps.h"
 #include "pmsp/error.h"
 #include "pmsp/filters.h"
-#include "support/rng.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -133,6 +133,16 @@ TEST_CASE("deviations inside the tolerance, or a pixel's angle, stay", "[consist
   CHECK(kept(1.2 * pixel_angle, 1.5 * pixel_angle) > 0.99);
 }
 
+TEST_CASE("more maps must agree than have looked through", "[consistency]") {
+  const DepthMap truth = truth_maps(room())[2];
+  DepthMap nearer = truth;  // seen by three keyframes in one place
+  for (float& depth : nearer.depth.pixels()) depth *= 0.8F;
+  CHECK(filled(filtered(nearer, {&nearer, &nearer}).depth) > 0.995);
+  CHECK(filled(filtered(nearer, {&nearer, &nearer, &truth}).depth) > 0.995);
+  CHECK(filled(filtered(nearer, {&nearer, &nearer, &truth, &truth}).depth) < 0.005);
+  CHECK(filled(filtered(truth, {&truth, &truth, &nearer, &nearer}).depth) > 0.995);  // hidden, that is all
+}
+
 TEST_CASE("holes are no agreement", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const DepthMap hole1 = without_depths(maps[1]);
@@ -191,6 +201,19 @@ TEST_CASE("confidence grows with the maps that agree and with how well they do",
   CHECK(all > 1.2F * half);
   CHECK(all > 1.2F * scattered);
   CHECK(half > 0.1F);
+}
+
+TEST_CASE("confidence is low where the surface around is rough", "[consistency]") {
+  const std::vector<DepthMap> maps = truth_maps(room());
+  DepthMap rough = maps[2];
+  const int x = kWidth / 4;
+  const int y = kWidth / 4;
+  for (std::size_t i = 0; i < rough.depth.size(); ++i) {
+    rough.depth.pixels()[i] *= static_cast<float>(1.0 + 0.006 * synth::gaussian(4, i));
+  }
+  rough.depth(x, y) = maps[2].depth(x, y);  // agrees as well as ever
+  const float smooth = filtered(maps[2], others_of(maps, 2)).confidence(x, y);
+  CHECK(filtered(rough, others_of(maps, 2)).confidence(x, y) < 0.8F * smooth);
 }
 
 TEST_CASE("confidence is low where there is little parallax", "[consistency]") {

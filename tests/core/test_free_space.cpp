@@ -114,6 +114,7 @@ TEST_CASE("points in the air go, points behind walls say nothing", "[free space]
   CHECK(kept(maps[2], others_of(range_maps, 2), 0.8F) < 0.01);
   CHECK(kept(maps[2], others_of(range_maps, 2), 1.2F) > 0.99);
   CHECK(kept(maps[2], others_of(range_maps, 2), 0.97F) > 0.95);  // nearer than the gap: no one says it is wrong
+  CHECK(kept(maps[2], others_of(range_maps, 2), 0.92F) < 0.1);   // farther than the gap
   FreeSpaceOptions strict;
   strict.min_relative_gap = 0.01;
   strict.max_relative_depth = 0.005;
@@ -190,6 +191,18 @@ TEST_CASE("a view through an opening stays, though what is there is like the roo
   const Stay stay = staying(maps, 2, seen);
   CHECK(stay.named > 0.98);
   CHECK(stay.others > 0.98);
+}
+
+TEST_CASE("what as many keyframes deny as confirm is no mirror image", "[free space]") {
+  std::vector<DepthMap> maps = truth_maps(room());
+  const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
+  for (const std::size_t k : {1U, 3U}) {  // have looked through walls and ceiling, but have the floor
+    for (std::size_t i = 0; i < maps[k].depth.size(); ++i) {
+      const Eigen::Vector3f up = maps[k].cam_from_world.rotation.cast<float>() * -Eigen::Vector3f::UnitY();
+      if (maps[k].normal.pixels()[i].dot(up) < 0.9F) maps[k].depth.pixels()[i] *= 1.5F;
+    }
+  }
+  CHECK(staying(maps, 2, ghosts).named > 0.9);
 }
 
 TEST_CASE("what is no mirror image stays behind what others have", "[free space]") {

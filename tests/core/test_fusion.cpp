@@ -10,7 +10,7 @@
 #include "core/on_depth_maps.h"
 #include "pmsp/error.h"
 #include "pmsp/fusion.h"
-#include "support/rng.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -145,21 +145,28 @@ TEST_CASE("views counts the maps that agree", "[fusion]") {
   CHECK(static_cast<double>(three) > 0.99 * static_cast<double>(all.points.size()));
 }
 
-TEST_CASE("surfaces that face another way are not averaged", "[fusion]") {
-  Fusion fusion(sphere());
-  for (std::size_t k = 1; k < 3; ++k) {
-    for (int y = 0; y < kWidth / 2; ++y) {
-      for (int x = 0; x < kWidth; ++x) {  // 70 degrees off, through the same points
-        const Eigen::Vector3f b = bearing_of(fusion.maps[k].depth, x, y).cast<float>();
-        const Eigen::Vector3f side = b.unitOrthogonal();
-        fusion.maps[k].normal(x, y) = -0.342F * b + 0.940F * side;
+TEST_CASE("surfaces that face another way by more than 60 degrees are not averaged", "[fusion]") {
+  /// Share of the points of the first keyframe that so many maps agree on, where the others' surfaces are turned
+  /// through the same points.
+  const auto share = [](double turned_deg, int views) {
+    Fusion fusion(sphere());
+    const float cosine = static_cast<float>(std::cos(turned_deg * 3.14159265358979 / 180.0));
+    const float sine = std::sqrt(1.0F - cosine * cosine);
+    for (std::size_t k = 1; k < 3; ++k) {
+      for (int y = 0; y < kWidth / 2; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          const Eigen::Vector3f b = bearing_of(fusion.maps[k].depth, x, y).cast<float>();
+          fusion.maps[k].normal(x, y) = -cosine * b + sine * b.unitOrthogonal();
+        }
       }
     }
-  }
-  const KeyframeCloud cloud = fusion.fuse_one(0);
-  const auto one =
-      std::count_if(cloud.points.begin(), cloud.points.end(), [](const CloudPoint& p) { return p.views == 1; });
-  CHECK(static_cast<double>(one) > 0.5 * static_cast<double>(cloud.points.size()));
+    const KeyframeCloud cloud = fusion.fuse_one(0);
+    const auto count =
+        std::count_if(cloud.points.begin(), cloud.points.end(), [&](const CloudPoint& p) { return p.views == views; });
+    return static_cast<double>(count) / static_cast<double>(cloud.points.size());
+  };
+  CHECK(share(70.0, 1) > 0.5);
+  CHECK(share(45.0, 3) > 0.9);
 }
 
 TEST_CASE("colours are averaged with the inverse square of the expected errors", "[fusion]") {

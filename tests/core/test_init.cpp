@@ -10,7 +10,7 @@
 #include "core/on_depth_maps.h"
 #include "pmsp/camera.h"
 #include "pmsp/initialiser.h"
-#include "support/rng.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <map>
 #include <vector>
 
-#include "core/helpers.h"
+#include "core/recording.h"
 #include "cpu/executor_impl.h"
 #include "cpu/rows.h"
 #include "pmsp/filters.h"
@@ -18,19 +19,18 @@ using namespace pmsp::test;
 
 namespace {
 
-constexpr int kWidth = 100;  // rows of 50 pixels of a colour: a multiple of no number of lanes
+/// Rows of 50 and 18 pixels of a colour, a multiple of no number of lanes, and of 8, half of the lanes of AVX-512.
+constexpr int kWidth = 100;
+constexpr int kWidths[] = {kWidth, 36, 16};
 
 /// Walls of one colour, so that planes have priors, and furniture; parts of it are masked.
-const synth::Mission& masked_room() {
-  static const synth::Mission kRoom = [] {
-    synth::Mission mission = synth::painted_room(small_recipe(kWidth));
-    mission.mask = Image<std::uint8_t>(kWidth, kWidth / 2, 255);
-    for (int y = kWidth / 5; y < kWidth / 3; ++y) {
-      for (int x = kWidth / 4; x < kWidth / 2; ++x) mission.mask(x, y) = 0;
-    }
-    return mission;
-  }();
-  return kRoom;
+synth::Mission masked_room(int width) {
+  synth::Mission mission = synth::painted_room(small_recipe(width));
+  mission.mask = Image<std::uint8_t>(width, width / 2, 255);
+  for (int y = width / 5; y < width / 3; ++y) {
+    for (int x = width / 4; x < width / 2; ++x) mission.mask(x, y) = 0;
+  }
+  return mission;
 }
 
 /// What every stage leaves, as in the Densifier.
@@ -58,15 +58,14 @@ PlaneMap second_pass(const std::vector<PlaneMap>& first, const std::vector<Panor
   return patchmatch(input, options, 1, executor);
 }
 
-Results run_all(const Executor& executor) {
-  const synth::Mission& mission = masked_room();
+Results run_all(const synth::Mission& mission, const Executor& executor) {
   const DepthRange range{0.3, 30.0};
   Results results;
   std::vector<Panorama> panoramas;
   std::vector<MatchInput> inputs(3);
   for (std::size_t i = 0; i < 3; ++i) {
     const Keyframe keyframe = synth::keyframe_of(mission, i);
-    panoramas.emplace_back(keyframe.image, keyframe.mask, kWidth, kWidth / 2, executor);
+    panoramas.emplace_back(keyframe.image, keyframe.mask, mission.width, mission.height, executor);
     inputs[i].keyframe_id = keyframe.id;
     inputs[i].range = range;
   }
@@ -80,7 +79,8 @@ Results run_all(const Executor& executor) {
     results.maps.push_back(patchmatch(inputs[i], options, 1, executor));
   }
   std::vector<PlaneMap>& maps = results.maps;
-  results.priors = plane_priors(maps[1], panoramas[1], range, options, executor);
+  const std::vector<KeyframePose> around = {{mission.frames[0].cam_from_world}, {mission.frames[2].cam_from_world}};
+  results.priors = plane_priors(maps[1], panoramas[1], around, range, executor);
   maps.push_back(second_pass(maps, panoramas, results.priors, range, executor));
   maps.push_back(median_filter(maps[3], MedianFilterOptions{}, executor));
   ConsistencyFilterOptions consistency;
@@ -134,41 +134,36 @@ bool same(const Results& a, const Results& b) {
     if (a.standings[i].pixels() != b.standings[i].pixels()) return false;
   }
   if (!same(a.priors, b.priors) || !test::same(a.confidence, b.confidence)) return false;
-  if (a.cloud.points.size() != b.cloud.points.size()) return false;
-  for (std::size_t i = 0; i < a.cloud.points.size(); ++i) {
-    const CloudPoint& p = a.cloud.points[i];
-    const CloudPoint& q = b.cloud.points[i];
-    if (p.position != q.position || p.confidence != q.confidence) return false;
-  }
-  return true;
+  return test::same(a.cloud, b.cloud);
 }
 
 /// Scalar rows with fused multiply-adds, on any machine.
-const Results& fused_scalar() {
-  static const Results kResults = [] {
-    const Executor executor(1, Simd::kScalar);
-    executor.impl().rows = cpu::row_kernels<fused::Float>();
-    return run_all(executor);
-  }();
-  return kResults;
+Results fused_scalar(const synth::Mission& mission) {
+  const Executor executor(1, Simd::kScalar);
+  inside(executor).rows = cpu::row_kernels<fused::Float>();
+  return run_all(mission, executor);
 }
 
 }  // namespace
 
 TEST_CASE("AVX2 and AVX-512 give the bytes of scalar code with fused multiply-adds, in every stage", "[simd]") {
-  for (const Simd simd : {Simd::kAvx2, Simd::kAvx512}) {
-    const std::vector<Simd> sets = available_simd();
-    if (std::find(sets.begin(), sets.end(), simd) == sets.end()) {
-      WARN("not compared, since this machine lacks it: " << name_of(simd));
-      continue;
+  const std::vector<Simd> sets = available_simd();
+  for (const int width : kWidths) {
+    const synth::Mission mission = masked_room(width);
+    const Results expected = fused_scalar(mission);
+    for (const Simd simd : {Simd::kAvx2, Simd::kAvx512}) {
+      if (std::find(sets.begin(), sets.end(), simd) == sets.end()) {
+        WARN("not compared, since this machine lacks it: " << name_of(simd));
+        continue;
+      }
+      INFO(name_of(simd) << ", width " << width);
+      CHECK(same(run_all(mission, Executor(1, simd)), expected));
     }
-    INFO(name_of(simd));
-    CHECK(same(run_all(Executor(1, simd)), fused_scalar()));
   }
 }
 
 TEST_CASE("what the instruction sets are compared by is not empty", "[simd]") {
-  const Results& results = fused_scalar();
+  const Results results = fused_scalar(masked_room(kWidth));
   for (const PlaneMap& map : results.maps) CHECK(filled(depth_map_of(map, nullptr, Executor(1)).depth) > 0.3);
   CHECK_FALSE(same(results.maps[3], results.maps[1]));
   CHECK_FALSE(same(results.maps[4], results.maps[3]));

@@ -7,7 +7,7 @@
 #include "core/on_depth_maps.h"
 #include "pmsp/error.h"
 #include "pmsp/filters.h"
-#include "support/rng.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

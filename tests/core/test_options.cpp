@@ -1,113 +1,195 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
-#include <functional>
+#include <cmath>
+#include <fstream>
 #include <limits>
+#include <regex>
+#include <set>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include "pmsp/error.h"
 #include "pmsp/executor.h"
-#include "pmsp/options.h"
+#include "pmsp/option_table.h"
 
 using namespace pmsp;
 
 namespace {
 
-using Setter = std::function<void(DensifierOptions&, double)>;
-
-struct Field {
-  const char* name;
-  Setter set;
-  double too_low, lowest, highest, too_high;
-  bool whole = false;  ///< takes no NaN
-};
-
-int whole(double value) { return static_cast<int>(value); }
-
-const std::vector<Field>& fields() {
-  using O = DensifierOptions;
-  static const std::vector<Field> kFields = {
-      {"width", [](O& o, double v) { o.width = whole(v); }, 30, 32, 16384, 16386, true},
-      {"height", [](O& o, double v) { o.height = whole(v); }, 14, 16, 8192, 8194, true},
-      {"threads", [](O& o, double v) { o.threads = whole(v); }, -1, 0, 1024, 1025, true},
-      {"view_filter.min_parallax_deg", [](O& o, double v) { o.view_filter.min_parallax_deg = v; }, -0.01, 0, 59.9,
-       180.1},
-      {"view_filter.max_parallax_deg", [](O& o, double v) { o.view_filter.max_parallax_deg = v; }, -0.01, 6.1, 180,
-       180.1},
-      {"view_filter.min_share", [](O& o, double v) { o.view_filter.min_share = v; }, -0.01, 0, 1, 1.01},
-      {"view_filter.min_sharpness", [](O& o, double v) { o.view_filter.min_sharpness = v; }, -0.01, 0, 1, 1.01},
-      {"init.sparse_radius_px", [](O& o, double v) { o.init.sparse_radius_px = v; }, -0.01, 0, 100, 100.1},
-      {"init.chain_keyframes", [](O& o, double v) { o.init.chain_keyframes = whole(v); }, -1, 0, 100000, 100001, true},
-      {"init.range_margin", [](O& o, double v) { o.init.range_margin = v; }, 0.99, 1, 1000, 1000.1},
-      {"patchmatch.iterations", [](O& o, double v) { o.patchmatch.iterations = whole(v); }, 0, 1, 100, 101, true},
-      {"patchmatch.neighbours", [](O& o, double v) { o.patchmatch.neighbours = whole(v); }, 0, 1, 8, 9, true},
-      {"patchmatch.revisits", [](O& o, double v) { o.patchmatch.revisits = whole(v); }, -1, 0, 4, 5, true},
-      {"patchmatch.history", [](O& o, double v) { o.patchmatch.history = whole(v); }, 0, 1, 100000, 100001, true},
-      {"patchmatch.refinements", [](O& o, double v) { o.patchmatch.refinements = whole(v); }, -1, 0, 32, 33, true},
-      {"patchmatch.patch_spacing_px", [](O& o, double v) { o.patchmatch.patch_spacing_px = v; }, 0.49, 0.5, 8, 8.01},
-      {"patchmatch.fine_patch", [](O& o, double v) { o.patchmatch.fine_patch = v; }, 0.09, 0.1, 1, 1.01},
-      {"patchmatch.fine_patch_contrast", [](O& o, double v) { o.patchmatch.fine_patch_contrast = v; }, -0.01, 0, 255,
-       255.1},
-      {"patchmatch.prior_weight", [](O& o, double v) { o.patchmatch.prior_weight = v; }, -0.01, 0, 4, 4.01},
-      {"patchmatch.sigma_color", [](O& o, double v) { o.patchmatch.sigma_color = v; }, 0.99, 1, 1000, 1000.1},
-      {"patchmatch.min_sigma_color", [](O& o, double v) { o.patchmatch.min_sigma_color = v; }, 0.99, 1, 1000, 1000.1},
-      {"patchmatch.fine_sigma_space_px", [](O& o, double v) { o.patchmatch.fine_sigma_space_px = v; }, 0.49, 0.5, 100,
-       100.1},
-      {"patchmatch.sigma_space_px", [](O& o, double v) { o.patchmatch.sigma_space_px = v; }, 0.49, 0.5, 100, 100.1},
-      {"patchmatch.max_slant_deg", [](O& o, double v) { o.patchmatch.max_slant_deg = v; }, 9.9, 10, 89, 89.1},
-      {"patchmatch.geometric_passes", [](O& o, double v) { o.patchmatch.geometric_passes = whole(v); }, -1, 0, 8, 9,
-       true},
-      {"patchmatch.geometric_iterations", [](O& o, double v) { o.patchmatch.geometric_iterations = whole(v); }, 0, 1,
-       100, 101, true},
-      {"patchmatch.geometric_weight", [](O& o, double v) { o.patchmatch.geometric_weight = v; }, -0.01, 0, 4, 4.01},
-      {"patchmatch.geometric_tolerance", [](O& o, double v) { o.patchmatch.geometric_tolerance = v; }, 0.0009, 0.001, 1,
-       1.01},
-      {"median.max_relative_deviation", [](O& o, double v) { o.median.max_relative_deviation = v; }, -0.01, 0, 1, 1.01},
-      {"median.min_score", [](O& o, double v) { o.median.min_score = v; }, -1.01, -1, 1, 1.01},
-      {"consistency.window", [](O& o, double v) { o.consistency.window = whole(v); }, 2, 3, 15, 16, true},
-      {"consistency.min_views", [](O& o, double v) { o.consistency.min_views = whole(v); }, 0, 1, 5, 6, true},
-      {"consistency.max_relative_depth", [](O& o, double v) { o.consistency.max_relative_depth = v; }, -0.01, 0, 1,
-       1.01},
-      {"fusion.window", [](O& o, double v) { o.fusion.window = whole(v); }, 0, 1, 31, 32, true},
-      {"fusion.spacing_px", [](O& o, double v) { o.fusion.spacing_px = v; }, -0.01, 0, 4, 4.01},
-      {"fusion.max_relative_depth", [](O& o, double v) { o.fusion.max_relative_depth = v; }, -0.01, 0, 1, 1.01},
-      {"fusion.max_normal_deg", [](O& o, double v) { o.fusion.max_normal_deg = v; }, -0.01, 0, 180, 180.1},
-      {"fusion.min_confidence", [](O& o, double v) { o.fusion.min_confidence = v; }, -0.01, 0, 1, 1.01},
-      {"free_space.views", [](O& o, double v) { o.free_space.views = whole(v); }, 0, 1, 32, 33, true},
-      {"free_space.max_relative_depth", [](O& o, double v) { o.free_space.max_relative_depth = v; }, -0.01, 0, 1, 1.01},
-      {"free_space.min_relative_gap", [](O& o, double v) { o.free_space.min_relative_gap = v; }, -0.01, 0, 1, 1.01},
-      {"free_space.max_contradiction", [](O& o, double v) { o.free_space.max_contradiction = v; }, -0.01, 0, 100,
-       100.1},
-      {"free_space.history", [](O& o, double v) { o.free_space.history = whole(v); }, 0, 1, 100000, 100001, true},
-  };
-  return kFields;
-}
-
-/// What validate() says; empty when it is content.
-std::string complaint(const Field& field, double value) {
+/// What is said of a value given as text; empty when all are content.
+std::string complaint(const OptionEntry& entry, const std::string& text) {
   DensifierOptions options;
-  field.set(options, value);
   try {
-    options.validate();
+    entry.set(options, text, "here");
+    entry.check(options);
   } catch (const InvalidOption& error) {
     return error.what();
   }
   return "";
 }
 
+/// What `check` says of a number in the field, however it came there.
+std::string complaint_of_check(const OptionEntry& entry, double value) {
+  DensifierOptions options;
+  if (const auto* number = std::get_if<double& (*)(DensifierOptions&)>(&entry.access)) (*number)(options) = value;
+  if (const auto* whole = std::get_if<int& (*)(DensifierOptions&)>(&entry.access)) {
+    (*whole)(options) = static_cast<int>(value);
+  }
+  try {
+    entry.check(options);
+  } catch (const InvalidOption& error) {
+    return error.what();
+  }
+  return "";
+}
+
+bool is_whole(const OptionEntry& entry) { return std::holds_alternative<int& (*)(DensifierOptions&)>(entry.access); }
+bool is_number(const OptionEntry& entry) {
+  return is_whole(entry) || std::holds_alternative<double& (*)(DensifierOptions&)>(entry.access);
+}
+
+std::string number(double value) {
+  std::ostringstream text;
+  text.precision(17);
+  text << value;
+  return text.str();
+}
+
+/// A field of options.h: its key, and what its comment says.
+struct Documented {
+  std::string key, comment;
+};
+
+std::vector<Documented> documented() {
+  const std::vector<std::pair<std::string, std::string>> kStages{
+      {"ViewFilterOptions", "view_filter."},        {"InitOptions", "init."},
+      {"PatchMatchOptions", "patchmatch."},         {"MedianFilterOptions", "median."},
+      {"ConsistencyFilterOptions", "consistency."}, {"FusionOptions", "fusion."},
+      {"FreeSpaceOptions", "free_space."},          {"DensifierOptions", ""}};
+  std::ifstream file(PMSP_OPTIONS_H);
+  std::vector<Documented> fields;
+  std::string prefix, before;
+  bool inside = false, follows = false;
+  const std::regex kField(R"(^  (?:bool|int|double|Simd|Backend|std::\S+) (\w+) = [^;]*;(?:\s*///<(.*))?$)");
+  for (std::string line; std::getline(file, line);) {
+    std::smatch match;
+    if (line.rfind("struct ", 0) == 0) {
+      const std::string name = line.substr(0, line.rfind(" {")).substr(line.rfind(' ', line.rfind(" {") - 1) + 1);
+      for (const auto& [stage, key] : kStages) {
+        if (name == stage) prefix = key, inside = true;
+      }
+    } else if (line.rfind("};", 0) == 0) {
+      inside = false;
+    } else if (inside && std::regex_match(line, match, kField)) {
+      fields.push_back({prefix + match[1].str(), before + match[2].str()});
+      before.clear();
+      follows = match[2].matched;
+    } else if (inside && follows && line.find("///<") != std::string::npos) {  // a comment's next line
+      fields.back().comment += line.substr(line.find("///<") + 4);
+    } else {
+      const std::size_t comment = line.find("///");
+      before = comment == std::string::npos ? "" : before + line.substr(comment + 3);
+      follows = false;
+    }
+  }
+  return fields;
+}
+
 }  // namespace
 
-TEST_CASE("each option's bounds are valid and what lies beyond is refused by name", "[options]") {
-  for (const Field& field : fields()) {
-    INFO(field.name);
-    CHECK(complaint(field, field.lowest) == "");
-    CHECK(complaint(field, field.highest) == "");
-    CHECK_THAT(complaint(field, field.too_low), Catch::Contains(field.name) && Catch::Contains("expected"));
-    CHECK_THAT(complaint(field, field.too_high), Catch::Contains(field.name) && Catch::Contains("expected"));
-    if (field.whole) continue;
-    CHECK_THAT(complaint(field, std::numeric_limits<double>::quiet_NaN()), Catch::Contains(field.name));
-    CHECK_THAT(complaint(field, std::numeric_limits<double>::infinity()), Catch::Contains(field.name));
+TEST_CASE("every field of the options is in the table, and its comment says the table's range", "[options]") {
+  std::set<std::string> keys;
+  for (const Documented& field : documented()) {
+    const std::string key = field.key == "devices" ? "device" : field.key;
+    INFO(key << ":" << field.comment);
+    keys.insert(key);
+    const OptionEntry* entry = find_option(key);
+    REQUIRE(entry != nullptr);
+    if (!is_number(*entry)) continue;
+    const auto end = [](double value) {
+      std::ostringstream text;  // shorter than to_string: 0.1, 1e+12
+      text << value;
+      return std::abs(value) < 1e9 ? text.str() : std::string(value < 0 ? "-" : "") + "1e12";
+    };
+    const std::string range = end(entry->min) + " to " + end(entry->max);
+    CHECK_THAT(field.comment, Catch::Contains(range));
   }
+  CHECK(keys.size() == option_table().size());
+  for (const OptionEntry& entry : option_table()) {
+    INFO(entry.key);
+    CHECK(keys.count(entry.key) == 1);
+  }
+}
+
+TEST_CASE("each option's bounds are valid and what lies beyond is refused by name", "[options]") {
+  for (const OptionEntry& entry : option_table()) {
+    if (!is_number(entry)) continue;
+    INFO(entry.key);
+    const bool any = entry.numbers == OptionEntry::Numbers::kAll;
+    const double step = is_whole(entry) ? (any ? 1.0 : 2.0) : 0.01 * std::max(1.0, std::abs(entry.max));
+    for (const double good : {entry.min, entry.max}) {
+      CHECK(complaint(entry, number(good)) == "");
+      CHECK(complaint_of_check(entry, good) == "");
+    }
+    for (const double bad : {entry.min - step, entry.max + step}) {
+      if (bad == 0.0 && entry.zero_too) continue;
+      CHECK_THAT(complaint(entry, number(bad)), Catch::Contains("here is ") && Catch::Contains("expected"));
+      CHECK_THAT(complaint_of_check(entry, bad), Catch::Contains(entry.key) && Catch::Contains("expected"));
+    }
+    if (!any) CHECK_THAT(complaint(entry, number(entry.min + 1.0)), Catch::Contains("even") || Catch::Contains("odd"));
+    CHECK((complaint(entry, "0") == "") == (entry.zero_too || (entry.min <= 0.0 && entry.max >= 0.0)));
+    for (const char* none : {"", "three", "1x", "--1"}) CHECK_THAT(complaint(entry, none), Catch::Contains("expected"));
+    if (is_whole(entry)) {
+      CHECK_THAT(complaint(entry, "2.5"), Catch::Contains("number"));
+      continue;
+    }
+    CHECK_THAT(complaint_of_check(entry, std::numeric_limits<double>::quiet_NaN()), Catch::Contains(entry.key));
+    CHECK_THAT(complaint_of_check(entry, std::numeric_limits<double>::infinity()), Catch::Contains(entry.key));
+    CHECK_THAT(complaint(entry, "nan"), Catch::Contains("expected"));
+  }
+}
+
+TEST_CASE("all options are checked, wherever they stand", "[options]") {
+  for (const OptionEntry& entry : option_table()) {
+    if (!is_number(entry)) continue;
+    INFO(entry.key);
+    DensifierOptions options;
+    std::visit(
+        [&](auto at) {
+          using T = std::decay_t<decltype(at(options))>;
+          if constexpr (std::is_same_v<T, int> || std::is_same_v<T, double>) at(options) = static_cast<T>(2e9);
+        },
+        entry.access);
+    if (entry.max >= 2e9) continue;
+    CHECK_THROWS_WITH(options.validate(), Catch::Contains(entry.key));
+  }
+  DensifierOptions options;
+  options.devices.assign(17, 0);
+  CHECK_THROWS_WITH(options.validate(), Catch::Contains("device") && Catch::Contains("16 at most"));
+  options.devices = {256};
+  CHECK_THROWS_WITH(options.validate(), Catch::Contains("device is 256"));
+}
+
+TEST_CASE("what an option says of itself can be set again", "[options]") {
+  for (const Quality quality : {Quality::kPaper, Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
+    const DensifierOptions from = preset(quality);
+    DensifierOptions to;
+    for (const OptionEntry& entry : option_table()) entry.set(to, entry.text_of(from), "here");
+    for (const OptionEntry& entry : option_table()) {
+      INFO(entry.key);
+      CHECK(entry.text_of(to) == entry.text_of(from));
+    }
+  }
+  DensifierOptions options;
+  find_option("device")->set(options, "all", "here");
+  CHECK(options.devices.empty());
+  find_option("device")->set(options, "0,3", "here");
+  CHECK(options.devices == std::vector<int>{0, 3});
+  find_option("seed")->set(options, "18446744073709551615", "here");
+  CHECK(options.seed == std::numeric_limits<std::uint64_t>::max());
+  CHECK_THROWS_WITH(find_option("simd")->set(options, "mmx", "--simd"), Catch::Contains("--simd is \"mmx\""));
+  CHECK(find_option("patchmatch") == nullptr);
 }
 
 TEST_CASE("sizes are even, or 0 for automatic", "[options]") {
@@ -177,6 +259,17 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   CHECK(high.width == 0);
   CHECK(high.height == 0);
   CHECK(high.patchmatch.neighbours == 6);
+  CHECK(high.free_space.whole_mission);
+  CHECK_FALSE(paper.patchmatch.plane_priors);
+  CHECK_FALSE(paper.free_space.enabled);
+}
+
+TEST_CASE("no more depth maps must agree than are compared", "[options]") {
+  ConsistencyFilterOptions options;
+  options.min_views = options.window;
+  CHECK_NOTHROW(options.validate());
+  options.min_views = options.window + 1;
+  CHECK_THROWS_WITH(options.validate(), Catch::Contains("consistency.min_views is 6") && Catch::Contains("window, 5"));
 }
 
 TEST_CASE("names are read back and unknown ones refused", "[options]") {

@@ -16,7 +16,7 @@
 #include "core/on_depth_maps.h"
 #include "pmsp/error.h"
 #include "pmsp/fusion.h"
-#include "support/rng.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -303,6 +303,16 @@ TEST_CASE("a thin wall keeps the points of both its sides", "[ownership]") {
   CHECK(wall.uncovered() < 0.001);
 }
 
+TEST_CASE("what stands before a wall takes no points of the wall, though it faces the same way", "[ownership]") {
+  synth::Scene scene = box({3.0, 1.5, 4.0});
+  scene.add(synth::Box{{0.0, 0.0, 1.5}, {0.5, 0.5, 0.02}, Eigen::Matrix3d::Identity()}, synth::textured(2));
+  // Each of them sees some of the wall that the board hides from the other, which samples the board more finely.
+  Owners owners(scene, {at({-1.0, 0.0, 0.0}), at({1.0, 0.0, 0.0})});
+  owners.make();
+  CHECK(owners.points() < 0.95 * owners.eligible);
+  CHECK(owners.uncovered() < 0.001);
+}
+
 TEST_CASE("what is seen from four times as near replaces the coarser points", "[ownership]") {
   const bool near_first = GENERATE(true, false);
   std::vector<RigidTransform> poses = {at({0.0, 0.0, 3.0}), at({0.3, 0.0, 3.1}), at({0.0, 0.0, 0.0}),
@@ -393,6 +403,14 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
   std::vector<std::pair<std::int64_t, std::uint32_t>> differ;
   std::set_symmetric_difference(mine.begin(), mine.end(), theirs.begin(), theirs.end(), std::back_inserter(differ));
   CHECK(differ.empty());
+}
+
+TEST_CASE("of two that show a place alike the earlier one makes its points", "[ownership]") {
+  Owners twins(box({2.0, 1.5, 3.0}), {at({0.1, 0.0, -0.6}), at({0.1, 0.0, -0.6})});
+  twins.maps[1].confidence = twins.maps[0].confidence;
+  twins.make();
+  CHECK(twins.clouds[0].points.size() > 1000);
+  CHECK(twins.clouds[1].points.empty());
 }
 
 TEST_CASE("without any one keyframe no place is lost that others see", "[ownership]" PMSP_ACCURACY) {

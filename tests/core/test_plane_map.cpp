@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <cmath>
+
 #include <catch2/catch.hpp>
 
 #include "core/helpers.h"
@@ -58,4 +60,31 @@ TEST_CASE("planes, depths and confidences of other sizes are refused", "[planes]
   CHECK_THROWS_AS(depth_map_of(planes, &small, executor), InvalidInput);
   map.confidence = small;
   CHECK_THROWS_AS(plane_map_of(map, executor), InvalidInput);
+}
+
+TEST_CASE("normals are estimated from depths alone, and no edge is smoothed over", "[planes]") {
+  const Executor executor(2);
+  const synth::Frame frame = synth::textured_room(small_recipe(256)).frames[0];
+  const DepthMap truth = truth_map(frame, 0.7F);
+  Image<float> depth = truth.depth;
+  depth(7, 9) = 0.0F;
+  depth(8, 9) = std::nanf("");
+  const Image<Eigen::Vector3f> normals = estimate_normals(depth, executor);
+  CHECK(normals(7, 9).isZero());
+  CHECK(normals(8, 9).isZero());
+  std::size_t right = 0, unit = 0, facing = 0;
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width(); ++x) {
+      const Eigen::Vector3f& normal = normals(x, y);
+      unit += std::abs(normal.norm() - 1.0F) < 1e-5F;
+      facing += normal.cast<double>().dot(bearing_of(depth, x, y)) < -0.16;
+      right += normal.dot(truth.normal(x, y)) > std::cos(5.0F * 3.14159F / 180.0F);
+    }
+  }
+  const std::size_t pixels = depth.size();
+  CHECK(unit == pixels - 2);
+  CHECK(facing == pixels - 2);
+  CHECK(static_cast<double>(right) > 0.9 * static_cast<double>(pixels));
+  CHECK(estimate_normals(Image<float>(), executor).empty());
+  CHECK((estimate_normals(depth, Executor(1)).pixels() == normals.pixels()));
 }

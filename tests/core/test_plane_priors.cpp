@@ -12,7 +12,7 @@
 #include "pmsp/error.h"
 #include "pmsp/panorama.h"
 #include "pmsp/plane_priors.h"
-#include "support/rng.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -21,8 +21,8 @@ namespace {
 
 using Where = std::function<bool(int, int)>;
 
-/// What a pass of PatchMatch would leave: the truth where there is texture, chance elsewhere.
-DepthMap map_without_textureless(const synth::Frame& frame, const Where& textureless) {
+/// What a pass of PatchMatch would leave: the truth where there is texture, chance elsewhere, with this score.
+DepthMap map_without_textureless(const synth::Frame& frame, const Where& textureless, float score = 0.3F) {
   DepthMap map = truth_map(frame, 0.95F);
   for (int y = 0; y < map.depth.height(); ++y) {
     for (int x = 0; x < map.depth.width(); ++x) {
@@ -30,7 +30,7 @@ DepthMap map_without_textureless(const synth::Frame& frame, const Where& texture
       const auto draw = static_cast<std::uint64_t>(y * map.depth.width() + x);
       map.depth(x, y) = static_cast<float>(1.0 + 4.0 * synth::uniform(3, draw));
       map.normal(x, y) = -bearing_of(map.depth, x, y).cast<float>();
-      map.confidence(x, y) = 0.3F;
+      map.confidence(x, y) = score;
     }
   }
   return map;
@@ -39,7 +39,7 @@ DepthMap map_without_textureless(const synth::Frame& frame, const Where& texture
 PlaneImage priors_of(const synth::Frame& frame, const DepthMap& map, int threads = 0) {
   const Executor executor(threads);
   const Panorama panorama(frame.image.view(), {}, map.depth.width(), map.depth.height(), executor);
-  return plane_priors(map, panorama, {0.3, 30.0}, PatchMatchOptions{}, executor);
+  return plane_priors(map, panorama, places_around({map.cam_from_world}), {0.3, 30.0}, executor);
 }
 
 /// Ranges at which the priors meet their pixels' rays; 0 = no prior.
@@ -120,6 +120,45 @@ TEST_CASE("a textureless patch of a wall gets the wall's plane, wherever it lies
   }
 }
 
+TEST_CASE("a bare wall in a noisy image is a bare wall", "[priors]") {
+  const synth::Frame textured = frame_of(synth::empty_room(small_recipe(kWidth, 1)));
+  const Eigen::Vector3d up(0.0, -1.0, 0.0);
+  const Where textureless = [&](int x, int y) { return degrees_from(textured, x, y, up) < 40.0; };
+  synth::Frame frame = with_textureless(textured, textureless);
+  for (int y = 0; y < frame.image.height(); ++y) {
+    for (int x = 0; x < frame.image.width(); ++x) {
+      const double noise = 3.0 * synth::gaussian(5, static_cast<std::uint64_t>(y * frame.image.width() + x));
+      for (std::uint8_t* channel : {&frame.image(x, y).r, &frame.image(x, y).g, &frame.image(x, y).b}) {
+        *channel = static_cast<std::uint8_t>(std::clamp(*channel + noise, 0.0, 255.0));
+      }
+    }
+  }
+  const Image<float> priors = ranges(priors_of(frame, map_without_textureless(frame, textureless, 0.98F)));
+  const Found found = judge(priors, frame.depth, [&](int x, int y) { return degrees_from(frame, x, y, up) < 34.0; });
+  CHECK(found.share > 0.98);  // what noise takes for texture gets none
+  CHECK(found.within > 0.9);
+}
+
+TEST_CASE("dots that have matched well somewhere, each for itself, support nothing", "[priors]") {
+  const synth::Frame textured = frame_of(synth::empty_room(small_recipe(kWidth, 1)));
+  const Eigen::Vector3d right(1.0, 0.1, 0.1);
+  const auto degrees = [&](int x, int y) { return degrees_from(textured, x, y, right); };
+  synth::Frame frame = with_textureless(textured, [&](int x, int y) { return degrees(x, y) < 16.0; });
+  DepthMap map = map_without_textureless(frame, [&](int x, int y) { return degrees(x, y) < 16.0; });
+  for (int y = 0; y < map.depth.height(); ++y) {
+    for (int x = 0; x < map.depth.width(); ++x) {
+      if (degrees(x, y) < 9.0 || degrees(x, y) > 14.0 || x % 4 != 0 || y % 4 != 0) continue;
+      frame.image(x, y) = {20, 20, 20};
+      map.confidence(x, y) = 0.95F;
+    }
+  }
+  const Found found =
+      judge(ranges(priors_of(frame, map)), frame.depth, [&](int x, int y) { return degrees(x, y) < 7.0; });
+  CAPTURE(found.share, found.within);
+  CHECK(found.share > 0.95);
+  CHECK(found.within > 0.95);
+}
+
 TEST_CASE("behind a near thing the wall goes on", "[priors]") {
   synth::Scene scene;
   scene.add(synth::Box{Eigen::Vector3d::Zero(), {4.0, 3.0, 3.0}, Eigen::Matrix3d::Identity()}, synth::textured(1));
@@ -173,7 +212,12 @@ TEST_CASE("priors do not depend on the number of threads, and need maps of the i
   CHECK(same(ranges(priors_of(frame, map, 1)), ranges(priors_of(frame, map, 3))));
   const Executor executor(1);
   const Panorama other(frame.image.view(), {}, 48, 24, executor);
-  CHECK_THROWS_AS(plane_priors(map, other, {0.3, 30.0}, PatchMatchOptions{}, executor), InvalidInput);
+  const std::vector<KeyframePose> places = places_around({map.cam_from_world});
+  CHECK_THROWS_AS(plane_priors(map, other, places, {0.3, 30.0}, executor), InvalidInput);
+  const Panorama panorama(frame.image.view(), {}, 96, 48, executor);
+  CHECK_THROWS_AS(plane_priors(map, panorama, {}, {0.3, 30.0}, executor), InvalidInput);
+  CHECK_THROWS_AS(plane_priors(map, panorama, std::vector<KeyframePose>(9, places[0]), {0.3, 30.0}, executor),
+                  InvalidInput);
 }
 
 TEST_CASE("plane priors give painted walls their depth, and can be switched off", "[priors]" PMSP_ACCURACY) {

@@ -2,18 +2,22 @@
 // Depth from elsewhere: how it is aligned to landmarks, and when it gives planes.
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <utility>
 
 #include <catch2/catch.hpp>
 
 #include "core/helpers.h"
+#include "core/on_depth_maps.h"
 #include "core/small_missions.h"
+#include "pmsp/camera.h"
 #include "pmsp/depth_map.h"
 #include "pmsp/error.h"
 #include "pmsp/plane_priors.h"
 #include "pmsp/prior_depth.h"
-#include "support/rng.h"
+#include "priors/prior_setup.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -108,6 +112,61 @@ TEST_CASE("what does not fit the landmarks is left out, with the reason", "[prio
   CHECK(align_prior_depth(frame.depth.view(), keyframe_with(frame, 11)).why_not.find("11 landmarks") == 0);
 }
 
+TEST_CASE("a depth image must agree with most landmarks, and tell more than one depth everywhere", "[prior depth]") {
+  const synth::Mission mission = room();
+  const synth::Frame& frame = mission.frames[0];
+  const Eigen::Vector3d center = frame.cam_from_world.center();
+  Keyframe most_wrong = keyframe_with(frame);
+  for (std::size_t i = 0; i < most_wrong.landmarks.size(); ++i) {
+    Eigen::Vector3d& at = most_wrong.landmarks[i].position_world;
+    if (i % 5 < 3) at = center + (0.3 + 2.0 * synth::uniform(8, i)) * (at - center);
+  }
+  const DepthAlignment agrees_with_few = align_prior_depth(frame.depth.view(), most_wrong);
+  CHECK(agrees_with_few.share > 0.3);
+  CHECK(agrees_with_few.why_not.find("it agrees with") == 0);
+
+  Keyframe around = keyframe_with(frame);  // all about as far away
+  for (std::size_t i = 0; i < around.landmarks.size(); ++i) {
+    Eigen::Vector3d& at = around.landmarks[i].position_world;
+    at = center + (2.9 + 0.2 * synth::uniform(9, i)) * (at - center).normalized();
+  }
+  const DepthAlignment flat = align_prior_depth(Image<float>(64, 32, 3.0F).view(), around);
+  CHECK(flat.share > 0.99);
+  CHECK(flat.why_not.find("it tells little more") == 0);
+}
+
+TEST_CASE("noise of landmarks is averaged in the alignment", "[prior depth]") {
+  const synth::Mission mission = room();
+  const synth::Frame& frame = mission.frames[0];
+  const Eigen::Vector3d center = frame.cam_from_world.center();
+  const std::function<double(double)> kinds[] = {[](double d) { return 5.0 / d - 0.2; },
+                                                 [](double d) { return 2.0 * d - 1.5; }};
+  constexpr int kTrials = 8;
+  for (const auto& kind : kinds) {
+    const Image<float> values = made_of(frame.depth, kind);
+    double error = 0.0;
+    for (int trial = 0; trial < kTrials; ++trial) {
+      Keyframe keyframe = keyframe_with(frame, 400);
+      for (std::size_t i = 0; i < keyframe.landmarks.size(); ++i) {
+        Eigen::Vector3d& at = keyframe.landmarks[i].position_world;
+        at = center + (1.0 + 0.02 * synth::gaussian(10 + static_cast<std::uint64_t>(trial), i)) * (at - center);
+      }
+      const DepthAlignment alignment = align_prior_depth(values.view(), keyframe);
+      CHECK(alignment.why_not.empty());
+      error += largest_error(aligned_depth(values.view(), alignment), frame.depth) / kTrials;
+    }
+    CHECK(error < 0.0042);  // the best of the lines through two landmarks: 0.006
+  }
+}
+
+TEST_CASE("depths are compared with those of landmarks", "[prior depth]") {
+  const synth::Mission mission = room();
+  const synth::Frame& frame = mission.frames[0];
+  const Image<float> depth = made_of(frame.depth, [](double d) { return 0.37 * d; });
+  CHECK(depth_ratio(depth.view(), keyframe_with(frame)) == Approx(0.37).epsilon(1e-3));
+  CHECK(depth_ratio(depth.view(), keyframe_with(frame, 11)) == 0.0);
+}
+
 TEST_CASE("bad values in a depth image are no depth", "[prior depth]") {
   Image<float> values(16, 8, 2.0F);
   values(0, 0) = std::nanf("");
@@ -142,8 +201,8 @@ TEST_CASE("a prior depth gives planes where nothing surrounds a textureless surf
   const Executor executor;
   const Panorama panorama(frame.image.view(), {}, width, height, executor);
   const auto share_right = [&](ImageView<const float> prior) {
-    const PlaneMap planes =
-        plane_priors(plane_map_of(map, executor), panorama, {0.3, 30.0}, PatchMatchOptions{}, executor, prior);
+    const PlaneMap planes = plane_priors(plane_map_of(map, executor), panorama, places_around({map.cam_from_world}),
+                                         {0.3, 30.0}, executor, prior);
     int right = 0, wrong = 0, pixels = 0;
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
@@ -162,13 +221,37 @@ TEST_CASE("a prior depth gives planes where nothing surrounds a textureless surf
   const auto with = share_right(given.view());
   CHECK(with.first > 0.8);
   CHECK(with.first > without.first + 0.2);
-  CHECK(with.second < 0.15);
+  CHECK(with.second < 0.16);
 
   Image<float> random(width, height);
   for (std::size_t i = 0; i < random.size(); ++i)
     random.pixels()[i] = static_cast<float>(1.0 + 3.0 * synth::uniform(9, i));
   const auto with_random = share_right(random.view());
   CHECK(with_random.second < without.second + 0.08);
+}
+
+TEST_CASE("the plane of a cell is that of its own surface, whatever is beside it", "[prior depth]") {
+  // Two spheres of radius 2 and 4, each seen on one half.
+  const PriorGrid grid(256, 128);
+  Image<float> depth(256, 128, 4.0F);
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width() / 2; ++x) depth(x, y) = 2.0F;
+  }
+  const auto planes = given_planes(depth.view(), 1.0, grid);
+  int cells = 0;
+  int right = 0;
+  for (int row = grid.rows / 4; row < grid.rows * 3 / 4; ++row) {
+    for (const int column : {grid.columns / 2 - 1, grid.columns / 2}) {  // on both sides of the edge
+      const auto& plane = planes[static_cast<std::size_t>(row * grid.columns + column)];
+      const Eigen::Vector3d bearing = bearing_from_pixel({column + 0.5, row + 0.5}, grid.columns, grid.rows);
+      const double inverse_depth = Eigen::Vector3f(plane.x, plane.y, plane.z).cast<double>().dot(bearing);
+      const double expected = column < grid.columns / 2 ? 0.5 : 0.25;
+      ++cells;
+      right += std::abs(inverse_depth / expected - 1.0) < 0.05 ? 1 : 0;
+    }
+  }
+  CHECK(cells > 10);
+  CHECK(right == cells);
 }
 
 TEST_CASE("a prior depth too small to tell anything is refused", "[prior depth]") {

@@ -8,8 +8,8 @@
 #include <malloc.h>
 
 #include "core/recording.h"
-#include "cpu/memory_needed.h"
 #include "plan/reach.h"
+#include "pmsp/cost.h"
 #include "schedule.h"
 #include "support/temp_dir.h"
 
@@ -147,9 +147,9 @@ TEST_CASE("what a flight takes on the CPU is bounded, and grows with it before")
     options.height = 320;
     for (const char* folder : {"", "somewhere"}) {
       options.scratch_folder = folder;
-      const cpu::MemoryNeeded few = cpu::memory_needed(options, 5);
-      const cpu::MemoryNeeded many = cpu::memory_needed(options, 1000);
-      const cpu::MemoryNeeded most = cpu::memory_needed(options, 1000000);
+      const HostMemory few = host_memory_needed(options, 5);
+      const HostMemory many = host_memory_needed(options, 1000);
+      const HostMemory most = host_memory_needed(options, 1000000);
       CHECK(few.memory < many.memory);
       CHECK(many.memory == most.memory);
       CHECK(many.scratch == most.scratch);

@@ -9,6 +9,7 @@
 #include "pmsp/error.h"
 #include "pmsp/view_filter.h"
 #include "view_filter/sharpness.h"
+#include "view_filter/view_chain.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -158,6 +159,33 @@ TEST_CASE("the search for blur can be switched off", "[view_filter][blur]") {
   ViewFilterOptions off;
   off.min_sharpness = 0.0;
   CHECK(found_blurred(motion(20), {3}, off) == only({}));
+}
+
+TEST_CASE("fewer than twenty landmarks in common tell nothing of blur", "[view_filter][blur]") {
+  std::vector<LandmarkSharpness> sharp;
+  std::vector<LandmarkSharpness> blurred;
+  for (std::int64_t id = 0; id < 19; ++id) {
+    sharp.push_back({id, 1.0F, 1.0F});
+    blurred.push_back({id, 0.25F, 0.5F});
+  }
+  sharp.push_back({19, 1.0F, 1.0F});
+  blurred.push_back({20, 0.25F, 0.5F});
+  CHECK(relative_sharpness(blurred, sharp) == 1.0);
+  blurred.back().id = 19;
+  CHECK(relative_sharpness(blurred, sharp) == Approx(0.25).epsilon(1e-4));
+}
+
+TEST_CASE("sharpness is compared with that of the three keyframes before", "[view_filter][blur]") {
+  const auto of_all = [](float factor) {
+    std::vector<LandmarkSharpness> sharpness;
+    for (std::int64_t id = 0; id < 30; ++id) sharpness.push_back({id, factor, factor});
+    return sharpness;
+  };
+  ViewChain chain(strict());
+  for (int i = 0; i < 5; ++i) chain.add_sharpness(of_all(1.0F));
+  CHECK(chain.is_blurred(of_all(0.4F)));
+  for (int i = 0; i < 2; ++i) chain.add_sharpness(of_all(0.4F));  // two of three are as it is
+  CHECK_FALSE(chain.is_blurred(of_all(0.4F)));
 }
 
 TEST_CASE("common_parallax counts common landmarks and gives their angles", "[view_filter]") {

@@ -6,7 +6,7 @@
 
 #include "cuda/device_types.h"
 #include "cuda/memory.h"
-#include "patchmatch.h"
+#include "match.h"
 
 /// Functions of kernels/ called once for each index, on the host and on the device.
 namespace pmsp::test {

@@ -68,9 +68,9 @@ TEST_CASE("the estimate of the memory covers what a flight takes", "[cuda][memor
   fly_through(densifier, mission);
   const std::size_t after = cuda::find_device(0).free_bytes;
   const std::size_t taken = before > after ? before - after : 0;
-  CAPTURE(taken / kMiB, cuda::memory_needed(options) / kMiB);
+  CAPTURE(taken / kMiB, device_memory_needed(options) / kMiB);
   CHECK(taken > 0);
-  CHECK(taken < cuda::memory_needed(options) + 256 * kMiB);  // code and stacks come on top, once
+  CHECK(taken < device_memory_needed(options) + 256 * kMiB);  // code and stacks come on top, once
 }
 
 TEST_CASE("what does not find room on the device waits in the scratch folder, and nothing else changes",
@@ -84,7 +84,7 @@ TEST_CASE("what does not find room on the device waits in the scratch folder, an
   const Recording expected = densify(mission, options);
   options.scratch_folder = dir.path().string();
   CHECK(Densifier(options, {}).options().scratch_folder.empty());
-  const Hog hog(cuda::memory_needed(options) + 60 * kMiB);
+  const Hog hog(device_memory_needed(options) + 60 * kMiB);
   Recording recording;
   Densifier densifier(options, recording.callbacks());
   CHECK(densifier.options().scratch_folder == options.scratch_folder);
@@ -100,7 +100,7 @@ TEST_CASE("without enough memory auto takes the CPU, and cuda says how much it t
   options.height = 1440;
   options.backend = Backend::kCuda;
   Densifier(options, {});  // context and code are there
-  const Hog hog(cuda::memory_needed(options) / 2);
+  const Hog hog(device_memory_needed(options) / 2);
   CHECK_THROWS_AS(Densifier(options, {}), BackendUnavailable);
   CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("MiB") && Catch::Contains("2880 x 1440"));
   options.backend = Backend::kAuto;

@@ -8,7 +8,7 @@
 #include "cuda/prepared.h"
 #include "pmsp/panorama.h"
 #include "sphere/panorama_data.h"
-#include "support/rng.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -111,7 +111,7 @@ TEST_CASE("gray values on the cube are the CPU's", "[cuda][prepare][small]") {
   const PreparedOnDevice device = prepare_on_device(image, {}, 512, 256);
   const std::vector<float> directions = random_directions(20000);
   const std::vector<float> found = texture_samples({device.cube->texture()}, directions);
-  const kernels::CubeView cube = cpu.data().gray.view();
+  const kernels::CubeView cube = inside(cpu).gray.view();
   double sum = 0.0;
   double mean = 0.0;
   double variance = 0.0;
@@ -138,7 +138,7 @@ TEST_CASE("patches stay away from the mask as on the CPU", "[cuda][prepare][smal
   const PreparedOnDevice device = prepare_on_device(image, mask.view(), 256, 128);
   const std::vector<float> directions = random_directions(20000);
   const std::vector<float> found = texture_samples({device.usable->texture()}, directions);
-  const kernels::CubeView cube = cpu.data().matchable.view();
+  const kernels::CubeView cube = inside(cpu).matchable.view();
   std::size_t different = 0;
   std::size_t forbidden = 0;
   for (std::size_t i = 0; i < found.size(); ++i) {

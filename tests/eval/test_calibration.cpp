@@ -6,7 +6,7 @@
 #include <limits>
 #include <random>
 
-#include "eval/flight.h"
+#include "eval/eval_flight.h"
 #include "pmsp-eval/calibration.h"
 #include "pmsp-eval/calibration_plot.h"
 #include "pmsp-eval/depth_files.h"

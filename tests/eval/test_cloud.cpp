@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "eval/flight.h"
+#include "eval/eval_flight.h"
 #include "pmsp-eval/cloud_measures.h"
 #include "pmsp-eval/ground_truth.h"
 #include "pmsp-eval/surface.h"

@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "eval/flight.h"
+#include "eval/eval_flight.h"
 #include "pmsp-eval/trajectory.h"
 #include "pmsp/camera.h"
 #include "pmsp/io/depth_io.h"

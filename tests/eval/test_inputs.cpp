@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
 
-#include "eval/flight.h"
+#include "eval/eval_flight.h"
 #include "pmsp-eval/depth_files.h"
 #include "pmsp-eval/ground_truth.h"
 #include "pmsp-eval/trajectory.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "eval/flight.h"
+#include "eval/eval_flight.h"
 #include "pmsp-eval/image_compare.h"
 #include "pmsp-eval/label_measures.h"
 #include "pmsp-eval/view_measures.h"

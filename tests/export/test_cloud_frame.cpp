@@ -6,8 +6,8 @@
 
 #include <Eigen/Geometry>
 
-#include "export/cloud_frame.h"
 #include "pmsp/error.h"
+#include "pmsp/io/cloud_frame.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;
@@ -177,6 +177,17 @@ TEST_CASE("a 4 x 4 matrix is taken where it is a similarity, and the scale is ap
     write_text(dir / "bad", text);
     CHECK_THROWS_WITH(read_similarity(dir / "bad"), Contains(expected) && Contains("bad"));
   }
+}
+
+TEST_CASE("a 4 x 4 matrix is applied to what is upright already") {
+  const TempDir dir;
+  write_text(dir / "m", "0 -2 0 10\n2 0 0 20\n0 0 2 30\n0 0 0 1\n");
+  FrameOptions options;
+  options.up = true;
+  const Similarity upright = find_cloud_frame(options, flight()).file_from_map;
+  options.transform = dir / "m";
+  const Similarity both = find_cloud_frame(options, flight()).file_from_map;
+  check_same(both, read_similarity(dir / "m") * upright, 1e-9);
 }
 
 TEST_CASE("up is what the cameras' ups have in common") {

@@ -35,6 +35,7 @@ std::vector<OutputView> sample_views() {
     view.name = "frame" + std::to_string(i) + ".jpg";
     view.width = i < 6 ? 512 : 640;
     view.height = view.width / 2;
+    view.has_mask = true;
     const Eigen::Matrix3d file_from_cam =
         Eigen::AngleAxisd(0.9 * i, Eigen::Vector3d(0.2, 1.0, 0.1).normalized()).toRotationMatrix();
     view.cam_from_file = RigidTransform{file_from_cam, {1000.0 + i, -500.0, 30.5}}.inverse();
@@ -47,7 +48,7 @@ CloudHeader dataset_header() {
   CloudHeader header = sample_header();
   header.dataset_points = 700;
   header.export_views = [](const fs::path& folder) {
-    for (const OutputView& view : sample_views()) write_text(folder / view.name, "image of " + view.name);
+    for (const OutputView& view : sample_views()) write_text(folder / "images" / view.name, "image of " + view.name);
     return sample_views();
   };
   return header;
@@ -246,6 +247,7 @@ TEST_CASE("a nerfstudio dataset: its rays meet the points where the images show 
     const auto& frame = json["frames"][i];
     const OutputView view = sample_views()[i];
     CHECK(fs::exists(dir / "n" / frame["file_path"].get<std::string>()));
+    CHECK(frame["mask_path"] == "masks/" + view.name + ".png");
     CHECK(frame["w"] == view.width);
     const Eigen::Vector3d p = view.cam_from_file * cloud.positions[i];
     const double x = (std::atan2(p.x(), p.z()) / (2.0 * kPi) + 0.5) * view.width;

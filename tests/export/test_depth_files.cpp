@@ -209,3 +209,20 @@ TEST_CASE("normals as PNG: red, green and blue are x, y and z") {
   CHECK(read.at<cv::Vec3w>(0, 1) == cv::Vec3w(32768, 0, 65535));  // blue, green, red
   CHECK(read.at<cv::Vec3w>(1, 2) == cv::Vec3w(0, 0, 0));
 }
+
+TEST_CASE("normals in a PNG are read back") {
+  const TempDir dir;
+  Image<Eigen::Vector3f> normals(3, 2, Eigen::Vector3f::Zero());
+  normals(0, 0) = Eigen::Vector3f(0.3F, -0.5F, 0.7F).normalized();
+  normals(2, 1) = {0.0F, 0.0F, -1.0F};
+  write_png16(dir / "n.png", normals);
+  const Image<Eigen::Vector3f> read = read_png16_normals(dir / "n.png");
+  REQUIRE(read.width() == 3);
+  REQUIRE(read.height() == 2);
+  for (int y = 0; y < 2; ++y) {
+    for (int x = 0; x < 3; ++x) CHECK((read(x, y) - normals(x, y)).norm() < 5e-5F);
+  }
+  CHECK(read(1, 0).isZero(0.0F));
+  write_png16(dir / "d.png", Image<float>(3, 2, 1.0F), 1000.0);
+  CHECK_THROWS_AS(read_png16_normals(dir / "d.png"), InvalidInput);
+}

@@ -8,6 +8,7 @@
 #include <catch2/catch.hpp>
 
 #include "pmsp/error.h"
+#include "pmsp/io/cloud_output.h"
 #include "pmsp/io/ply.h"
 #include "support/temp_dir.h"
 
@@ -56,12 +57,12 @@ TEST_CASE("a cloud is written at its own pose and scale, or at those that are gi
   KeyframePose moved = cloud.pose();
   moved.cam_from_world.translation += Eigen::Vector3d(1.0, 2.0, 3.0);
   moved.scale = 0.5;
-  PlyWriter::Options options;
+  CloudHeader options;
   options.double_positions = true;
-  PlyWriter writer(dir / "c.ply", options);
+  CloudOutput writer(dir / "c.ply", options);
   writer.add(cloud);
   writer.add(cloud, moved);
-  writer.finish();
+  writer.commit();
   const PlyCloud read = read_ply(dir / "c.ply");
   REQUIRE(read.positions.size() == 6);
   for (std::size_t i = 0; i < 6; ++i) {
@@ -76,14 +77,14 @@ TEST_CASE("a cloud survives writing and reading, in world coordinates") {
   const KeyframeCloud cloud = sample_cloud(300);
   const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
   const bool in_double = GENERATE(false, true);
-  PlyWriter::Options options;
+  CloudHeader options;
   options.double_positions = in_double;
   options.comments = {"made by a test", "two\nlines"};
-  PlyWriter writer(dir / "c.ply", options);
+  CloudOutput writer(dir / "c.ply", options);
   writer.add(cloud);
   writer.add(cloud);
   CHECK(writer.points() == 600);
-  writer.finish();
+  writer.commit();
 
   const PlyCloud read = read_ply(dir / "c.ply");
   REQUIRE(read.positions.size() == 600);
@@ -103,10 +104,10 @@ TEST_CASE("a cloud survives writing and reading, in world coordinates") {
 TEST_CASE("a large cloud is written in blocks, and none of its points is lost or out of place") {
   const TempDir dir;
   const KeyframeCloud cloud = sample_cloud(250000);
-  PlyWriter writer(dir / "c.ply", {});
+  CloudOutput writer(dir / "c.ply");
   for (int i = 0; i < 3; ++i) writer.add(cloud);
   writer.add(sample_cloud(1));
-  writer.finish();
+  writer.commit();
   const PlyCloud read = read_ply(dir / "c.ply");
   REQUIRE(read.positions.size() == 750001);
   std::size_t wrong = 0;
@@ -119,18 +120,36 @@ TEST_CASE("a large cloud is written in blocks, and none of its points is lost or
 
 TEST_CASE("the PLY header is plain for the strictest of readers") {
   const TempDir dir;
-  PlyWriter writer(dir / "c.ply", {});
+  CloudOutput writer(dir / "c.ply");
   writer.add(sample_cloud(12));
-  writer.finish();
+  writer.commit();
   const std::string text = read_text(dir / "c.ply");
   CHECK(text.find("\nelement vertex 12\nproperty float x\nproperty float y\nproperty float z\n") != std::string::npos);
   CHECK(text.size() == text.find("end_header\n") + std::strlen("end_header\n") + 12 * 32);
   CHECK(dir.entries() == 1);
 }
 
+TEST_CASE("positions are doubles where floats are too coarse, or where that is asked for") {
+  const TempDir dir;
+  const auto type_of_x = [&](const CloudHeader& header) {
+    find_cloud_format("ply")->open(dir / "c.ply", header)->finish();
+    const std::string text = read_text(dir / "c.ply");
+    const std::size_t begin = text.find("property ") + 9;
+    return text.substr(begin, text.find('\n', begin) - begin);
+  };
+  CloudHeader header;
+  header.reach = 50.0;
+  CHECK(type_of_x(header) == "float x");
+  header.center = {400000.0, 5000000.0, 80.0};  // as in UTM
+  CHECK(type_of_x(header) == "double x");
+  header.center = {0.0, 0.0, 0.0};
+  header.double_positions = true;
+  CHECK(type_of_x(header) == "double x");
+}
+
 TEST_CASE("an empty cloud is a valid PLY") {
   const TempDir dir;
-  PlyWriter(dir / "c.ply", {}).finish();
+  CloudOutput(dir / "c.ply").commit();
   CHECK(read_ply(dir / "c.ply").positions.empty());
 }
 
@@ -138,7 +157,7 @@ TEST_CASE("a writer that is not finished leaves the old file and no trace") {
   const TempDir dir;
   write_text(dir / "c.ply", "old");
   {
-    PlyWriter writer(dir / "c.ply", {});
+    CloudOutput writer(dir / "c.ply");
     writer.add(sample_cloud(100000));
   }
   CHECK(read_text(dir / "c.ply") == "old");
@@ -151,7 +170,7 @@ TEST_CASE("a killed writer leaves the old file") {
   const pid_t child = fork();
   REQUIRE(child >= 0);
   if (child == 0) {
-    PlyWriter writer(dir / "c.ply", {});
+    CloudOutput writer(dir / "c.ply");
     writer.add(sample_cloud(100000));
     raise(SIGKILL);
     _exit(0);
@@ -173,9 +192,9 @@ TEST_CASE("a full disk is an OutputError that names the file, and the old file s
     setrlimit(RLIMIT_FSIZE, &limit);
     int result = 1;
     try {
-      PlyWriter writer(dir / "c.ply", {});
+      CloudOutput writer(dir / "c.ply");
       writer.add(sample_cloud(100000));
-      writer.finish();
+      writer.commit();
     } catch (const OutputError& error) {
       result = std::string(error.what()).find("c.ply") != std::string::npos ? 0 : 2;
     }
@@ -195,17 +214,17 @@ TEST_CASE("temporary files that killed runs left, with names of this process, ar
   for (int i = 0; i < kLeft; ++i) {
     write_text(dir / (".c.ply." + std::to_string(getpid()) + "-" + std::to_string(i) + ".tmp"), "left");
   }
-  PlyWriter writer(dir / "c.ply", {});
-  writer.finish();
+  CloudOutput writer(dir / "c.ply");
+  writer.commit();
   CHECK(read_ply(dir / "c.ply").positions.empty());
   CHECK(dir.entries() == kLeft + 1);
 }
 
 TEST_CASE("targets that cannot be written are refused before any work") {
   const TempDir dir;
-  CHECK_THROWS_AS(PlyWriter(dir / "no/such/c.ply", {}), OutputError);
-  CHECK_THROWS_AS(PlyWriter(dir.path(), {}), OutputError);
-  CHECK_THROWS_AS(PlyWriter("/dev/null", {}), OutputError);
+  CHECK_THROWS_AS(CloudOutput(dir / "no/such/c.ply"), OutputError);
+  CHECK_THROWS_AS(CloudOutput(dir.path()), OutputError);
+  CHECK_THROWS_AS(CloudOutput("/dev/null"), OutputError);
 }
 
 TEST_CASE("ascii and both byte orders read alike, other elements and properties are passed over") {
@@ -292,9 +311,9 @@ TEST_CASE("hostile PLY files give an error that names the file and the place") {
 
 TEST_CASE("every cut of a PLY is an error, none is read as a smaller cloud") {
   const TempDir dir;
-  PlyWriter writer(dir / "c.ply", {});
+  CloudOutput writer(dir / "c.ply");
   writer.add(sample_cloud(3));
-  writer.finish();
+  writer.commit();
   const std::string text = read_text(dir / "c.ply");
   for (std::size_t size = 0; size < text.size(); ++size) {
     write_text(dir / "cut.ply", text.substr(0, size));

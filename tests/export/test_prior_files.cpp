@@ -9,9 +9,9 @@
 
 #include <catch2/catch.hpp>
 
-#include "export/little_endian.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
+#include "pmsp/io/little_endian.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;
@@ -176,4 +176,21 @@ TEST_CASE("broken depth files are refused, wherever they break") {
       }
     }
   }
+}
+
+TEST_CASE("the channels of an EXR that are asked for are read", "[prior files]") {
+  const TempDir dir;
+  write_exr(dir / "d.exr", {{"confidence", Image<float>(6, 3, 0.5F)}, {"N.X", ramp(6, 3)}, {"Z", Image<float>(6, 3)}});
+  const std::vector<ImageChannel> channels = read_exr(dir / "d.exr", {"N.X", "N.Y", "confidence"});
+  REQUIRE(channels.size() == 2);
+  CHECK(channels[0].name == "N.X");
+  CHECK(channels[0].values.pixels() == ramp(6, 3).pixels());
+  CHECK(channels[1].name == "confidence");
+  CHECK(channels[1].values(5, 2) == 0.5F);
+  CHECK(read_exr(dir / "d.exr", {"A"}).empty());
+  const std::string bytes = read_text(dir / "d.exr");
+  write_text(dir / "cut.exr", bytes.substr(0, bytes.size() - 5));
+  CHECK_THROWS_AS(read_exr(dir / "cut.exr", {"N.X"}), InvalidInput);
+  write_text(dir / "no.exr", "v/1");
+  CHECK_THROWS_AS(read_exr(dir / "no.exr", {"N.X"}), InvalidInput);
 }

@@ -16,16 +16,17 @@
 #include "export/number_table.h"
 #include "io/image_decode.h"
 #include "io/mask_rectangles.h"
-#include "pmsp-densify/batch_manifest.h"
-#include "pmsp-densify/option_table.h"
+#include "pmsp-densify/batch/batch_manifest.h"
+#include "pmsp-densify/option_json.h"
 #include "pmsp/error.h"
+#include "pmsp/io/depth_folder.h"
 #include "pmsp/io/depth_io.h"
 #include "pmsp/io/mask.h"
 #include "pmsp/io/plan_io.h"
 #include "pmsp/io/ply.h"
+#include "pmsp/io/workspace/artefact_file.h"
+#include "pmsp/io/workspace/record.h"
 #include "support/temp_dir.h"
-#include "workspace/artefact_file.h"
-#include "workspace/record.h"
 
 namespace {
 
@@ -116,11 +117,31 @@ std::vector<Reader> make_readers(const fs::path& folder) {
        [](const fs::path& path) { read_pfm(path); },
        {written(folder / "a.pfm", [](const fs::path& path) { write_pfm(path, ramp()); })}},
       {"a.exr",
-       [](const fs::path& path) { read_exr_depth(path); },
+       [](const fs::path& path) {
+         read_exr(path, {"N.X", "N.Y", "N.Z", "confidence"});
+         read_exr_depth(path);
+       },
        {written(folder / "a.exr",
                 [](const fs::path& path) {
-                  write_exr(path, {{"Z", ramp()}});
+                  write_exr(path, {{"Z", ramp()}, {"N.X", ramp()}, {"confidence", ramp()}});
                 })}},
+      {"d.png",
+       [](const fs::path& path) { read_png16(path, 0.001); },
+       {written(folder / "d.png", [](const fs::path& path) { write_png16(path, ramp(), 1.0); })}},
+      {"n.png",
+       [](const fs::path& path) { read_png16_normals(path); },
+       {written(
+           folder / "n.png",
+           [](const fs::path& path) { write_png16(path, Image<Eigen::Vector3f>(4, 2, Eigen::Vector3f::UnitX())); })}},
+      {"index.json",
+       [](const fs::path& path) {
+         const DepthFolder depth(path.parent_path(), {});
+         depth.file_for(7, "7.jpg");
+         depth.read_normals(7);
+         depth.read_confidence(7);
+       },
+       {"{\"kind\": \"raw\", \"png_scale\": 0.001, \"lens_distance\": 0.02, \"maps\": [{\"keyframe_id\": 7, \"depth\": "
+        "\"a.pfm\", \"normal_png\": \"n.png\", \"exr\": \"a.exr\"}]}"}},
       {"a.npy", [](const fs::path& path) { read_npy(path); }, {npy()}},
       {"plan.json",
        [](const fs::path& path) { read_plan(path); },

@@ -5,8 +5,8 @@
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
 
+#include "drawn_scene.h"
 #include "pmsp/error.h"
-#include "scene.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -224,7 +224,7 @@ TEST_CASE("A part of a panorama is refused, a whole one is taken whatever its XM
   CHECK(drain(*source).frames == Frames{1, 5, 13, 19, 31});
 }
 
-TEST_CASE("Images that are decoded ahead come in the same order; a source may go while some are being decoded") {
+TEST_CASE("Images that are decoded ahead come in the same order, a source may go while some are being decoded") {
   TempDir folder;
   const auto shots = shots_from(0.0);
   write_frames(folder, "%06lld.png", shots);

@@ -6,9 +6,9 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "drawn_scene.h"
 #include "pmsp/error.h"
 #include "pmsp/io/mask.h"
-#include "scene.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

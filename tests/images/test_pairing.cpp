@@ -3,9 +3,9 @@
 #include <functional>
 #include <limits>
 
+#include "drawn_scene.h"
 #include "pmsp/error.h"
 #include "pmsp/io/pairing.h"
-#include "scene.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

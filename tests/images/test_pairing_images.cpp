@@ -11,11 +11,11 @@
 
 #include <Eigen/Geometry>
 
+#include "drawn_scene.h"
 #include "pmsp/camera.h"
 #include "pmsp/io/pairing.h"
-#include "scene.h"
-#include "support/mission.h"
-#include "support/rng.h"
+#include "synth/mission.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

@@ -3,8 +3,8 @@
 #include <fstream>
 #include <opencv2/videoio.hpp>
 
+#include "drawn_scene.h"
 #include "pmsp/error.h"
-#include "scene.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

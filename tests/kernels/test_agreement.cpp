@@ -7,7 +7,7 @@
 
 #include "agreement.h"
 #include "confidence.h"
-#include "kernels/helpers.h"
+#include "kernels/kernel_helpers.h"
 
 using namespace pmsp;
 using pmsp::kernels::Vec3;

@@ -9,8 +9,8 @@
 
 #include "cpu/lanes.h"
 #include "elementary.h"
-#include "kernels/helpers.h"
-#include "patchmatch.h"
+#include "kernels/kernel_helpers.h"
+#include "match.h"
 #include "sphere/panorama_data.h"
 #include "support/fused_float.h"
 

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "kernels/helpers.h"
+#include "kernels/kernel_helpers.h"
 #include "sphere/cube_map.h"
 
 using namespace pmsp;

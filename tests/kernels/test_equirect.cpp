@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "kernels/helpers.h"
+#include "kernels/kernel_helpers.h"
 #include "pmsp/camera.h"
 
 using namespace pmsp;

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <set>
 #include <utility>
 #include <vector>
 
-#include "kernels/helpers.h"
+#include "fusion_weight.h"
+#include "kernels/kernel_helpers.h"
+#include "resample.h"
 #include "sphere/grid.h"
 #include "stage.h"
 
@@ -60,4 +64,43 @@ TEST_CASE("pixels beside another one: around the seam, and over the poles on the
   CHECK(index(3, 0, 1, -1) == 0 * 16 + 12);
   CHECK(index(3, 7, 0, 2) == 6 * 16 + 11);
   CHECK(index(15, 0, 1, -2) == 1 * 16 + 8);
+}
+
+TEST_CASE("pixels within a distance of an image point are each found once, across the seam and near the poles too") {
+  constexpr int kWidth = 64;
+  constexpr int kHeight = 32;
+  const SphereGrid grid(kWidth, kHeight);
+  const float* const cos_lat = grid.view().cos_lat;
+  for (const k::Pixel<float>& at :
+       {k::Pixel<float>{20.3F, 16.4F}, {0.2F, 14.7F}, {63.9F, 17.1F}, {31.5F, 2.6F}, {0.6F, 30.9F}, {63.2F, 0.3F}}) {
+    for (const float spacing : {0.4F, 1.3F, 2.5F}) {
+      CAPTURE(at.x, at.y, spacing);
+      std::multiset<int> expected;
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          const float dy = static_cast<float>(y) + 0.5F - at.y;
+          const float apart = std::abs(static_cast<float>(x) + 0.5F - at.x);
+          const float dx = std::min(apart, static_cast<float>(kWidth) - apart) * cos_lat[y];
+          if (dx * dx + dy * dy <= spacing * spacing && dx <= (0.5F * kWidth - 1.0F) * cos_lat[y]) {
+            expected.insert(y * kWidth + x);
+          }
+        }
+      }
+      std::multiset<int> found;
+      k::for_each_within(at, spacing, cos_lat, kWidth, kHeight, [&](int pixel) { found.insert(pixel); });
+      CHECK(found == expected);
+    }
+  }
+}
+
+TEST_CASE("values around an image: from the other side of the seam, from the opposite meridian beyond a pole") {
+  std::vector<float> values(16 * 8);
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i);
+  const k::GrayView image{values.data(), 16, 8};
+  const auto value = [&](int x, int y) { return values[static_cast<std::size_t>(y * 16 + x)]; };
+  CHECK(k::pixel_around(image, 3, 5) == value(3, 5));
+  CHECK(k::pixel_around(image, -1, 5) == value(15, 5));
+  CHECK(k::pixel_around(image, 17, 5) == value(1, 5));
+  CHECK(k::pixel_around(image, 3, -1) == value(11, 0));
+  CHECK(k::pixel_around(image, 12, 9) == value(4, 6));
 }

@@ -94,7 +94,7 @@ TEST_CASE("atan2: axes, diagonals and ratios from tiny to huge") {
   CHECK(worst < 6e-7);
 }
 
-TEST_CASE("atan2 stays within [-pi, pi] as a float and is relatively exact for small angles") {
+TEST_CASE("atan2 stays between -pi and pi as a float and is relatively exact for small angles") {
   const float pi = static_cast<float>(k::kPi);
   for (int i = 0; i < 30; ++i) {
     const float small = std::ldexp(1.0F, -i);

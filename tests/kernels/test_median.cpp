@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 #include <vector>
 
-#include "kernels/helpers.h"
+#include "kernels/kernel_helpers.h"
 #include "median.h"
 
 using pmsp::test::Draws;

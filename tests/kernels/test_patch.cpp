@@ -5,11 +5,11 @@
 #include <memory>
 #include <vector>
 
-#include "kernels/helpers.h"
+#include "kernels/kernel_helpers.h"
 #include "patch.h"
 #include "pmsp/executor.h"
 #include "sphere/panorama_data.h"
-#include "support/mission.h"
+#include "synth/mission.h"
 
 using namespace pmsp;
 using pmsp::kernels::Vec3;
@@ -23,7 +23,6 @@ namespace {
 
 constexpr int kWidth = 640;
 constexpr int kHeight = 320;
-constexpr double kPixel = 2.0 * kernels::kPi / kWidth;
 
 Image<float> gray_of(const Image<Rgb>& image) {
   Image<float> gray(image.width(), image.height());

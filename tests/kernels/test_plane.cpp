@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "kernels/helpers.h"
+#include "kernels/kernel_helpers.h"
 
 using namespace pmsp;
 using pmsp::kernels::Vec3;

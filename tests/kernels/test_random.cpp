@@ -90,7 +90,7 @@ TEST_CASE("the draws are these, on every machine and in every version: depth map
   }
 }
 
-TEST_CASE("draws of all number types are equal, multiples of 2^-24 in [0, 1)") {
+TEST_CASE("draws of all number types are equal, multiples of 2^-24 from 0 to less than 1") {
   const k::RandomKey key = k::random_key(7, 21, 1);
   for (std::uint32_t pixel = 0; pixel < 100000; ++pixel) {
     const float value = k::uniform<float>(key, pixel, pixel % 5);

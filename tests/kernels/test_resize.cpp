@@ -6,7 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "kernels/helpers.h"
+#include "kernels/kernel_helpers.h"
+#include "pmsp/panorama.h"
 #include "sphere/area_resize.h"
 
 using namespace pmsp;
@@ -116,7 +117,7 @@ TEST_CASE("the same size gives the same image") {
   }
 }
 
-TEST_CASE("enlarging interpolates linearly between pixel centres; x wraps, y does not") {
+TEST_CASE("enlarging interpolates linearly between pixel centres, x wraps, y does not") {
   ThreadPool pool(2);
   const Image<Rgb> image = random_image(16, 8, 4);
   for (const auto& size : {std::make_pair(32, 16), {50, 30}, {18, 10}}) {

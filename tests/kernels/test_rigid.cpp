@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
+#include <cstdint>
+#include <vector>
 
-#include "kernels/helpers.h"
+#include "fused_point.h"
+#include "kernels/kernel_helpers.h"
 #include "rigid.h"
+#include "sphere/grid.h"
 #include "util/eigen_kernels.h"
 
 using namespace pmsp;
@@ -49,6 +53,23 @@ TEST_CASE("a point goes from the lens that sees it in one keyframe to the one th
     changed += (in_first.z() > 0.0) != (in_other.z() > 0.0);
   }
   CHECK(changed > 50);
+}
+
+TEST_CASE("points are handed out from the camera's centre, whichever lens has seen them") {
+  constexpr float kLens = 0.02F;
+  const SphereGrid grid(16, 8);
+  const kernels::Vec3<float> gray{90.0F, 90.0F, 90.0F};
+  const auto packed = kernels::pack_point<float>(3.0F, {0.0F, -1.0F, 0.0F}, gray, 1.0F);
+  const std::vector<std::uint32_t> surfels(16 * 8, packed.surfel);
+  const std::vector<std::uint32_t> details(16 * 8, packed.detail);
+  const std::vector<std::uint8_t> bytes(16 * 8, 0);
+  for (int pixel = 0; pixel < 16 * 8; ++pixel) {
+    const kernels::Vec3<float> ray = kernels::bearing_at<float>(grid.view(), pixel % 16, pixel / 16);
+    const auto point = kernels::owned_point({surfels.data(), details.data(), bytes.data(), bytes.data(), 1, kLens},
+                                            grid.view(), pixel);
+    const Eigen::Vector3f expected = 3.0F * to_eigen(ray) + Eigen::Vector3f(0.0F, 0.0F, ray.z > 0.0F ? kLens : -kLens);
+    CHECK((to_eigen(point.position) - expected).norm() < 1e-3F);
+  }
 }
 
 TEST_CASE("without a distance of lenses nothing changes, to the last bit") {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cpu/executor_impl.h"
-#include "kernels/helpers.h"
+#include "kernels/kernel_helpers.h"
 #include "pmsp/error.h"
 #include "sphere/grid.h"
 
@@ -52,7 +52,7 @@ struct GuardedMap {
 template <class Stage>
 void run_rows(Simd simd, const Stage& stage) {
   const Executor executor(1, simd);
-  executor.impl().run(stage);
+  inside(executor).run(stage);
 }
 
 /// Whether the median filter keeps each pixel: 1 or 0, and what stands behind them.

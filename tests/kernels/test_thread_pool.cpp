@@ -6,6 +6,7 @@
 #include <thread>
 #include <vector>
 
+#include "pmsp/executor.h"
 #include "util/thread_pool.h"
 
 using pmsp::ThreadPool;

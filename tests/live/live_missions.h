@@ -9,7 +9,7 @@
 
 #include "core/helpers.h"
 #include "pmsp/live.h"
-#include "support/mission.h"
+#include "synth/mission.h"
 
 namespace pmsp::test {
 

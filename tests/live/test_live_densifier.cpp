@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <catch2/catch.hpp>
-#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "core/helpers.h"
-#include "fake_slam.h"
 #include "live/live_missions.h"
 #include "pmsp/densifier.h"
 #include "pmsp/error.h"
@@ -16,25 +15,6 @@
 
 using namespace pmsp;
 using namespace pmsp::test;
-
-namespace {
-
-/// A fake SLAM's keyframes, one after the other, each worked on before the next one comes; then the loop is closed.
-std::shared_ptr<const LiveSnapshot> played(FakeSlam slam, const LiveOptions& options, LiveStats* stats = nullptr) {
-  LiveDensifier live(options);
-  for (std::size_t k = 0; k < slam.size(); ++k) {
-    live.add(slam.next());
-    live.update(slam.moved());
-    REQUIRE(live.wait(kLong));
-  }
-  live.update(slam.closed());
-  live.finish();
-  REQUIRE(live.wait(kLong));
-  if (stats != nullptr) *stats = live.stats();
-  return live.snapshot();
-}
-
-}  // namespace
 
 TEST_CASE("A live flight ends with points as good as those of a Densifier", PMSP_ACCURACY) {
   const LiveOptions options = small_live(kRoomWidth);
@@ -81,6 +61,22 @@ TEST_CASE("What is done when all is known from the start does not depend on time
   CHECK(same_points(*first, *at_once(bgr, options)));
 }
 
+TEST_CASE("Landmarks that are told of after their keyframe are as good as those that came with it") {
+  const LiveOptions options = small_live(kRoomWidth);
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  LiveDensifier live(options);
+  live.pause();
+  for (LiveKeyframe keyframe : keyframes) {
+    keyframe.landmarks.clear();
+    live.add(keyframe);
+  }
+  live.update(keyframes);
+  live.finish();
+  live.resume();
+  REQUIRE(live.wait(kLong));
+  CHECK(same_points(*live.snapshot(), *at_once(keyframes, options)));
+}
+
 TEST_CASE("Images are let go of when they are no longer needed") {
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   std::vector<std::weak_ptr<const void>> images;
@@ -96,37 +92,6 @@ TEST_CASE("Images are let go of when they are no longer needed") {
   live.finish();
   REQUIRE(live.wait(kLong));
   for (const auto& image : images) CHECK(image.expired());
-}
-
-TEST_CASE("Keyframes that converge as a SLAM's do are as good in the end as if they had never moved", PMSP_ACCURACY) {
-  const LiveOptions options = small_live(kRoomWidth);
-  const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0, 0.0), options), room());
-  LiveStats stats;
-  const LiveFigures moved = figures(*played(FakeSlam(live_keyframes(room()), 0.0), options, &stats), room());
-  CAPTURE(moved.covered, still.covered, moved.right, still.right, moved.misplaced, still.misplaced,
-          stats.matched_again);
-  CHECK(moved.clouds == still.clouds);
-  CHECK(moved.right > still.right - 0.01);
-  CHECK(moved.covered > still.covered - 0.02);
-}
-
-TEST_CASE("A loop closure moves, turns and scales what was seen before it", PMSP_ACCURACY) {
-  const LiveOptions options = small_live(kRoomWidth);
-  const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0, 0.0), options), room());
-  for (const double drift : {0.1, -0.15}) {
-    LiveStats stats;
-    const auto snapshot = played(FakeSlam(live_keyframes(room()), drift), options, &stats);
-    const LiveFigures closed = figures(*snapshot, room());
-    CAPTURE(drift, closed.covered, still.covered, closed.right, still.right, closed.misplaced, still.misplaced);
-    CHECK(closed.clouds == still.clouds);
-    // Places that were seen as two are merged: some of the points go.
-    CHECK(closed.right > still.right - 0.012);
-    CHECK(closed.covered > still.covered - 0.02);
-    CHECK(closed.misplaced < 0.01);
-    CHECK(stats.rescaled > 0);
-    CHECK(std::any_of(snapshot->clouds.begin(), snapshot->clouds.end(),
-                      [](const LiveCloud& cloud) { return std::abs(cloud.pose.scale - 1.0) > 0.02; }));
-  }
 }
 
 TEST_CASE("Snapshots show what update, erase and reset have said when these return") {
@@ -183,6 +148,40 @@ TEST_CASE("Of a removed keyframe's points a neighbour takes those that it has se
   }
 }
 
+TEST_CASE("Of a removed keyframe's points those take theirs back that have seen the place at another time",
+          PMSP_ACCURACY) {
+  LiveOptions options = small_live(kRoomWidth);
+  options.densifier.free_space.whole_mission = true;
+  options.densifier.patchmatch.geometric_passes = 1;
+  LiveDensifier live(options);
+  live.pause();
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  const auto count = static_cast<std::int64_t>(keyframes.size());
+  for (std::int64_t id = 0; id < 2 * count; ++id) {  // there and back
+    LiveKeyframe keyframe = keyframes[static_cast<std::size_t>(id < count ? id : 2 * count - 1 - id)];
+    keyframe.id = id;
+    live.add(keyframe);
+  }
+  live.finish();
+  live.resume();
+  REQUIRE(live.wait(kLong));
+  constexpr std::int64_t kFirst = kRoomKeyframes / 2;  // farther from those at the end than any window reaches
+  const auto points_at_first = [&] {
+    std::size_t points = 0;
+    for (const LiveCloud& cloud : live.snapshot()->clouds) {
+      if (cloud.keyframe_id < kFirst) points += cloud.cloud->points.size();
+    }
+    return points;
+  };
+  const std::size_t shared = points_at_first();
+  std::vector<std::int64_t> back;
+  for (std::int64_t id = 2 * count - kFirst; id < 2 * count; ++id) back.push_back(id);
+  live.erase(back);
+  REQUIRE(live.wait(kLong));
+  CAPTURE(shared, points_at_first());
+  CHECK(points_at_first() > shared + shared / 10);
+}
+
 TEST_CASE("After a reset ids may begin again, and nothing of before comes back") {
   LiveDensifier live(small_live(kRoomWidth));
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
@@ -197,6 +196,41 @@ TEST_CASE("After a reset ids may begin again, and nothing of before comes back")
   const auto snapshot = live.snapshot();
   LiveOptions options = small_live(kRoomWidth);
   CHECK(ids_of(*snapshot) == ids_of(*at_once(keyframes, options)));
+}
+
+TEST_CASE("Points that are ready when another keyframe has the id already are not shown as that one's") {
+  LiveOptions options = small_live(kRoomWidth);
+  options.densifier.patchmatch.geometric_passes = 1;
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  keyframes.resize(5);  // few, so that points of all are made together
+  LiveKeyframe other = keyframes[4];
+  const std::vector<std::int64_t> ids = ids_of(*at_once(keyframes, options));
+  REQUIRE(std::count(ids.begin(), ids.end(), other.id) == 1);
+  other.map_id = 7;  // alone there, it never gets points
+  LiveDensifier* told = nullptr;
+  bool replaced = false;
+  bool in_the_midst = false;
+  LiveCallbacks callbacks;
+  callbacks.changed = [&](LiveVersion) {
+    if (std::exchange(replaced, true)) {
+      in_the_midst = in_the_midst || told->stats().clouds == 0;  // not counted until all of them are there
+      return;
+    }
+    told->erase({other.id});
+    told->add(other);
+    told->finish();
+  };
+  LiveDensifier live(options, callbacks);
+  told = &live;
+  live.pause();
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  live.resume();
+  REQUIRE(live.wait(kLong));
+  REQUIRE(in_the_midst);
+  const std::vector<std::int64_t> left = ids_of(*live.snapshot());
+  CHECK(left.size() == ids.size() - 1);
+  CHECK(std::count(left.begin(), left.end(), other.id) == 0);
 }
 
 TEST_CASE("sync finds what is new, moved and gone") {
@@ -224,61 +258,6 @@ TEST_CASE("sync finds what is new, moved and gone") {
   CHECK(live.stats().erased == 1);
   keyframes.push_back(keyframes.back());
   CHECK_THROWS_AS(live.sync(keyframes), InvalidInput);
-}
-
-TEST_CASE("Keyframes of two maps do not meet until the maps are merged") {
-  LiveOptions options = small_live(kRoomWidth);
-  LiveDensifier live(options);
-  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  const std::size_t half = keyframes.size() / 2;
-  for (std::size_t i = half; i < keyframes.size(); ++i) keyframes[i].map_id = 7;
-  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
-  live.finish();
-  REQUIRE(live.wait(kLong));
-  const std::int64_t border = keyframes[half].id;
-  for (const LiveCloud& cloud : live.snapshot()->clouds) {
-    for (const std::int64_t id : cloud.cloud->window_ids) CHECK((id < border) == (cloud.keyframe_id < border));
-    CHECK(cloud.map_id == (cloud.keyframe_id < border ? 0 : 7));
-  }
-  for (LiveKeyframe& keyframe : keyframes) keyframe.map_id = 0;
-  live.update(keyframes);
-  for (const LiveCloud& cloud : live.snapshot()->clouds) CHECK(cloud.map_id == 0);
-  REQUIRE(live.wait(kLong));
-  bool met = false;
-  for (const LiveCloud& cloud : live.snapshot()->clouds) {
-    for (const std::int64_t id : cloud.cloud->window_ids) met = met || (id < border) != (cloud.keyframe_id < border);
-  }
-  CHECK(met);
-}
-
-TEST_CASE("Maps with units and places of their own keep the scale of what is in them when they are merged") {
-  LiveDensifier live(small_live(kRoomWidth));
-  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  const std::vector<LiveKeyframe> merged = keyframes;
-  const std::size_t half = keyframes.size() / 2;
-  constexpr double kUnit = 1.25;
-  const Eigen::Vector3d away(50.0, -3.0, 7.0);
-  for (std::size_t i = half; i < keyframes.size(); ++i) {
-    LiveKeyframe& keyframe = keyframes[i];
-    keyframe.map_id = 7;
-    const Eigen::Vector3d center = kUnit * keyframe.cam_from_world.center() + away;
-    keyframe.cam_from_world.translation = -(keyframe.cam_from_world.rotation * center);
-    for (Landmark& landmark : keyframe.landmarks) landmark.position_world = kUnit * landmark.position_world + away;
-  }
-  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
-  live.finish();
-  REQUIRE(live.wait(kLong));
-  const bool with_landmarks = GENERATE(true, false);
-  std::vector<LiveKeyframe> moved = merged;
-  if (!with_landmarks) {
-    for (LiveKeyframe& keyframe : moved) keyframe.landmarks.clear();
-  }
-  live.update(moved);
-  for (const LiveCloud& cloud : live.snapshot()->clouds) {
-    const double expected = cloud.keyframe_id < merged[half].id ? 1.0 : 1.0 / kUnit;
-    CAPTURE(with_landmarks, cloud.keyframe_id);
-    CHECK(cloud.pose.scale == Approx(expected).epsilon(0.01));
-  }
 }
 
 TEST_CASE("The end of a map that the SLAM has left is worked on when another has begun") {
@@ -324,4 +303,62 @@ TEST_CASE("Preliminary points come with the keyframes after theirs, and give way
   const auto last = live.snapshot();
   CHECK(ids_of(*last) == final);  // those that are not used have none any more
   for (const LiveCloud& cloud : last->clouds) CHECK(!cloud.preliminary);
+}
+
+namespace {
+
+/// The room, whose walls have no texture, with the true depth beside each image.
+std::vector<LiveKeyframe> keyframes_with_depth(const synth::Mission& mission) {
+  std::vector<LiveKeyframe> keyframes = live_keyframes(mission);
+  for (std::size_t i = 0; i < keyframes.size(); ++i) {
+    const Image<float>& depth = mission.frames[i].depth;
+    keyframes[i].prior_depth = std::shared_ptr<const Image<float>>(&depth, [](const Image<float>*) {});
+  }
+  return keyframes;
+}
+
+}  // namespace
+
+TEST_CASE("Depth from elsewhere helps where there is no texture, in the unit that the SLAM had",
+          "[live]" PMSP_ACCURACY) {
+  const synth::Mission mission = synth::painted_room(small_recipe(kRoomWidth, kRoomKeyframes));
+  const LiveOptions options = small_live(kRoomWidth);
+  const LiveFigures without = figures(*at_once(live_keyframes(mission), options), mission);
+  const std::vector<LiveKeyframe> keyframes = keyframes_with_depth(mission);
+  const LiveFigures with = figures(*at_once(keyframes, options), mission);
+  CAPTURE(without.covered, without.right, with.covered, with.right);
+  CHECK(with.right > without.right);
+  CHECK(with.covered > without.covered);
+
+  // The SLAM finds that the world is half as large before the first one is prepared.
+  LiveDensifier live(options);
+  live.pause();
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  std::vector<LiveKeyframe> smaller = live_keyframes(mission);
+  synth::Mission small = mission;
+  for (std::size_t i = 0; i < smaller.size(); ++i) {
+    smaller[i].cam_from_world.translation *= 0.5;
+    for (Landmark& landmark : smaller[i].landmarks) landmark.position_world *= 0.5;
+    small.frames[i].cam_from_world = smaller[i].cam_from_world;
+    for (float& depth : small.frames[i].depth.pixels()) depth *= 0.5F;
+  }
+  live.update(smaller);
+  live.finish();
+  live.resume();
+  REQUIRE(live.wait(kLong));
+  const LiveFigures rescaled = figures(*live.snapshot(), small);
+  CAPTURE(rescaled.covered, rescaled.right);
+  CHECK(rescaled.right > with.right - 0.02);
+  CHECK(rescaled.covered > with.covered - 0.02);
+}
+
+TEST_CASE("Depth from elsewhere that is too small is refused", "[live]") {
+  LiveDensifier live(small_live(kRoomWidth));
+  LiveKeyframe keyframe = live_keyframe(room(), 0);
+  keyframe.prior_depth = std::make_shared<const Image<float>>(8, 4, 1.0F);
+  CHECK_THROWS_AS(live.add(keyframe), InvalidInput);
+  CHECK(live.stats().added == 0);
+  keyframe.prior_depth = std::make_shared<const Image<float>>();  // none
+  live.add(keyframe);
+  CHECK(live.stats().added == 1);
 }

@@ -21,7 +21,33 @@ using namespace pmsp;
 using namespace pmsp::test;
 using std::chrono::milliseconds;
 
-// A LiveDensifier that falls behind, runs short of memory, is given nonsense or called by all at once.
+// A LiveDensifier that must wait, falls behind, runs short of memory, is given nonsense or called by all at once.
+
+TEST_CASE("A keyframe waits for some newer ones, and while it moves for more of them") {
+  LiveOptions options = small_live(32);
+  options.ripe_after = 2;
+  options.ripe_at_latest = 5;
+  const bool is_moving = GENERATE(false, true);
+  LiveDensifier live(options);
+  std::vector<LiveKeyframe> there;
+  for (const LiveKeyframe& keyframe : live_keyframes(room())) {
+    if (is_moving) {  // to and fro, by more than ripe_move of the room's size
+      const double by = there.size() % 2 == 0 ? 0.05 : -0.05;
+      for (LiveKeyframe& each : there) each.cam_from_world.translation.y() += by;
+      live.update(there);
+    }
+    there.push_back(keyframe);
+    live.add(keyframe);
+    REQUIRE(live.wait(kLong));
+    const auto added = static_cast<std::int64_t>(there.size());
+    const std::int64_t waits_for = is_moving ? options.ripe_at_latest : options.ripe_after;
+    CAPTURE(is_moving, added);
+    CHECK(live.backlog().unripe == std::min(added, waits_for));
+  }
+  live.finish();  // nobody comes any more
+  REQUIRE(live.wait(kLong));
+  CHECK(live.backlog().unripe == 0);
+}
 
 TEST_CASE("When too many keyframes wait, those between near neighbours are left out") {
   LiveOptions options = small_live(32);
@@ -107,6 +133,23 @@ TEST_CASE("Images that come while work stands still do not fill the memory") {
   CHECK(live.backlog().unripe <= kMost);
 }
 
+TEST_CASE("What waits when all is reset takes no part in what comes then") {
+  const LiveOptions options = small_live(kRoomWidth);
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  LiveDensifier live(options);
+  live.pause();
+  for (LiveKeyframe keyframe : keyframes) {
+    keyframe.id += 1000;
+    live.add(keyframe);
+  }
+  live.reset();
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  live.resume();
+  REQUIRE(live.wait(kLong));
+  CHECK(same_points(*live.snapshot(), *at_once(keyframes, options)));
+}
+
 TEST_CASE("What callbacks throw is counted, and changes nothing") {
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   std::atomic<int> calls{0};
@@ -128,7 +171,7 @@ TEST_CASE("What callbacks throw is counted, and changes nothing") {
   CHECK(ids_of(*live.snapshot()) == ids_of(*at_once(keyframes, small_live(kRoomWidth))));
 }
 
-TEST_CASE("A keyframe that cannot be used is reported; the others go on") {
+TEST_CASE("A keyframe that cannot be used is reported, the others go on") {
   std::vector<std::string> errors;
   LiveCallbacks callbacks;
   callbacks.on_error = [&](const std::string& text) { errors.push_back(text); };
@@ -190,7 +233,7 @@ TEST_CASE("Input and options that make no sense are refused, and change nothing"
   CHECK(masked.stats().added == 0);
 }
 
-TEST_CASE("Any thread may call anything at any time; a LiveDensifier ends in the midst of work") {
+TEST_CASE("Any thread may call anything at any time, a LiveDensifier ends in the midst of work") {
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   LiveOptions options = small_live(32);
   options.previews = true;

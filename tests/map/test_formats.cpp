@@ -222,6 +222,12 @@ TEST_CASE("a TUM trajectory: with a list of images, without, and in nanoseconds"
   REQUIRE(some.keyframes.size() == 2);
   CHECK(some.keyframes[0].image == "a.png");
   CHECK_THAT(some.notes.at(0), Contains("without an image in") && Contains(": 6"));
+  // The pose that is nearest to the last one is a second away, more than half of the usual step.
+  write_file(folder / "list", "0.0 a.png\n1.0 b.png\n2.0 c.png\n4.5 d.png\n");
+  const SlamMap near = read_map(folder / "t.txt", options);
+  REQUIRE(near.keyframes.size() == 3);
+  CHECK(near.keyframes[2].image == "c.png");
+  CHECK(near.keyframes[2].timestamp == 2.0);
   write_file(folder / "list", "a.png\n");
   CHECK_THAT(error_of_read(folder / "t.txt", options), Contains("1 images") && Contains("8 poses"));
   write_file(folder / "list", "0.0 a.png\nb.png\n");

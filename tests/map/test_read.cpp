@@ -229,6 +229,23 @@ TEST_CASE("odd but harmless maps are read") {
     write_file(path, msgpack_bytes(tree));
     check_sample(read_map(path));
   }
+  SECTION("keypoints as the camera had them beside undistorted ones, which count") {
+    for (auto& [id, each] : tree["keyframes"].items()) {
+      each["keypts"] = each["undist_keypts"];
+      for (nlohmann::json& keypoint : each["keypts"]) keypoint = {{"pt", {3, 4}}};
+    }
+    write_file(path, msgpack_bytes(tree));  // in the order of the alphabet
+    check_sample(read_map(path));
+    nlohmann::ordered_json later(tree);
+    for (auto& [id, each] : later["keyframes"].items()) {
+      const nlohmann::ordered_json keypoints = each["keypts"];
+      each.erase("keypts");
+      each["keypts"] = keypoints;
+    }
+    const std::vector<std::uint8_t> bytes = nlohmann::ordered_json::to_msgpack(later);
+    write_file(path, std::string(bytes.begin(), bytes.end()));
+    check_sample(read_map(path));
+  }
   SECTION("no landmarks, no keypoints") {
     tree["landmarks"] = nlohmann::json::object();
     keyframe["lm_ids"] = nullptr;

@@ -66,6 +66,18 @@ void check_valid(const Plan& plan, const DensifierOptions& options) {
     check(entry.consistency, options.consistency.window - 1, true);
     check(entry.fusion, options.fusion.window - 1, true);
     check(entry.viewers, options.free_space.views + options.fusion.window - 1, true);
+    if (entry.has_depth_map()) {
+      const auto window = [&](int size) {
+        std::vector<std::int64_t> ids;
+        for (const PlanEntry& other : plan.entries) {
+          const bool is_near = other.has_depth_map() && std::abs(place[other.id] - place[entry.id]) <= size / 2;
+          if (is_near && other.id != entry.id) ids.push_back(other.id);
+        }
+        return ids;
+      };
+      CHECK(entry.consistency == window(options.consistency.window));
+      CHECK(entry.fusion == window(options.fusion.window));
+    }
     for (const std::int64_t id : entry.fusion) {
       CHECK(std::count(entry.viewers.begin(), entry.viewers.end(), id) == 1);
     }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "plan/scale_recovery.h"
-#include "support/rng.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 

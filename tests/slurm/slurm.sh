@@ -167,6 +167,7 @@ kill_in_the_middle() { # FOLDER
   sleep 8 # a job that has just begun (MessageTimeout + BatchStartTimeout) is not missed when its node comes back
   start_node n2
   wait_for "the requeue of job $job" is_requeued "$job"
+  sleep 2 # a node refuses what it ended within the same second ("Job credential revoked")
   say "node n2 was killed with a job of $1, and is back; the job is requeued"
 }
 

@@ -69,7 +69,7 @@ void play(const char* map, const char* images) {
     if (line == "fly") {
       for (const pmsp::LiveKeyframe& keyframe : keyframes) {
         live.add(keyframe);
-        server.set_camera(keyframe.cam_from_world.center());
+        server.set_camera(keyframe.cam_from_world);
       }
       live.finish();
       live.wait(std::chrono::minutes(10));

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <thread>
+
 #include <catch2/catch.hpp>
 
 #include <nlohmann/json.hpp>
 
-#include "export/little_endian.h"
-#include "live/live_map.h"
 #include "live_block.h"
 #include "live_server.h"
 #include "live_view.h"
+#include "pmsp/io/little_endian.h"
+#include "pmsp/live_map.h"
 #include "report_page.h"
 #include "web/client.h"
 
@@ -119,11 +121,20 @@ TEST_CASE("a page is told of points that are new, others, moved and gone") {
 TEST_CASE("a page is told where the camera is, and when no more comes") {
   Served it;
   it.page.ask();
-  it.server.set_camera({1.0, 2.0, 3.0});
-  CHECK(it.page.ask()["camera"] == json({1.0, 2.0, 3.0}));
+  RigidTransform cam_from_world;  // turned by a quarter around z, at (1, 2, 3)
+  cam_from_world.rotation << 0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0;
+  cam_from_world.translation = -(cam_from_world.rotation * Eigen::Vector3d(1.0, 2.0, 3.0));
+  it.server.set_camera(cam_from_world);
+  const std::vector<double> matrix = it.page.ask()["camera"];
+  const std::vector<double> expected{0.0, -1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 2.0, 0.0, 0.0, 1.0, 3.0};
+  REQUIRE(matrix.size() == expected.size());
+  for (std::size_t i = 0; i < expected.size(); ++i) CHECK(matrix[i] == Approx(expected[i]).margin(1e-12));
   CHECK(it.page.ask()["done"] == false);
-  it.server.finish(std::chrono::seconds(10));
-  CHECK(it.page.ask()["done"] == true);
+  std::thread ending([&] { it.server.finish(std::chrono::minutes(1)); });  // waits for who has not been told
+  bool is_done = false;
+  for (int i = 0; i < 100 && !is_done; ++i) is_done = it.page.ask()["done"];
+  CHECK(is_done);
+  ending.join();
 }
 
 TEST_CASE("whatever else is asked of a live page is not there") {

@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <fstream>
+#include <string>
+#include <vector>
 
 #include <catch2/catch.hpp>
 
@@ -114,7 +116,9 @@ TEST_CASE("without the token nothing is there") {
   }
   const Served other(site.dir / "site");
   CHECK(other.server.url() != served.server.url());
-  CHECK(get(served.server.port(), root.substr(0, root.size() - 1)).status == 308);
+  const Reply without_slash = get(served.server.port(), root.substr(0, root.size() - 1));
+  CHECK(without_slash.status == 308);
+  CHECK_THAT(without_slash.head, Contains("Location: " + root + "\r\n"));
 }
 
 TEST_CASE("a folder shows its page, or which there are") {
@@ -129,4 +133,15 @@ TEST_CASE("a folder shows its page, or which there are") {
   CHECK(several.ask("").body == "index");
   CHECK_THROWS_AS(FolderHandler(site.dir / "none", ""), pmsp::IoError);
   CHECK_THROWS_AS(FolderHandler(site.dir / "site", "inner.html"), pmsp::IoError);
+  CHECK_THROWS_AS(FolderHandler(site.dir / "site", ".key"), pmsp::IoError);
+}
+
+TEST_CASE("a folder opens no hidden names, whoever has taken the path apart") {
+  const Site site;
+  const ServedFolder folder(site.dir / "site");
+  CHECK(folder.open({"potree", "octree.bin"}).size == 10);
+  for (const std::vector<std::string>& path :
+       {std::vector<std::string>{".key"}, {".hidden", "key"}, {"..", "outside.txt"}, {"potree", "..", ".key"}}) {
+    CHECK_FALSE(folder.open(path).descriptor.is_open());
+  }
 }

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "pmsp/error.h"
-#include "workspace/record.h"
+#include "pmsp/io/workspace/record.h"
 
 using namespace pmsp;
 using namespace pmsp::workspace;
@@ -16,6 +16,7 @@ Record some_record() {
   record.step = "0123456789abcdef";
   record.engine = "a machine";
   record.options = R"({"seed":1})";
+  record.lenses_looked_at = 11;
   record.map = "../map.msg";
   record.images = "../images";
   record.outputs = {"../cloud.ply"};
@@ -53,6 +54,7 @@ TEST_CASE("a record comes back from its text as it was") {
   }
   const Record back = record_from_json(record_json(some_record()), "it");
   CHECK(back.keyframes.at(-3).pose == some_record().keyframes.at(-3).pose);
+  CHECK(back.lenses_looked_at == 11);
   CHECK(back.keyframes.at(-3).planes->passes == 7);
   CHECK(back.keyframes.at(-3).planes->sources[0].pose == some_record().keyframes.at(4).pose);
   CHECK(back.keyframes.at(-3).sharpness.landmarks[0].vertical == 1.0F / 3.0F);

@@ -6,8 +6,8 @@
 #include <catch2/catch.hpp>
 
 #include "pmsp/error.h"
+#include "pmsp/io/workspace/shards.h"
 #include "support/temp_dir.h"
-#include "workspace/shards.h"
 
 using namespace pmsp;
 using namespace pmsp::workspace;
@@ -112,7 +112,7 @@ TEST_CASE("jobs differ by what results depend on, and it is named", "[shards]") 
   CHECK_THAT(differs([](ShardJob& mine) { mine.step = "b"; }), Contains("images"));
 }
 
-TEST_CASE("shards leave word; a failure never takes the place of a success", "[shards]") {
+TEST_CASE("shards leave word, a failure never takes the place of a success", "[shards]") {
   const TempDir dir;
   const ShardFolder folder(dir / "shards");
   CHECK(folder.markers().empty());

@@ -4,8 +4,8 @@
 #include <string>
 
 #include "pmsp/error.h"
+#include "pmsp/io/workspace/workspace.h"
 #include "support/temp_dir.h"
-#include "workspace/workspace.h"
 
 using namespace pmsp;
 using namespace pmsp::workspace;
@@ -33,7 +33,7 @@ Record record_naming(const std::string& file) {
 
 }  // namespace
 
-TEST_CASE("a finished step is found again; files that it does not name are deleted") {
+TEST_CASE("a finished step is found again, files that it does not name are deleted") {
   const TempDir dir;
   const std::filesystem::path folder = dir / "work";
   {

@@ -2,17 +2,24 @@
 #include "arguments.h"
 
 #include <algorithm>
+#include <array>
 #include <iostream>
 
 #include <CLI/CLI.hpp>
 
+#include "command_line.h"
 #include "exit_code.h"
+#include "numbers.h"
 #include "pmsp/executor.h"
+#include "pmsp/io/map.h"
 #include "report_arguments.h"
 #include "shard_arguments.h"
 
 namespace pmsp::tool {
 namespace {
+
+constexpr const char* kHelpAll = "--help-all";
+constexpr const char* kAboutHelp = "The options that most people need; --help-all: all of them";
 
 constexpr const char* kExamples =
     "Examples:\n"
@@ -22,6 +29,7 @@ constexpr const char* kExamples =
     "  pmsp-densify run map.msg --images keyframes/ --workspace work/ --follow -o cloud.ply\n"
     "  pmsp-densify run map.msg --images keyframes/ --workspace work/ --shard 2/7\n"
     "  pmsp-densify merge work/ -o cloud.ply\n"
+    "  pmsp-densify fuse depth/ map.msg --images keyframes/ -o cloud.ply\n"
     "  pmsp-densify info map.msg --images keyframes/\n"
     "  pmsp-densify info map.msg --images keyframes/ --quality normal --plan plan.json\n"
     "  pmsp-densify config --quality high > high.json\n"
@@ -32,6 +40,29 @@ constexpr const char* kExamples =
     "Exit codes: 0 ok, 1 unexpected error, 2 usage, 3 input, 4 backend unavailable, 5 empty result, 6 output, "
     "7 and 8 some and all missions of a batch failed, "
     "128 + n stopped by signal n (130 Ctrl-C, 143 SIGTERM)";
+
+/// What most people need of `run` and `fuse`: --help shows it, and --help-all the rest.
+constexpr std::array kCommon{
+    "--images",  "--video",   "--mask",           "--mask-nadir", "--quality",    "--config",    "--backend",
+    "--device",  "--threads", "--min-confidence", "--output",     "--force",      "--report",    "--live-view",
+    "--preview", "--align",   "--max-points",     "--quiet",      "--depth-maps", "--workspace", "--depth-scale"};
+
+bool is_common(const CLI::Option& option) {
+  const std::vector<std::string>& names = option.get_lnames();
+  return names.empty() || std::any_of(kCommon.begin(), kCommon.end(), [&](const char* common) {
+           return std::find(names.begin(), names.end(), common + 2) != names.end();
+         });
+}
+
+/// Leaves options that are not common out of the help: all of them, or those of the library alone.
+void shorten_help(CLI::App& verb, bool all) {
+  std::vector<std::string> stages;
+  for (const OptionEntry& entry : option_table()) stages.emplace_back(entry.stage);
+  for (CLI::Option* option : verb.get_options()) {
+    const bool of_library = std::find(stages.begin(), stages.end(), option->get_group()) != stages.end();
+    if ((all || of_library) && !is_common(*option)) option->group("");
+  }
+}
 
 std::int64_t frame_offset_from(const std::string& text) {
   if (const auto offset = number_from<std::int64_t>(text)) return *offset;
@@ -52,17 +83,21 @@ double mask_nadir_from(const std::string& text) {
   return number_in("--mask-nadir", text, 0.0, 90.0, "degrees, 0 to 90");
 }
 
+std::optional<double> depth_scale_from(const std::string& text) {
+  if (text == "auto") return std::nullopt;
+  const auto scale = number_from<double>(text);
+  if (scale && *scale > 0.0 && *scale <= 1e12) return scale;
+  throw UsageError("--depth-scale is \"" + text + "\"; expected a number > 0, or auto");
+}
+
 double idle_seconds_from(const std::string& text) {
   return number_in("--until-idle", text, 0.0, 1e6, "seconds, 0 to 1000000");
 }
 
 void add_inputs(CLI::App& app, Arguments& a) {
-  app.add_option(
-         "map", a.map,
-         "Map of OpenVSLAM or stella_vslam (MessagePack or SQLite), folder of a COLMAP model, reconstruction.json "
-         "of OpenSfM, sfm_data.json of openMVG, transforms.json of nerfstudio, cameras of Metashape (XML), or "
-         "TUM trajectory")
-      ->type_name("MAP");
+  std::string formats;
+  for (const std::string& what : map_formats()) formats += (formats.empty() ? "" : ", ") + what;
+  app.add_option("map", a.map, "What a SLAM or another program has made: " + formats)->type_name("MAP");
   app.add_option("--images", a.images,
                  "Folder with the keyframes' images, by the names that MAP gives, or else named by keyframe id, "
                  "timestamp or frame index [default where MAP says that they are]")
@@ -112,10 +147,9 @@ void add_table(CLI::App& app, Arguments& a) {
       ->group("Configuration");
   for (const OptionEntry& entry : option_table()) {
     const auto take = [&a, &entry](const std::string& text) { a.overrides.emplace_back(&entry, text); };
-    const std::string names = (entry.short_flag != nullptr ? std::string(entry.short_flag) + "," : "") + entry.flag();
-    app.add_option_function<std::string>(names, take, entry.description())
+    app.add_option_function<std::string>(flags_of(entry), take, description_of(entry))
         ->type_name(entry.is_switch() ? " " : "V")
-        ->group(entry.group);
+        ->group(entry.stage);
   }
 }
 
@@ -134,9 +168,6 @@ void add_outputs(CLI::App& app, Arguments& a) {
   app.add_option("--depth-maps", a.depth_maps, "Filtered depth, normal and confidence of each keyframe, and index.json")
       ->type_name("DIR")
       ->group(group);
-  app.add_option("--raw-depth-maps", a.raw_depth_maps, "The same, straight from PatchMatch")
-      ->type_name("DIR")
-      ->group(group);
   app.add_option_function<std::string>(
          "--depth-format", [&a](const std::string& list) { a.depth_formats = depth_formats_from(list); },
          "Formats of depth maps: pfm, exr or png (16-bit), or several with commas between them [default pfm, and the "
@@ -146,6 +177,16 @@ void add_outputs(CLI::App& app, Arguments& a) {
   app.add_option("--scratch", a.scratch,
                  "Existing folder for what keyframes leave while they wait for their points' say (normal, high; 17 "
                  "bytes a pixel of those that wait) [default that of the cloud; of a shard the workspace]")
+      ->type_name("DIR")
+      ->group(group);
+  app.add_option("--preview", a.preview, "Pictures to judge the result by (PNG)")->type_name("DIR")->group(group);
+  add_report_options(app, a.report);
+}
+
+void add_run_outputs(CLI::App& app, Arguments& a) {
+  const char* group = "Output";
+  add_outputs(app, a);
+  app.add_option("--raw-depth-maps", a.raw_depth_maps, "As --depth-maps, straight from PatchMatch")
       ->type_name("DIR")
       ->group(group);
   app.add_option_function<std::string>(
@@ -159,6 +200,10 @@ void add_outputs(CLI::App& app, Arguments& a) {
          "a point)")
       ->type_name("DIR")
       ->group(group);
+  app.add_flag("--growing", a.growing,
+               "With --workspace: more keyframes will come; the newest make do with fewer passes until a run without "
+               "this option")
+      ->group(group);
   app.add_flag("--follow", a.follow, "With --workspace: run again whenever the map or the images change, until Ctrl-C")
       ->group(group);
   app.add_option_function<std::string>(
@@ -166,8 +211,6 @@ void add_outputs(CLI::App& app, Arguments& a) {
          "With --follow: until nothing has changed for so long [s]")
       ->type_name("S")
       ->group(group);
-  app.add_option("--preview", a.preview, "Pictures to judge the result by (PNG)")->type_name("DIR")->group(group);
-  add_report_options(app, a.report);
 }
 
 void add_plan(CLI::App& app, Arguments& a) {
@@ -200,7 +243,8 @@ void add_behaviour(CLI::App& app, Arguments& a) {
   app.add_flag("-v,--verbose", a.verbose, "One line for each keyframe, with what became of it")->group(group);
 }
 
-void add_run(CLI::App& app, Arguments& a) {
+/// Of the verbs that look at images.
+void add_image_inputs(CLI::App& app, Arguments& a) {
   add_inputs(app, a);
   app.add_option(
          "--mask", a.mask,
@@ -213,6 +257,13 @@ void add_run(CLI::App& app, Arguments& a) {
          "Radius of a cap below the camera that is ignored, for a rig or a hand [deg, 0 to 90; default 0 = none]")
       ->type_name("DEG")
       ->group("Input");
+  app.add_flag("--no-verify", a.no_verify,
+               "Do not check that the images belong to their keyframes, nor the conventions of MAP")
+      ->group("Input");
+}
+
+void add_run(CLI::App& app, Arguments& a) {
+  add_image_inputs(app, a);
   app.add_option(
          "--prior-depth", a.prior_depth,
          "Folder with a depth image for each image (7.pfm, 7.exr, 7.npy or 7.png for 7.jpg; or what --depth-maps "
@@ -220,33 +271,40 @@ void add_run(CLI::App& app, Arguments& a) {
          "landmarks, and proposed where there is little texture")
       ->type_name("DIR")
       ->group("Input");
-  app.add_flag("--no-verify", a.no_verify,
-               "Do not check that the images belong to their keyframes, nor the conventions of MAP")
-      ->group("Input");
   app.add_flag_callback(
          "--no-lens-calibration", [&a] { a.calibrate_lenses = false; },
          "Do not estimate the distance of the camera's two lenses (--lens-distance) from some of the images")
+      ->group("Input");
+  add_run_outputs(app, a);
+  add_behaviour(app, a);
+  add_table(app, a);
+}
+
+void add_fuse(CLI::App& app, Arguments& a) {
+  app.add_option(
+         "depth", a.given_depth,
+         "Folder with a depth image for each image (7.pfm, 7.exr, 7.npy or 7.png for 7.jpg), distances along the "
+         "rays; or what --depth-maps or --raw-depth-maps has written")
+      ->type_name("DIR");
+  add_image_inputs(app, a);
+  app.add_option_function<std::string>(
+         "--depth-scale", [&a](const std::string& text) { a.depth_scale = depth_scale_from(text); },
+         "What a value of the depth images is worth, such as 0.001; auto: scale and shift of each image are found by "
+         "the "
+         "landmarks, for depth of unknown unit and for inverse depth [unit of the map; default 1]")
+      ->type_name("S")
       ->group("Input");
   add_outputs(app, a);
   add_behaviour(app, a);
   add_table(app, a);
 }
 
-// Names what the user typed and what he may have meant, where CLI11 would only name the former.
-void refuse_extras(const CLI::App& app) {
-  const std::vector<std::string> extras = app.remaining();
-  if (extras.empty()) return;
-  std::string word = extras.front();
-  if (word.rfind("-", 0) != 0) throw UsageError("unexpected argument \"" + word + "\"; see --help");
-  word = word.substr(0, word.find('='));
+std::vector<std::string> negative_flags() {
   std::vector<std::string> names;
-  for (const CLI::Option* option : app.get_options()) {
-    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
-  }
   for (const OptionEntry& entry : option_table()) {
-    if (entry.is_switch()) names.push_back(entry.negative_flag());
+    if (entry.is_switch()) names.push_back(negative_flag_of(entry));
   }
-  throw UsageError("there is no option " + word + "; did you mean " + nearest(word, names) + "?");
+  return names;
 }
 
 void print_version() {
@@ -257,16 +315,27 @@ void print_version() {
 std::vector<std::string> words_of(int argc, const char* const* argv) {
   std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
   if (words.empty()) throw UsageError("what to densify is missing: pmsp-densify MAP --images DIR; see --help");
-  const bool has_verb = words[0] == "run" || words[0] == "merge" || words[0] == "info" || words[0] == "config";
-  const bool asks = words[0] == "-h" || words[0] == "--help" || words[0] == "--version";
+  const bool has_verb =
+      words[0] == "run" || words[0] == "fuse" || words[0] == "merge" || words[0] == "info" || words[0] == "config";
+  const bool asks = words[0] == "-h" || words[0] == "--help" || words[0] == kHelpAll || words[0] == "--version";
   if (!has_verb && !asks) words.insert(words.begin(), "run");
   spell_out_switches(words);
   return words;
 }
 
+void check_fuse(Arguments& a) {
+  if (a.given_depth.empty() || a.map.empty()) {
+    throw UsageError(std::string(a.given_depth.empty() ? "DIR and MAP are" : "MAP is") +
+                     " missing: pmsp-densify fuse DIR MAP --images IMAGES; see fuse --help");
+  }
+  a.calibrate_lenses = false;  // depth from elsewhere knows nothing of them
+}
+
 void check_run(const Arguments& a) {
   if (a.print_config) return;
   if (a.map.empty()) throw UsageError("MAP is missing: pmsp-densify MAP --images DIR; see --help");
+  if (a.growing && a.workspace.empty()) throw UsageError("--growing needs --workspace DIR, which keeps what is made");
+  if (a.growing && a.follow) throw UsageError("--follow expects more keyframes as it is; leave out --growing");
   if (a.follow && a.workspace.empty()) throw UsageError("--follow needs --workspace DIR, which keeps what is made");
   if (a.until_idle && !a.follow) throw UsageError("--until-idle needs --follow");
   if (!a.workspace.empty() && !a.raw_depth_maps.empty()) {
@@ -282,26 +351,29 @@ void spell_out_switches(std::vector<std::string>& words) {
   for (std::string& word : words) {
     for (const OptionEntry& entry : option_table()) {
       if (!entry.is_switch()) continue;
-      if (word == entry.flag()) {
+      if (word == flag_of(entry)) {
         word += "=true";
-      } else if (word == entry.negative_flag()) {
-        word = entry.flag() + "=false";
+      } else if (word == negative_flag_of(entry)) {
+        word = flag_of(entry) + "=false";
       }
     }
   }
 }
 
-std::vector<RunOption> run_options() {
-  Arguments unused;
-  CLI::App run;
-  run.set_help_flag();
-  add_run(run, unused);
-  std::vector<RunOption> options;
-  for (const CLI::Option* option : run.get_options()) {
-    if (option->get_lnames().empty()) continue;
-    options.push_back(
-        {option->get_name(false, true), "--" + option->get_lnames().back(), option->get_items_expected_max() > 0});
-  }
+const std::vector<RunOption>& run_options() {
+  static const std::vector<RunOption> options = [] {  // a manifest asks for each of its rows
+    Arguments unused;
+    CLI::App run;
+    run.set_help_flag();
+    add_run(run, unused);
+    std::vector<RunOption> all;
+    for (const CLI::Option* option : run.get_options()) {
+      if (option->get_lnames().empty()) continue;
+      all.push_back(
+          {option->get_name(false, true), "--" + option->get_lnames().back(), option->get_items_expected_max() > 0});
+    }
+    return all;
+  }();
   return options;
 }
 
@@ -317,17 +389,19 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   bool version = false;
   app.add_flag("--version", version, "Version, build type, instruction set");
   CLI::App& run = *app.add_subcommand("run", "Map and images to a cloud (the default verb)");
+  CLI::App& fuse = *app.add_subcommand("fuse", "Depth maps that are there to a cloud, without PatchMatch");
   CLI::App& merge = *app.add_subcommand("merge", "What shards have made (run --shard) to a cloud");
   CLI::App& info = *app.add_subcommand("info", "What is in a map, which images belong to it, and what a run takes");
   CLI::App& config = *app.add_subcommand("config", "Print the options in force as JSON, for --config");
   app.add_subcommand("batch", "A list of missions, each by a process and in a folder of its own; see batch --help");
   app.add_subcommand("report", "The page of --report from a cloud or a workspace; see report --help");
   app.add_subcommand("serve", "A report and its folder over HTTP for a browser; see serve --help");
-  for (CLI::App* verb : {&run, &merge, &info, &config}) verb->allow_extras();
+  for (CLI::App* verb : {&run, &fuse, &merge, &info, &config}) verb->allow_extras();
   add_run(run, a);
   run.add_flag("--print-config", a.print_config, "Print the options in force as JSON and stop")->group("Behaviour");
   add_shard_options(run, a);
   add_live_options(run, a.live);
+  add_fuse(fuse, a);
   merge.add_option("workspace", a.workspace, "Workspace that the shards have worked in")->type_name("WORKSPACE");
   add_cloud(merge, a);
   add_report_options(merge, a.report);
@@ -337,12 +411,19 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   add_plan(info, a);
   add_table(info, a);
   add_table(config, a);
+  if (std::find(words.begin(), words.end(), kHelpAll) == words.end()) {
+    shorten_help(run, true);
+    shorten_help(fuse, true);
+    shorten_help(info, false);
+    shorten_help(config, false);
+  }
+  for (CLI::App* verb : {&run, &fuse, &merge, &info, &config}) verb->set_help_flag("-h,--help,--help-all", kAboutHelp);
 
   if (words[0] == "--version") {
     print_version();
     return std::nullopt;
   }
-  if (words[0] == "-h" || words[0] == "--help") {
+  if (words[0] == "-h" || words[0] == "--help" || words[0] == kHelpAll) {
     std::cout << app.help() << "\n" << run.help("pmsp-densify");
     return std::nullopt;
   }
@@ -354,11 +435,16 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   } catch (const CLI::ParseError& error) {
     throw UsageError(error.what());
   }
-  refuse_extras(*app.get_subcommands().front());
+  refuse_extra_words(*app.get_subcommands().front(), negative_flags());
   check_cloud_arguments(a.cloud);
-  a.verb = merge.parsed() ? Verb::kMerge : info.parsed() ? Verb::kInfo : config.parsed() ? Verb::kConfig : Verb::kRun;
+  a.verb = fuse.parsed()     ? Verb::kFuse
+           : merge.parsed()  ? Verb::kMerge
+           : info.parsed()   ? Verb::kInfo
+           : config.parsed() ? Verb::kConfig
+                             : Verb::kRun;
   if (!a.images.empty() && !a.video.empty()) throw UsageError("--images and --video exclude each other");
   if (a.verb == Verb::kRun) check_run(a);
+  if (a.verb == Verb::kFuse) check_fuse(a);
   if (!a.report.path.empty()) require_report_page("--report");
   if (a.verb == Verb::kRun) check_live(a.live, a.shard.has_value());
   if (a.verb == Verb::kRun) check_shard(a, run.count("--output") > 0);

@@ -11,13 +11,13 @@
 #include "cloud_arguments.h"
 #include "depth_output.h"
 #include "live_arguments.h"
-#include "option_table.h"
+#include "option_flags.h"
+#include "pmsp/io/workspace/shards.h"
 #include "report_page.h"
-#include "workspace/shards.h"
 
 namespace pmsp::tool {
 
-enum class Verb { kRun, kMerge, kInfo, kConfig };
+enum class Verb { kRun, kFuse, kMerge, kInfo, kConfig };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 
 /// The command line, understood but not yet acted upon.
@@ -33,6 +33,8 @@ struct Arguments {
   std::filesystem::path mask;
   double mask_nadir = 0.0;  ///< [deg]
   std::filesystem::path prior_depth;
+  std::filesystem::path given_depth;        ///< fuse
+  std::optional<double> depth_scale = 1.0;  ///< fuse [scene units of a value]; nullopt = by the landmarks
   std::int64_t frame_offset = 0;
   double fps = 0.0;
   bool no_verify = false;
@@ -50,6 +52,7 @@ struct Arguments {
   std::filesystem::path scratch;  ///< empty = the folder of the output
   std::filesystem::path plan;     ///< info
   std::filesystem::path workspace;
+  bool growing = false;
   bool follow = false;
   std::optional<double> until_idle;  ///< [s]
   std::optional<workspace::Shard> shard;
@@ -76,7 +79,7 @@ struct RunOption {
   std::string name;   ///< the long one
   bool takes_value = false;
 };
-std::vector<RunOption> run_options();
+const std::vector<RunOption>& run_options();
 
 /// Switches take a value inside, so that the last of several wins: --x is --x=true, --no-x is --x=false.
 void spell_out_switches(std::vector<std::string>& words);

@@ -5,12 +5,9 @@
 #include <cmath>
 #include <unordered_map>
 
-#include "cpu/memory_needed.h"
-#include "cuda/memory_needed.h"
 #include "decoder.h"
-#include "densifier_checks.h"
-#include "patchmatch.h"
-#include "util/thread_pool.h"
+#include "pmsp/cost.h"
+#include "pmsp/executor.h"
 
 namespace pmsp::tool {
 
@@ -112,14 +109,6 @@ double map_bytes(const SlamMap& map) {
   return bytes;
 }
 
-/// Planes that a pixel tries in all passes.
-int proposals(const PatchMatchOptions& options) {
-  constexpr int kFirst = 3, kAgain = 2;
-  const int visit = kernels::kNeighbours + options.refinements;
-  return kFirst + options.iterations * visit +
-         options.geometric_passes * (kAgain + options.geometric_iterations * visit);
-}
-
 }  // namespace
 
 Budget estimate_budget(const BudgetQuestion& question) {
@@ -159,7 +148,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
       kPlanesBytes * all_pixels + kPointBytes * b.points + kRecordBytes * static_cast<double>(b.keyframes);
 
   options.scratch_folder = options.free_space.whole_mission ? "beside the cloud" : "";
-  const cpu::MemoryNeeded memory = cpu::memory_needed(options, b.used);
+  const HostMemory memory = host_memory_needed(options, b.used);
   b.scratch_bytes = memory.scratch;
   constexpr double kProcess = 72.0 * kMiB, kGpuProcess = 150.0 * kMiB;  // libraries, a driver's context, threads
   const double image = 3.0 * one_image;
@@ -167,9 +156,9 @@ Budget estimate_budget(const BudgetQuestion& question) {
   b.memory_bytes = kProcess + around + memory.memory;
   b.gpu_host_bytes = kGpuProcess + around;
   options.scratch_folder.clear();
-  b.gpu_bytes = static_cast<double>(cuda::memory_needed(options));
+  b.gpu_bytes = static_cast<double>(device_memory_needed(options));
   options.scratch_folder = "beside the cloud";
-  b.gpu_least_bytes = std::min(b.gpu_bytes, static_cast<double>(cuda::memory_needed(options)));
+  b.gpu_least_bytes = std::min(b.gpu_bytes, static_cast<double>(device_memory_needed(options)));
 
   const double image_pixels = one_image * static_cast<double>(b.keyframes);
   const CpuPace& pace = question.pace;
@@ -177,7 +166,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
       all_pixels * (pace.matching * cache_misses * b.views + kBareWalls * pace.rest + pace.ownership * owners.value()) +
       kImagePixelSeconds * image_pixels + kPointSeconds * b.points;
   // Fits what pmsp-bench and whole runs take on that machine, from 640 x 320 to 5760 x 2880, to 10 %.
-  const double matching = proposals(options.patchmatch) * (1.15e-10 + 0.37e-10 * b.views);
+  const double matching = planes_tried(options.patchmatch) * (1.15e-10 + 0.37e-10 * b.views);
   b.reference_seconds = all_pixels * (matching + 3e-9) + 1.3e-9 * image_pixels + 5.7e-9 * b.points;
   return b;
 }

@@ -8,7 +8,7 @@
 #include <CLI/CLI.hpp>
 
 #include "exit_code.h"
-#include "option_table.h"
+#include "numbers.h"
 
 namespace pmsp::tool {
 namespace {

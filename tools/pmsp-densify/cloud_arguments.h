@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "export/cloud_frame.h"
-#include "export/cloud_output.h"
+#include "pmsp/io/cloud_frame.h"
+#include "pmsp/io/cloud_output.h"
 
 namespace CLI {
 class App;

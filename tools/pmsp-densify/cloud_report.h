@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
-#include "export/cloud_frame.h"
+#include "pmsp/io/cloud_frame.h"
 #include "pmsp/io/cloud_writer.h"
 #include "pmsp/io/map.h"
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <iostream>
 
-#include "export/regular_file.h"
+#include "given_depth.h"
+#include "option_json.h"
+#include "pmsp/io/files.h"
 #include "verbs.h"
 
 namespace pmsp::tool {
@@ -36,8 +38,9 @@ nlohmann::json config_of(const Arguments& arguments) {
 /// The preset, over it the configuration file, over that flags.
 DensifierOptions options_over(Quality quality, const Arguments& arguments, const nlohmann::json& file) {
   DensifierOptions options = preset(quality);
+  if (arguments.verb == Verb::kFuse) set_fuse_defaults(options, arguments);
   apply_json(options, file, arguments.config.string());
-  for (const auto& [entry, text] : arguments.overrides) set_from_text(options, *entry, text, entry->flag());
+  for (const auto& [entry, text] : arguments.overrides) entry->set(options, text, flag_of(*entry));
   return options;
 }
 

@@ -8,11 +8,11 @@
 
 #include "arguments.h"
 #include "exit_code.h"
-#include "export/atomic_file.h"
 #include "map_figures.h"
 #include "output_folder.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp::tool {
 namespace {
@@ -65,17 +65,18 @@ double png_depth_scale(const SlamMap& map, double range_margin) {
   return farthest > 0.0 ? farthest * range_margin / 65535.0 : 1e-3;
 }
 
-DepthMapFolder::DepthMapFolder(const std::filesystem::path& folder, const std::string& kind, const SlamMap& map,
-                               double png_scale, const DepthFormats& formats, const nlohmann::ordered_json& cloud)
-    : folder_(folder), slam_map_(map), png_scale_(png_scale), formats_(formats) {
+DepthMapFolder::DepthMapFolder(const std::filesystem::path& folder, const SlamMap& map, const DepthFormats& formats,
+                               const About& about)
+    : folder_(folder), slam_map_(map), png_scale_(about.png_scale), formats_(formats) {
   prepare_folder(folder_, is_depth_map_file);
   index_ = {
       {"generator", version_text()},
-      {"kind", kind},
+      {"kind", about.kind},
       {"depth",
-       "Euclidean distance from the camera centre along the ray of each pixel's centre, scene units; 0 = none"},
+       "Euclidean distance from the camera centre (or from the lens, lens_distance / 2 in front of it or behind it) "
+       "along the ray of each pixel's centre, scene units; 0 = none"},
       {"normal", "unit, camera frame (x right, y down, z forward), facing the camera; 0 0 0 = none"},
-      {"confidence", confidence_text(kind)},
+      {"confidence", confidence_text(about.kind)},
       {"pixel", "longitude = ((column + 0.5) / width - 0.5) * 2 pi, latitude = (0.5 - (row + 0.5) / height) * pi"},
       {"pfm", "float32, rows from the bottom to the top, as the format wants it"},
       {"png", "depth = gray value * png_scale; 0 = none, or farther than 65535 * png_scale"},
@@ -84,11 +85,18 @@ DepthMapFolder::DepthMapFolder(const std::filesystem::path& folder, const std::s
       {"exr", "channels Z (depth), N.X, N.Y, N.Z, confidence; float32"},
       {"cam_from_world", "three rows of [rotation | translation]"},
       {"png_scale", png_scale_},
-      {"cloud", cloud},
+      {"lens_distance", about.lens_distance},
+      {"cloud", about.cloud},
       {"maps", nlohmann::ordered_json::array()}};
 }
 
 void DepthMapFolder::write(const DepthMap& map) {
+  if (map.scale != 1.0) {
+    DepthMap in_scene_units = map;
+    for (float& depth : in_scene_units.depth.pixels()) depth *= static_cast<float>(map.scale);
+    in_scene_units.scale = 1.0;
+    return write(in_scene_units);
+  }
   const MapKeyframe* keyframe = slam_map_.find_keyframe(map.keyframe_id);
   nlohmann::ordered_json entry{{"keyframe_id", map.keyframe_id},
                                {"timestamp", keyframe != nullptr ? keyframe->timestamp : 0.0},

@@ -28,10 +28,16 @@ DepthFormats depth_formats_from(const std::string& list);
 /// keyframe id, and index.json.
 class DepthMapFolder {
  public:
-  /// `kind`: "raw" or "filtered". `cloud`: the cloud's frame, for the index. Depth maps that an earlier run left in the
-  /// folder are removed. Throws OutputError.
-  DepthMapFolder(const std::filesystem::path& folder, const std::string& kind, const SlamMap& map, double png_scale,
-                 const DepthFormats& formats, const nlohmann::ordered_json& cloud);
+  /// What the index says of all maps.
+  struct About {
+    std::string kind;              ///< "raw" or "filtered"
+    double png_scale = 1.0;        ///< see png_depth_scale
+    double lens_distance = 0.0;    ///< see DensifierOptions
+    nlohmann::ordered_json cloud;  ///< frame of the cloud
+  };
+  /// Depth maps that an earlier run left in the folder are removed. Throws OutputError.
+  DepthMapFolder(const std::filesystem::path& folder, const SlamMap& map, const DepthFormats& formats,
+                 const About& about);
 
   void write(const DepthMap& map);
 

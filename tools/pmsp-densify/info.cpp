@@ -6,10 +6,11 @@
 #include "budget_text.h"
 #include "decoder.h"
 #include "depth_output.h"
-#include "io/map_keyframe.h"
+#include "image_input.h"
 #include "map_figures.h"
 #include "map_input.h"
 #include "pmsp/error.h"
+#include "pmsp/io/map.h"
 #include "pmsp/io/plan_io.h"
 #include "progress.h"
 #include "targets.h"
@@ -99,7 +100,7 @@ std::vector<PlanKeyframe> keyframes_with_image(const SlamMap& map, ImageSource& 
     if (!decoded.item) break;
     const MapKeyframe* found = map.find_keyframe(decoded.item->keyframe_id);
     if (found == nullptr) continue;
-    Keyframe keyframe = io::keyframe_of(map, *found);
+    Keyframe keyframe = keyframe_of(map, *found);
     keyframe.image = decoded.item->image.view();
     size = {keyframe.image.width, keyframe.image.height};
     keyframes.push_back(plan_keyframe(keyframe, options));
@@ -118,7 +119,7 @@ std::vector<PlanKeyframe> keyframes_without_image(const SlamMap& map, const Imag
   std::vector<PlanKeyframe> keyframes;
   for (const MapKeyframe* keyframe : in_order_of_flight(map)) {
     if (source != nullptr && there.count(keyframe->id) == 0) continue;
-    keyframes.push_back(plan_keyframe(io::keyframe_of(map, *keyframe), options));
+    keyframes.push_back(plan_keyframe(keyframe_of(map, *keyframe), options));
   }
   return keyframes;
 }
@@ -191,10 +192,17 @@ void info(const Arguments& given) {
   const DensifierOptions options = effective_options(given);
   ConventionCheck convention;
   SlamMap map = read_map(given, &convention);
-  const Arguments arguments = with_images(given, map);
+  Arguments arguments = with_images(given, map);
   if (!arguments.plan.empty()) check_targets(arguments);
   std::vector<std::string> about_map = remarks(map);
-  const std::unique_ptr<ImageSource> source = open_images(arguments, map);
+  std::unique_ptr<ImageSource> source;
+  try {
+    source = open_images(arguments, map);
+  } catch (const Error& error) {
+    if (arguments.images == given.images) throw;
+    arguments.images.clear();  // nobody has asked for those
+    about_map.push_back(std::string("no images: ") + error.what());
+  }
   if (source && map.landmarks.empty()) about_map.push_back(sweep_landmarks(map, arguments, options.threads));
   Json json{{"map", map.path.string()},
             {"format", map.format},

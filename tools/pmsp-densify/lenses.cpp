@@ -9,10 +9,10 @@
 #include <nlohmann/json.hpp>
 
 #include "decoder.h"
-#include "io/map_keyframe.h"
+#include "image_input.h"
 #include "pmsp/error.h"
 #include "pmsp/executor.h"
-#include "verbs.h"
+#include "pmsp/io/map.h"
 
 namespace pmsp::tool {
 namespace {
@@ -34,7 +34,7 @@ LensDistance estimate(const Arguments& arguments, const DensifierOptions& option
     if (!read.item) break;
     const MapKeyframe* const found = map.find_keyframe(read.item->keyframe_id);
     if (found == nullptr) continue;
-    Keyframe keyframe = io::keyframe_of(map, *found);
+    Keyframe keyframe = keyframe_of(map, *found);
     keyframe.image = read.item->image.view();
     const Image<Rgb>& image = read.item->image;
     keyframe.mask = masks.mask_for(source->origin(found->id).file, image.width(), image.height());
@@ -46,18 +46,21 @@ LensDistance estimate(const Arguments& arguments, const DensifierOptions& option
 
 }  // namespace
 
-Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
-                   const std::string& recorded) {
+Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map, std::size_t images,
+                   bool growing, const workspace::Record& recorded) {
   Lenses lenses;
   lenses.distance = options.lens_distance;
   if (lenses.distance != 0.0 || !arguments.calibrate_lenses || quality_of(arguments) == Quality::kPaper) return lenses;
-  lenses.distance = nlohmann::json::parse(recorded).value("lens_distance", 0.0);
-  if (lenses.distance != 0.0) return lenses;
+  lenses.distance = nlohmann::json::parse(recorded.options).value("lens_distance", 0.0);
+  const std::size_t then = recorded.lenses_looked_at;
+  const bool again = growing ? images >= 2 * then : images != then;
+  if (lenses.distance != 0.0 || !again) return lenses;
   try {
     lenses.estimated = estimate(arguments, options, map);
   } catch (const Error&) {
     return lenses;  // the run will meet that image or mask, and say what is wrong
   }
+  lenses.images = images;
   if (lenses.estimated->significant) lenses.distance = lenses.estimated->distance;
   return lenses;
 }

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 
 #include "arguments.h"
 #include "pmsp/io/map.h"
+#include "pmsp/io/workspace/record.h"
 #include "pmsp/lens_distance.h"
 #include "pmsp/options.h"
 
@@ -15,12 +17,14 @@ namespace pmsp::tool {
 struct Lenses {
   double distance = 0.0;                  ///< to go on with (DensifierOptions::lens_distance)
   std::optional<LensDistance> estimated;  ///< where it was not given
+  std::size_t images = 0;                 ///< keyframes that had one then; 0 = nothing was estimated
 };
 
-/// `recorded`: options of a workspace's record, "{}" = there are none; what was found significant once stays. Looks at
-/// some of the images; where one of them is of no use nothing is estimated, and the run will say why.
-Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
-                   const std::string& recorded);
+/// `images`: keyframes that have one. `growing`: more will come. `recorded`: of a workspace, {} = there is none; what
+/// was found significant once stays, and all else until there are other images, or twice as many while more will come.
+/// Looks at some of them; where one is of no use nothing is estimated, and the run will say why.
+Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map, std::size_t images,
+                   bool growing, const workspace::Record& recorded);
 
 /// One sentence for people; "" where nothing was estimated.
 std::string describe(const Lenses& lenses);

@@ -27,6 +27,8 @@ int guarded_main(int argc, char** argv) {
     merge(*arguments);
   } else if (arguments->verb == Verb::kConfig || arguments->print_config) {
     config(*arguments);
+  } else if (arguments->verb == Verb::kFuse) {
+    fuse(with_needed_images(*arguments));
   } else if (arguments->shard) {
     run_shard(with_needed_images(*arguments));
   } else {

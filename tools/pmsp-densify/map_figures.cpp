@@ -26,15 +26,6 @@ std::vector<double> landmark_depths(const SlamMap& map, const MapKeyframe& keyfr
   return depths;
 }
 
-double farthest_landmarks(const SlamMap& map) {
-  double farthest = 0.0;
-  for (const MapKeyframe& keyframe : map.keyframes) {
-    std::vector<double> depths = landmark_depths(map, keyframe);
-    farthest = std::max(farthest, percentile(depths, 98.0));
-  }
-  return farthest;
-}
-
 std::vector<const MapKeyframe*> in_order_of_flight(const SlamMap& map) {
   std::vector<const MapKeyframe*> keyframes;
   for (const MapKeyframe& keyframe : map.keyframes) keyframes.push_back(&keyframe);

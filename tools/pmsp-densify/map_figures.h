@@ -13,9 +13,6 @@ double percentile(std::vector<double>& values, double percent);
 /// Distances from a keyframe to the landmarks that it observes.
 std::vector<double> landmark_depths(const SlamMap& map, const MapKeyframe& keyframe);
 
-/// How far landmarks lie from the keyframe that looks farthest: the largest 98th percentile of a keyframe's.
-double farthest_landmarks(const SlamMap& map);
-
 /// Keyframes in the order of flight: by timestamp, then id.
 std::vector<const MapKeyframe*> in_order_of_flight(const SlamMap& map);
 

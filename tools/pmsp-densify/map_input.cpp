@@ -8,11 +8,11 @@
 
 #include "decoder.h"
 #include "exit_code.h"
+#include "image_input.h"
 #include "pmsp/error.h"
+#include "pmsp/executor.h"
 #include "pmsp/io/landmark_sweep.h"
 #include "pmsp/io/mask.h"
-#include "util/thread_pool.h"
-#include "verbs.h"
 
 namespace pmsp::tool {
 

@@ -6,8 +6,8 @@
 #include <system_error>
 #include <vector>
 
-#include "export/atomic_file.h"
 #include "pmsp/error.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp::tool {
 

@@ -17,10 +17,14 @@ std::size_t terminal_columns() {
   return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
 }
 
-std::string format(const char* pattern, double value) {
-  char text[64];
-  std::snprintf(text, sizeof(text), pattern, value);
-  return text;
+/// `seconds_left` < 0: not known yet.
+nlohmann::ordered_json standing_json(const Standing& standing, double seconds_left) {
+  nlohmann::ordered_json json{{"share", standing.share},
+                              {"depth_maps", standing.depth_maps},
+                              {"pixels", standing.pixels},
+                              {"points", standing.points}};
+  if (seconds_left >= 0.0) json["seconds_left"] = seconds_left;
+  return json;
 }
 
 }  // namespace
@@ -79,37 +83,69 @@ void Progress::stage(const std::string& name) {
   }
 }
 
+/// Work that was done before the first call says nothing: it had other things to wait for.
+double Progress::seconds_left(double share) {
+  const Clock::time_point now = Clock::now();
+  if (!started_) {
+    started_ = true;
+    start_ = now;
+    share_at_start_ = share;
+  }
+  const double done = share - share_at_start_;
+  if (!(done > 0.0)) return -1.0;
+  return std::chrono::duration<double>(now - start_).count() * std::max(1.0 - share, 0.0) / done;
+}
+
+bool Progress::is_due(double seconds) {
+  const Clock::time_point now = Clock::now();
+  if (std::chrono::duration<double>(now - told_).count() < seconds) return false;
+  told_ = now;
+  return true;
+}
+
 void Progress::step(const ProgressStep& step) {
-  const auto now = std::chrono::steady_clock::now();
-  if (!started_) start_ = now;
-  // The first step only starts the clock: its own work happened before.
-  const double seconds = std::chrono::duration<double>(now - start_).count();
-  const bool known = started_ && step.index > 1;
-  const double each = known ? seconds / static_cast<double>(step.index - 1) : 0.0;
-  const double left = each * static_cast<double>(step.count - std::min(step.index, step.count));
-  started_ = true;
+  const double left = seconds_left(step.standing.share);
+  told_ = Clock::now();
   if (mode_ == ProgressMode::kJson) {
     nlohmann::ordered_json event{{"event", "keyframe"},
                                  {"stage", step.stage},
                                  {"index", step.index},
                                  {"count", step.count},
                                  {"keyframe_id", step.keyframe_id},
-                                 {"accepted", step.accepted},
-                                 {"points", step.points}};
-    if (known) {
-      event["seconds_per_keyframe"] = each;
-      event["seconds_left"] = left;
+                                 {"accepted", step.accepted}};
+    event.update(standing_json(step.standing, left));
+    if (step.index > 1) {
+      event["seconds_per_keyframe"] =
+          std::chrono::duration<double>(Clock::now() - start_).count() / static_cast<double>(step.index - 1);
     }
     return emit(event);
   }
-  if (mode_ == ProgressMode::kBar && !verbose_) return draw_bar(step, each, left);
+  bar_name_ = step.stage;
+  const std::string count = std::to_string(step.index) + "/" + std::to_string(step.count);
+  bar_count_ = step.index < step.count ? count : "";  // the last one has come, and the work goes on
+  if (mode_ == ProgressMode::kBar && !verbose_) return draw_bar(step.standing, left);
   if (mode_ == ProgressMode::kNone) return;
   clear_bar();
-  std::cerr << step.stage << ": keyframe " << step.index << "/" << step.count << " (id " << step.keyframe_id << ", "
-            << (step.accepted ? "used" : "left out by the view filter") << "), " << count_text(step.points)
-            << " points";
-  if (known) std::cerr << ", " << format("%.2f", each) << " s each, " << duration_text(left) << " left";
-  std::cerr << "\n";
+  std::cerr << step.stage << ": keyframe " << count << " (id " << step.keyframe_id << ", "
+            << (step.accepted ? "used" : "left out by the view filter") << "), " << standing_text(step.standing, left)
+            << "\n";
+}
+
+void Progress::standing(const Standing& standing, bool is_end) {
+  constexpr double kBarSeconds = 0.1, kJsonSeconds = 1.0, kLineSeconds = 10.0;
+  const bool has_bar = mode_ == ProgressMode::kBar && !verbose_;
+  if (mode_ == ProgressMode::kNone) return;
+  const bool is_told = is_end && mode_ == ProgressMode::kJson;
+  if (!is_told && !is_due(has_bar ? kBarSeconds : mode_ == ProgressMode::kJson ? kJsonSeconds : kLineSeconds)) return;
+  const double left = seconds_left(standing.share);
+  if (mode_ == ProgressMode::kJson) {
+    nlohmann::ordered_json event{{"event", "progress"}};
+    event.update(standing_json(standing, left));
+    return emit(event);
+  }
+  if (has_bar) return draw_bar(standing, left);
+  clear_bar();
+  std::cerr << standing_text(standing, left) << "\n";
 }
 
 void Progress::event(const nlohmann::ordered_json& event) {
@@ -127,17 +163,14 @@ void Progress::emit(const nlohmann::ordered_json& event) {
   std::cout << event.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n" << std::flush;
 }
 
-void Progress::draw_bar(const ProgressStep& step, double seconds_each, double seconds_left) {
+void Progress::draw_bar(const Standing& standing, double seconds_left) {
   const std::size_t columns = terminal_columns();
-  std::string tail =
-      " " + std::to_string(step.index) + "/" + std::to_string(step.count) + "  " + count_text(step.points) + " points";
-  if (seconds_each > 0.0) {
-    tail += "  " + format("%.2f", seconds_each) + " s each  " + duration_text(seconds_left) + " left";
-  }
-  const std::size_t taken = step.stage.size() + tail.size() + 4;
-  const std::size_t width = columns > taken + 10 ? std::min<std::size_t>(columns - taken, 40) : 10;
-  const std::size_t full = step.count == 0 ? 0 : width * std::min(step.index, step.count) / step.count;
-  std::string line = step.stage + " [" + std::string(full, '#') + std::string(width - full, '.') + "]" + tail;
+  const std::string head = bar_name_ + (bar_count_.empty() ? "" : ": keyframe " + bar_count_);
+  const std::string tail = " " + standing_text(standing, seconds_left);
+  const std::size_t taken = head.size() + tail.size() + 4;
+  const std::size_t width = columns > taken + 10 ? std::min<std::size_t>(columns - taken, 30) : 10;
+  const auto full = static_cast<std::size_t>(static_cast<double>(width) * std::clamp(standing.share, 0.0, 1.0));
+  std::string line = head + " [" + std::string(full, '#') + std::string(width - full, '.') + "]" + tail;
   if (line.size() >= columns) line.resize(columns - 1);
   std::cerr << "\r\033[K" << line << std::flush;
   bar_shown_ = true;

@@ -8,17 +8,18 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "standing.h"
 
 namespace pmsp::tool {
 
 /// Where a run stands after one keyframe.
 struct ProgressStep {
-  std::string stage;      ///< "densify", "flush", ...
-  std::size_t index = 0;  ///< keyframes done
+  std::string stage;      ///< "densify", ...
+  std::size_t index = 0;  ///< keyframes that have come
   std::size_t count = 0;  ///< keyframes in all
   std::int64_t keyframe_id = 0;
-  bool accepted = false;    ///< by the view filter
-  std::int64_t points = 0;  ///< in the cloud so far
+  bool accepted = false;  ///< by the view filter
+  Standing standing;
 };
 
 /// Tells people on stderr, or programs on stdout (JSON lines), how far a run is.
@@ -33,6 +34,10 @@ class Progress {
   void warning(const std::string& text);
   void step(const ProgressStep& step);
 
+  /// Between two steps, or after the last one: tells now and then, however often it is called. Programs are told at the
+  /// end in any case.
+  void standing(const Standing& standing, bool is_end = false);
+
   /// A stage that takes a moment and has no steps: "writing cloud.ply".
   void stage(const std::string& name);
 
@@ -44,15 +49,21 @@ class Progress {
 
  private:
   void emit(const nlohmann::ordered_json& event);
-  void draw_bar(const ProgressStep& step, double seconds_each, double seconds_left);
+  double seconds_left(double share);
+  bool is_due(double seconds);
+  void draw_bar(const Standing& standing, double seconds_left);
   void clear_bar();
 
   ProgressMode mode_;
   bool quiet_;
   bool verbose_;
   bool bar_shown_ = false;
+  std::string bar_name_;   ///< what the bar is of
+  std::string bar_count_;  ///< keyframes that have come; "" when all have
+  using Clock = std::chrono::steady_clock;
   bool started_ = false;
-  std::chrono::steady_clock::time_point start_;
+  double share_at_start_ = 0.0;
+  Clock::time_point start_, told_;
 };
 
 /// "1 h 02 min", "3 min 05 s", "12 s"

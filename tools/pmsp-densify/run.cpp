@@ -9,26 +9,27 @@
 #include <vector>
 
 #include "cloud_report.h"
-#include "decoder.h"
-#include "depth_output.h"
+#include "engine_text.h"
 #include "exit_code.h"
-#include "export/atomic_file.h"
 #include "follow.h"
+#include "given_depth.h"
+#include "image_input.h"
+#include "image_loop.h"
 #include "interrupt.h"
-#include "io/map_keyframe.h"
 #include "lenses.h"
 #include "live_view.h"
 #include "map_input.h"
 #include "pmsp/densifier.h"
-#include "preview.h"
-#include "prior_depth.h"
+#include "pmsp/executor.h"
+#include "pmsp/io/files.h"
+#include "pmsp/io/map.h"
+#include "prior_depths.h"
 #include "progress.h"
-#include "report_page.h"
+#include "run_results.h"
 #include "shared_step.h"
 #include "stats.h"
 #include "targets.h"
 #include "time_account.h"
-#include "util/thread_pool.h"
 #include "verbs.h"
 #include "view_images.h"
 #include "workspace_step.h"
@@ -38,29 +39,18 @@ namespace {
 
 using Spent = TimeAccount::Scope;
 
-/// Starts a CUDA device, if there is one to be used, while the map is being read. What stands in the way is told by the
-/// Densifier that is made later.
-std::future<void> start_device(const DensifierOptions& options) {
-  if (options.backend == Backend::kCpu) return {};
-  return std::async(std::launch::async, [options] {
-    try {
-      const Densifier starts(options, {});
-    } catch (const std::exception&) {
-    }
-  });
-}
-
 /// One mission from images to files.
 class Run {
  public:
   /// `workspace`: nullptr = none. `growing`: more keyframes will come. `merge`: what shards have made is all there is.
-  /// `live`: nullptr = nobody looks.
+  /// `live`: nullptr = nobody looks. `given`: depth maps in place of PatchMatch's.
   Run(const Arguments& arguments, DensifierOptions options, workspace::Workspace* workspace, bool growing,
-      const Merge* merge = nullptr, LiveView* live = nullptr)
+      const Merge* merge = nullptr, LiveView* live = nullptr, GivenDepths* given = nullptr)
       : arguments_(arguments),
         growing_(growing),
         merge_(merge),
         live_(live),
+        given_(given),
         threads_(options.threads > 0 ? options.threads : usable_cpus()),
         progress_(arguments.progress, arguments.quiet, arguments.verbose) {
     std::future<void> device = start_device(options);
@@ -97,22 +87,26 @@ class Run {
       live_->begin(map_, {map_.path.filename().string() + ": live",
                           unit_of_lengths(arguments.report.unit, frame_.file_from_map), frame_.file_from_map});
     }
-    if (merge == nullptr) {  // shards have done so
+    if (merge == nullptr && given == nullptr) {  // shards have done so, and given depth needs it not
       progress_.stage("looking at the lenses");
       const Spent spent(report_.time, Busy::kImages);
-      report_.lenses = find_lenses(arguments, options, map_, workspace != nullptr ? workspace->record().options : "{}");
+      report_.lenses = find_lenses(arguments, options, map_, report_.with_image, growing_,
+                                   workspace != nullptr ? workspace->record() : workspace::Record{});
       options.lens_distance = report_.lenses.distance;
       if (report_.lenses.estimated) progress_.message(describe(report_.lenses));
     }
+    if (given_ != nullptr) look_at_given(options);
     if (!arguments.no_verify) verifier_ = std::make_unique<PairingVerifier>(map_);
     if (workspace != nullptr) open_step(*workspace, options);
-    open_outputs(options);
+    open_results(options);
     {
       const Spent spent(report_.time, Busy::kStart);
       if (device.valid()) device.get();
-      densifier_ = step_ ? step_->densifier(callbacks()) : std::make_unique<Densifier>(options, callbacks());
+      densifier_ = step_               ? step_->densifier(callbacks())
+                   : given_ != nullptr ? given_->densifier(callbacks())
+                                       : std::make_unique<Densifier>(options, callbacks());
     }
-    if (step_) need_images(densifier_->images());
+    if (step_ || given_ != nullptr) need_images(densifier_->images());
     announce_backend();
   }
 
@@ -136,48 +130,23 @@ class Run {
     }
     if (live_ != nullptr) live_->end();
     report_.stats = densifier_->stats();
+    if (given_ != nullptr) given_->count_pixels(report_.stats);
     if (step_) {
-      step_->commit();
+      step_->commit(report_.lenses.images);
       step_->count_keyframes(report_.stats);
-      report_.stats.points = output_->points_in();
+      report_.stats.points = results_->points_in();
       report_.stats.depth_maps = step_->depth_maps();
       report_.workspace = step_->report();
     }
-    finish_depth_maps();
-    {
-      const Spent spent(report_.time, Busy::kPoints);
-      output_->complete();
-    }
-    report_.points_written = output_->points();
-    if (priors_.wanted()) {
-      report_.prior_depth = priors_.report();
-      progress_.message(priors_.summary());
-    }
-    if (output_->points_in() > 0 && output_->points() == 0) {
-      report_.empty_reason = "none of " + std::to_string(output_->points_in()) + " points lies in the box of --crop";
-    } else if (output_->points() == 0) {
-      const bool is_known = !step_ || report_.stats.depth_maps == 0;  // counts are of this run's work alone
-      report_.empty_reason = is_known ? explain_empty(report_.stats)
-                                      : "the filters left none of " + std::to_string(report_.stats.depth_maps) +
-                                            " depth maps; a run without --workspace says which one it was";
-    }
+    results_->finish_depth_maps();
+    results_->complete();
+    report_.points_written = results_->points();
+    if (priors_.wanted()) report_.prior_depth = priors_.report();
+    report_.empty_reason = why_empty();
     if (report_.empty_reason.empty()) write_results();
     if (!arguments_.stats.empty()) write_file(arguments_.stats, json_text(to_json(report_)));
-    if (step_) progress_.message(step_->summary());
-    progress_.message(summary(report_));
-    nlohmann::ordered_json result{{"points", output_->points()}, {"seconds", report_.time.total()}};
-    if (!report_.empty_reason.empty()) {
-      throw EmptyResult("no points: " + report_.empty_reason + "; " + outputs_text() +
-                        (report_.outputs.size() > 1 ? " were" : " was") + " not written");
-    }
-    progress_.message("wrote " + outputs_text());
-    result["output"] = report_.outputs.front();
-    result["outputs"] = report_.outputs;
-    progress_.done(result);
+    tell_end();
   }
-
-  /// With a workspace: whether nothing would be made better by a run that expects no more keyframes.
-  bool is_finished() const { return step_->is_finished(); }
 
  private:
   void announce(const std::vector<std::string>& about_map) {
@@ -201,10 +170,33 @@ class Run {
     for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);
   }
 
-  std::string outputs_text() const {
-    std::string text;
-    for (const std::string& output : report_.outputs) text += (text.empty() ? "" : ", ") + output;
-    return text;
+  /// "" = there are points.
+  std::string why_empty() const {
+    if (results_->points() > 0) return "";
+    if (results_->points_in() > 0) {
+      return "none of " + std::to_string(results_->points_in()) + " points lies in the box of --crop";
+    }
+    const bool is_known = !step_ || report_.stats.depth_maps == 0;  // counts are of this run's work alone
+    return is_known ? explain_empty(report_.stats)
+                    : "the filters left none of " + std::to_string(report_.stats.depth_maps) +
+                          " depth maps; a run without --workspace says which one it was";
+  }
+
+  /// Ten lines at most. Throws EmptyResult where nothing came of it.
+  void tell_end() {
+    if (step_) progress_.message(step_->summary());
+    if (priors_.wanted()) progress_.message(priors_.summary());
+    progress_.message(summary(report_));
+    nlohmann::ordered_json result{{"points", results_->points()}, {"seconds", report_.time.total()}};
+    if (!report_.empty_reason.empty()) {
+      throw EmptyResult("no points: " + report_.empty_reason + "; " + results_->clouds_text() +
+                        (report_.outputs.size() > 1 ? " were" : " was") + " not written");
+    }
+    if (!results_->left_out().empty()) progress_.message("pictures:    " + results_->left_out());
+    progress_.message("wrote " + results_->text());
+    result["output"] = report_.outputs.front();
+    result["outputs"] = report_.outputs;
+    progress_.done(result);
   }
 
   void skip(const SkippedKeyframe& skipped) {
@@ -212,25 +204,27 @@ class Run {
     progress_.warning("keyframe " + std::to_string(skipped.keyframe_id) + " skipped: " + skipped.reason);
   }
 
-  void open_outputs(const DensifierOptions& options) {
+  void open_results(const DensifierOptions& options) {
     report_.cloud = cloud_json(arguments_.cloud, frame_);
-    CloudHeader header = cloud_header(arguments_, options, map_, frame_);
-    header.export_views = [this](const std::filesystem::path& folder) {
+    const auto export_views = [this](const std::filesystem::path& folder) {
       if (step_) step_->each_image_size([this](std::int64_t id, int w, int h) { views_->set_size(id, w, h); });
       return views_->put(folder, frame_.file_from_map);
     };
-    output_ = std::make_unique<CloudOutput>(header, arguments_.cloud.amount, arguments_.cloud.targets(), threads_);
-    const double scale = png_depth_scale(map_, options.init.range_margin);
-    if (!arguments_.depth_maps.empty())
-      filtered_.emplace(arguments_.depth_maps, "filtered", map_, scale, arguments_.depth_formats, report_.cloud);
-    if (!arguments_.raw_depth_maps.empty())
-      raw_.emplace(arguments_.raw_depth_maps, "raw", map_, scale, arguments_.depth_formats, report_.cloud);
-    if (!arguments_.preview.empty()) preview_.emplace(arguments_.preview, report_.with_image);
-    if (!arguments_.report.path.empty()) {
-      page_.emplace(arguments_.report, header, map_, report_.with_image);
-      output_->also_to(page_->cloud());
-      if (merge_ != nullptr) page_->say("The shards have left no pictures of keyframes, and no coverage.");
+    results_ = std::make_unique<RunResults>(RunResults::Setup{arguments_, options, map_, frame_, report_.cloud,
+                                                              report_.with_image, threads_, live_, export_views},
+                                            report_.time);
+    if (merge_ != nullptr && results_->page() != nullptr) {
+      results_->page()->say("The shards have left no pictures of keyframes, and no coverage.");
     }
+  }
+
+  void look_at_given(DensifierOptions& options) {
+    progress_.stage("looking at the depth images");
+    const Spent spent(report_.time, Busy::kImages);
+    for (const SkippedKeyframe& skipped : given_->look(map_, *source_, options)) skip(skipped);
+    report_.with_image = given_->count();
+    report_.given_depth = given_->report();
+    progress_.message(given_->summary());
   }
 
   /// What a workspace lacks. Images that it does not know are looked at first.
@@ -261,30 +255,18 @@ class Run {
   }
 
   DensifierCallbacks callbacks() {
-    DensifierCallbacks callbacks;
-    if (raw_) {
-      callbacks.raw_depth = [this](const DepthMap& map) {
-        const Spent spent(report_.time, Busy::kDepthMaps);
-        raw_->write(map);
-      };
-    }
-    if (filtered_ || preview_ || page_) {
-      callbacks.filtered_depth = [this](const DepthMap& map) {
-        const Spent spent(report_.time, Busy::kDepthMaps);
-        if (filtered_) filtered_->write(map);
-        const Spent drawing(report_.time, Busy::kPreview);
-        if (preview_) preview_->add_depth(map);
-        if (page_) page_->add_depth(map);
-      };
-    }
-    callbacks.cloud = [this](const KeyframeCloud& cloud) {
-      const Spent spent(report_.time, Busy::kPoints);
-      output_->add(cloud);
-      const Spent drawing(report_.time, Busy::kPreview);
-      if (preview_) preview_->add_points(cloud);
-      if (live_ != nullptr) live_->add(cloud);
-    };
+    DensifierCallbacks callbacks = results_->callbacks();
+    callbacks.worked = [this] { progress_.standing(standing()); };
     return callbacks;
+  }
+
+  /// Images that are to come in all.
+  std::size_t expected() const { return step_ || given_ != nullptr ? steps_ : report_.with_image; }
+
+  Standing standing() const {
+    Standing standing = standing_of(densifier_->stats(), expected());
+    standing.points = results_->points_in();
+    return standing;
   }
 
   void densify(const InterruptGuard& guard) {
@@ -294,6 +276,7 @@ class Run {
     progress_.stage("finishing the last keyframes");
     const Spent spent(report_.time, Busy::kDensify);
     densifier_->flush();
+    progress_.standing(standing(), true);
     guard.check();
   }
 
@@ -308,95 +291,60 @@ class Run {
     throw IoError("no image can be read; the first one: " + error);
   }
 
-  /// While one keyframe is densified, the next images are decoded. Returns why the first one cannot be read where none
-  /// can; else "".
+  /// Returns why the first image cannot be read where none can; else "".
   std::string each_image(ImageSource& source, const InterruptGuard& guard,
                          const std::function<void(std::size_t index, const ImageSource::Item&)>& visit) {
-    ImageReader images(source, map_, threads_, verifier_.get());
-    std::size_t index = 0;
-    for (;; ++index) {
-      ImageReader::Read read = [&] {
-        const Spent spent(report_.time, Busy::kWait);
-        return images.next();
-      }();
-      if (read.pairing) report_.pairing = read.pairing;
-      guard.check();
-      for (const SkippedKeyframe& skipped : read.skipped) {
-        if (densifier_ && step_) refuse_lost(skipped);
-        skip(skipped);
-      }
-      report_.with_image -= read.skipped.size();
-      if (!read.item) break;
-      visit(index, *read.item);
-      images.let_go(std::move(*read.item));
-      guard.check();
-    }
+    const auto lost = [this](const SkippedKeyframe& skipped) {
+      if (densifier_ && step_) refuse_lost(skipped);
+      skip(skipped);
+      if (given_ != nullptr) densifier_->add(given_->without_image(skipped.keyframe_id));
+      --report_.with_image;
+    };
+    const ImageLoop::End end = ImageLoop{source, map_, threads_, verifier_.get(), &report_.time, lost, visit}(guard);
+    if (end.pairing) report_.pairing = end.pairing;
     if (verifier_ && report_.pairing && report_.pairing->doubtful) progress_.warning(report_.pairing->message);
-    return index == 0 ? images.first_error() : "";
+    return end.first_error;
   }
 
   void add(std::size_t index, const ImageSource::Item& item) {
     const MapKeyframe* found = map_.find_keyframe(item.keyframe_id);
     if (found == nullptr)
       throw InvalidInput("an image names keyframe " + std::to_string(item.keyframe_id) + ", which the map lacks");
-    Keyframe keyframe = io::keyframe_of(map_, *found);
+    Keyframe keyframe = keyframe_of(map_, *found);
     if (step_) keyframe.scale = step_->scale_of(keyframe.id);
     keyframe.image = item.image.view();
     views_->set_size(item.keyframe_id, item.image.width(), item.image.height());
     keyframe.mask = masks_.mask_for(source_->origin(keyframe.id).file, item.image.width(), item.image.height());
     priors_.give(keyframe, source_->origin(keyframe.id).file);
-    if (preview_) {
-      const Spent spent(report_.time, Busy::kPreview);
-      const int width = report_.options.width > 0 ? report_.options.width : item.image.width();
-      const int height = report_.options.height > 0 ? report_.options.height : width / 2;
-      preview_->add_keyframe(index, keyframe.id, keyframe.cam_from_world, keyframe.image, width, height);
-    }
-    if (page_) {
-      const Spent spent(report_.time, Busy::kPreview);
-      page_->add_image(index, keyframe);
-      if (!step_) planned_.push_back(plan_keyframe(keyframe, densifier_->options()));
-    }
+    if (given_ != nullptr) given_->set_image_size(keyframe.id, item.image.width(), item.image.height());
+    const int width = report_.options.width > 0 ? report_.options.width : item.image.width();
+    const int height = report_.options.height > 0 ? report_.options.height : width / 2;
+    results_->add_image(index, keyframe, width, height);
     const bool accepted = [&] {
       const Spent spent(report_.time, Busy::kDensify);
       return densifier_->add(keyframe);
     }();
-    if (live_ != nullptr) live_->set_camera(keyframe.cam_from_world);
+    results_->added(keyframe, accepted);
     announce_backend();  // whether its memory suffices may turn out with the first image
-    if (preview_ && !accepted) preview_->drop_keyframe(keyframe.id);
-    if (page_) page_->set_used(keyframe.id, accepted);
-    progress_.step(
-        {"densify", index + 1, step_ ? steps_ : report_.with_image, keyframe.id, accepted, output_->points_in()});
-  }
-
-  void finish_depth_maps() {
-    if (raw_) raw_->finish();
-    if (filtered_) filtered_->finish();
+    progress_.step({"densify", index + 1, expected(), keyframe.id, accepted, standing()});
   }
 
   /// After an error. The depth maps that are there are whole and stay usable; what went wrong first is what is told.
   void keep_depth_maps() noexcept {
     try {
-      finish_depth_maps();
+      results_->finish_depth_maps();
     } catch (const std::exception&) {
     }
   }
 
   void write_results() {
-    progress_.stage("writing " + outputs_text());
-    {
-      const Spent spent(report_.time, Busy::kFinish);
-      output_->commit();
+    results_->write(progress_);
+    if (results_->page() == nullptr) return;
+    if (step_ || given_ != nullptr) {  // others are told by the densifier
+      const Plan& plan = step_ ? step_->step().plan : given_->plan();
+      for (const PlanEntry& entry : plan.entries) results_->page()->set_use(entry);
     }
-    const Spent spent(report_.time, Busy::kPreview);
-    if (preview_) {
-      progress_.stage("drawing " + arguments_.preview.string());
-      preview_->finish(output_->points_in());
-    }
-    if (page_) {
-      progress_.stage("writing " + arguments_.report.path.string());
-      page_->set_uses(step_ ? step_->step().plan : make_plan(planned_, densifier_->options()));
-      page_->write(to_json(report_));
-    }
+    results_->write_page(progress_, to_json(report_));
   }
 
   RunReport report_;  ///< its clock runs
@@ -404,18 +352,14 @@ class Run {
   const bool growing_;
   const Merge* const merge_;
   LiveView* const live_;
+  GivenDepths* const given_;
   const int threads_;
   Progress progress_;
   SlamMap map_;
   std::unique_ptr<ImageSource> source_;
   CloudFrame frame_;
   std::unique_ptr<ViewImages> views_;
-  std::unique_ptr<CloudOutput> output_;
-  std::optional<DepthMapFolder> raw_;
-  std::optional<DepthMapFolder> filtered_;
-  std::optional<Preview> preview_;
-  std::optional<ReportPage> page_;
-  std::vector<PlanKeyframe> planned_;  ///< for the report, where no step has a plan
+  std::unique_ptr<RunResults> results_;
   std::unique_ptr<PairingVerifier> verifier_;
   MaskSource masks_{open_masks(arguments_)};
   PriorDepths priors_{arguments_};
@@ -433,36 +377,6 @@ std::vector<std::filesystem::path> written_before(const Arguments& arguments, co
 
 }  // namespace
 
-MaskSource open_masks(const Arguments& arguments) {
-  return MaskSource({arguments.mask, arguments.images, arguments.mask_nadir});
-}
-
-std::string masks_text(const Arguments& arguments, workspace::Workspace& workspace) {
-  std::error_code ignored;
-  std::string text;
-  if (std::filesystem::is_directory(arguments.mask, ignored)) {
-    text = "one for each image";
-  } else if (!arguments.mask.empty()) {
-    text = workspace.fingerprint(arguments.mask);
-  }
-  if (arguments.mask_nadir > 0.0) text += ", nadir " + nlohmann::json(arguments.mask_nadir).dump();
-  return text;
-}
-
-std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamMap& map) {
-  if (!arguments.images.empty()) {
-    ImageFolderOptions options;
-    options.fps = arguments.fps;
-    options.frame_offset = arguments.frame_offset;
-    return open_image_folder(map, arguments.images, options);
-  }
-  if (arguments.video.empty()) return nullptr;
-  VideoOptions options;
-  options.fps = arguments.fps;
-  options.frame_offset = arguments.frame_offset;
-  return open_video(map, arguments.video, options);
-}
-
 void run(const Arguments& arguments) {
   DensifierOptions options = effective_options(arguments);
   if (arguments.workspace.empty()) check_targets(arguments);
@@ -476,17 +390,21 @@ void run(const Arguments& arguments) {
   check_names(arguments);
   workspace::Workspace workspace(arguments.workspace);
   check_targets(arguments, written_before(arguments, workspace));
-  const auto once = [&](bool growing) {
-    Run run(arguments, options, &workspace, growing, nullptr, live.get());
-    run();
-    return run.is_finished();
-  };
+  const auto once = [&](bool growing) { Run(arguments, options, &workspace, growing, nullptr, live.get())(); };
   if (arguments.follow) {
     follow(arguments, once);
   } else {
-    once(false);
+    once(arguments.growing);
   }
   if (live) live->finish();
+}
+
+void fuse(const Arguments& arguments) {
+  DensifierOptions options = effective_options(arguments);
+  check_targets(arguments);
+  if (options.free_space.whole_mission) options.scratch_folder = scratch_folder(arguments).string();
+  GivenDepths given(arguments);
+  Run(arguments, options, nullptr, false, nullptr, nullptr, &given)();
 }
 
 void merge(const Arguments& arguments) {

@@ -9,7 +9,7 @@
 #include <sys/resource.h>
 
 #include "arguments.h"
-#include "option_table.h"
+#include "option_json.h"
 #include "progress.h"
 
 namespace pmsp::tool {
@@ -39,7 +39,7 @@ std::string without_depth_map(const DensifierStats& s) {
 
 std::string repeated_points(const DensifierStats& s) {
   return s.points_repeated > 0
-             ? "; " + count_text(s.points_repeated) + " more, of places that have a better one, left out"
+             ? "; " + count_text(s.points_repeated) + " more left out, since their places have a better one"
              : "";
 }
 
@@ -53,9 +53,10 @@ std::string left_out(const RunReport& report) {
 std::string pixels_kept(const RunReport& report) {
   const DensifierStats& s = report.stats;
   if (!report.workspace.is_null()) return "";
-  return "pixels kept: PatchMatch " + percent_text(s.pixels_matched, s.pixels) + ", median filter " +
-         percent_text(s.pixels_after_median, s.pixels) + ", consistency filter " +
-         percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) + "\n";
+  return "pixels kept: " + std::string(report.given_depth.is_null() ? "PatchMatch " : "given ") +
+         percent_text(s.pixels_matched, s.pixels) + ", median filter " + percent_text(s.pixels_after_median, s.pixels) +
+         ", consistency filter " + percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) +
+         "\n";
 }
 
 std::string seconds_text(double seconds) {
@@ -78,6 +79,22 @@ constexpr struct {
                             {"depth_maps", "writing depth maps"},
                             {"preview", "drawing"},
                             {"finish", "waiting for the disk"}};
+
+/// In their order; what takes less than one percent of them all is left out.
+std::string stages_of(const DensifierStats& s) {
+  const std::pair<const char*, double> stages[] = {
+      {"prepare", s.seconds_prepare},         {"init", s.seconds_init},
+      {"PatchMatch", s.seconds_patchmatch},   {"median", s.seconds_median},
+      {"consistency", s.seconds_consistency}, {"fusion", s.seconds_fusion},
+      {"free space", s.seconds_free_space},   {"ownership", s.seconds_ownership}};
+  double all = 0.0;
+  for (const auto& [name, seconds] : stages) all += seconds;
+  std::string text;
+  for (const auto& [name, seconds] : stages) {
+    if (seconds > 0.01 * all) text += (text.empty() ? "" : ", ") + std::string(name) + " " + seconds_text(seconds);
+  }
+  return text.empty() ? "none" : text;
+}
 
 /// "densifying 82 %, waiting for images 12 %, ...", the largest first; what is less than one percent is left out.
 std::string shares_of(const TimeAccount& time) {
@@ -167,6 +184,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
     json["skipped"].push_back({{"keyframe_id", skipped.keyframe_id}, {"reason", skipped.reason}});
   }
   if (!report.prior_depth.is_null()) json["prior_depth"] = report.prior_depth;
+  if (!report.given_depth.is_null()) json["given_depth"] = report.given_depth;
   if (!report.workspace.is_null()) json["workspace"] = report.workspace;
   if (!report.empty_reason.empty()) json["empty"] = report.empty_reason;
   return json;
@@ -179,15 +197,13 @@ std::string summary(const RunReport& report) {
   char each[32];
   std::snprintf(each, sizeof(each), "%.2f", rate);
   return "keyframes:   " + std::to_string(report.keyframes) + " in the map, " + std::to_string(report.with_image) +
-         " with an image, " + std::to_string(s.keyframes_accepted) + " accepted by the view filter" +
-         blurred_keyframes(s) + ", " + std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" +
-         pixels_kept(report) + "points:      " + count_text(s.points) + repeated_points(s) + left_out(report) + "\n" +
-         "stages:      prepare " + seconds_text(s.seconds_prepare) + ", init " + seconds_text(s.seconds_init) +
-         ", PatchMatch " + seconds_text(s.seconds_patchmatch) + ", median " + seconds_text(s.seconds_median) +
-         ", consistency " + seconds_text(s.seconds_consistency) + ", fusion " + seconds_text(s.seconds_fusion) +
-         ", free space " + seconds_text(s.seconds_free_space) + ", ownership " + seconds_text(s.seconds_ownership) +
-         "\n" + "time:        " + seconds_text(total) + " (" + each + " s a keyframe): " + shares_of(report.time) +
-         "; " + std::to_string(static_cast<long>(peak_memory_mib())) + " MiB";
+         (report.given_depth.is_null() ? " with an image, " : " with an image and a depth image, ") +
+         std::to_string(s.keyframes_accepted) + " accepted by the view filter" + blurred_keyframes(s) + ", " +
+         std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" + pixels_kept(report) +
+         "points:      " + count_text(s.points) + repeated_points(s) + left_out(report) + "\n" +
+         "stages:      " + stages_of(s) + "\n" + "time:        " + seconds_text(total) + " (" + each +
+         " s a keyframe): " + shares_of(report.time) + "; " + std::to_string(static_cast<long>(peak_memory_mib())) +
+         " MiB of memory";
 }
 
 std::string explain_empty(const DensifierStats& s) {

@@ -32,6 +32,7 @@ struct RunReport {
   TimeAccount time;                    ///< of the main thread
   std::string empty_reason;            ///< of an empty result
   nlohmann::ordered_json prior_depth;  ///< of each keyframe that was looked at; null without
+  nlohmann::ordered_json given_depth;  ///< of fuse; null else
   nlohmann::ordered_json workspace;    ///< what was kept and what was made; null without one
 };
 

@@ -52,8 +52,9 @@ void check_folder(const Arguments& arguments, const Target& target, bool may_rep
   if (!arguments.images.empty() && place_of(target.path) == place_of(arguments.images)) {
     throw UsageError(text_of(target) + " is the folder of the images; give one of its own");
   }
-  if (!arguments.prior_depth.empty() && place_of(target.path) == place_of(arguments.prior_depth)) {
-    throw UsageError(text_of(target) + " is the folder of --prior-depth; give one of its own");
+  for (const fs::path& depth : {arguments.prior_depth, arguments.given_depth}) {
+    if (depth.empty() || place_of(target.path) != place_of(depth)) continue;
+    throw UsageError(text_of(target) + " is the folder of the depth images; give one of its own");
   }
   std::error_code error;
   if (!fs::exists(target.path, error)) return;

@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "view_images.h"
 
+#include <algorithm>
 #include <fstream>
 #include <set>
 #include <string>
+#include <system_error>
+#include <tuple>
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "export/atomic_file.h"
+#include "image_input.h"
 #include "output_folder.h"
 #include "pmsp/error.h"
-#include "verbs.h"
+#include "pmsp/io/files.h"
 
 namespace pmsp::tool {
 namespace {
@@ -43,6 +46,18 @@ void write_jpeg(const fs::path& path, const Image<Rgb>& image) {
   write_file(path, encoded);
 }
 
+/// White where there is no mask.
+std::vector<unsigned char> png_of(ImageView<const std::uint8_t> mask, int width, int height) {
+  cv::Mat gray(height, width, CV_8UC1, cv::Scalar(255));
+  for (int y = 0; y < mask.height; ++y) {
+    std::transform(mask.row(y), mask.row(y) + width, gray.ptr<std::uint8_t>(y),
+                   [](std::uint8_t use) { return use != 0 ? std::uint8_t{255} : std::uint8_t{0}; });
+  }
+  std::vector<unsigned char> encoded;
+  if (!cv::imencode(".png", gray, encoded)) throw OutputError("a mask cannot be encoded as PNG");
+  return encoded;
+}
+
 }  // namespace
 
 ViewImages::ViewImages(const Arguments& arguments, const SlamMap& map, const ImageSource& source)
@@ -52,31 +67,60 @@ ViewImages::ViewImages(const Arguments& arguments, const SlamMap& map, const Ima
 
 std::vector<OutputView> ViewImages::put(const fs::path& folder, const Similarity& file_from_map) const {
   std::vector<OutputView> views;
-  std::map<std::int64_t, std::string> frames;
+  std::map<std::int64_t, std::string> decoded;
   std::set<std::string> names;
   for (const auto& [id, size] : sizes_) {
     const MapKeyframe* keyframe = map_.find_keyframe(id);
     const auto origin = origins_.find(id);
     if (keyframe == nullptr || origin == origins_.end()) continue;
     const bool is_frame = !origin->second.frame.empty();
+    const bool is_turned = !is_frame && is_turned_by_exif(origin->second.file);
     std::string name = is_frame ? numbered_name("", id, ".jpg") : origin->second.file.filename().string();
+    if (is_turned) name = fs::path(name).replace_extension(".jpg").string();
     if (!names.insert(name).second) {  // from another subfolder
       name = numbered_name("", id, ("_" + name).c_str());
       names.insert(name);
     }
-    if (is_frame) {
-      frames[id] = name;
+    if (is_frame || is_turned) {  // trainers do not look at EXIF data
+      decoded[id] = name;
     } else {
-      copy_image(origin->second.file, folder / name);
+      copy_image(origin->second.file, folder / "images" / name);
     }
     const RigidTransform pose = file_from_map * keyframe->cam_from_world.inverse();
     views.push_back({id, keyframe->timestamp, pose.inverse(), name, size.width, size.height});
   }
-  if (!frames.empty()) copy_frames(folder, frames);
+  if (!decoded.empty()) write_decoded(folder / "images", decoded);
+  put_masks(folder, views);
   return views;
 }
 
-void ViewImages::copy_frames(const fs::path& folder, const std::map<std::int64_t, std::string>& names) const {
+void ViewImages::put_masks(const fs::path& folder, std::vector<OutputView>& views) const {
+  MaskSource masks = open_masks(arguments_);
+  const auto file_of = [&](const OutputView& view) { return origins_.at(view.keyframe_id).file; };
+  const bool is_wanted = arguments_.mask_nadir > 0.0 || std::any_of(views.begin(), views.end(), [&](const auto& view) {
+                           return !masks.file_for(file_of(view)).empty();
+                         });
+  if (!is_wanted) {  // what an earlier run has left would be taken for theirs
+    std::error_code ignored;
+    for (const OutputView& view : views) fs::remove(folder / "masks" / (view.name + ".png"), ignored);
+    fs::remove(folder / "masks", ignored);
+    return;
+  }
+  make_folder(folder / "masks");
+  std::vector<unsigned char> encoded;
+  std::tuple<fs::path, int, int> encoded_of;
+  for (OutputView& view : views) {
+    const std::tuple<fs::path, int, int> wanted(masks.file_for(file_of(view)), view.width, view.height);
+    if (encoded.empty() || wanted != encoded_of) {
+      encoded = png_of(masks.mask_for(file_of(view), view.width, view.height), view.width, view.height);
+      encoded_of = wanted;
+    }
+    write_file(folder / "masks" / (view.name + ".png"), encoded);
+    view.has_mask = true;
+  }
+}
+
+void ViewImages::write_decoded(const fs::path& folder, const std::map<std::int64_t, std::string>& names) const {
   std::set<std::int64_t> ids;
   for (const auto& [id, name] : names) ids.insert(id);
   const std::unique_ptr<ImageSource> source = open_images(arguments_, map_);
@@ -86,8 +130,8 @@ void ViewImages::copy_frames(const fs::path& folder, const std::map<std::int64_t
     ids.erase(item->keyframe_id);
   }
   if (ids.empty()) return;
-  throw IoError("the video no longer gives the frame of keyframe " + std::to_string(*ids.begin()) +
-                "; leave it as it is while a run works");
+  throw IoError("there is no longer an image of keyframe " + std::to_string(*ids.begin()) +
+                "; leave images and video as they are while a run works");
 }
 
 }  // namespace pmsp::tool

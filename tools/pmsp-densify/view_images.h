@@ -13,7 +13,7 @@
 
 namespace pmsp::tool {
 
-/// The mission's images, for datasets: copies of files, or frames of the video as JPEG.
+/// The mission's images, for datasets: copies of files, or frames of the video as JPEG; and their masks.
 class ViewImages {
  public:
   /// All must outlive it but `source`, which is not restricted to some keyframes yet.
@@ -22,14 +22,16 @@ class ViewImages {
   /// Of an image that is used. Others are left out.
   void set_size(std::int64_t keyframe_id, int width, int height) { sizes_[keyframe_id] = {width, height}; }
 
-  /// Puts them into a folder. Throws IoError, OutputError.
+  /// Puts them into `images` and `masks` in a folder. Where some have a mask, all get one, as nerfstudio wants it.
+  /// Throws IoError, InvalidInput, OutputError.
   std::vector<OutputView> put(const std::filesystem::path& folder, const Similarity& file_from_map) const;
 
  private:
   struct Size {
     int width, height;
   };
-  void copy_frames(const std::filesystem::path& folder, const std::map<std::int64_t, std::string>& names) const;
+  void put_masks(const std::filesystem::path& folder, std::vector<OutputView>& views) const;
+  void write_decoded(const std::filesystem::path& folder, const std::map<std::int64_t, std::string>& names) const;
 
   const Arguments& arguments_;
   const SlamMap& map_;

@@ -6,7 +6,6 @@
 #include <iostream>
 #include <set>
 
-#include "export/atomic_file.h"
 #include "pmsp-eval/calibration_plot.h"
 #include "pmsp-eval/depth_files.h"
 #include "pmsp-eval/error_images.h"
@@ -15,6 +14,7 @@
 #include "pmsp-eval/report.h"
 #include "pmsp-eval/statistics.h"
 #include "pmsp/error.h"
+#include "pmsp/io/files.h"
 #include "pmsp/io/map.h"
 #include "pmsp/io/ply.h"
 

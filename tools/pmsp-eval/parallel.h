@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "util/thread_pool.h"
+#include "pmsp/executor.h"
 
 namespace pmsp::eval {
 

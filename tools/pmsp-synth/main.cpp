@@ -9,7 +9,7 @@
 
 #include "pmsp-densify/exit_code.h"
 #include "pmsp-synth/mission_files.h"
-#include "support/mission.h"
+#include "synth/mission.h"
 
 namespace {
 
@@ -188,23 +188,25 @@ void run(Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  Arguments arguments;
-  arguments.recipe.width = 1280;
-  CLI::App app("Writes a synthetic 360-degree mission with known truth: images, a SLAM's map, poses and ranges.",
-               "pmsp-synth");
-  app.footer(kFooter);
-  app.add_option("-o,--output", arguments.files.folder, "folder for the mission; made when it does not exist")
-      ->required()
-      ->option_text("DIR REQUIRED");
-  app.add_flag("--force", arguments.files.overwrite, "replace the mission that is in the folder");
-  add_scene_options(app, arguments);
-  add_image_options(app, arguments);
-  add_map_options(app, arguments);
   try {
-    app.parse(argc, argv);
+    Arguments arguments;
+    arguments.recipe.width = 1280;
+    CLI::App app("Writes a synthetic 360-degree mission with known truth: images, a SLAM's map, poses and ranges.",
+                 "pmsp-synth");
+    app.footer(kFooter);
+    app.add_option("-o,--output", arguments.files.folder, "folder for the mission; made when it does not exist")
+        ->required()
+        ->option_text("DIR REQUIRED");
+    app.add_flag("--force", arguments.files.overwrite, "replace the mission that is in the folder");
+    add_scene_options(app, arguments);
+    add_image_options(app, arguments);
+    add_map_options(app, arguments);
+    try {
+      app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+      return app.exit(error) == 0 ? tool::kExitOk : tool::kExitUsage;
+    }
     run(arguments);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? tool::kExitOk : tool::kExitUsage;
   } catch (const std::exception& error) {
     std::cerr << "pmsp-synth: " << error.what() << '\n';
     return tool::exit_code_of(error);

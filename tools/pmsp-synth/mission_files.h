@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "pmsp-synth/slam_map.h"
-#include "support/mission.h"
+#include "synth/mission.h"
 
 namespace pmsp::synth_tool {
 

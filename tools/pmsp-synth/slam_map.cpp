@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pmsp/camera.h"
-#include "support/rng.h"
+#include "synth/rng.h"
 
 namespace pmsp::synth_tool {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "support/mission.h"
+#include "synth/mission.h"
 
 namespace pmsp::synth_tool {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Makes the page of one file: node build.mjs --write (prebuilt/report.html) | --check (is it
-// that?) | --to FILE | --tests | --browser-test (both into build/)
+// that?) | --to FILE | --tests | --browser-test | --study (these into build/)
 import { createHash } from "node:crypto";
 import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { dirname, join } from "node:path";
@@ -45,7 +45,7 @@ if (what === "--write" || (what === "--to" && file)) {
   console.log("the prebuilt page is what its sources give");
 } else if (what === "--tests") {
   await build({
-    entryPoints: ["geometry", "measure", "state", "data", "palette", "live"].map((name) => join(here, "tests", `${name}.test.ts`)),
+    entryPoints: ["geometry", "measure", "state", "data", "palette", "live", "framing", "potree", "around", "surroundings"].map((name) => join(here, "tests", `${name}.test.ts`)),
     bundle: true,
     platform: "node",
     format: "esm",
@@ -54,7 +54,7 @@ if (what === "--write" || (what === "--to" && file)) {
   });
 } else if (what === "--browser-test") {
   await build({
-    entryPoints: ["page", "live"].map((name) => join(here, "tests", `${name}.e2e.ts`)),
+    entryPoints: ["page", "live", "stream", "screens"].map((name) => join(here, "tests", `${name}.e2e.ts`)),
     bundle: true,
     platform: "node",
     format: "esm",
@@ -62,7 +62,15 @@ if (what === "--write" || (what === "--to" && file)) {
     outdir: join(here, "build", "browser"),
     outExtension: { ".js": ".mjs" },
   });
+} else if (what === "--study") {
+  await build({
+    entryPoints: [join(here, "tests", "measure.study.ts")],
+    bundle: true,
+    platform: "node",
+    format: "esm",
+    outfile: join(here, "build", "study", "measure.study.mjs"),
+  });
 } else {
-  console.error("usage: node build.mjs --write | --check | --to FILE | --tests | --browser-test");
+  console.error("usage: node build.mjs --write | --check | --to FILE | --tests | --browser-test | --study");
   process.exit(2);
 }

@@ -11,6 +11,7 @@
 
 #include <Eigen/Core>
 
+#include "pmsp/api.h"
 #include "pmsp/image.h"
 #include "pmsp/io/similarity.h"
 #include "pmsp/point_cloud.h"
@@ -37,6 +38,7 @@ struct OutputView {
   RigidTransform cam_from_file;  ///< from the frame of the file; in its unit
   std::string name;              ///< of its equirectangular image, unique; "000012.jpg"
   int width = 0, height = 0;     ///< of the image [px]
+  bool has_mask = false;         ///< a grey PNG of that size, 0 = ignore, 255 = use: "000012.jpg.png"
 };
 
 /// What a writer is told of a cloud before its first point. All of it follows from inputs and options, nothing from the
@@ -54,15 +56,15 @@ struct CloudHeader {
   std::string wkt;                      ///< coordinate reference system of the file's frame, as WKT; "" = none
   int year = 0, day_of_year = 0;        ///< of the data; 0 = not told
   std::filesystem::path scratch = ".";  ///< folder for what memory should not hold
-  /// For datasets: puts the mission's images into a folder that is there, and says which cameras saw them, by ascending
-  /// keyframe id. Called when all points have come.
+  /// For datasets: puts the mission's images into `images` in a folder that is there, and masks, all or none, into
+  /// `masks`; says which cameras saw them, by ascending keyframe id. Called when all points have come.
   std::function<std::vector<OutputView>(const std::filesystem::path& folder)> export_views;
   std::int64_t dataset_points = 1'000'000;  ///< of a dataset, at most: its points are thinned to that
 };
 
 /// Writes a cloud into a file or folder, point by point, in memory that does not grow with it. What it writes appears
 /// under its name when `finish` is called; a writer that is destroyed before leaves what was there before.
-class CloudWriter {
+class PMSP_API CloudWriter {
  public:
   virtual ~CloudWriter() = default;
 
@@ -70,6 +72,7 @@ class CloudWriter {
   virtual void set_window(std::int64_t keyframe_id, const std::vector<std::int64_t>& window_ids);
   /// Throws OutputError (disk full; a position that the format cannot hold).
   virtual void add(const OutputPoint* points, std::size_t count) = 0;
+  /// Puts what was written under its name. Throws OutputError.
   virtual void finish() = 0;
 };
 
@@ -87,16 +90,16 @@ struct CloudFormat {
 };
 
 /// All formats; the first one is the default.
-const std::vector<CloudFormat>& cloud_formats();
+PMSP_API const std::vector<CloudFormat>& cloud_formats();
 
 /// nullptr when there is none of that name.
-const CloudFormat* find_cloud_format(const std::string& name);
+PMSP_API const CloudFormat* find_cloud_format(const std::string& name);
 
 /// By the extension, in small or capital letters; nullptr when no format has it.
-const CloudFormat* cloud_format_of(const std::filesystem::path& path);
+PMSP_API const CloudFormat* cloud_format_of(const std::filesystem::path& path);
 
 /// The keyframe's points from `first` to before `last`, in the frame of a file, with the keyframe at `pose`.
-void place_points(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map,
-                  std::size_t first, std::size_t last, OutputPoint* to);
+PMSP_API void place_points(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map,
+                           std::size_t first, std::size_t last, OutputPoint* to);
 
 }  // namespace pmsp

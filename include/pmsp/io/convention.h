@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <string>
 
+#include "pmsp/api.h"
 #include "pmsp/io/map.h"
 
 namespace pmsp {
@@ -21,9 +22,9 @@ struct ConventionCheck {
 /// mirrored images, latitude upside down, axes of OpenGL, the seam in front, inverted poses, and places in images that
 /// are half a pixel off. Nothing is to be told from less than 100 observations, nor from observations that are
 /// projections themselves (`SlamMap::observations_are_tested`); then `observations` is 0.
-ConventionCheck check_convention(const SlamMap& map);
+PMSP_API ConventionCheck check_convention(const SlamMap& map);
 
 /// The same, for a program that cannot go on with a wrong one: throws InvalidInput that names the convention that fits.
-ConventionCheck require_convention(const SlamMap& map);
+PMSP_API ConventionCheck require_convention(const SlamMap& map);
 
 }  // namespace pmsp

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/image.h"
 #include "pmsp/io/map.h"
 
@@ -21,7 +22,7 @@ struct SkippedKeyframe {
 };
 
 /// Gives the images of a map's keyframes, one after the other, in the order of `keyframe_ids()`.
-class ImageSource {
+class PMSP_API ImageSource {
  public:
   virtual ~ImageSource() = default;
 
@@ -35,22 +36,24 @@ class ImageSource {
   /// How images were matched with keyframes, one sentence for people.
   virtual const std::string& description() const = 0;
 
-  /// The next image, or nullopt after the last one. Throws IoError when it cannot be decoded, InvalidInput when its
-  /// size is not that of the map's camera up to a common factor (2:1 stays 2:1). After an error, the next call goes on
-  /// with the next image.
+  /// An image, and whose it is.
   struct Item {
     std::int64_t keyframe_id = 0;
     Image<Rgb> image;
   };
+  /// The next image, or nullopt after the last one. Throws IoError when it cannot be decoded, InvalidInput when its
+  /// size is not that of the map's camera up to a common factor (2:1 stays 2:1). After an error, the next call goes on
+  /// with the next image.
   virtual std::optional<Item> next() = 0;
 
-  /// Where a keyframe's image lies: a file, and which of its frames, "" where there is only one. Equal bytes and equal
-  /// frames give equal images, unless another keyframe has come that takes the frame of a video before. Throws
-  /// InvalidInput when the keyframe is not among `keyframe_ids`.
+  /// A file, and which of its frames.
   struct Origin {
     std::filesystem::path file;
     std::string frame;
   };
+  /// Where a keyframe's image lies: a file, and which of its frames, "" where there is only one. Equal bytes and equal
+  /// frames give equal images, unless another keyframe has come that takes the frame of a video before. Throws
+  /// InvalidInput when the keyframe is not among `keyframe_ids`.
   virtual Origin origin(std::int64_t keyframe_id) const = 0;
 
   /// `next` finds up to so many images decoded already, each by a thread of its own where they are files of their own.
@@ -62,6 +65,15 @@ class ImageSource {
   virtual void restrict_to(const std::set<std::int64_t>& keyframe_ids) = 0;
 };
 
+/// Whether EXIF data of an image file turn it: ImageSource gives such images upright. Throws IoError.
+PMSP_API bool is_turned_by_exif(const std::filesystem::path& image);
+
+/// How images of a folder are matched with keyframes.
+struct ImageFolderOptions {
+  double fps = 0.0;               ///< of the frame indices [1/s]; 0 = the map's camera's
+  std::int64_t frame_offset = 0;  ///< added to the frame index that a keyframe's timestamp gives
+};
+
 /// Images in a folder (JPEG, PNG, TIFF, BMP, WebP). Where the map names them (`MapKeyframe::image`), these and no
 /// others are taken, by their path in the folder. Else the folder itself is searched, and the names of its images are
 /// keyframe ids, timestamps (seconds, milli-, micro- or nanoseconds) or frame indices; which one is detected from how
@@ -71,12 +83,14 @@ class ImageSource {
 /// detected, too. A `frame_offset` other than 0 says that names are frame indices, and switches that search off. Of
 /// keyframes with one timestamp the first (smallest id) keeps the image. Throws IoError when there is no such folder or
 /// no image in it, InvalidInput when no naming scheme fits or no image that the map names is there.
-struct ImageFolderOptions {
-  double fps = 0.0;               ///< of the frame indices [1/s]; 0 = the map's camera's
-  std::int64_t frame_offset = 0;  ///< added to the frame index that a keyframe's timestamp gives
+PMSP_API std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::filesystem::path& folder,
+                                                        const ImageFolderOptions& options = {});
+
+/// How frames of a video are matched with keyframes.
+struct VideoOptions {
+  double fps = 0.0;               ///< to turn timestamps into indices [1/s]; 0 = the map's camera's
+  std::int64_t frame_offset = 0;  ///< added to the frame index
 };
-std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::filesystem::path& folder,
-                                               const ImageFolderOptions& options = {});
 
 /// Frames of a video, decoded once, in order. A keyframe takes the frame whose presentation time is nearest to its
 /// timestamp (not farther than half a frame); where the map's timestamps are no presentation times, or `fps` or
@@ -84,11 +98,7 @@ std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::fi
 /// the first keyframe, which then is frame `frame_offset`; maps without usable timestamps count by their source frames.
 /// Throws IoError when the video cannot be opened or not one frame decoded, InvalidInput when a frame rate is needed
 /// and neither map nor options have one.
-struct VideoOptions {
-  double fps = 0.0;               ///< to turn timestamps into indices [1/s]; 0 = the map's camera's
-  std::int64_t frame_offset = 0;  ///< added to the frame index
-};
-std::unique_ptr<ImageSource> open_video(const SlamMap& map, const std::filesystem::path& video,
-                                        const VideoOptions& options = {});
+PMSP_API std::unique_ptr<ImageSource> open_video(const SlamMap& map, const std::filesystem::path& video,
+                                                 const VideoOptions& options = {});
 
 }  // namespace pmsp

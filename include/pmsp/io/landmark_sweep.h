@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "pmsp/api.h"
 #include "pmsp/image.h"
 #include "pmsp/io/map.h"
 
@@ -16,7 +17,7 @@ namespace pmsp {
 /// depth fits clearly better than all others. A coarse sweep at 512 pixels across, for the plan and the initialiser; it
 /// is a function of poses, images and masks alone, whatever the order in which they come. Takes 128 KiB a keyframe
 /// (twice that with masks) and about 0.2 s of a CPU.
-class LandmarkSweep {
+class PMSP_API LandmarkSweep {
  public:
   /// `map` must outlive the sweep.
   explicit LandmarkSweep(const SlamMap& map);
@@ -26,6 +27,7 @@ class LandmarkSweep {
   /// InvalidInput when the map has no such keyframe or the image is empty.
   void add(std::int64_t keyframe_id, ImageView<const Rgb> image, ImageView<const std::uint8_t> mask = {});
 
+  /// How many landmarks were found, and whether the poses are what they should be.
   struct Result {
     std::size_t patches = 0;    ///< that were looked for
     std::size_t landmarks = 0;  ///< of those that were found

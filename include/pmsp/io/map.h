@@ -9,6 +9,8 @@
 
 #include <Eigen/Core>
 
+#include "pmsp/api.h"
+#include "pmsp/keyframe.h"
 #include "pmsp/transform.h"
 
 namespace pmsp {
@@ -31,6 +33,7 @@ struct MapObservation {
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
 };
 
+/// A keyframe as the file has it.
 struct MapKeyframe {
   std::int64_t id = 0;
   double timestamp = 0.0;  ///< what the SLAM was fed [s]
@@ -42,6 +45,7 @@ struct MapKeyframe {
   std::vector<MapObservation> observations;  ///< of landmarks that exist in the map, each once
 };
 
+/// A sparse point of the map.
 struct MapLandmark {
   std::int64_t id = 0;
   Eigen::Vector3d position_world = Eigen::Vector3d::Zero();  ///< [scene units]
@@ -53,7 +57,7 @@ struct MapLandmark {
 /// that is a constant turn of the camera by half a pixel, which their poses have absorbed; the readers turn it back
 /// (cam_from_world = Ry(+pi / width) * cam_from_world of the file). In latitude half a pixel remains in the landmarks.
 /// Nothing outside the readers knows of the offset.
-struct SlamMap {
+struct PMSP_API SlamMap {
   std::filesystem::path path;
   std::string format;                     ///< for people, e.g. "stella_vslam >= 0.3.6, MessagePack"
   std::vector<MapCamera> cameras;         ///< ascending name, unique
@@ -76,6 +80,7 @@ struct SlamMap {
   const MapKeyframe* find_keyframe(std::int64_t id) const;
 };
 
+/// What read_map may be told besides the path.
 struct ReadMapOptions {
   std::optional<int> component;      ///< the one to read; nullopt = that of most keyframes
   std::filesystem::path points;      ///< PLY file whose points stand in for landmarks where the map has none
@@ -96,6 +101,16 @@ struct ReadMapOptions {
 /// Throws IoError when a file cannot be read, InvalidInput (naming file, place and what was expected) when it is of no
 /// such format, is truncated or broken, names images outside the image folder, or holds no keyframe with an
 /// equirectangular camera; InvalidOption when there is no such component.
-SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& options = {});
+PMSP_API SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& options = {});
+
+/// What can be given as a map, for people: "the folder of a model of COLMAP", ...
+PMSP_API std::vector<std::string> map_formats();
+
+/// A keyframe of the map as the library takes it, with the landmarks that it observes; image and mask are left out.
+PMSP_API Keyframe keyframe_of(const SlamMap& map, const MapKeyframe& in_map);
+
+/// How far landmarks lie from the keyframe that looks farthest: the largest 98th percentile of a keyframe's distances
+/// from those that it observes [scene units]; 0 without landmarks.
+PMSP_API double farthest_landmarks(const SlamMap& map);
 
 }  // namespace pmsp

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/image.h"
 
 namespace pmsp {
@@ -15,7 +16,7 @@ namespace pmsp {
 /// pixel is used (255, else 0) only if all that it covers is. Throws IoError, or InvalidInput when the shape is not
 /// that of the images, the mask leaves no pixel, or the file looks like a photo or a depth map: a tenth of its pixels
 /// lie outside its eight commonest colours.
-Image<std::uint8_t> read_mask(const std::filesystem::path& path, int width, int height);
+PMSP_API Image<std::uint8_t> read_mask(const std::filesystem::path& path, int width, int height);
 
 /// What is to be ignored in the images of a mission.
 struct MaskOptions {
@@ -29,13 +30,13 @@ struct MaskOptions {
 };
 
 /// Gives each image its mask, in the image's size.
-class MaskSource {
+class PMSP_API MaskSource {
  public:
   /// Throws InvalidOption, IoError where there is no such file or folder, InvalidInput where it is no such YAML.
   explicit MaskSource(const MaskOptions& options);
   ~MaskSource();
 
-  bool is_folder() const;
+  bool is_folder() const;  ///< one for each image
 
   /// What the mask of an image is read from; empty where nothing is.
   std::filesystem::path file_for(const std::filesystem::path& image) const;

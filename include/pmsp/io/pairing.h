@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "pmsp/api.h"
 #include "pmsp/image.h"
 #include "pmsp/io/map.h"
 
@@ -23,7 +24,7 @@ namespace pmsp {
 ///
 /// Costs about 3 ms per keyframe at first, 2 ms once the other pairings are known well enough (after some forty
 /// keyframes), and 4 MB for the last sixteen keyframes.
-class PairingVerifier {
+class PMSP_API PairingVerifier {
  public:
   /// `map` must outlive the verifier.
   explicit PairingVerifier(const SlamMap& map);
@@ -32,6 +33,7 @@ class PairingVerifier {
   /// Takes the next image, of any size. Throws InvalidInput when the map has no such keyframe or the image is empty.
   void add(std::int64_t keyframe_id, ImageView<const Rgb> image);
 
+  /// What is known so far.
   struct Verdict {
     int comparisons = 0;      ///< landmarks sought so far
     double agreement = 0.0;   ///< share of them that are found, 0 to 1
@@ -43,7 +45,7 @@ class PairingVerifier {
     bool doubtful = false;    ///< they may belong, but fit worse than the right images do
     std::string message;      ///< one sentence for people
   };
-  Verdict verdict() const;
+  Verdict verdict() const;  ///< of the images so far
 
  private:
   struct Impl;

@@ -9,23 +9,26 @@ import {
   LinearFilter,
   Matrix3,
   Matrix4,
-  type PerspectiveCamera,
   Points,
   RawShaderMaterial,
   GLSL3,
   NoColorSpace,
   Vector2,
   Vector3,
-  Vector4,
 } from "three";
 import { type NodeData, type NodePoints, kNoKeyframe } from "./data";
-import { type Vec3, normalFrom } from "./geometry";
-import type { Picked } from "./measure";
+import { busyBox } from "./framing";
+import { type Vec3, dot, norm, normalFrom, sub } from "./geometry";
+import type { Found } from "./measure";
 import { type PaletteName, paletteBytes } from "./palette";
 import { fragmentShader, vertexShader } from "./shaders";
+import { isPerspective, Sight } from "./sight";
 import { type Coloring, colorings } from "./state";
 
-interface Cube {
+export interface Cube {
+  /** Of the octree. */
+  level: number;
+  corner: Vec3;
   /** From the cube with corners 0 and 1 to the keyframe that it hangs on, or else to the page. */
   local: Matrix4;
   /** To the page. */
@@ -35,7 +38,11 @@ interface Cube {
   /** Of the ball around it. */
   radius: number;
   points: NodePoints | null;
+  /** Those of them that the page itself holds. */
+  held: NodePoints | null;
   drawn: Points | null;
+  /** Between points; 0 = as everywhere. */
+  spacing: number;
 }
 
 /** Which palette a colouring takes; null = none. */
@@ -59,7 +66,7 @@ export class Cloud {
   /** Points that may be drawn at a time. */
   budget = 3_000_000;
   drawnPoints = 0;
-  /** In the axes of the plan: what is there, but for the outermost 0.5 % of the points on each side. */
+  /** In the axes of the plan: what a picture should show, without crowds far away (framing.ts). */
   low: Vec3 = [-1, -1, -1];
   high: Vec3 = [1, 1, 1];
   private readonly palettes = { viridis: texture("viridis"), cividis: texture("cividis") };
@@ -69,7 +76,7 @@ export class Cloud {
     nodes: readonly NodeData[],
     readonly basis: readonly [Vec3, Vec3, Vec3],
   ) {
-    this.cubes = nodes.map((node) => newCube(node.corner, node.side));
+    this.cubes = nodes.map((node) => this.newCube(node.level, node.corner, node.side));
     const [a, b, c] = basis;
     this.material = new RawShaderMaterial({
       glslVersion: GLSL3,
@@ -92,17 +99,35 @@ export class Cloud {
   }
 
   private spacing: number;
+  /** Of points, times the usual one. */
+  private pointSize = 1;
 
-  /** Takes the points of a cube. */
+  newCube(level: number, corner: Vec3, side: number): Cube {
+    const local = new Matrix4().makeTranslation(...corner).scale(new Vector3(side, side, side));
+    const center = new Vector3(...corner).addScalar(side / 2);
+    const radius = (side * Math.sqrt(3)) / 2;
+    return { level, corner, local, matrix: local.clone(), side, center, radius, points: null, held: null, drawn: null, spacing: 0 };
+  }
+
+  /** Takes the points of a cube of the page. */
   fill(which: number, points: NodePoints): void {
     const cube = this.cubes[which];
-    if (cube) this.attach(cube, points);
+    if (!cube) return;
+    cube.held = points;
+    this.exchange(cube, points);
+  }
+
+  /** Gives a cube other points; null = those that the page holds of it. */
+  exchange(cube: Cube, points: NodePoints | null): void {
+    this.detach(cube);
+    const given = points ?? cube.held;
+    if (given) this.attach(cube, given);
   }
 
   /** Hangs points on a keyframe in place of those that it has. `page`: from the keyframe's frame to the page. */
   hang(id: number, page: Matrix4, block: { corner: Vec3; side: number; points: NodePoints }): void {
     this.remove(id);
-    const cube = newCube(block.corner, block.side);
+    const cube = this.newCube(0, block.corner, block.side);
     this.hung.set(id, cube);
     this.cubes.push(cube);
     this.attach(cube, block.points);
@@ -127,10 +152,16 @@ export class Cloud {
     if (!cube) return;
     this.hung.delete(id);
     this.cubes = this.cubes.filter((it) => it !== cube);
+    this.detach(cube);
+  }
+
+  private detach(cube: Cube): void {
     this.loaded -= cube.points?.count ?? 0;
+    cube.points = null;
     if (!cube.drawn) return;
     this.group.remove(cube.drawn);
     cube.drawn.geometry.dispose();
+    cube.drawn = null;
   }
 
   private attach(cube: Cube, points: NodePoints): void {
@@ -144,30 +175,43 @@ export class Cloud {
     drawn.frustumCulled = false;
     drawn.matrixAutoUpdate = false;
     drawn.matrix.copy(cube.matrix);
+    drawn.onBeforeRender = () => {
+      this.material.uniforms["size"]!.value = 1.6 * this.pointSize * (cube.spacing || this.spacing);
+      this.material.uniformsNeedUpdate = true;
+    };
     cube.drawn = drawn;
     this.group.add(drawn);
   }
 
-  /** Looks at every so many points for `low` and `high`. */
-  measureExtent(): void {
-    const places: [number[], number[], number[]] = [[], [], []];
-    const stride = Math.max(1, Math.floor(this.loaded / 100_000));
-    this.forEach(stride, (x, y, z) => {
-      this.basis.forEach((axis, i) => places[i]?.push(axis[0] * x + axis[1] * y + axis[2] * z));
-    });
-    if (places[0].length === 0) return;
-    const at = (i: 0 | 1 | 2, share: number): number => places[i][Math.floor(share * (places[i].length - 1))] ?? 0;
-    for (const list of places) list.sort((a, b) => a - b);
-    this.low = [at(0, 0.005), at(1, 0.005), at(2, 0.005)];
-    this.high = [at(0, 0.995), at(1, 0.995), at(2, 0.995)];
+  /** Looks at every so many points for `low` and `high`. `path`: of the camera, which is in it. */
+  measureExtent(path: readonly Vec3[] = []): void {
+    const inPlan = (p: Vec3): Vec3 => [dot(this.basis[0], p), dot(this.basis[1], p), dot(this.basis[2], p)];
+    const points: Vec3[] = [];
+    const stride = Math.max(1, Math.floor(this.loaded / 50_000));
+    this.forEach(stride, (x, y, z) => points.push(inPlan([x, y, z])));
+    const box = busyBox(points, path.map(inPlan));
+    if (box) [this.low, this.high] = [box.low, box.high];
   }
 
-  private forEach(stride: number, visit: (x: number, y: number, z: number) => void): void {
+  /** Every so many points. */
+  forEach(stride: number, visit: (x: number, y: number, z: number) => void): void {
     let number = 0;
     for (const cube of this.cubes) {
       for (let i = 0; i < (cube.points?.count ?? 0); ++i) {
         if (number++ % stride === 0) visit(...this.placeOf(cube, i));
       }
+    }
+  }
+
+  /** All points of a cube; number by number, since there may be millions. */
+  visit(cube: Cube, visit: (x: number, y: number, z: number, i: number) => void): void {
+    const [xx, xy, xz, , yx, yy, yz, , zx, zy, zz, , x0, y0, z0] = cube.matrix.elements;
+    const places = cube.points?.places ?? [];
+    for (let i = 0; i < (cube.points?.count ?? 0); ++i) {
+      const a = places[4 * i]! / 65535;
+      const b = places[4 * i + 1]! / 65535;
+      const c = places[4 * i + 2]! / 65535;
+      visit(xx * a + yx * b + zx * c + x0, xy * a + yy * b + zy * c + y0, xz * a + yz * b + zz * c + z0, i);
     }
   }
 
@@ -187,7 +231,7 @@ export class Cloud {
     u["heights"]!.value = new Vector2(this.low[2], this.high[2]);
     u["facing"]!.value = facing;
     u["coloring"]!.value = colorings.indexOf(coloring);
-    u["size"]!.value = 1.6 * size * this.spacing;
+    this.pointSize = size;
     u["palette"]!.value = this.palettes[paletteOf(coloring) ?? "viridis"];
   }
 
@@ -195,19 +239,13 @@ export class Cloud {
   choose(camera: Camera, pixels: number, ratio: number): void {
     this.material.uniforms["pixels"]!.value = pixels;
     this.material.uniforms["most"]!.value = 28 * ratio;
-    const matrix = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
-    const eye = new Vector3().setFromMatrixPosition(camera.matrixWorld);
-    const isFlat = !(camera as PerspectiveCamera).isPerspectiveCamera;
-    const planes = frustumPlanes(matrix);
+    const sight = new Sight(camera);
     const visible: [Cube, number][] = [];
     for (const cube of this.cubes) {
       if (!cube.drawn) continue;
       cube.drawn.visible = false;
-      if (planes.some((p) => p.x * cube.center.x + p.y * cube.center.y + p.z * cube.center.z + p.w < -cube.radius)) {
-        continue;
-      }
-      const distance = isFlat ? 1 : Math.max(cube.center.distanceTo(eye) - cube.radius, 0.02 * cube.radius);
-      visible.push([cube, cube.radius / distance]);
+      const size = sight.sizeOf(cube.center, cube.radius);
+      if (size > 0) visible.push([cube, size]);
     }
     visible.sort((a, b) => b[1] - a[1]);
     this.drawnPoints = 0;
@@ -223,11 +261,8 @@ export class Cloud {
    * The point at a place of the picture: of those within `radius` pixels that lie in front, the one that is near and
    * well known. Snaps so to points, never to what lies between them.
    */
-  pick(camera: Camera, x: number, y: number, width: number, height: number, radius: number): Picked | null {
+  pick(camera: Camera, x: number, y: number, width: number, height: number, radius: number): Found | null {
     const m = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
-    const u = this.material.uniforms;
-    const low = u["low"]!.value as Vector3;
-    const high = u["high"]!.value as Vector3;
     const found: { depth: number; off: number; cube: Cube; i: number }[] = [];
     for (const cube of this.cubes) {
       const points = cube.points;
@@ -249,9 +284,7 @@ export class Cloud {
         if (dx * dx + dy * dy > radius * radius) continue;
         const depth = e[2]! * px + e[6]! * py + e[10]! * pz + e[14]!;
         const at = this.placeOf(cube, i);
-        const inPlan = this.basis.map((axis) => axis[0] * at[0] + axis[1] * at[1] + axis[2] * at[2]);
-        if (inPlan.some((v, k) => v < low.getComponent(k) || v > high.getComponent(k))) continue;
-        if (u["facing"]!.value === true && this.isFromBehind(camera, cube, i, at)) continue;
+        if (!this.isShown(camera, cube, i, at)) continue;
         found.push({ depth: isPerspective(camera) ? w : depth, off: Math.hypot(dx, dy), cube, i });
       }
     }
@@ -275,7 +308,20 @@ export class Cloud {
     confidences.sort((a, b) => a - b);
     const usual = confidences[Math.floor(confidences.length / 2)] ?? 0;
     const point = this.pointOf(best.cube, best.i);
+    if (point.keyframe < 0) point.keyframe = this.keyframeNear(point.position);
     return { ...point, confidence: Math.min(point.confidence, usual) };
+  }
+
+  /** Whether a point is neither cut away nor on a surface that is left out because it is seen from behind. */
+  isShown(camera: Camera, cube: Cube, i: number, at: Vec3): boolean {
+    const u = this.material.uniforms;
+    const low = u["low"]!.value as Vector3;
+    const high = u["high"]!.value as Vector3;
+    const isCut = this.basis.some((axis, k) => {
+      const along = dot(axis, at);
+      return along < low.getComponent(k) || along > high.getComponent(k);
+    });
+    return !isCut && !(u["facing"]!.value === true && this.isFromBehind(camera, cube, i, at));
   }
 
   private isFromBehind(camera: Camera, cube: Cube, i: number, at: Vec3): boolean {
@@ -287,15 +333,31 @@ export class Cloud {
     return normal.dot(seen) > 0;
   }
 
-  private placeOf(cube: Cube, i: number): Vec3 {
-    const at = (k: number): number => (cube.points?.places[4 * i + k] ?? 0) / 65535;
+  /** Of the nearest point that the page itself holds: others do not say which keyframe made them. */
+  private keyframeNear(place: Vec3): number {
+    let keyframe = -1;
+    let least = Number.POSITIVE_INFINITY;
+    for (const cube of this.cubes) {
+      for (let i = 0; i < (cube.held?.count ?? 0); ++i) {
+        const here = cube.held?.keyframes[i] ?? kNoKeyframe;
+        const off = norm(sub(this.placeOf(cube, i, cube.held), place));
+        if (here === kNoKeyframe || off >= least) continue;
+        least = off;
+        keyframe = here;
+      }
+    }
+    return keyframe;
+  }
+
+  private placeOf(cube: Cube, i: number, points = cube.points): Vec3 {
+    const at = (k: number): number => (points?.places[4 * i + k] ?? 0) / 65535;
     const [x, y, z] = [at(0), at(1), at(2)];
     const e = cube.matrix.elements;
     const row = (r: number): number => e[r]! * x + e[r + 4]! * y + e[r + 8]! * z + e[r + 12]!;
     return [row(0), row(1), row(2)];
   }
 
-  private pointOf(cube: Cube, i: number): Picked {
+  private pointOf(cube: Cube, i: number): Found {
     const keyframe = cube.points?.keyframes[i] ?? kNoKeyframe;
     return {
       position: this.placeOf(cube, i),
@@ -305,34 +367,10 @@ export class Cloud {
   }
 }
 
-function newCube(corner: Vec3, side: number): Cube {
-  const local = new Matrix4().makeTranslation(...corner).scale(new Vector3(side, side, side));
-  return {
-    local,
-    matrix: local.clone(),
-    side,
-    center: new Vector3(...corner).addScalar(side / 2),
-    radius: (side * Math.sqrt(3)) / 2,
-    points: null,
-    drawn: null,
-  };
-}
-
-const isPerspective = (camera: Camera): boolean => (camera as PerspectiveCamera).isPerspectiveCamera === true;
-
 /** Those within a radius, or all where there are none. */
 function nearest<T extends { off: number }>(all: T[], radius: number): T[] {
   const some = all.filter((it) => it.off <= radius);
   return (some.length > 0 ? some : all).slice(0, 50_000);
-}
-
-function frustumPlanes(matrix: Matrix4): Vector4[] {
-  const e = matrix.elements;
-  const row = (i: number): Vector4 => new Vector4(e[i], e[i + 4], e[i + 8], e[i + 12]);
-  const w = row(3);
-  return [0, 1, 2].flatMap((i) =>
-    [w.clone().add(row(i)), w.clone().sub(row(i))].map((p) => p.divideScalar(Math.hypot(p.x, p.y, p.z) || 1)),
-  );
 }
 
 /** Half of the points have a neighbour that is nearer, if they cover surfaces evenly. */

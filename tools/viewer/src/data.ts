@@ -36,6 +36,8 @@ export interface ReportData {
   points_in: number;
   points: number;
   nodes: NodeData[];
+  /** Address of the Potree folder of the same cloud, relative to the page. */
+  potree?: string;
   /** Whether the points have normals. */
   normals?: boolean;
   keyframes: KeyframeData[];

@@ -78,6 +78,37 @@ export function mainDirection(places: readonly Vec3[], up: Vec3): Vec3 {
   return add(times(a, Math.cos(angle)), times(b, Math.sin(angle)));
 }
 
+/** Points lie around `center`, least far along `normal`: `thickness` is what they are off from the plane (root of the mean square). */
+export interface Slab {
+  center: Vec3;
+  normal: Vec3;
+  thickness: number;
+}
+
+/** The plane that fits points best, and how far they are off. Of fewer than three: a plane through them. */
+export function thinnest(points: readonly Vec3[]): Slab {
+  const count = Math.max(points.length, 1);
+  const center = times(points.reduce((sum, p) => add(sum, p), [0, 0, 0] as Vec3), 1 / count);
+  let [xx, xy, xz, yy, yz, zz] = [0, 0, 0, 0, 0, 0];
+  for (const p of points) {
+    const [x, y, z] = sub(p, center);
+    [xx, xy, xz] = [xx + (x * x) / count, xy + (x * y) / count, xz + (x * z) / count];
+    [yy, yz, zz] = [yy + (y * y) / count, yz + (y * z) / count, zz + (z * z) / count];
+  }
+  const mean = (xx + yy + zz) / 3;
+  if (!(mean > 0)) return { center, normal: [0, 0, 1], thickness: 0 };
+  // The smallest eigenvalue of a symmetric matrix (Smith 1961, "Eigenvalues of a symmetric 3 x 3 matrix").
+  const p = Math.sqrt(((xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2 * (xy * xy + xz * xz + yz * yz)) / 6);
+  const [a, b, c]: [Vec3, Vec3, Vec3] = [[xx - mean, xy, xz], [xy, yy - mean, yz], [xz, yz, zz - mean]];
+  const half = p > 0 ? dot(a, cross(b, c)) / (2 * p ** 3) : 0;
+  const angle = Math.acos(Math.max(-1, Math.min(1, half))) / 3;
+  const least = mean + 2 * p * Math.cos(angle + (2 * Math.PI) / 3);
+  // Rows of what is left span the plane.
+  const rows: Vec3[] = [[xx - least, xy, xz], [xy, yy - least, yz], [xz, yz, zz - least]];
+  const normals = rows.map((row, i) => cross(row, rows[(i + 1) % 3] ?? row)).sort((u, v) => norm(v) - norm(u));
+  return { center, normal: unit(normals[0] ?? [0, 0, 1]), thickness: Math.sqrt(Math.max(least, 0)) };
+}
+
 /** A normal from the two signed bytes that the page holds (octahedral). */
 export function normalFrom(a: number, b: number): Vec3 {
   const u = a / 127;
@@ -85,6 +116,16 @@ export function normalFrom(a: number, b: number): Vec3 {
   const w = 1 - Math.abs(u) - Math.abs(v);
   const fold = Math.max(-w, 0);
   return unit([u + (u >= 0 ? -fold : fold), v + (v >= 0 ? -fold : fold), w]);
+}
+
+/** The same two bytes from a normal. */
+export function octahedral(normal: Vec3): [number, number] {
+  const length = Math.abs(normal[0]) + Math.abs(normal[1]) + Math.abs(normal[2]);
+  if (!(length > 0)) return [0, 0];
+  const [u, v] = [normal[0] / length, normal[1] / length];
+  const folded: [number, number] = [(1 - Math.abs(v)) * (u < 0 ? -1 : 1), (1 - Math.abs(u)) * (v < 0 ? -1 : 1)];
+  const [a, b] = normal[2] < 0 ? folded : [u, v];
+  return [Math.round(127 * a), Math.round(127 * b)];
 }
 
 /** 1, 2 or 5 times a power of ten: the largest that is not above `most`. */

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // A run while it works: asks what has changed, fetches the points of keyframes that are new or have others than before,
-// and moves those that have only moved. tools/pmsp-densify/live_server.h is the other end.
+// and moves those that have only moved. tools/pmsp-densify/web/live_server.h is the other end.
 import { Matrix4 } from "three";
 import { kPointBytes, type KeyframeData, type NodePoints, nodePoints } from "./data";
-import { type Vec3, add } from "./geometry";
+import { type Pose, type Vec3, add } from "./geometry";
 import type { Viewer } from "./viewer";
 
 interface CloudChange {
@@ -21,7 +21,8 @@ interface Reply {
   done: boolean;
   clouds: CloudChange[];
   removed: number[];
-  camera?: Vec3;
+  /** Matrix, as of a keyframe. */
+  camera?: number[];
   flight?: { id: number; matrix: number[] }[];
 }
 
@@ -72,13 +73,16 @@ export class Live {
   lastPoints = 0;
   /** Keyframes whose points were fetched, each version counts. */
   fetched = 0;
+  /** So that a run that ends knows who has been told. */
+  private readonly client = Math.floor(Math.random() * 2 ** 48);
   private since = 0;
   private news = 0;
   /** Keyframes in the order in which they were told, and where they are. */
   private readonly matrices = new Map<number, number[]>();
   /** Version of the points that are shown. */
   private readonly shown = new Map<number, number>();
-  private camera: Vec3 | null = null;
+  /** From the page's origin. */
+  camera: Pose | null = null;
   /** Those of the flight; null = it is not told. */
   private flight: Set<number> | null = null;
 
@@ -112,7 +116,7 @@ export class Live {
   }
 
   private async ask(): Promise<Reply> {
-    const query = `epoch=${this.epoch}&since=${this.since}&news=${this.news}`;
+    const query = `epoch=${this.epoch}&since=${this.since}&news=${this.news}&client=${this.client}`;
     const reply = await fetch(`live/changes?${query}`, { cache: "no-store", signal: AbortSignal.timeout(30_000) });
     if (!reply.ok) throw new Error(`no answer: ${reply.status}`);
     return (await reply.json()) as Reply;
@@ -126,7 +130,7 @@ export class Live {
     }
     if (reply.flight && reply.flight.length > 0) this.flight = new Set(reply.flight.map((it) => it.id));
     for (const it of reply.flight ?? []) if (!this.shown.has(it.id)) this.matrices.set(it.id, it.matrix);
-    if (reply.camera) this.camera = reply.camera;
+    if (reply.camera) this.camera = poseOf(reply.camera, [0, 0, 0]);
     for (const id of reply.removed) {
       this.viewer.cloud.remove(id);
       this.shown.delete(id);
@@ -167,6 +171,6 @@ export class Live {
       const use = this.shown.has(id) ? "depth map" : this.flight?.has(id) ? "no points yet" : "gone";
       return { id, use, ...poseOf(matrix, this.viewer.data.origin) };
     });
-    this.viewer.showFlight(keyframes, this.camera);
+    this.viewer.showFlight(keyframes, this.camera?.center ?? null);
   }
 }

@@ -4,11 +4,13 @@ import { readData } from "./data";
 import { button, countText, el, slider } from "./dom";
 import type { Kind, Picked } from "./measure";
 import { pointsOf } from "./measure";
-import { cssGradient } from "./palette";
-import { paletteOf } from "./cloud";
+import { Around } from "./around";
+import { showLegend } from "./legend";
 import { Live, type LiveState } from "./live";
 import { writeReport } from "./report";
+import { listResults } from "./results";
 import { type Coloring, colorings, type Mode, modes, stateFrom, stateText } from "./state";
+import type { StreamState } from "./stream";
 import { Viewer } from "./viewer";
 import { coloringWords, keyWords, kindWords, modeWords } from "./words";
 
@@ -23,6 +25,8 @@ class Page {
   readonly state = stateFrom(location.hash);
   readonly viewer = new Viewer(this.data, byId("points"), byId("overlay"), this.state);
   live: Live | null = null;
+  around: Around | null = null;
+  private hasStreamWords = false;
   private kind: Kind | "note" | null = null;
   private addressTimer = 0;
   private readonly modeButtons = new Map<Mode, HTMLButtonElement>();
@@ -41,8 +45,7 @@ class Page {
   constructor() {
     document.title = this.data.title;
     byId("title").textContent = this.data.title;
-    byId("subtitle").textContent =
-      `${countText(this.data.points)} of ${countText(this.data.points_in)} points, ${this.data.keyframes.length} keyframes, ${this.data.generator}`;
+    this.tellPoints();
     this.buildToolbar();
     this.buildPanels();
     this.listen();
@@ -54,8 +57,32 @@ class Page {
       this.say(this.data.points > 0 ? "" : "There are no points.");
       this.refresh();
     };
+    this.viewer.onStreamed = () => this.streamed();
     this.say("Reading the points…");
     void this.viewer.load();
+  }
+
+  private tellPoints(): void {
+    const { keyframes, generator, points_in, points } = this.data;
+    const shown = this.viewer.stream ? this.viewer.cloud.loaded : points;
+    byId("subtitle").textContent =
+      this.data.live === undefined
+        ? `${countText(shown)} of ${countText(points_in)} points, ${keyframes.length} keyframes, ${generator}`
+        : `${countText(this.viewer.cloud.loaded)} points of ${keyframes.filter((k) => k.use === "depth map").length} of ${keyframes.length} keyframes, ${generator}`;
+  }
+
+  /** The Potree folder beside the page has answered. */
+  private streamed(): void {
+    const stream = this.viewer.stream;
+    if (!stream) return;
+    document.body.dataset["stream"] = stream.state;
+    const words: Partial<Record<StreamState, string>> = {
+      lost: "More points cannot be had at the moment.",
+      refused: `The Potree folder gives no more points: ${stream.reason}.`,
+    };
+    if (words[stream.state] !== undefined || this.hasStreamWords) this.say(words[stream.state] ?? "");
+    this.hasStreamWords = words[stream.state] !== undefined;
+    this.tellPoints();
   }
 
   /** Shows a run while it works. */
@@ -66,14 +93,13 @@ class Page {
       done: "The run is done.",
       lost: "The run cannot be reached.",
     };
+    const around = (this.around = new Around(byId("view"), this.viewer.cloud, () => this.live?.camera ?? null));
     const live = (this.live = new Live(this.viewer, run, () => {
       document.body.dataset["live"] = live.state;
       this.say(words[live.state]);
-      const { keyframes } = this.data;
-      const done = keyframes.filter((k) => k.use === "depth map").length;
-      byId("subtitle").textContent =
-        `${countText(this.viewer.cloud.loaded)} points of ${done} of ${keyframes.length} keyframes, ${this.data.generator}`;
-      this.modeButtons.get("walk")!.disabled = keyframes.length === 0;
+      this.tellPoints();
+      this.modeButtons.get("walk")!.disabled = this.data.keyframes.length === 0;
+      around.changed();
       this.refresh();
     }));
     void live.follow();
@@ -292,28 +318,6 @@ class Page {
     this.changed();
   }
 
-  private listResults(): void {
-    const rows: HTMLElement[] = [];
-    const add = (text: string, remove: () => void): void => {
-      rows.push(
-        el(
-          "li",
-          {},
-          text,
-          button("Remove", () => {
-            remove();
-            this.changed();
-          }, { "aria-label": `Remove ${text}` }),
-        ),
-      );
-    };
-    this.state.measurements.forEach((it, i) =>
-      add(`${kindWords[it.kind]}: ${this.viewer.result(it).text}`, () => this.state.measurements.splice(i, 1)),
-    );
-    this.state.notes.forEach((it, i) => add(it.text, () => this.state.notes.splice(i, 1)));
-    this.results.replaceChildren(...rows);
-  }
-
   private save(): void {
     this.viewer.picture().toBlob((blob) => {
       if (!blob) return;
@@ -346,27 +350,12 @@ class Page {
     const where = id === undefined ? "" : `keyframe ${id}`;
     if (this.where.textContent !== where) this.where.textContent = where;
     this.clips.forEach((input, i) => (input.value = String(state.clip[i] ?? 0)));
-    this.drawLegend();
-    this.listResults();
+    showLegend(this.legend, state.coloring, this.viewer.cloud, this.data.unit);
+    listResults(this.results, state, (it) => this.viewer.result(it).text, () => this.changed());
     window.clearTimeout(this.addressTimer);
     this.addressTimer = window.setTimeout(() => {
       history.replaceState(null, "", `#${stateText(state)}`);
     }, 200);
-  }
-
-  private drawLegend(): void {
-    const palette = paletteOf(this.state.coloring);
-    const { low, high } = this.viewer.cloud;
-    const ends: Partial<Record<Coloring, [string, string]>> = {
-      height: ["0", `${Number((high[2] - low[2]).toPrecision(3))} ${this.data.unit}`],
-      confidence: ["0: unsure", "1: sure"],
-      views: ["1 view", "10 and more"],
-    };
-    const [from, to] = ends[this.state.coloring] ?? ["", ""];
-    this.legend.hidden = palette === null;
-    const bar = el("span", { class: "gradient", "aria-hidden": "true" });
-    if (palette) bar.style.background = cssGradient(palette);
-    this.legend.replaceChildren(el("span", {}, from), bar, el("span", {}, to));
   }
 }
 

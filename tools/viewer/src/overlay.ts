@@ -86,7 +86,7 @@ export function drawOverlay(
   if (!bar) return;
   const [x, y] = [16, height - 20];
   context.fillStyle = kBack;
-  context.fillRect(x - 8, y - 28, bar.pixels + 16, 40);
+  context.fillRect(x - 8, y - 28, Math.max(bar.pixels, context.measureText(bar.text).width) + 16, 40);
   context.fillStyle = "#fff";
   context.fillText(bar.text, x, y - 14);
   context.fillRect(x, y, bar.pixels, 4);

@@ -71,7 +71,7 @@ export function stateText(state: ViewState): string {
   if (state.size !== 1) parts.set("size", short(state.size));
   if (list(state.clip) !== list(first.clip)) parts.set("clip", list(state.clip));
   for (const it of state.measurements) {
-    parts.append(it.kind, it.points.map((p) => list([...p.position, p.confidence, p.keyframe])).join(";"));
+    parts.append(it.kind, it.points.map((p) => list([...p.position, p.confidence, p.keyframe, p.spread])).join(";"));
   }
   for (const note of state.notes) parts.append("note", `${list(note.position)};${note.text}`);
   return parts.toString();
@@ -93,12 +93,13 @@ const between = (x: number | undefined, low: number, high: number): number => Ma
 function measurement(kind: Kind, text: string): Measurement | null {
   const points: Picked[] = [];
   for (const word of text.split(";").slice(0, kMostMarks)) {
-    const n = numbers(word, 5);
+    const n = numbers(word, 6);
     if (!n) return null;
     points.push({
       position: [n[0] ?? 0, n[1] ?? 0, n[2] ?? 0],
       confidence: between(n[3], 0, 1),
       keyframe: Math.round(between(n[4], -1, 65534)),
+      spread: between(n[5], 0, 1e12),
     });
   }
   return points.length === pointsOf[kind] || (kind === "area" && points.length > 3) ? { kind, points } : null;

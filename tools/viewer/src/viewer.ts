@@ -3,14 +3,20 @@
 import { OrthographicCamera, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { Cloud } from "./cloud";
-import { type KeyframeData, type ReportData, blockText, bytesFromBase64, imageAddress, nodePoints } from "./data";
+import { type KeyframeData, type ReportData, imageAddress } from "./data";
+import { nearestKeyframe, pathOf } from "./flight";
+import { planHalf, viewDistance } from "./framing";
 import { type Vec3, add, basisAround, dot, fromCamera, mainDirection, norm, sub, times } from "./geometry";
+import { loadHeld } from "./load";
 import { type Picked, type Result, resultOf } from "./measure";
 import { listenForLooking, nudgeOrbit } from "./navigate";
 import { drawOverlay, type Mark, scaleBar, type Trail } from "./overlay";
 import { Pace } from "./pace";
 import { Panorama } from "./panorama";
 import type { Measurement, Mode, ViewState } from "./state";
+import { Stream } from "./stream";
+import { type Eyes, pickedFrom } from "./surroundings";
+import { Throttle } from "./throttle";
 
 const kFov = 60;
 const kPickRadius = 12;
@@ -28,6 +34,10 @@ export class Viewer {
   /** The view has changed by itself or by the pointer. */
   onChange: () => void = () => {};
   onLoaded: () => void = () => {};
+  /** More points have come, or none will. */
+  onStreamed: () => void = () => {};
+  /** null = the page holds all there is. */
+  stream: Stream | null = null;
   private readonly scene = new Scene();
   private readonly panorama: Panorama;
   private readonly orbit: OrbitControls;
@@ -42,6 +52,11 @@ export class Viewer {
   private trail: Trail | null = null;
   /** Whether somebody has chosen what to look at. */
   private touched = false;
+  private readonly frameLater = new Throttle(300, () => {
+    this.cloud.measureExtent(this.places());
+    if (!this.touched && this.cloud.loaded > 0) this.setMode(this.state.mode);
+    this.redraw();
+  });
 
   constructor(
     readonly data: ReportData,
@@ -49,9 +64,8 @@ export class Viewer {
     readonly overlay: HTMLCanvasElement,
     readonly state: ViewState,
   ) {
-    const places = data.keyframes.map((k) => this.placeOf(k));
-    this.basis = basisAround(data.up, mainDirection(places, data.up));
-    this.findPath();
+    this.basis = basisAround(data.up, mainDirection(this.places(), data.up));
+    this.path = pathOf(this.data.keyframes);
     this.cloud = new Cloud(data.nodes, this.basis);
     this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
     this.renderer.setClearColor(0x14171a, 1);
@@ -89,22 +103,19 @@ export class Viewer {
     this.resize();
   }
 
-  private findPath(): void {
-    const { keyframes } = this.data;
-    this.path = keyframes.map((_, i) => i).filter((i) => keyframes[i]?.use === "depth map");
-    if (this.path.length === 0) this.path = keyframes.map((_, i) => i);
-  }
-
   /** Of a page that shows a run while it works: the flight, and the cloud, have changed. */
   showFlight(keyframes: KeyframeData[], camera: Vec3 | null): void {
     this.data.keyframes = keyframes;
-    this.findPath();
+    this.path = pathOf(this.data.keyframes);
     const there = keyframes.filter((k) => k.use !== "gone");
     const places = there.map((k) => ({ at: this.placeOf(k), hasPoints: k.use === "depth map" }));
     this.trail = { places, camera };
-    this.cloud.measureExtent();
-    if (!this.touched && this.cloud.loaded > 0) this.setMode(this.state.mode);
+    this.frameLater.ask();
     this.redraw();
+  }
+
+  private places(): Vec3[] {
+    return this.data.keyframes.map((k) => this.placeOf(k));
   }
 
   /** Of a keyframe's camera, from the page's origin. */
@@ -116,32 +127,27 @@ export class Viewer {
     return this.state.mode === "plan" ? this.flat : this.perspective;
   }
 
-  /** Reads the cloud cube by cube, coarse ones first, and draws in between. */
+  /** Reads what the page holds; then asks for more where it is served with a Potree folder. */
   async load(): Promise<void> {
-    let began = performance.now();
-    let loaded = 0;
-    for (const [i, node] of this.data.nodes.entries()) {
-      const block = document.getElementById(`pmsp-node-${i}`);
-      if (!block) continue;
-      this.cloud.fill(i, nodePoints(bytesFromBase64(blockText(document, `node-${i}`)), node.points));
-      block.remove();
-      if (loaded++ === 0 || performance.now() - began > 40) {
-        if (loaded === 1) {
-          this.cloud.measureExtent();
-          this.setMode(this.state.mode, false);
-        }
-        this.redraw();
-        await new Promise((resolve) => setTimeout(resolve));
-        began = performance.now();
-      }
-    }
-    this.cloud.measureExtent();
+    const begin = (): void => {
+      this.cloud.measureExtent(this.places());
+      this.setMode(this.state.mode, false);
+    };
+    const loaded = await loadHeld(this.data.nodes, this.cloud, (cubes) => (cubes === 1 ? begin() : this.redraw()));
+    this.cloud.measureExtent(this.places());
     if (loaded === 0 || !this.state.eye) this.setMode(this.state.mode, false);
     this.redraw();
     this.onLoaded();
+    if (!this.data.potree || !location.protocol.startsWith("http")) return;
+    this.stream = new Stream(this.cloud, this.data.potree, this.data.origin, () => {
+      this.redraw();
+      this.onStreamed();
+    });
+    await this.stream.open();
   }
 
   private resize(): void {
+    if (this.canvas.clientWidth === 0 && this.width > 1) return; // hidden, as while it is printed
     this.width = Math.max(1, this.canvas.clientWidth);
     this.height = Math.max(1, this.canvas.clientHeight);
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
@@ -174,15 +180,14 @@ export class Viewer {
     this.perspective.near = this.extent * 2e-4;
     this.perspective.far = this.extent * 100;
     this.perspective.fov = kFov;
+    const center = this.corner([0.5, 0.5, 0.5]);
     if (mode === "orbit") {
-      const center = this.corner([0.5, 0.5, 0.5]);
       const off = sub(this.corner([0.1, -0.25, 2.2]), center);
-      const away = times(off, (0.95 * this.extent) / norm(off));
+      const away = times(off, viewDistance(this.extent, this.width / this.height) / norm(off));
       this.perspective.position.set(...(eye ?? add(center, away)));
       this.orbit.target.set(...(target ?? center));
       this.orbit.update();
     } else if (mode === "plan") {
-      const center = this.corner([0.5, 0.5, 0.5]);
       if (fresh && state.clip.join() === "0,1,0,1,0,1") state.clip = [0, 1, 0, 1, 0, this.aboveCameras()];
       this.flat.position.set(...(eye ?? add(center, times(this.basis[2], this.extent))));
       this.plan.target.set(...(target ?? center));
@@ -191,18 +196,11 @@ export class Viewer {
       this.flat.zoom = fresh ? 1 : state.zoom;
       this.plan.update();
     } else {
-      state.keyframe = this.nearestKeyframe(state.keyframe, mode === "keyframe");
+      state.keyframe = nearestKeyframe(this.data.keyframes, state.keyframe, mode === "keyframe");
       this.enter(state.keyframe, mode === "keyframe", fresh || !target);
       if (!fresh && target && eye) this.lookAlong(sub(target, eye));
     }
     this.changed();
-  }
-
-  /** Of those that can be entered in a mode. */
-  private nearestKeyframe(which: number, withPhoto: boolean): number {
-    let able = this.data.keyframes.map((_, i) => i).filter((i) => !withPhoto || this.data.keyframes[i]?.panorama);
-    if (able.length === 0) able = this.path;
-    return able.reduce((best, i) => (Math.abs(i - which) < Math.abs(best - which) ? i : best), able[0] ?? 0);
   }
 
   /** Share of the height up to a little above the cameras: ceilings would hide the rooms. */
@@ -294,7 +292,7 @@ export class Viewer {
   private changed(): void {
     const { state } = this;
     const { mode } = state;
-    const camera = this.camera;
+    const { camera } = this;
     const eye = camera.position.toArray() as [number, number, number];
     const target =
       mode === "orbit" ? this.orbit.target : mode === "plan" ? this.plan.target : camera.getWorldDirection(new Vector3()).add(camera.position);
@@ -325,7 +323,7 @@ export class Viewer {
     const aspect = width / height;
     this.perspective.aspect = aspect;
     this.perspective.updateProjectionMatrix();
-    const half = (0.55 * this.extent) / (aspect < 1 ? aspect : 1);
+    const half = planHalf(this.cloud.low, this.cloud.high, aspect);
     this.flat.left = -half * aspect;
     this.flat.right = half * aspect;
     this.flat.top = half;
@@ -342,6 +340,7 @@ export class Viewer {
     this.cloud.choose(camera, pixels, ratio);
     this.panorama.place(this.perspective, state.mode === "keyframe" ? 1 - state.fade : 0);
     this.renderer.render(this.scene, camera);
+    this.stream?.look(camera, pixels);
     const context = this.overlay.getContext("2d");
     if (!context) return;
     context.setTransform(1, 0, 0, 1, 0, 0);
@@ -361,18 +360,20 @@ export class Viewer {
 
   /** The point at pixels from the upper left corner of the picture. */
   pick(x: number, y: number): Picked | null {
-    this.camera.updateMatrixWorld();
-    return this.cloud.pick(this.camera, x, y, this.width, this.height, kPickRadius);
+    const { camera, width, height } = this;
+    camera.updateMatrixWorld();
+    const found = this.cloud.pick(camera, x, y, width, height, kPickRadius);
+    return found && pickedFrom(this.cloud, camera, found, (2 * x) / width - 1, 1 - (2 * y) / height, this.eyes);
+  }
+
+  private get eyes(): Eyes {
+    const { keyframes, pixel } = this.data;
+    return { pixel, reach: this.extent / 2, camera: (i) => (keyframes[i] ? this.placeOf(keyframes[i]) : null) };
   }
 
   /** What a measurement says. */
   result(it: Measurement): Result {
-    const { unit, pixel } = this.data;
-    const camera = (i: number): Vec3 | null => {
-      const keyframe = this.data.keyframes[i];
-      return keyframe ? this.placeOf(keyframe) : null;
-    };
-    return resultOf(it, { up: this.basis[2], unit, pixel, reach: this.extent / 2, camera });
+    return resultOf(it, { up: this.basis[2], unit: this.data.unit, ...this.eyes });
   }
 
   private marks(): Mark[] {

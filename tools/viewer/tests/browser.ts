@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Opens pages in the system's chromium.
-import { existsSync } from "node:fs";
+import { existsSync, readFileSync } from "node:fs";
+import { createRequire } from "node:module";
 import { pathToFileURL } from "node:url";
 import { type Browser, type Page, chromium } from "playwright-core";
 
@@ -59,4 +60,11 @@ export async function openPage(
   await page.goto(address + (options.hash ? `#${options.hash}` : ""));
   await page.waitForSelector("body[data-state]", { timeout: 120_000 });
   return { page, requests, errors };
+}
+
+/** What axe finds that keeps people out. */
+export async function violations(page: Page): Promise<[string, string[]][]> {
+  await page.evaluate(readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8"));
+  const found = (await page.evaluate(() => (window as any).axe.run())) as { violations: { id: string; nodes: { html: string }[] }[] };
+  return found.violations.map((v) => [v.id, v.nodes.map((n) => n.html.slice(0, 120))]);
 }

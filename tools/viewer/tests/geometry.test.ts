@@ -14,6 +14,7 @@ import {
   panoramaPlace,
   roundLength,
   sub,
+  thinnest,
   toCamera,
 } from "../src/geometry";
 
@@ -56,4 +57,28 @@ test("normals survive two bytes", () => {
 
 test("lengths of scale bars are 1, 2 or 5 times a power of ten", () => {
   assert.deepEqual([0.0034, 1, 1.99, 2, 49, 700].map(roundLength), [0.002, 1, 1, 2, 20, 500]);
+});
+
+test("a slab's normal and thickness come from its points", () => {
+  const normal: Vec3 = [2 / 3, -1 / 3, 2 / 3];
+  const [a, b] = basisAround(normal, [1, 0, 0]);
+  const points: Vec3[] = [];
+  for (let i = -5; i <= 5; ++i) {
+    for (let k = -5; k <= 5; ++k) {
+      const off = (i + k) % 2 === 0 ? 0.1 : -0.1;
+      points.push([0, 1, 2].map((n) => 7 + i * a[n]! + k * b[n]! + off * normal[n]!) as unknown as Vec3);
+    }
+  }
+  const slab = thinnest(points);
+  close(Math.abs(dot(slab.normal, normal)), 1, 1e-6);
+  close(slab.thickness, 0.1, 1e-3);
+  close(norm(sub(slab.center, [7, 7, 7])), 0, 0.01);
+});
+
+test("a slab of too few points, or of points in one place, has no thickness", () => {
+  for (const points of [[], [[1, 2, 3]], [[1, 2, 3], [1, 2, 3]], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 0, 0], [0, 1, 0]]] as Vec3[][]) {
+    const slab = thinnest(points);
+    close(slab.thickness, 0, 1e-6);
+    close(norm(slab.normal), 1);
+  }
 });

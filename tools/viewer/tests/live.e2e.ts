@@ -2,13 +2,14 @@
 // What comes over HTTP, in a real browser: a report that is served, a run that is looked at while it works, and a SLAM
 // whose keyframes move. Needs PMSP_DENSIFY, PMSP_SYNTH and PMSP_LIVE_PLAYER; exits with 77 where there is no chromium.
 import assert from "node:assert/strict";
-import { type ChildProcess, execFileSync, spawn } from "node:child_process";
-import { mkdtempSync, rmSync } from "node:fs";
+import { execFileSync } from "node:child_process";
+import { copyFileSync, existsSync, mkdtempSync, renameSync, rmSync, statSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { chromiumPath, openPage, startBrowser } from "./browser";
+import { chromiumPath, openPage, startBrowser, violations } from "./browser";
+import { killAll, start } from "./program";
 
 const { PMSP_DENSIFY: densify, PMSP_SYNTH: synth, PMSP_LIVE_PLAYER: player } = process.env;
 if (!chromiumPath() || !densify || !synth || !player) {
@@ -18,7 +19,6 @@ if (!chromiumPath() || !densify || !synth || !player) {
 
 const folder = mkdtempSync(join(tmpdir(), "pmsp-live-"));
 const mission = join(folder, "mission");
-const children: ChildProcess[] = [];
 let browser: Browser;
 
 before(async () => {
@@ -27,37 +27,10 @@ before(async () => {
 });
 
 after(async () => {
-  for (const child of children) child.kill("SIGKILL");
+  killAll();
   await browser?.close();
   rmSync(folder, { recursive: true });
 });
-
-interface Started {
-  child: ChildProcess;
-  url: string;
-  /** All that it has told. */
-  text: () => string;
-  ended: Promise<number | null>;
-}
-
-/** Starts a program and waits for the address that it tells. */
-async function start(program: string, words: string[]): Promise<Started> {
-  const child = spawn(program, words, { stdio: ["pipe", "pipe", "pipe"] });
-  children.push(child);
-  let text = "";
-  const ended = new Promise<number | null>((done) => child.on("close", done));
-  const url = await new Promise<string>((done, fail) => {
-    const take = (bytes: Buffer): void => {
-      text += bytes.toString();
-      const found = /http:\/\/\S+\//.exec(text);
-      if (found) done(found[0]);
-    };
-    child.stdout.on("data", take);
-    child.stderr.on("data", take);
-    child.on("close", () => fail(new Error(`no address: ${text}`)));
-  });
-  return { child, url, text: () => text, ended };
-}
 
 const quick = ["--backend", "cpu", "--width", "256", "--height", "128", "--progress", "none"];
 const run = (...more: string[]): string[] =>
@@ -116,7 +89,7 @@ test("a report that is served is the page that opens from disk", async () => {
 test("a run shows its points while it works, says when it is done, and then ends", async () => {
   const started = await start(densify, run("--live-view", "0", "--threads", "1", "--width", "512", "--height", "256"));
   const { page, requests, errors } = await openPage(browser, started.url);
-  await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.loaded > 1000, null, { timeout: 120_000 });
+  await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.loaded > 1000, null, { timeout: 300_000 });
   const first = await shown(page);
   await page.waitForSelector('body[data-live="done"]', { timeout: 300_000 });
   const last = await shown(page);
@@ -126,9 +99,75 @@ test("a run shows its points while it works, says when it is done, and then ends
   assert.ok(Object.keys(last.cubes).length > 3);
   assert.ok((await light(page)) > 0.1);
   assert.match((await page.textContent("#subtitle")) ?? "", /points of \d of 8 keyframes/);
+  // The room is closed: but for the mask, the camera has points in nearly all directions.
+  await page.waitForFunction(() => (window as any).pmspPage.around.covered !== null);
+  await page.waitForTimeout(1000);
+  const open = (await page.evaluate(() => (window as any).pmspPage.around.covered.open)) as number;
+  assert.ok(open < 0.3, `${open} of the directions have no points`);
+  assert.match((await page.textContent("#around")) ?? "", /% of the directions from the camera have no points yet/);
+  assert.deepEqual(await violations(page), []);
+  // The camera stands where the newest keyframe does, which is the last of the flight.
+  const [camera, newest] = (await page.evaluate(() => {
+    const { trail } = (window as any).pmspPage.viewer;
+    return [trail.camera, trail.places.at(-1).at];
+  })) as [number[], number[]];
+  assert.ok(Math.hypot(...camera.map((v, i) => v - newest[i]!)) < 0.01, `camera at ${camera}, newest keyframe at ${newest}`);
   await page.click("text=Flight");
   await page.click("text=Plan");
   assert.deepEqual(requests, []);
+  assert.deepEqual(errors, []);
+  await page.context().close();
+});
+
+test("keyframes that a newer map has moved move in the page, and their points are not sent again", async () => {
+  const larger = join(folder, "larger"); // the same flight in a map of twice the scale
+  const small = ["--scene", "room", "--width", "512", "--keyframes", "8", "--map-scale"];
+  execFileSync(synth, [...small, "2", "-o", larger], { stdio: "ignore" });
+  const own = join(folder, "followed");
+  execFileSync(synth, [...small, "1", "-o", own], { stdio: "ignore" });
+  const words = ["run", join(own, "map.msg"), "--images", join(own, "images"), "-o", join(folder, "f.ply"), ...quick];
+  const started = await start(densify, [...words, "--live-view", "0", "--follow", "--workspace", join(folder, "work")]);
+  const { page, errors } = await openPage(browser, started.url);
+  await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.hung.size >= 4, null, { timeout: 300_000 });
+  const cloud = join(folder, "f.ply");
+  const writtenAfter = async (then: number): Promise<number> => {
+    for (;;) {
+      const now = existsSync(cloud) ? statSync(cloud).mtimeMs : 0;
+      if (now > then) return now;
+      await page.waitForTimeout(100);
+    }
+  };
+  const first = await writtenAfter(0);
+  await hasCaughtUp(page);
+  const before = await shown(page);
+  const fetched = await fetchedOf(page);
+  copyFileSync(join(larger, "map.msg"), join(own, "map.new"));
+  renameSync(join(own, "map.new"), join(own, "map.msg"));
+  const length = (x: number[]): number => Math.hypot(...x);
+  await page.waitForFunction(
+    (old) => {
+      const now = (window as any).pmspPage.viewer.data.keyframes;
+      return now.length > 0 && now.every((k: any) => Math.hypot(...k.center) > 1.9 * Math.hypot(...(old[k.id] ?? [1e9])));
+    },
+    before.centers,
+    { timeout: 120_000 },
+  );
+  await writtenAfter(first);
+  await hasCaughtUp(page);
+  const after = await shown(page);
+  assert.deepEqual(Object.keys(after.cubes).sort(), Object.keys(before.cubes).sort());
+  for (const [id, at] of Object.entries(before.centers)) {
+    const off = length(at.map((x, i) => 2 * x - (after.centers[id]?.[i] ?? Number.NaN)));
+    assert.ok(off < 1e-6 * (1 + length(at)), `keyframe ${id} is ${off} away from where the map has it`);
+  }
+  for (const [id, at] of Object.entries(before.cubes)) {
+    const off = length(at.map((x, i) => 2 * x - (after.cubes[id]?.[i] ?? Number.NaN)));
+    assert.ok(off < 0.02 * length(at), `points of keyframe ${id} are ${off} away from where they should be`);
+  }
+  assert.equal(await fetchedOf(page), fetched, "what only moves is not sent again");
+  started.child.kill("SIGINT");
+  await page.waitForSelector('body[data-live="done"]', { timeout: 60_000 });
+  assert.equal(await started.ended, 0);
   assert.deepEqual(errors, []);
   await page.context().close();
 });

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // The page in a real browser. Needs PMSP_DENSIFY and PMSP_SYNTH; exits with 77 where there is no chromium.
 import assert from "node:assert/strict";
-import { execFileSync } from "node:child_process";
+import { execFileSync, spawnSync } from "node:child_process";
 import { cpSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
+import { pathToFileURL } from "node:url";
 import type { Browser, Page } from "playwright-core";
 import type { ReportData } from "../src/data";
 import { type Vec3, add, panoramaPlace, sub, toCamera } from "../src/geometry";
 import { pointsOf } from "../src/measure";
-import { chromiumPath, openFile, startBrowser } from "./browser";
+import { chromiumPath, openFile, startBrowser, violations } from "./browser";
 
 type Viewed = { pmspPage: any };
 
@@ -122,7 +122,7 @@ test("what is measured between the room's corners is true within the error that 
     const truth = Math.hypot(...sub(b, a));
     console.log(`# ${name}: ${found.text}, truly ${truth.toFixed(3)}`);
     assert.ok(Math.abs(found.value - truth) <= found.error, `${name}: ${found.text}, truly ${truth}`);
-    assert.ok(found.error < 0.15 * truth, `${name}: the error that is told is too large: ${found.text}`);
+    assert.ok(found.error < 0.2 * truth, `${name}: the error that is told is too large: ${found.text}`);
   }
   await page.context().close();
 });
@@ -209,6 +209,24 @@ test("a keyframe's photo fits the points within 2 pixels", async () => {
   await page.context().close();
 });
 
+test("it prints with the picture as it was shown, without buttons", async () => {
+  const { page, errors } = await openFile(browser, report, { hash: "view=plan" });
+  const pdf = await page.pdf();
+  assert.equal(pdf.subarray(0, 5).toString(), "%PDF-");
+  assert.ok(pdf.length > 50_000, `${pdf.length} bytes`);
+  await page.emulateMedia({ media: "print" });
+  const size = await page.evaluate(() => {
+    window.dispatchEvent(new Event("beforeprint"));
+    const print = document.getElementById("print") as HTMLImageElement;
+    return print.decode().then(() => [print.naturalWidth, print.getBoundingClientRect().width]);
+  });
+  assert.ok(size.every((x) => x > 500), `${size}`);
+  assert.ok(!(await page.isVisible("#toolbar")) && !(await page.isVisible("#view")));
+  assert.ok(await page.isVisible("text=Where the time went"));
+  assert.deepEqual(errors, []);
+  await page.context().close();
+});
+
 test("a lost GL context comes back", async () => {
   const { page, errors } = await openFile(browser, report);
   const light = await lightPixels(page);
@@ -286,13 +304,25 @@ for (const million of [2, 5]) test(`${million} million points are drawn`, async 
 });
 
 test("axe finds nothing that keeps people out", async () => {
-  const source = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
   for (const hash of ["", "view=keyframe&color=confidence", "view=plan"]) {
     const { page } = await openFile(browser, report, { hash });
-    await page.evaluate(source);
-    const found = (await page.evaluate(() => (window as any).axe.run())) as { violations: { id: string; nodes: { html: string }[] }[] };
-    assert.deepEqual(found.violations.map((v) => [v.id, v.nodes.map((n) => n.html.slice(0, 120))]), [], hash);
+    assert.deepEqual(await violations(page), [], hash);
     await page.context().close();
   }
 });
 
+test("axe finds nothing in the page of a batch, which asks nobody for anything", async () => {
+  const results = join(folder, "results");
+  writeFileSync(join(folder, "m.jsonl"), '{"name": "a", "map": "a <b>.msg", "images": "none"}\n');
+  const batch = spawnSync(process.env["PMSP_DENSIFY"]!, ["batch", join(folder, "m.jsonl"), "-o", results, "--quiet"]);
+  assert.equal(batch.status, 8); // the only mission has no map
+  const context = await browser.newContext();
+  const page = await context.newPage();
+  const requests: string[] = [];
+  page.on("request", (request) => requests.push(request.url()));
+  await page.goto(pathToFileURL(join(results, "index.html")).href);
+  assert.equal(requests.length, 1);
+  assert.match((await page.textContent("table")) ?? "", /failed.*a <b>\.msg/);
+  assert.deepEqual(await violations(page), []);
+  await context.close();
+});

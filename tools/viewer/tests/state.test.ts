@@ -15,8 +15,8 @@ test("a view comes back from the address", () => {
   state.measurements.push({
     kind: "distance",
     points: [
-      { position: [0, 1, 2], confidence: 0.5, keyframe: 3 },
-      { position: [4, 5, 6], confidence: 0.25, keyframe: -1 },
+      { position: [0, 1, 2], confidence: 0.5, keyframe: 3, spread: 0.03 },
+      { position: [4, 5, 6], confidence: 0.25, keyframe: -1, spread: 0 },
     ],
   });
   state.notes.push({ position: [1, 2, 3], text: "door; & <b>50 %</b>" });

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// From the map of a SLAM and the images of its keyframes to a cloud: densify_map MAP IMAGES CLOUD
+#include <cstdio>
+#include <exception>
+
+#include <pmsp/io/densify.h>
+
+int main(int argc, char** argv) {
+  if (argc != 4) return std::fprintf(stderr, "usage: densify_map MAP IMAGES CLOUD\n"), 2;
+  try {
+    const pmsp::SlamMap map = pmsp::read_map(argv[1]);
+    const auto images = pmsp::open_image_folder(map, argv[2]);
+    pmsp::CloudOutput cloud(argv[3], pmsp::cloud_header_of(map));
+    pmsp::densify(map, *images, pmsp::preset(pmsp::Quality::kOnline), cloud);
+    cloud.commit();
+    std::printf("%s: %lld points\n", argv[3], static_cast<long long>(cloud.points()));
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "densify_map: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "map_scene.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+#include <exception>
+#include <numeric>
+#include <utility>
+
+#include <Eigen/Geometry>
+
+#include "pmsp/error.h"
+#include "pmsp/keyframe.h"
+
+namespace pmsp::map_detail {
+namespace {
+
+constexpr int kSizeOfAny = 2048;  ///< [px]
+
+std::string name_of(const MapKeyframe& keyframe) {
+  return "keyframe " + std::to_string(keyframe.id) + (keyframe.image.empty() ? "" : " " + in_quotes(keyframe.image));
+}
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+/// "frame_9.jpg" before "frame_10.jpg".
+bool before(const std::string& a, const std::string& b) {
+  std::size_t i = 0;
+  std::size_t k = 0;
+  while (i < a.size() && k < b.size()) {
+    if (!is_digit(a[i]) || !is_digit(b[k])) {
+      if (a[i] != b[k]) return a[i] < b[k];
+      ++i;
+      ++k;
+      continue;
+    }
+    const auto number = [](const std::string& text, std::size_t& at) {
+      while (at < text.size() && text[at] == '0') ++at;
+      const std::size_t begin = at;
+      while (at < text.size() && is_digit(text[at])) ++at;
+      return text.substr(begin, at - begin);
+    };
+    const std::string of_a = number(a, i);
+    const std::string of_b = number(b, k);
+    if (of_a.size() != of_b.size()) return of_a.size() < of_b.size();
+    if (of_a != of_b) return of_a < of_b;
+  }
+  if (a.size() - i != b.size() - k) return a.size() - i < b.size() - k;
+  return a < b;
+}
+
+void sort_cameras(SlamMap& map) {
+  std::vector<int> order(map.cameras.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto camera = [&](int i) -> const MapCamera& { return map.cameras[static_cast<std::size_t>(i)]; };
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return before(camera(a).name, camera(b).name); });
+  std::vector<int> place(order.size());
+  std::vector<MapCamera> sorted;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    place[static_cast<std::size_t>(order[i])] = static_cast<int>(i);
+    sorted.push_back(camera(order[i]));
+    if (i > 0 && sorted[i - 1].name == sorted[i].name) {
+      fail(map.path, "cameras", "two cameras are named " + in_quotes(sorted[i].name) + ", expected unique names");
+    }
+  }
+  map.cameras = std::move(sorted);
+  for (MapKeyframe& keyframe : map.keyframes) keyframe.camera = place[static_cast<std::size_t>(keyframe.camera)];
+}
+
+void sort_landmarks(SlamMap& map) {
+  std::vector<MapLandmark>& landmarks = map.landmarks;
+  std::sort(landmarks.begin(), landmarks.end(), [](const MapLandmark& a, const MapLandmark& b) { return a.id < b.id; });
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    const std::string where = "point " + std::to_string(landmarks[i].id);
+    if (i > 0 && landmarks[i - 1].id == landmarks[i].id) {
+      fail(map.path, where, "this id appears more than once, expected unique ids");
+    }
+    if (!is_position(landmarks[i].position_world)) {
+      fail(map.path, where, "is at " + shown(landmarks[i].position_world) + ", " + kExpectedPosition);
+    }
+  }
+}
+
+void sort_keyframes(SlamMap& map) {
+  std::vector<MapKeyframe>& keyframes = map.keyframes;
+  if (keyframes.empty()) {
+    std::string why;
+    for (const std::string& note : map.notes) why += "; " + note;
+    fail(map.path, "", "holds no image with a pose and an equirectangular camera, expected at least one" + why);
+  }
+  std::sort(keyframes.begin(), keyframes.end(), [](const MapKeyframe& a, const MapKeyframe& b) { return a.id < b.id; });
+  std::vector<const std::string*> images;
+  for (std::size_t i = 0; i < keyframes.size(); ++i) {
+    if (i > 0 && keyframes[i - 1].id == keyframes[i].id) {
+      fail(map.path, name_of(keyframes[i]), "this id appears more than once, expected unique ids");
+    }
+    if (!std::isfinite(keyframes[i].timestamp)) {
+      fail(map.path, name_of(keyframes[i]), "the time is " + shown(keyframes[i].timestamp) + ", expected seconds");
+    }
+    if (!is_position(keyframes[i].cam_from_world.translation) || !is_position(keyframes[i].cam_from_world.center())) {
+      fail(map.path, name_of(keyframes[i]),
+           "the camera is at " + shown(keyframes[i].cam_from_world.center()) + ", " + kExpectedPosition);
+    }
+    if (!keyframes[i].image.empty()) images.push_back(&keyframes[i].image);
+  }
+  std::sort(images.begin(), images.end(), [](const auto* a, const auto* b) { return *a < *b; });
+  const auto twice =
+      std::adjacent_find(images.begin(), images.end(), [](const auto* a, const auto* b) { return *a == *b; });
+  if (twice != images.end()) {
+    fail(map.path, "", "the image " + in_quotes(**twice) + " appears more than once, expected one pose for each");
+  }
+}
+
+void sift_observations(SlamMap& map) {
+  ObservationSieve sieve(map);
+  for (MapKeyframe& keyframe : map.keyframes) {
+    sieve.begin_keyframe();
+    const MapCamera& camera = map.cameras[static_cast<std::size_t>(keyframe.camera)];
+    std::size_t kept = 0;
+    for (const MapObservation& observation : keyframe.observations) {
+      if (sieve.pass(observation.landmark_id) == nullptr) continue;
+      const float x = observation.pixel.x();
+      const float y = observation.pixel.y();
+      const auto width = static_cast<float>(camera.width);
+      const auto height = static_cast<float>(camera.height);
+      if (!(x >= -1.0F && x <= width + 1.0F && y >= -1.0F && y <= height + 1.0F)) {  // NaN included
+        fail(map.path, name_of(keyframe),
+             "the observation of point " + std::to_string(observation.landmark_id) + " lies at (" +
+                 shown(static_cast<double>(x)) + ", " + shown(static_cast<double>(y)) +
+                 "), expected a place in the image of " + std::to_string(camera.width) + " x " +
+                 std::to_string(camera.height) + " pixels");
+      }
+      keyframe.observations[kept++] = observation;
+    }
+    keyframe.observations.resize(kept);
+  }
+}
+
+}  // namespace
+
+void fail(const std::filesystem::path& path, const std::string& where, const std::string& what) {
+  throw InvalidInput(path.string() + ": " + (where.empty() ? "" : where + ": ") + what);
+}
+
+std::string in_quotes(const std::string& text) {
+  constexpr std::size_t kLongest = 60;
+  std::string result = "\"";
+  for (std::size_t i = 0; i < text.size() && i < kLongest; ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    const bool control = byte < 0x20U || byte == 0x7FU;
+    result += control ? '?' : text[i];
+  }
+  return result + (text.size() > kLongest ? "...\"" : "\"");
+}
+
+std::string shown(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.10g", value);
+  return text;
+}
+
+std::string shown(const Eigen::Vector3d& p) {
+  return "(" + shown(p.x()) + ", " + shown(p.y()) + ", " + shown(p.z()) + ")";
+}
+
+bool is_position(const Eigen::Vector3d& p) { return p.norm() <= kMaxPosition; }
+
+Eigen::Matrix3d canonical_rotation(const std::array<double, 4>& xyzw, double norm) {
+  constexpr double kGrid = 4294967296.0;
+  const auto rounded = [&](double component) { return std::round(component / norm * kGrid) / kGrid; };
+  return Eigen::Quaterniond(rounded(xyzw[3]), rounded(xyzw[0]), rounded(xyzw[1]), rounded(xyzw[2]))
+      .normalized()
+      .toRotationMatrix();
+}
+
+Eigen::Matrix3d rotation_from_quaternion(const std::array<double, 4>& q, const std::filesystem::path& path,
+                                         const std::string& where) {
+  const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  if (!(std::abs(norm - 1.0) <= 1e-3)) {  // NaN included
+    fail(path, where,
+         "the quaternion (x, y, z, w) = (" + shown(q[0]) + ", " + shown(q[1]) + ", " + shown(q[2]) + ", " +
+             shown(q[3]) + ") has length " + shown(norm) + ", expected a rotation: length 1 within 0.001");
+  }
+  return canonical_rotation(q, norm);
+}
+
+Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::filesystem::path& path,
+                                     const std::string& where) {
+  const double error = (matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(error <= 1e-3)) {  // NaN included
+    fail(path, where,
+         "is no rotation: its columns are not perpendicular and of length 1 (off by " + shown(error) +
+             ", expected at most 0.001)");
+  }
+  if (matrix.determinant() < 0.0) {
+    fail(path, where, "mirrors (its determinant is -1), expected a rotation: were axes swapped or negated on the way?");
+  }
+  const Eigen::Quaterniond q(matrix);
+  return canonical_rotation({q.x(), q.y(), q.z(), q.w()}, q.norm());
+}
+
+std::string image_name(const std::string& name, const std::filesystem::path& path, const std::string& where) {
+  constexpr std::size_t kLongest = 4096;
+  const bool has_controls =
+      std::any_of(name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20U || c == 0x7F; });
+  const std::filesystem::path image = std::filesystem::path(name).lexically_normal();
+  const bool is_inside = !has_controls && name.size() <= kLongest && image.is_relative() && image.has_filename() &&
+                         *image.begin() != ".." && image != ".";
+  if (!is_inside) {
+    fail(path, where,
+         "names the image " + in_quotes(name) + ", expected a file in the image folder, by its path there");
+  }
+  return image.generic_string();
+}
+
+std::filesystem::path inner_folder(const std::string& name, SlamMap& map) {
+  namespace fs = std::filesystem;
+  if (name.empty()) return {};
+  std::error_code error;
+  const fs::path home = fs::absolute(map.path, error).parent_path().lexically_normal();
+  const fs::path folder = (home / name).lexically_normal();
+  const fs::path inside = folder.lexically_relative(home);
+  if (!inside.empty() && *inside.begin() != "..") return map.path.parent_path() / inside;
+  map.notes.push_back("the file says that its images are in " + in_quotes(name) +
+                      ", outside its own folder; --images says where they are");
+  return {};
+}
+
+MapCamera panorama(const std::string& name, double width, double height, const std::filesystem::path& path,
+                   const std::string& where) {
+  const bool is_size = width >= 2.0 && width <= kMaxImageWidth && height >= 1.0 && width == std::floor(width);
+  if (!is_size || width != 2.0 * height || std::fmod(height, 2.0) != 0.0) {
+    fail(path, where,
+         "the images are " + shown(width) + " x " + shown(height) +
+             " pixels, expected full panoramas: twice as wide as high, an even height, at most " +
+             std::to_string(kMaxImageWidth) + " wide");
+  }
+  return {name, static_cast<int>(width), static_cast<int>(height), 0.0};
+}
+
+MapCamera panorama_of_any_size() { return {"panorama of any size", kSizeOfAny, kSizeOfAny / 2, 0.0}; }
+
+void number_by_image(SlamMap& map) {
+  std::sort(map.keyframes.begin(), map.keyframes.end(),
+            [](const MapKeyframe& a, const MapKeyframe& b) { return before(a.image, b.image); });
+  for (std::size_t i = 0; i < map.keyframes.size(); ++i) map.keyframes[i].id = static_cast<std::int64_t>(i);
+}
+
+ObservationSieve::ObservationSieve(SlamMap& map) : map_(map), last_seen_(map.landmarks.size(), -1) {}
+
+const MapLandmark* ObservationSieve::pass(std::int64_t landmark_id) {
+  const MapLandmark* const landmark = map_.find_landmark(landmark_id);
+  if (landmark == nullptr) {
+    ++map_.observations_skipped;
+    return nullptr;
+  }
+  int& last_seen = last_seen_[static_cast<std::size_t>(landmark - map_.landmarks.data())];
+  if (last_seen == keyframe_) {
+    ++map_.observations_repeated;
+    return nullptr;
+  }
+  last_seen = keyframe_;
+  return landmark;
+}
+
+SlamMap finish_scene(SlamMap&& map) {
+  sort_keyframes(map);
+  sort_cameras(map);
+  sort_landmarks(map);
+  sift_observations(map);
+  if (map.component_keyframes.empty()) map.component_keyframes = {map.keyframes.size()};
+  return std::move(map);
+}
+
+SlamMap read_component(std::size_t count, const std::filesystem::path& path, const ReadMapOptions& options,
+                       const std::function<SlamMap(std::size_t)>& read_one) {
+  if (count == 0) fail(path, "", "holds no reconstruction, expected at least one");
+  if (options.component && (*options.component < 0 || static_cast<std::size_t>(*options.component) >= count)) {
+    throw InvalidOption("component is " + std::to_string(*options.component) + ": " + path.string() + " has " +
+                        std::to_string(count) + ", expected 0 to " + std::to_string(count - 1));
+  }
+  SlamMap chosen;
+  std::vector<std::size_t> keyframes(count, 0);
+  std::exception_ptr error;
+  bool is_chosen = false;
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool is_asked_for = options.component && static_cast<std::size_t>(*options.component) == i;
+    try {
+      SlamMap map = read_one(i);
+      keyframes[i] = map.keyframes.size();
+      if (options.component ? !is_asked_for : is_chosen && keyframes[i] <= chosen.keyframes.size()) continue;
+      map.component = static_cast<int>(i);
+      chosen = std::move(map);
+      is_chosen = true;
+    } catch (const InvalidInput&) {  // another one may be what is wanted
+      if (is_asked_for) throw;
+      if (!error) error = std::current_exception();
+    }
+  }
+  if (!is_chosen) std::rethrow_exception(error);
+  if (error) {
+    try {
+      std::rethrow_exception(error);
+    } catch (const InvalidInput& refused) {
+      chosen.notes.push_back(std::string("a component cannot be used: ") + refused.what());
+    }
+  }
+  chosen.component_keyframes = std::move(keyframes);
+  return chosen;
+}
+
+}  // namespace pmsp::map_detail

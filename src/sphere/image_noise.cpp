@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "sphere/image_noise.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "elementary.h"
+#include "plane_prior.h"
+
+namespace pmsp {
+namespace {
+
+constexpr int kPatches = 384;              // on the whole sphere
+constexpr std::size_t kLeastPatches = 64;  // fewer tell nothing
+constexpr double kMaxSinLat = 0.9;         // beyond it rows are averaged, and with them their noise
+constexpr double kDarkest = 8.0;           // mean gray value of a patch; sensors clip beyond
+constexpr double kBrightest = 245.0;
+constexpr int kMostRows = 16;     // of a square that are read: as many say what noise is left
+constexpr double kBarest = 0.05;  // share of the patches
+
+/// Mean gray value of a square; none where the mask forbids a pixel of it. x wraps.
+std::optional<float> mean_gray(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, double x, double y,
+                               int side) {
+  const int left = static_cast<int>(std::floor(x - 0.5 * side + 0.5));
+  const int top = std::clamp(static_cast<int>(std::floor(y - 0.5 * side + 0.5)), 0, image.height - side);
+  const int skip = std::max(1, side / kMostRows);
+  int red = 0;
+  int green = 0;
+  int blue = 0;
+  int count = 0;
+  for (int row = top; row < top + side; row += skip) {
+    for (int i = 0; i < side; i += skip) {
+      const int column = ((left + i) % image.width + image.width) % image.width;
+      if (!mask.empty() && mask(column, row) == 0) return std::nullopt;
+      ++count;
+      const Rgb& pixel = image(column, row);
+      red += pixel.r;
+      green += pixel.g;
+      blue += pixel.b;
+    }
+  }
+  const float sum =
+      0.299F * static_cast<float>(red) + 0.587F * static_cast<float>(green) + 0.114F * static_cast<float>(blue);
+  return sum / static_cast<float>(count);
+}
+
+/// Variance around a linear ramp, of samples about the middle of the patch.
+std::optional<float> variance_in(const std::array<float, kernels::kPatchSamples>& grays) {
+  float sum = 0.0F;
+  float sum_x = 0.0F;
+  float sum_y = 0.0F;
+  float spread = 0.0F;
+  for (int k = 0; k < kernels::kPatchSamples; ++k) {
+    const float x = kernels::patch_offset(k % kernels::kPatchSide);
+    const float gray = grays[static_cast<std::size_t>(k)];
+    sum += gray;
+    sum_x += x * gray;
+    sum_y += kernels::patch_offset(k / kernels::kPatchSide) * gray;
+    spread += x * x;
+  }
+  const float mean = sum / static_cast<float>(kernels::kPatchSamples);
+  if (mean < kDarkest || mean > kBrightest) return std::nullopt;
+  float square = 0.0F;
+  for (const float gray : grays) square += (gray - mean) * (gray - mean);
+  const float of_ramp = (sum_x * sum_x + sum_y * sum_y) / spread;
+  return std::max(square - of_ramp, 0.0F) / static_cast<float>(kernels::kPatchSamples);
+}
+
+}  // namespace
+
+float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width) {
+  const double ratio = static_cast<double>(image.width) / width;
+  const double step = kernels::kTexturePixels * ratio;
+  // Samples are linear between the map's pixels: that averages over more than one of them.
+  const int side = std::clamp(static_cast<int>(std::lround(1.25 * ratio)), 1, std::min(image.width, image.height));
+  std::vector<float> variances;
+  for (int i = 0; i < kPatches; ++i) {  // a Fibonacci lattice
+    const double sin_lat = 1.0 - (2.0 * i + 1.0) / kPatches;
+    if (std::abs(sin_lat) > kMaxSinLat) continue;
+    const double turns = i * 0.6180339887498949;
+    const double x = (turns - std::floor(turns)) * image.width;
+    const double y = (0.5 - std::asin(sin_lat) / kernels::kPi) * image.height;
+    const double across = step / std::sqrt(1.0 - sin_lat * sin_lat);
+    std::array<float, kernels::kPatchSamples> grays{};
+    int count = 0;
+    for (; count < kernels::kPatchSamples; ++count) {
+      const double right = kernels::patch_offset(count % kernels::kPatchSide);
+      const double down = kernels::patch_offset(count / kernels::kPatchSide);
+      const auto gray = mean_gray(image, mask, x + across * right, y + step * down, side);
+      if (!gray) break;
+      grays[static_cast<std::size_t>(count)] = *gray;
+    }
+    if (count < kernels::kPatchSamples) continue;
+    if (const auto variance = variance_in(grays)) variances.push_back(*variance);
+  }
+  if (variances.size() < kLeastPatches) return 0.0F;
+  const auto barest = variances.begin() + static_cast<std::ptrdiff_t>(kBarest * static_cast<double>(variances.size()));
+  std::nth_element(variances.begin(), barest, variances.end());
+  return *barest;
+}
+
+}  // namespace pmsp

@@ -1,0 +1,344 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <optional>
+#include <string>
+
+#include <Eigen/Geometry>
+
+#include "pmsp/error.h"
+#include "synth/mission.h"
+
+namespace pmsp::synth {
+namespace {
+
+/// Kept between the last camera and what lies ahead [scene units].
+constexpr double kClearance = 0.6;
+
+/// Hands out the textures of one mission.
+class Textures {
+ public:
+  explicit Textures(const Recipe& recipe) : recipe_(recipe) {}
+
+  /// Blobs of about 2 to 12 pixels of a 640 x 320 image when seen from `distance`.
+  TextureOptions at(double distance) {
+    const std::uint64_t seed = 1000 * recipe_.texture_seed + next_++;
+    TextureOptions options = recipe_.weak_texture ? weak(seed) : textured(seed);
+    options.coarsest = 0.12 * distance;
+    return options;
+  }
+
+ private:
+  const Recipe& recipe_;
+  std::uint64_t next_ = 0;
+};
+
+Mission make(const Recipe& recipe, const Scene& scene, Flight flight) {
+  flight.keyframes = recipe.keyframes;
+  flight.yaw_deg += recipe.yaw_deg;
+  const double length = flight.step * (recipe.keyframes - 1);
+  const std::optional<Hit> ahead = scene.intersect(flight.start, flight.direction);
+  if (ahead && ahead->distance < length + kClearance) {
+    const int most = 1 + static_cast<int>((ahead->distance - kClearance) / flight.step);
+    throw InvalidOption("keyframes = " + std::to_string(recipe.keyframes) + ": the flight would meet a wall; at most " +
+                        std::to_string(most) + " keyframes fit into this scene.");
+  }
+  return make_mission(scene, fly(flight), recipe.width, recipe.height, recipe.mission);
+}
+
+constexpr double kFloor = 1.5;
+
+Eigen::Matrix3d turned_by(double degrees) {
+  return Eigen::AngleAxisd(degrees * 3.14159265358979323846 / 180.0, Eigen::Vector3d::UnitY()).toRotationMatrix();
+}
+
+/// A box that stands on the floor of the room.
+Box furniture(double x, double z, const Eigen::Vector3d& size, double turned_deg) {
+  Box box;
+  box.half_size = 0.5 * size;
+  box.center = Eigen::Vector3d(x, kFloor - box.half_size.y(), z);
+  box.world_from_box = turned_by(turned_deg);
+  return box;
+}
+
+Box block(double x, double y, double z, const Eigen::Vector3d& size) {
+  return Box{{x, y, z}, 0.5 * size, Eigen::Matrix3d::Identity()};
+}
+
+Cylinder rod(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double diameter) {
+  return Cylinder{0.5 * (from + to), (to - from).normalized(), 0.5 * diameter, 0.5 * (to - from).norm()};
+}
+
+/// `texture` with another mean colour and contrast.
+TextureOptions tinted(TextureOptions texture, const Eigen::Vector3d& base, double contrast) {
+  texture.base = base;
+  texture.contrast = contrast;
+  return texture;
+}
+
+Flight through_room() {
+  Flight flight;
+  flight.start = Eigen::Vector3d(0.2, 0.1, -1.6);
+  flight.step = 0.36;
+  return flight;
+}
+
+/// In rooms twice as long as the others.
+Flight through_long_room() {
+  Flight flight = through_room();
+  flight.start.z() = -5.0;
+  return flight;
+}
+
+/// Behind the glass wall of glossy_room, x < -3.1: what is far and plain there shows the room's reflection best.
+void add_street(Scene& scene, Textures& textures) {
+  const Eigen::Vector3d plaster(205.0, 190.0, 165.0);
+  const Eigen::Vector3d dark(70.0, 80.0, 95.0);
+  scene.add(block(-4.3, 1.65, 0.0, {2.4, 0.2, 60.0}), textures.at(3.0));                                    // pavement
+  scene.add(block(-9.0, 1.75, 0.0, {7.0, 0.2, 60.0}), tinted(textures.at(5.0), {95.0, 95.0, 98.0}, 10.0));  // road
+  scene.add(block(-13.0, -4.2, 0.0, {1.0, 12.0, 60.0}), tinted(textures.at(9.0), plaster, 12.0));           // house
+  scene.add(block(-12.45, 0.9, 0.0, {0.2, 1.6, 60.0}), textures.at(9.0));                                   // its base
+  scene.add(block(-8.0, -4.2, 26.0, {10.0, 12.0, 1.0}), textures.at(20.0));  // street's ends
+  scene.add(block(-8.0, -4.2, -26.0, {10.0, 12.0, 1.0}), textures.at(20.0));
+  for (int i = -5; i <= 5; ++i) {
+    const double z = 3.6 * i;
+    scene.add(block(-12.45, -1.6, z, {0.2, 1.8, 1.3}), tinted(textures.at(9.0), dark, 25.0));  // windows
+    scene.add(block(-12.45, -4.8, z, {0.2, 1.8, 1.3}), tinted(textures.at(9.0), dark, 25.0));
+  }
+  for (const double z : {-5.5, -0.4, 4.9}) {  // parked cars
+    scene.add(block(-7.2, 1.2, z, {1.7, 0.7, 3.9}), tinted(textures.at(4.0), {150.0, 50.0 + 8.0 * z, 60.0}, 20.0));
+    scene.add(block(-7.2, 0.6, z - 0.2, {1.4, 0.6, 2.0}), tinted(textures.at(4.0), dark, 25.0));
+  }
+  for (const double z : {-3.4, 2.3, 8.5}) {  // trees
+    scene.add(rod({-5.0, 1.6, z}, {-5.0, -1.2, z}, 0.2), textures.at(2.0));
+    scene.add(Sphere{{-5.0, -2.0, z}, 1.1}, tinted(textures.at(2.0), {70.0, 110.0, 60.0}, 35.0));
+  }
+}
+
+void add_chair(Scene& scene, double x, double z, double turned_deg, const TextureOptions& texture) {
+  const Eigen::Matrix3d turn = turned_by(turned_deg);
+  const auto at = [&](double right, double up, double ahead) -> Eigen::Vector3d {
+    return Eigen::Vector3d(x, kFloor - up, z) + turn * Eigen::Vector3d(right, 0.0, ahead);
+  };
+  const auto add_rod = [&](const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+    scene.add(rod(from, to, 0.03), texture, {}, Label::kThin);
+  };
+  for (const double side : {-0.19, 0.19}) {
+    add_rod(at(side, 0.0, 0.19), at(side, 0.44, 0.19));
+    add_rod(at(side, 0.0, -0.19), at(side, 0.95, -0.19));
+  }
+  for (const double height : {0.7, 0.92}) {
+    add_rod(at(-0.19, height, -0.19), at(0.19, height, -0.19));
+  }
+  scene.add(Box{at(0.0, 0.46, 0.0), {0.21, 0.02, 0.21}, turn}, texture);
+}
+
+/// A cable that hangs between two points, as pieces of a parabola.
+void add_cable(Scene& scene, const Eigen::Vector3d& from, const Eigen::Vector3d& to, double sag, double diameter,
+               const TextureOptions& texture) {
+  constexpr int kPieces = 10;
+  const auto at = [&](int i) -> Eigen::Vector3d {
+    const double t = static_cast<double>(i) / kPieces;
+    return from + t * (to - from) + 4.0 * sag * t * (1.0 - t) * Eigen::Vector3d::UnitY();
+  };
+  for (int i = 0; i < kPieces; ++i) {
+    scene.add(rod(at(i), at(i + 1), diameter), texture, {}, Label::kThin);
+  }
+}
+
+}  // namespace
+
+Mission empty_room(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  scene.add(Box{Eigen::Vector3d::Zero(), {3.0, 1.5, 4.0}, Eigen::Matrix3d::Identity()}, textures.at(2.6));
+  return make(recipe, scene, through_room());
+}
+
+Mission textured_room(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  scene.add(Box{Eigen::Vector3d::Zero(), {3.0, 1.5, 4.0}, Eigen::Matrix3d::Identity()}, textures.at(2.6));
+  scene.add(furniture(-2.5, -1.0, {0.8, 2.0, 1.6}, 0.0), textures.at(2.0));   // cupboard at the left wall
+  scene.add(furniture(2.2, 1.2, {1.2, 0.8, 1.8}, 20.0), textures.at(2.0));    // desk on the right
+  scene.add(furniture(-1.2, 2.6, {1.0, 1.1, 0.8}, -35.0), textures.at(2.0));  // crate ahead
+  scene.add(furniture(1.3, -3.0, {0.9, 1.7, 0.7}, 10.0), textures.at(2.0));   // shelf behind
+  scene.add(furniture(-0.9, 0.6, {0.5, 0.5, 0.5}, 45.0), textures.at(1.5));   // stool beside the line of flight
+  return make(recipe, scene, through_room());
+}
+
+Mission painted_room(const Recipe& recipe) {
+  constexpr double kThin = 0.02;  // what hangs on a wall is as thick
+  Textures textures(recipe);
+  Scene scene;
+  const auto upright = [&](double x, double y, double z, const Eigen::Vector3d& size, const TextureOptions& texture) {
+    scene.add(Box{{x, y, z}, 0.5 * size, Eigen::Matrix3d::Identity()}, texture);
+  };
+  const auto plain = [&](std::uint64_t seed, const Eigen::Vector3d& base) {
+    TextureOptions texture = painted(1000 * recipe.texture_seed + 100 + seed);
+    texture.base = base;
+    return texture;
+  };
+  const Eigen::Vector3d white(225.0, 222.0, 215.0);
+  scene.add(Box{Eigen::Vector3d::Zero(), {3.0, 1.5, 4.0}, Eigen::Matrix3d::Identity()},
+            plain(0, {200.0, 195.0, 180.0}));                          // walls and ceiling
+  upright(0.0, 1.5, 0.0, {6.0, 2.0 * kThin, 8.0}, textures.at(2.0));   // floor
+  upright(-3.0, 1.42, 0.0, {2.0 * kThin, 0.1, 8.0}, plain(1, white));  // skirting boards
+  upright(3.0, 1.42, 0.0, {2.0 * kThin, 0.1, 8.0}, plain(2, white));
+  upright(0.0, 1.42, 4.0, {6.0, 0.1, 2.0 * kThin}, plain(3, white));
+  upright(0.0, 1.42, -4.0, {6.0, 0.1, 2.0 * kThin}, plain(4, white));
+  upright(3.0, 0.48, -0.8, {2.0 * kThin, 2.04, 0.9}, plain(5, {130.0, 95.0, 70.0}));  // door on the right
+  upright(-3.0, -0.3, 1.2, {2.0 * kThin, 0.8, 1.1}, textures.at(2.0));                // pictures
+  upright(3.0, -0.3, 1.6, {2.0 * kThin, 0.6, 0.6}, textures.at(2.0));
+  upright(0.9, -0.4, 4.0, {1.2, 0.9, 2.0 * kThin}, textures.at(2.5));
+  upright(-0.8, -0.2, -4.0, {0.8, 0.6, 2.0 * kThin}, textures.at(2.5));
+  upright(0.3, -1.45, 0.9, {0.3, 0.1, 0.3}, textures.at(1.5));               // lamp
+  scene.add(furniture(-2.5, -1.0, {0.8, 2.0, 1.6}, 0.0), plain(6, white));   // white cupboard
+  scene.add(furniture(2.2, 1.2, {1.2, 0.8, 1.8}, 20.0), textures.at(2.0));   // bed on the right
+  scene.add(furniture(1.3, -3.0, {0.9, 1.7, 0.7}, 10.0), textures.at(2.0));  // shelf behind
+  scene.add(furniture(-0.9, 0.6, {0.5, 0.5, 0.5}, 45.0), textures.at(1.5));  // stool
+  Recipe with_marks = recipe;
+  with_marks.mission.landmarks.min_contrast = 20.0;
+  return make(with_marks, scene, through_room());
+}
+
+Mission glossy_room(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  scene.add(block(0.0, 1.55, 0.0, {6.2, 0.1, 13.0}), tinted(textures.at(1.2), {125.0, 115.0, 105.0}, 10.0), {0.15},
+            Label::kGlossy);  // floor
+  scene.add(block(0.0, -1.55, 0.0, {6.2, 0.1, 13.0}),
+            tinted(textures.at(2.6), {195.0, 188.0, 175.0}, 20.0));      // ceiling
+  scene.add(block(3.05, 0.0, 0.0, {0.1, 3.0, 13.0}), textures.at(2.8));  // walls
+  scene.add(block(0.0, 0.0, 6.55, {6.2, 3.0, 0.1}), textures.at(2.8));
+  scene.add(block(0.0, 0.0, -6.55, {6.2, 3.0, 0.1}), textures.at(2.8));
+  const TextureOptions lamp = plain({1000.0, 990.0, 960.0});  // so bright that the floor mirrors it as white
+  for (const double z : {-4.8, -1.6, 1.6, 4.8}) {
+    scene.add(block(0.4, -1.48, z, {0.3, 0.04, 1.3}), lamp);
+  }
+  scene.add(rod({1.25, -1.5, 0.2}, {1.25, 1.5, 0.2}, 0.7), tinted(textures.at(1.2), {140.0, 135.0, 125.0}, 12.0),
+            {0.35},
+            Label::kGlossy);  // column
+
+  scene.add(block(-3.05, 1.35, 0.0, {0.1, 0.3, 13.0}), textures.at(2.8));  // below and above the glass wall
+  scene.add(block(-3.05, -1.3, 0.0, {0.1, 0.4, 13.0}), textures.at(2.8));
+  for (const double z : {-6.3, -3.15, 0.0, 3.15, 6.3}) {  // its posts
+    scene.add(block(-3.05, 0.0, z, {0.1, 3.0, 0.16}), tinted(textures.at(1.5), {90.0, 90.0, 95.0}, 20.0));
+  }
+  scene.add(block(-3.05, 0.05, 0.0, {0.012, 2.3, 13.0}), lamp, {0.1, true});
+  add_street(scene, textures);
+
+  scene.add(block(2.97, -0.3, -2.6, {0.06, 0.9, 1.3}), textures.at(2.0));  // pictures
+  scene.add(block(2.97, -0.2, 3.4, {0.06, 0.8, 0.8}), textures.at(2.0));
+  scene.add(furniture(2.6, -4.4, {0.7, 2.0, 1.4}, 0.0), textures.at(2.0));    // cupboard
+  scene.add(furniture(2.3, -1.2, {0.9, 0.75, 1.7}, 8.0), textures.at(2.0));   // desk
+  scene.add(furniture(-1.9, 1.9, {0.8, 0.5, 1.8}, -10.0), textures.at(2.0));  // bench beside the glass
+  scene.add(furniture(2.2, 4.4, {1.0, 1.1, 0.8}, 30.0), textures.at(2.0));    // crate
+  scene.add(furniture(-1.6, -4.2, {0.5, 0.5, 0.5}, 45.0), textures.at(1.5));  // stool
+  Recipe without_lamps = recipe;
+  without_lamps.mission.landmarks.min_contrast = recipe.weak_texture ? 1.0 : 5.0;
+  return make(without_lamps, scene, through_long_room());
+}
+
+Mission thin_room(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  scene.add(Box{Eigen::Vector3d::Zero(), {3.0, 1.5, 6.5}, Eigen::Matrix3d::Identity()},
+            tinted(textures.at(2.6), {165.0, 150.0, 130.0}, 30.0));                                           // walls
+  scene.add(block(0.0, 1.54, 0.0, {6.0, 0.1, 13.0}), tinted(textures.at(1.8), {115.0, 105.0, 100.0}, 30.0));  // floor
+  scene.add(block(0.0, -1.54, 0.0, {6.0, 0.1, 13.0}),
+            tinted(textures.at(2.0), {200.0, 195.0, 185.0}, 18.0));  // ceiling
+  const auto thin = [&](const Eigen::Vector3d& from, const Eigen::Vector3d& to, double diameter,
+                        const TextureOptions& texture) {
+    scene.add(rod(from, to, diameter), texture, {}, Label::kThin);
+  };
+  const TextureOptions steel = tinted(textures.at(0.5), {60.0, 62.0, 68.0}, 12.0);
+  const TextureOptions white = tinted(textures.at(0.5), {225.0, 222.0, 215.0}, 8.0);
+  const TextureOptions red = tinted(textures.at(0.5), {170.0, 50.0, 45.0}, 12.0);
+  const TextureOptions wood = tinted(textures.at(0.5), {125.0, 85.0, 55.0}, 15.0);
+  // Diameters [m] that a panorama of 960 pixels shows 2 to 6 pixels wide where the flight passes.
+  const auto pole = [&](double x, double z, double diameter, const TextureOptions& texture) {
+    thin({x, -1.5, z}, {x, 1.5, z}, diameter, texture);
+  };
+  pole(-1.0, -4.3, 0.025, white);
+  pole(1.5, -3.4, 0.04, steel);
+  pole(-1.5, -2.0, 0.04, red);
+  pole(-1.7, -1.7, 0.025, steel);
+  pole(1.2, -0.6, 0.02, white);
+  pole(-1.3, 1.3, 0.03, steel);
+  pole(1.7, 2.3, 0.05, red);
+  pole(-1.1, 3.8, 0.02, wood);
+  pole(0.7, 5.4, 0.04, steel);  // ahead, with little parallax
+
+  for (const double height : {0.45, 0.95}) {  // a railing along the right wall, and one across the room behind
+    thin({2.0, 1.5 - height, 0.4}, {2.0, 1.5 - height, 4.6}, 0.04, steel);
+    thin({-2.0, 1.5 - height, -5.8}, {2.0, 1.5 - height, -5.8}, 0.03, wood);
+  }
+  for (const double z : {0.4, 1.8, 3.2, 4.6}) {
+    thin({2.0, 1.5, z}, {2.0, 0.5, z}, 0.03, steel);
+  }
+  for (const double x : {-2.0, 0.0, 2.0}) {
+    thin({x, 1.5, -5.8}, {x, 0.5, -5.8}, 0.03, wood);
+  }
+  thin({-2.2, -0.6, -0.6}, {-2.2, -0.6, 5.0}, 0.03, white);  // a pipe along the left wall
+
+  const TextureOptions black = tinted(textures.at(0.5), {35.0, 35.0, 38.0}, 8.0);
+  add_cable(scene, {-2.9, -1.3, -3.0}, {2.9, -1.3, -2.4}, 0.35, 0.02, black);  // across the flight, above it
+  add_cable(scene, {-2.9, -1.3, 2.0}, {2.9, -1.3, 1.2}, 0.3, 0.025, black);
+  add_cable(scene, {-0.9, -1.4, -5.0}, {-0.9, -1.4, 0.5}, 0.5, 0.015, white);  // along it
+  add_cable(scene, {1.3, -1.5, 0.6}, {1.6, 0.2, 0.8}, 0.5, 0.015, black);      // loose
+
+  add_chair(scene, 1.2, -4.6, 25.0, wood);
+  add_chair(scene, -1.2, -3.2, -70.0, black);
+  add_chair(scene, 1.3, -1.9, 160.0, red);
+  add_chair(scene, -1.4, 0.2, 100.0, wood);
+  add_chair(scene, -1.2, 2.6, -20.0, white);
+  scene.add(furniture(2.3, -3.0, {0.9, 0.75, 1.6}, 0.0), textures.at(2.0));  // desk
+  scene.add(furniture(-2.6, -4.9, {0.7, 2.0, 1.2}, 0.0), textures.at(2.0));  // cupboard
+  return make(recipe, scene, through_long_room());
+}
+
+Mission sphere_inside(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  scene.add(Sphere{Eigen::Vector3d(0.1, -0.1, 0.0), 2.8}, textures.at(2.8));
+  Flight flight;
+  flight.start = Eigen::Vector3d(0.0, 0.0, -1.1);
+  flight.step = 0.36;
+  return make(recipe, scene, flight);
+}
+
+Mission slanted_plane(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  scene.add(Plane{Eigen::Vector3d(0.9, 0.4, 0.9), Eigen::Vector3d(-0.7, -0.4, -0.5).normalized()}, textures.at(2.2));
+  scene.add(Sphere{Eigen::Vector3d::Zero(), 3.0}, textures.at(3.0));
+  Flight flight;
+  flight.start = Eigen::Vector3d(0.7, 0.0, -1.0);
+  flight.direction = Eigen::Vector3d(-0.71, 0.0, 1.0);
+  flight.step = 0.3;
+  return make(recipe, scene, flight);
+}
+
+Mission corridor_across_seam(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  scene.add(Box{Eigen::Vector3d::Zero(), {1.1, 1.3, 9.0}, Eigen::Matrix3d::Identity()}, textures.at(1.5));
+  Flight flight;
+  flight.start = Eigen::Vector3d(0.1, 0.0, -1.0);
+  flight.step = 0.22;
+  flight.sway = 0.04;
+  flight.yaw_deg = 80.0;
+  return make(recipe, scene, flight);
+}
+
+Mission floor_at_nadir(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  scene.add(Plane{Eigen::Vector3d(0.0, 1.6, 0.0), -Eigen::Vector3d::UnitY()}, textures.at(2.0));
+  scene.add(Sphere{Eigen::Vector3d::Zero(), 3.6}, textures.at(3.6));
+  Flight flight;
+  flight.start = Eigen::Vector3d(0.0, 0.0, -1.0);
+  flight.step = 0.36;
+  return make(recipe, scene, flight);
+}
+
+}  // namespace pmsp::synth

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "pmsp/executor.h"
+#include "pmsp/panorama.h"
+
+namespace pmsp {
+
+/// What public classes hold, for the stages. It is complete where cpu/executor_impl.h or sphere/panorama_data.h is
+/// included.
+struct Inside {
+  static auto& of(const Executor& executor) { return *executor.impl_; }
+  static const PanoramaData& of(const Panorama& panorama) { return *panorama.data_; }
+};
+
+template <class Public>
+decltype(auto) inside(const Public& object) {
+  return Inside::of(object);
+}
+
+class ThreadPool;
+ThreadPool& pool_of(const Executor& executor);
+
+}  // namespace pmsp

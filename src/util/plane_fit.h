@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+
+namespace pmsp {
+
+/// The plane v (v . X = 1, camera frame) through points on rays, by least squares of their inverse depths.
+class PlaneFit {
+ public:
+  void add(const Eigen::Vector3d& bearing, double inverse_depth) {
+    a_ += bearing * bearing.transpose();
+    b_ += inverse_depth * bearing;
+    ++count_;
+  }
+
+  int count() const { return count_; }
+
+  /// `steadiness`: against turning where the rays lie in a line; relative to the squared spread of unit bearings. False
+  /// where there is no such plane.
+  bool solve(double steadiness, Eigen::Vector3d& plane) const {
+    plane = (a_ + steadiness * count_ * Eigen::Matrix3d::Identity()).ldlt().solve(b_);
+    return plane.allFinite();
+  }
+
+ private:
+  Eigen::Matrix3d a_ = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b_ = Eigen::Vector3d::Zero();
+  int count_ = 0;
+};
+
+}  // namespace pmsp

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+
+#include "cli/command.h"
+#include "standing.h"
+
+using namespace pmsp_test;
+using namespace pmsp::tool;
+using Catch::Contains;
+
+namespace {
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
+}  // namespace
+
+TEST_CASE("a standing is told in words, without what there is none of") {
+  CHECK(standing_text({0.0, 0, 0, 0}, -1.0) == "0 %");
+  CHECK(standing_text({0.37, 1, 812'345, 0}, 65.0) == "37 %, 1 min 05 s left; 1 depth map, 812 k pixels");
+  CHECK(standing_text({0.995, 54, 48'300'000, 210'400}, 0.0) == "100 %, 0 s left; 54 depth maps, 210 k points");
+  CHECK(short_count(9'999) == "9 999");
+}
+
+TEST_CASE("the share of the work takes keyframes to come to be like those that have come") {
+  pmsp::DensifierStats stats;
+  CHECK(standing_of(stats, 10).share == 0.0);
+  stats.keyframes_added = 5;
+  stats.work_done = 3.0;
+  stats.work_to_come = 2.0;
+  CHECK(standing_of(stats, 10).share == Approx(0.3));
+  CHECK(standing_of(stats, 5).share == Approx(0.6));
+  CHECK(standing_of(stats, 0).share == Approx(0.6));
+}
+
+TEST_CASE("a run whose points come at the end tells how far it is") {
+  const TempDir dir;
+  const Result result = densify(quick_run(dir / "c.ply", {"--progress", "json", "--free-space-whole-mission"}));
+  INFO(result.err);
+  REQUIRE(result.code == 0);
+  std::vector<nlohmann::json> steps;
+  for (const std::string& line : lines_of(result.out)) {
+    const nlohmann::json event = nlohmann::json::parse(line);
+    if (event["event"] == "keyframe" || event["event"] == "progress") steps.push_back(event);
+  }
+  REQUIRE(steps.size() >= 5);
+  double before = 0.0;
+  std::int64_t depth_maps = 0, pixels = 0;
+  for (const nlohmann::json& step : steps) {
+    CHECK(step["share"] >= before);
+    CHECK(step["share"] <= 1.0);
+    before = step["share"];
+    CHECK(step["depth_maps"] >= depth_maps);
+    depth_maps = step["depth_maps"];
+    pixels = step["pixels"];
+  }
+  CHECK(depth_maps > 0);
+  CHECK(pixels > 0);
+  CHECK(before == Approx(1.0));
+}
+
+TEST_CASE("a run says what it does while points are held back, and ends with ten lines at most") {
+  const TempDir dir;
+  const Result result =
+      densify(quick_run(dir / "c.ply", {"--free-space-whole-mission", "--preview", (dir / "look").string(),
+                                        "--workspace", (dir / "work").string(), "--depth-maps",
+                                        (dir / "depth").string(), "--stats", (dir / "s.json").string()}));
+  INFO(result.err);
+  REQUIRE(result.code == 0);
+  CHECK_THAT(result.err, !Contains(" 0 points") && Contains(" %, ") && Contains(" s left"));
+  const std::vector<std::string> lines = lines_of(result.err);
+  const auto drawing =
+      std::find_if(lines.begin(), lines.end(), [](const std::string& line) { return line.rfind("drawing ", 0) == 0; });
+  REQUIRE(drawing != lines.end());
+  CHECK(lines.end() - drawing - 1 <= 10);
+  CHECK_THAT(lines.back(), Contains("wrote " + (dir / "c.ply").string()) && Contains("pictures ") &&
+                               Contains("depth maps ") && Contains("statistics "));
+}

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "patchmatch/match_setup.h"
+#include "plane.h"
+
+using namespace pmsp;
+
+TEST_CASE("planes are allowed up to a slant of 80 degrees and within the depth range", "[patchmatch]") {
+  const kernels::PlaneLimits limits = plane_limits({0.5, 20.0});
+  const kernels::Vec3<float> bearing{0.0F, 0.0F, 1.0F};
+  const auto allowed = [&](double depth, double slant_deg) {
+    const double slant = slant_deg * kernels::kPi / 180.0;
+    const kernels::Vec3<float> normal{static_cast<float>(std::sin(slant)), 0.0F, static_cast<float>(-std::cos(slant))};
+    return kernels::is_allowed(kernels::plane_from(static_cast<float>(1.0 / depth), normal, bearing), bearing, limits);
+  };
+  CHECK(allowed(3.0, 0.0));
+  CHECK(allowed(3.0, 79.0));
+  CHECK_FALSE(allowed(3.0, 81.0));
+  CHECK(allowed(0.51, 40.0));
+  CHECK_FALSE(allowed(0.49, 40.0));
+  CHECK(allowed(19.8, 40.0));
+  CHECK_FALSE(allowed(20.2, 40.0));
+}
+
+TEST_CASE("no two passes draw the same random numbers", "[patchmatch]") {
+  PatchMatchOptions options;
+  options.iterations = 3;
+  options.geometric_passes = 3;
+  int next = 0;
+  for (int pass = 0; pass <= options.geometric_passes; ++pass) {
+    const Iterations iterations = iterations_of(options, pass);
+    CHECK(iterations.first == next);
+    CHECK(iterations.count == (pass == 0 ? 3 : kGeometricIterations));
+    next += iterations.count;
+  }
+}
+
+TEST_CASE("texture must be more than noise can be, and strong texture is never taken for noise", "[patchmatch]") {
+  CHECK(textured_variance(0.0F) == textured_variance(0.5F));
+  CHECK(textured_variance(1.5F) > 2.0F * 1.5F);
+  CHECK(textured_variance(3.0F) > textured_variance(1.5F));
+  CHECK(textured_variance(1000.0F) == textured_variance(50.0F));
+  PatchMatchOptions options;
+  CHECK(patch_layout(options, 640, 0.0F).fine_variance == textured_variance(0.0F));
+  CHECK(patch_layout(options, 640, 2.0F).fine_variance == textured_variance(2.0F));
+  options.fine_patch = 1.0;
+  CHECK(patch_layout(options, 640, 2.0F).fine_variance < 0.0F);
+}

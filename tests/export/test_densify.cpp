@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <filesystem>
+
+#include <catch2/catch.hpp>
+
+#include "pmsp/error.h"
+#include "pmsp/io/densify.h"
+#include "pmsp/io/ply.h"
+#include "support/temp_dir.h"
+
+using namespace pmsp;
+using Catch::Contains;
+using pmsp_test::TempDir;
+
+namespace {
+
+const std::filesystem::path kData = PMSP_DATA;
+
+DensifierOptions quick() {
+  DensifierOptions options;
+  options.width = 128;
+  options.height = 64;
+  options.patchmatch.iterations = 1;
+  options.patchmatch.geometric_passes = 0;
+  options.view_filter.min_parallax_deg = 0.1;
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("a map and its images become a cloud in one call") {
+  const TempDir dir;
+  const SlamMap map = read_map(kData / "map.msg");
+  const auto images = open_image_folder(map, kData / "images");
+  CloudOutput output(dir / "cloud.ply", cloud_header_of(map));
+  DensifyExtras extras;
+  std::size_t calls = 0;
+  extras.progress = [&](std::size_t done, std::size_t all) {
+    CHECK(done == ++calls);
+    CHECK(all == images->keyframe_ids().size());
+    return true;
+  };
+  const DensifierStats stats = densify(map, *images, quick(), output, extras);
+  CHECK(calls == images->keyframe_ids().size());
+  CHECK(stats.keyframes_added == static_cast<std::int64_t>(calls));
+  CHECK(stats.points > 1000);
+  CHECK_FALSE(std::filesystem::exists(dir / "cloud.ply"));
+  output.commit();
+  CHECK(static_cast<std::int64_t>(read_ply(dir / "cloud.ply").positions.size()) == stats.points);
+  CHECK(output.points() == stats.points);
+}
+
+TEST_CASE("the work ends where progress asks for it, and what has come stays") {
+  const SlamMap map = read_map(kData / "map.msg");
+  const auto images = open_image_folder(map, kData / "images");
+  DensifyExtras extras;
+  extras.progress = [](std::size_t done, std::size_t) { return done < 2; };
+  CHECK(densify(map, *images, quick(), DensifierCallbacks(), extras).keyframes_added == 2);
+}
+
+TEST_CASE("what cannot give points is refused with what to do") {
+  SlamMap map = read_map(kData / "map.msg");
+  const auto images = open_image_folder(map, kData / "images");
+  SlamMap mirrored = map;
+  for (MapKeyframe& keyframe : mirrored.keyframes) {
+    for (MapObservation& observation : keyframe.observations) {
+      observation.pixel.x() = static_cast<float>(map.cameras[0].width) - observation.pixel.x();
+    }
+  }
+  CHECK_THROWS_WITH(densify(mirrored, *images, quick(), DensifierCallbacks()), Contains("mirror"));
+  map.landmarks.clear();
+  CHECK_THROWS_WITH(densify(map, *images, quick(), DensifierCallbacks()),
+                    Contains("no landmarks") && Contains("LandmarkSweep"));
+}
+
+TEST_CASE("a cloud's format follows from its name") {
+  const TempDir dir;
+  CHECK_THROWS_AS(CloudOutput(dir / "cloud.obj"), InvalidOption);
+  CHECK_THROWS_WITH(CloudOutput(dir / "cloud.obj"), Contains(".obj") && Contains(".las"));
+  for (const char* name : {"cloud", "cloud.PLY", "cloud.las"}) {
+    INFO(name);
+    CloudOutput(dir / name).commit();
+    CHECK(std::filesystem::exists(dir / name));
+  }
+}

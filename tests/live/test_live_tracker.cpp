@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "live/live_tracker.h"
+
+using namespace pmsp;
+
+namespace {
+
+constexpr std::size_t kKeyframes = 12;
+
+/// A flight along x whose steps differ in length by up to twice `uneven`. Each keyframe sees landmarks of its own.
+std::vector<LiveKeyframe> flight(double uneven) {
+  std::vector<LiveKeyframe> keyframes(kKeyframes);
+  for (std::size_t k = 0; k < kKeyframes; ++k) {
+    const double at = static_cast<double>(k);
+    const Eigen::Vector3d center(0.3 * at + uneven * std::sin(2.4 * at), 0.0, 0.0);
+    keyframes[k].id = static_cast<std::int64_t>(k);
+    keyframes[k].cam_from_world.translation = -center;
+    for (std::int64_t id = 0; id < 40; ++id) {
+      const double angle = 0.5 * static_cast<double>(id);
+      keyframes[k].landmarks.push_back(
+          {40 * keyframes[k].id + id, center + Eigen::Vector3d(2.0, 3.0 * std::cos(angle), 3.0 * std::sin(angle))});
+    }
+  }
+  return keyframes;
+}
+
+/// Tells where keyframes are now.
+void move(LiveTracker& tracker, const std::vector<LiveKeyframe>& keyframes) {
+  std::vector<const LiveKeyframe*> all;
+  for (const LiveKeyframe& keyframe : keyframes) all.push_back(&keyframe);
+  tracker.move(all);
+}
+
+}  // namespace
+
+TEST_CASE("A scale is found again however far keyframes were moved before without one", "[live]") {
+  LiveTracker tracker;
+  for (const LiveKeyframe& keyframe : flight(0.0)) tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
+  std::vector<LiveKeyframe> keyframes = flight(0.1);  // a bundle adjustment: some baselines get longer, others shorter
+  move(tracker, keyframes);
+  for (const LiveKeyframe& keyframe : keyframes) {
+    CAPTURE(keyframe.id);
+    CHECK(tracker.place_of(keyframe.id).pose.scale == 1.0);
+  }
+  constexpr double kUnit = 0.8;  // a loop closure
+  for (LiveKeyframe& keyframe : keyframes) {
+    keyframe.cam_from_world.translation *= kUnit;
+    keyframe.landmarks.clear();
+  }
+  move(tracker, keyframes);
+  for (const LiveKeyframe& keyframe : keyframes) {
+    CAPTURE(keyframe.id);
+    CHECK(tracker.place_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-6));
+  }
+}

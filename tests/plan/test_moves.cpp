@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include <Eigen/Geometry>
+
+#include "plan/moves.h"
+
+using namespace pmsp;
+
+TEST_CASE("what is seen moves by the turn, and by the shift over the range", "[plan]") {
+  constexpr double kRange = 4.0;
+  constexpr double kTurn = 0.01;  // [rad]
+  const PosePair then{{}, {}};
+  PosePair turned = then;
+  turned.own.cam_from_world.rotation =
+      Eigen::AngleAxisd(kTurn, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  CHECK(moved_angle(then, turned, kRange) == Approx(kTurn).epsilon(1e-3));
+  CHECK(moved_px(then, turned, kRange, 640) == Approx(kTurn * 640 / (2.0 * 3.14159265358979)).epsilon(1e-3));
+  PosePair shifted = then;
+  shifted.own.cam_from_world.translation = {0.0, 0.2, 0.0};
+  CHECK(moved_angle(then, shifted, kRange) == Approx(0.05).epsilon(1e-6));
+  PosePair together = shifted;
+  together.other = together.own;
+  CHECK(moved_angle(then, together, kRange) == Approx(0.0).margin(1e-12));
+  CHECK(moved_angle(then, shifted, 0.0) == 0.0);  // nothing is seen of which a range is known
+}

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "arguments.h"
+#include "pmsp/io/workspace/shards.h"
+
+namespace pmsp::tool {
+
+/// The command line of `batch`.
+struct BatchArguments {
+  std::string program;  ///< as it was called
+  std::string manifest;
+  std::filesystem::path scan;  ///< instead of a manifest
+  std::filesystem::path output;
+  int jobs = 1;
+  std::optional<workspace::Shard> only;  ///< every count-th mission, from number index on
+  bool summary = false;                  ///< no mission
+  std::string slurm;                     ///< "", "print" or "submit"
+  std::vector<std::string> sbatch;       ///< words for it
+  std::vector<std::string> words;        ///< as it was called, without those two
+  bool retry = false;
+  bool keep_workspaces = false;
+  std::vector<int> devices;
+  std::vector<std::string> options;  ///< of all missions, see MissionOptions
+  ProgressMode progress = ProgressMode::kAuto;
+  bool quiet = false;
+};
+
+/// nullopt when it asked for help, which is then on stdout. Throws UsageError, InvalidOption, IoError.
+std::optional<BatchArguments> parse_batch_arguments(int argc, const char* const* argv);
+
+}  // namespace pmsp::tool

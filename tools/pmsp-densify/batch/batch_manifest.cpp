@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "batch_manifest.h"
+
+#include <algorithm>
+#include <array>
+#include <exception>
+#include <iostream>
+#include <iterator>
+#include <map>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "batch_options.h"
+#include "option_flags.h"
+#include "pmsp/error.h"
+#include "pmsp/io/files.h"
+
+namespace pmsp::tool {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;  // options keep their order
+
+constexpr std::array kColumns{"name", "map", "images", "video", "mask", "options"};
+constexpr const char* kNameCharacters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+constexpr std::size_t kMaxName = 200;
+
+struct Line {
+  std::size_t number = 0;
+  std::string text;
+};
+
+std::string stripped(const std::string& text) {
+  const std::size_t first = text.find_first_not_of(" \t\r");
+  return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r") + 1 - first);
+}
+
+/// Lines that are neither blank nor comments.
+std::vector<Line> lines_of(std::string text) {
+  if (text.rfind("\xEF\xBB\xBF", 0) == 0) text.erase(0, 3);
+  std::vector<Line> lines;
+  std::size_t number = 1;
+  for (std::size_t begin = 0; begin < text.size(); ++number) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    std::string line = text.substr(begin, end - begin);
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    const std::string content = stripped(line);
+    if (!content.empty() && content[0] != '#') lines.push_back({number, std::move(line)});
+    begin = end + 1;
+  }
+  return lines;
+}
+
+void check_name(const std::string& name) {
+  if (name.find_first_not_of(kNameCharacters) != std::string::npos || name[0] == '.' || name.size() > kMaxName) {
+    throw InvalidInput("the name \"" + name +
+                       "\" cannot be that of a folder; expected up to 200 of A-Z a-z 0-9 . _ -, the first one no dot");
+  }
+  if (name == "lock" || name == "batch.json" || name == "index.html" || name == "batch.sbatch")
+    throw InvalidInput("the name \"" + name + "\" is taken by the batch");
+}
+
+/// As the map is called, or as its folder where the map is just "map".
+std::string name_of_map(const fs::path& map) {
+  fs::path name = map.stem();
+  const fs::path folder = map.parent_path().filename();
+  if (name == "map" && !folder.empty() && folder != "." && folder != "..") name = folder;
+  std::string text = name.string();
+  for (char& c : text) {
+    if (std::string(kNameCharacters).find(c) == std::string::npos) c = '_';
+  }
+  if (!text.empty() && text[0] == '.') text[0] = '_';
+  return text;
+}
+
+std::string& column(Mission& mission, const std::string& key) {
+  if (key == "name") return mission.name;
+  if (key == "map") return mission.map;
+  if (key == "images") return mission.images;
+  if (key == "video") return mission.video;
+  return mission.mask;
+}
+
+std::string nearest_column(const std::string& key) { return nearest(key, {kColumns.begin(), kColumns.end()}); }
+
+bool is_column(const std::string& key) { return std::find(kColumns.begin(), kColumns.end(), key) != kColumns.end(); }
+
+/// Options as --config has them become words of a command line: {"fusion": {"window": 7}} is --fusion-window=7.
+void words_of_object(const Json& object, const std::string& prefix, std::vector<std::string>& words) {
+  for (const auto& [key, value] : object.items()) {
+    std::string name = prefix + key;
+    std::replace_if(
+        name.begin(), name.end(), [](char c) { return c == '.' || c == '_'; }, '-');
+    if (value.is_object()) {
+      words_of_object(value, name + "-", words);
+    } else if (value.is_string() || value.is_number() || value.is_boolean()) {
+      words.push_back(name + "=" + (value.is_string() ? value.get<std::string>() : value.dump()));
+    } else {
+      throw InvalidInput("options: " + key + " is " + value.dump() + "; expected a number, a text, true or false");
+    }
+  }
+}
+
+void check(const Mission& mission) {
+  if (mission.map.empty()) throw InvalidInput("\"map\" is missing");
+  if (mission.images.empty() == mission.video.empty()) {
+    throw InvalidInput(mission.images.empty() ? "the images are missing; give \"images\" or \"video\""
+                                              : "\"images\" and \"video\" exclude each other");
+  }
+}
+
+/// Fills in what the line says, as far as it makes sense; throws where it ceases to.
+void read_object(const std::string& line, MissionOptions& options, Mission& mission) {
+  Json object;
+  try {
+    object = Json::parse(line);
+  } catch (const Json::parse_error& error) {
+    throw InvalidInput("is no JSON, column " + std::to_string(error.byte) + "; expected an object in one line, {...}");
+  }
+  if (!object.is_object()) throw InvalidInput("is no JSON object, {...}");
+  std::string mistake;
+  for (const auto& [key, value] : object.items()) {
+    if (!is_column(key)) {
+      mistake = "there is no key \"" + key + "\"; did you mean \"" + nearest_column(key) + "\"?";
+    } else if (key == "options" ? !value.is_object() : !value.is_string()) {
+      mistake = "\"" + key + "\" is " + value.dump() + "; expected " + (key == "options" ? "an object" : "a text");
+    } else if (key != "options") {
+      column(mission, key) = value.get<std::string>();
+    }
+  }
+  if (!mistake.empty()) throw InvalidInput(mistake);
+  std::vector<std::string> words;
+  if (object.contains("options")) words_of_object(object["options"], "--", words);
+  mission.options = options.read(words);
+}
+
+std::vector<std::string> cells_of(const std::string& line) {
+  std::vector<std::string> cells;
+  std::size_t begin = 0;
+  for (std::size_t tab = line.find('\t'); tab != std::string::npos; tab = line.find('\t', begin)) {
+    cells.push_back(stripped(line.substr(begin, tab - begin)));
+    begin = tab + 1;
+  }
+  cells.push_back(stripped(line.substr(begin)));
+  return cells;
+}
+
+std::vector<std::string> columns_of(const Line& head, const std::string& path) {
+  std::vector<std::string> columns = cells_of(head.text);
+  const std::string where = path + ": line " + std::to_string(head.number) + ": ";
+  for (auto it = columns.begin(); it != columns.end(); ++it) {
+    if (!is_column(*it)) {
+      throw InvalidInput(where + "there is no column \"" + *it + "\"; expected name, map, images, video, mask, " +
+                         "options, with tabs between them, or JSON lines");
+    }
+    if (std::find(columns.begin(), it, *it) != it) throw InvalidInput(where + "two columns are called " + *it);
+  }
+  return columns;
+}
+
+void read_row(const std::string& line, const std::vector<std::string>& columns, MissionOptions& options,
+              Mission& mission) {
+  const std::vector<std::string> cells = cells_of(line);
+  std::string words;
+  for (std::size_t i = 0; i < std::min(cells.size(), columns.size()); ++i) {
+    (columns[i] == "options" ? words : column(mission, columns[i])) = cells[i];
+  }
+  if (cells.size() > columns.size()) {
+    throw InvalidInput("has " + std::to_string(cells.size()) + " cells; expected up to " +
+                       std::to_string(columns.size()));
+  }
+  mission.options = options.read(split_words(words));
+}
+
+void name_missions(std::vector<Mission>& missions, const std::string& path) {
+  std::map<std::string, std::size_t> lines;
+  for (Mission& mission : missions) {
+    try {
+      if (mission.name.empty()) mission.name = name_of_map(mission.map);
+      mission.is_named = !mission.name.empty();
+      if (mission.is_named) check_name(mission.name);
+    } catch (const InvalidInput& error) {
+      mission.is_named = false;
+      mission.error = path + ": line " + std::to_string(mission.line) + ": " + error.what();
+    }
+    if (!mission.is_named) {
+      mission.name = "(line " + std::to_string(mission.line) + ")";
+      continue;
+    }
+    const auto [other, is_new] = lines.emplace(mission.name, mission.line);
+    if (is_new) continue;
+    throw InvalidInput(path + ": lines " + std::to_string(other->second) + " and " + std::to_string(mission.line) +
+                       " are both called \"" + mission.name + "\"; give one of them another \"name\"");
+  }
+}
+
+std::string text_of_manifest(const std::string& path) {
+  if (path != "-") return read_whole_file(path);
+  return {std::istreambuf_iterator<char>(std::cin), std::istreambuf_iterator<char>()};
+}
+
+}  // namespace
+
+Manifest read_manifest(const std::string& path) {
+  const std::vector<Line> lines = lines_of(text_of_manifest(path));
+  Manifest manifest;
+  if (path != "-") manifest.folder = fs::path(path).parent_path();
+  const bool is_table = !lines.empty() && stripped(lines.front().text)[0] != '{';
+  MissionOptions options(manifest.folder);
+  std::vector<std::string> columns;
+  if (is_table) columns = columns_of(lines.front(), path);
+  for (std::size_t i = is_table ? 1 : 0; i < lines.size(); ++i) {
+    Mission mission;
+    mission.line = lines[i].number;
+    try {
+      if (is_table) {
+        read_row(lines[i].text, columns, options, mission);
+      } else {
+        read_object(lines[i].text, options, mission);
+      }
+      check(mission);
+    } catch (const std::exception& error) {
+      mission.error = path + ": line " + std::to_string(mission.line) + ": " + error.what();
+    }
+    manifest.missions.push_back(std::move(mission));
+  }
+  if (manifest.missions.empty()) throw InvalidInput(path + ": there is no mission in it; expected one a line");
+  name_missions(manifest.missions, path);
+  return manifest;
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "arguments.h"
+#include "pmsp/io/image_source.h"
+#include "pmsp/io/map.h"
+#include "pmsp/io/mask.h"
+#include "pmsp/io/workspace/workspace.h"
+
+namespace pmsp::tool {
+
+/// What --images or --video names; nullptr without either.
+std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamMap& map);
+
+/// What --mask and --mask-nadir say. Throws as MaskSource.
+MaskSource open_masks(const Arguments& arguments);
+
+/// The same as text that changes with it; of a folder of masks not those in it. "" = there is none.
+std::string masks_text(const Arguments& arguments, workspace::Workspace& workspace);
+
+}  // namespace pmsp::tool

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "image_loop.h"
+
+#include <utility>
+
+#include "decoder.h"
+
+namespace pmsp::tool {
+
+ImageLoop::End ImageLoop::operator()(const InterruptGuard& guard) const {
+  ImageReader images(source, map, threads, verifier);
+  End end;
+  for (;; ++end.images) {
+    std::optional<TimeAccount::Scope> waiting;
+    if (time != nullptr) waiting.emplace(*time, Busy::kWait);
+    ImageReader::Read read = images.next();
+    waiting.reset();
+    if (read.pairing) end.pairing = read.pairing;
+    guard.check();
+    for (const SkippedKeyframe& skipped : read.skipped) lost(skipped);
+    if (!read.item) break;
+    visit(end.images, *read.item);
+    images.let_go(std::move(*read.item));
+    guard.check();
+  }
+  if (end.images == 0) end.first_error = images.first_error();
+  return end;
+}
+
+}  // namespace pmsp::tool

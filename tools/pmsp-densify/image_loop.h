@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "interrupt.h"
+#include "pmsp/io/image_source.h"
+#include "pmsp/io/map.h"
+#include "pmsp/io/pairing.h"
+#include "time_account.h"
+
+namespace pmsp::tool {
+
+/// Looks at image after image, while other threads decode the next ones.
+struct ImageLoop {
+  ImageSource& source;
+  const SlamMap& map;
+  int threads;                          ///< that decode
+  PairingVerifier* verifier = nullptr;  ///< nullptr = images are not compared with the map
+  TimeAccount* time = nullptr;          ///< that waiting is counted in
+
+  /// A keyframe before the next image turned out to have none.
+  std::function<void(const SkippedKeyframe&)> lost;
+  std::function<void(std::size_t index, const ImageSource::Item&)> visit;
+
+  struct End {
+    std::size_t images = 0;
+    std::string first_error;  ///< why the first one cannot be read, where none can
+    std::optional<PairingVerifier::Verdict> pairing;
+  };
+  /// Throws Interrupted, and as ImageReader::next.
+  End operator()(const InterruptGuard& guard) const;
+};
+
+}  // namespace pmsp::tool

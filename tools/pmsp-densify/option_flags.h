@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "pmsp/option_table.h"
+
+// The library's options (pmsp/option_table.h) on a command line.
+namespace pmsp::tool {
+
+/// "--patchmatch-iterations"
+std::string flag_of(const OptionEntry& entry);
+/// "--no-view-filter-enabled", for switches
+std::string negative_flag_of(const OptionEntry& entry);
+/// All names, with commas between them: "--min-confidence,--fusion-min-confidence"
+std::string flags_of(const OptionEntry& entry);
+
+/// Help, what is expected and the default, and the defaults of the other qualities where they differ.
+std::string description_of(const OptionEntry& entry);
+
+/// The candidate that differs from `word` in the fewest letters; "" when there is none.
+std::string nearest(const std::string& word, const std::vector<std::string>& candidates);
+
+}  // namespace pmsp::tool

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "preview.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <vector>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "depth_picture.h"
+#include "map_figures.h"
+#include "output_folder.h"
+#include "pmsp/error.h"
+#include "pmsp/io/files.h"
+#include "progress.h"
+
+namespace pmsp::tool {
+namespace {
+
+constexpr std::size_t kStrips = 4;
+constexpr std::size_t kMaxPoints = 2400000;  // thinned to half of them when reached
+constexpr std::size_t kFewKeyframes = 8;     // as many give all points that can be drawn
+constexpr double kCoarser = 1.2;
+constexpr int kMaxPanelWidth = 960;
+constexpr int kLabelRows = 30;
+constexpr const char* kAbove = "cloud_above.png";
+constexpr const char* kCorner = "cloud_corner.png";
+
+void write_png(const std::filesystem::path& path, const cv::Mat& image) {
+  std::vector<unsigned char> encoded;
+  if (!cv::imencode(".png", image, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
+  write_file(path, encoded);
+}
+
+cv::Mat labelled(const cv::Mat& image, const std::string& words) {
+  cv::Mat small = image;
+  if (image.cols > kMaxPanelWidth) {
+    cv::resize(image, small, {kMaxPanelWidth, std::max(1, image.rows * kMaxPanelWidth / image.cols)}, 0, 0,
+               cv::INTER_AREA);
+  }
+  cv::Mat panel(small.rows + kLabelRows, small.cols, CV_8UC3, cv::Scalar(0, 0, 0));
+  small.copyTo(panel.rowRange(kLabelRows, panel.rows));
+  cv::putText(panel, words, {8, 21}, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(235, 235, 235), 1, cv::LINE_AA);
+  return panel;
+}
+
+std::string text(const char* pattern, double a, double b, double c) {
+  char words[128];
+  std::snprintf(words, sizeof(words), pattern, a, b, c);
+  return words;
+}
+
+cv::Mat strip_of(const cv::Mat& color, const DepthMap& map) {
+  const DepthPicture picture = draw_depth(map, cv::COLORMAP_TURBO);
+  const std::string depth_words = text("depth: %.1f %% of the pixels; %.3g (red) to %.3g (blue) scene units",
+                                       100.0 * picture.coverage, picture.near, picture.far);
+  const std::string confidence_words =
+      text("confidence: %g (violet) to %g (yellow), mean %.2f", 0.0, 1.0, picture.mean_confidence);
+  cv::Mat strip;
+  cv::hconcat(
+      std::vector<cv::Mat>{labelled(color, "keyframe " + std::to_string(map.keyframe_id)),
+                           labelled(picture.depth, depth_words), labelled(picture.confidence, confidence_words)},
+      strip);
+  return strip;
+}
+
+}  // namespace
+
+Preview::Preview(const std::filesystem::path& folder, std::size_t keyframes) : folder_(folder), keyframes_(keyframes) {
+  prepare_folder(folder_, is_preview_file);
+}
+
+void Preview::add_keyframe(std::size_t index, std::int64_t id, const RigidTransform& cam_from_world,
+                           ImageView<const Rgb> image, int depth_width, int depth_height) {
+  scene_.path.push_back(cam_from_world.center());
+  down_ += cam_from_world.rotation.row(1).transpose();
+  if (strips_ >= kStrips) return;
+  Pending pending{index, id, cv::Mat(image.height, image.width, CV_8UC3)};
+  for (int y = 0; y < image.height; ++y) {
+    auto* to = pending.color.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < image.width; ++x) to[x] = {image(x, y).b, image(x, y).g, image(x, y).r};
+  }
+  const int width = std::min(depth_width, kMaxPanelWidth);
+  const cv::Size size(width, std::max(1, depth_height * width / std::max(depth_width, 1)));
+  cv::resize(pending.color, pending.color, size, 0, 0, cv::INTER_AREA);
+  pending_.push_back(pending);
+}
+
+void Preview::drop_keyframe(std::int64_t id) {
+  if (!pending_.empty() && pending_.back().id == id) pending_.pop_back();
+}
+
+void Preview::add_depth(const DepthMap& map) {
+  // Depth maps come in the order of the keyframes: what lies before this one has had its chance.
+  while (!pending_.empty() && pending_.front().id != map.keyframe_id) pending_.pop_front();
+  if (pending_.empty()) return;
+  const Pending pending = pending_.front();
+  pending_.pop_front();
+  if (strips_ >= kStrips || pending.index < keyframes_ * (2 * strips_ + 1) / (2 * kStrips)) return;
+  write_png(folder_ / numbered_name("keyframe_", pending.id, ".png"), strip_of(pending.color, map));
+  ++strips_;
+  if (strips_ == kStrips) pending_.clear();
+}
+
+/// Which cubes of a grid have been seen: a hash table with open addresses.
+class Preview::Cells {
+ public:
+  explicit Cells(double spacing) : spacing_(spacing), table_(std::size_t{1} << 22U, kEmpty) {}
+
+  double spacing() const { return spacing_; }
+
+  /// Whether the point is the first one in its cube. For no more than kMaxPoints of these.
+  bool take(const Eigen::Vector3f& position) {
+    const Eigen::Array3d cell = (position.cast<double>() / spacing_).array().floor().max(-1e9).min(1e9);
+    std::uint64_t key = 0;  // cubes two million cubes apart count as one
+    for (int axis = 0; axis < 3; ++axis) {
+      key = key << 21U | (static_cast<std::uint64_t>(static_cast<std::int64_t>(cell[axis])) & 0x1fffffU);
+    }
+    std::size_t at = (key * 0x9e3779b97f4a7c15U) >> 42U;
+    for (; table_[at] != kEmpty; at = (at + 1) % table_.size()) {
+      if (table_[at] == key) return false;
+    }
+    table_[at] = key;
+    return true;
+  }
+
+ private:
+  static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
+  double spacing_;
+  std::vector<std::uint64_t> table_;
+};
+
+Preview::~Preview() = default;
+
+/// Keeps one point in each of the smallest cubes that bring the points down to half of what may be kept.
+void Preview::thin() {
+  std::vector<ViewPoint>& points = scene_.points;
+  double spacing = scene_.spacing * kCoarser;
+  if (scene_.spacing == 0.0) {
+    std::vector<double> distances;
+    for (std::size_t i = 0; i < points.size(); i += 97) {
+      distances.push_back(static_cast<double>((points[i].position - points[0].position).norm()));
+    }
+    // Of the median: a crowd far away must not make all others coarse.
+    spacing = std::max(percentile(distances, 50.0), 1e-9) / 2000.0;
+  }
+  for (;; spacing *= kCoarser) {
+    cells_ = std::make_unique<Cells>(spacing);
+    std::size_t kept = 0;
+    for (const ViewPoint& point : points) {
+      if (cells_->take(point.position)) points[kept++] = point;
+    }
+    points.resize(kept);
+    if (points.size() <= kMaxPoints / 2) break;
+  }
+  scene_.spacing = spacing;
+}
+
+/// Of a large cloud every so many points are looked at: where keyframes see a place again, most of them are thinned
+/// anyway.
+void Preview::add_points(const KeyframeCloud& cloud) {
+  const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
+  const std::size_t most = kMaxPoints / std::clamp<std::size_t>(keyframes_, 1, kFewKeyframes);
+  const std::size_t stride = std::max<std::size_t>(1, cloud.points.size() / most);
+  for (std::size_t i = 0; i < cloud.points.size(); i += stride) {
+    const CloudPoint& point = cloud.points[i];
+    ViewPoint kept;
+    kept.position = (world_from_cam * (cloud.scale * point.position.cast<double>())).cast<float>();
+    if (cells_ && !cells_->take(kept.position)) continue;
+    const Eigen::Vector3f normal = world_from_cam.rotation.cast<float>() * point.normal;
+    kept.normal = (normal.cwiseMax(-1.0F).cwiseMin(1.0F) * 127.0F).cast<std::int8_t>();
+    kept.color = point.color;
+    scene_.points.push_back(kept);
+    if (scene_.points.size() >= kMaxPoints) thin();
+  }
+}
+
+std::string Preview::finish(std::int64_t points) {
+  if (scene_.points.empty()) return "";
+  if (down_.norm() > 0.0) scene_.up = -down_.normalized();
+  scene_.caption = count_text(points) + " points";
+  if (scene_.points.size() < static_cast<std::size_t>(points)) {
+    scene_.caption += ", " + count_text(static_cast<std::int64_t>(scene_.points.size())) + " drawn";
+  }
+  const std::string left_out = left_out_of(scene_);
+  if (!left_out.empty()) scene_.caption += "; " + left_out;
+  write_png(folder_ / kAbove, draw_from_above(scene_));
+  write_png(folder_ / kCorner, draw_from_corner(scene_));
+  return left_out;
+}
+
+bool is_preview_file(const std::string& name) {
+  return name == kAbove || name == kCorner || is_numbered_name(name, "keyframe_", ".png");
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "report_page.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "depth_picture.h"
+#include "map_figures.h"
+#include "pmsp/error.h"
+#include "report_facts.h"
+#include "report_template.h"
+#include "web_path.h"
+
+namespace pmsp::tool {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kPanoramaWidth = 2048;
+constexpr int kStripWidth = 320;
+constexpr double kPi = 3.14159265358979323846;
+constexpr std::size_t kMostStrips = 200;
+constexpr int kPanoramaQuality = 85, kStripQuality = 80;
+constexpr int kCoverageWidth = 128, kCoverageHeight = 64;
+constexpr const char* kDataMark = "<!--PMSP-DATA-->";
+
+std::string jpeg(const cv::Mat& picture, int quality) {
+  std::vector<unsigned char> bytes;
+  if (!cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, quality})) {
+    throw OutputError("a picture for the report cannot be encoded as JPEG");
+  }
+  return {bytes.begin(), bytes.end()};
+}
+
+/// Whether number `index` of `count` is the first one of an even share.
+bool is_in_share(std::size_t index, std::size_t count, std::size_t share) {
+  if (count <= share) return true;
+  return index == 0 || index * share / count != (index - 1) * share / count;
+}
+
+double share_used(ImageView<const std::uint8_t> mask) {
+  if (mask.width == 0 || mask.height == 0) return 1.0;
+  std::size_t used = 0;
+  for (int y = 0; y < mask.height; ++y) {
+    for (int x = 0; x < mask.width; ++x) used += mask(x, y) != 0 ? 1 : 0;
+  }
+  return static_cast<double>(used) / (static_cast<double>(mask.width) * mask.height);
+}
+
+std::vector<std::int64_t> ids_in_order(const SlamMap& map) {
+  std::vector<std::int64_t> ids;
+  for (const MapKeyframe* keyframe : in_order_of_flight(map)) ids.push_back(keyframe->id);
+  return ids;
+}
+
+Json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+/// Why a keyframe is not used, for people.
+const char* words_for(const std::string& use) {
+  if (use == "no neighbour") return "no other used keyframe near it saw the same from another place";
+  if (use == "no range") return "too few landmarks tell how far away things are";
+  if (use == "too little parallax") return "it shows what the keyframe before shows, from nearly the same place";
+  if (use == "too much parallax") return "it is too far from the keyframe before to be compared with it";
+  if (use == "no landmarks") return "the map does not say what it sees";
+  if (use == "blurred") return "its image is blurrier than those around, which do without it";
+  return "";
+}
+
+}  // namespace
+
+bool has_report_page() { return std::string(kReportTemplate).find(kDataMark) != std::string::npos; }
+
+std::pair<std::string, std::string> page_around_data(bool asks) {
+  std::string page = kReportTemplate;
+  const std::string none = "default-src 'none';";
+  const std::size_t at = page.find(none);
+  if (asks && at != std::string::npos) page.insert(at + none.size(), " connect-src 'self';");
+  const std::size_t mark = page.find(kDataMark);
+  return {page.substr(0, mark), page.substr(mark + std::string(kDataMark).size())};
+}
+
+std::string unit_of_lengths(const std::string& told, const Similarity& file_from_map) {
+  return !told.empty() || file_from_map.scale == 1.0 ? told : "m";
+}
+
+ReportPage::ReportPage(const ReportArguments& arguments, const CloudHeader& header, const SlamMap& map,
+                       std::size_t keyframes)
+    : arguments_(arguments),
+      map_(map),
+      file_from_map_(header.file_from_map),
+      keyframes_(keyframes),
+      file_(arguments.path),
+      cloud_(header, arguments.points, ids_in_order(map)),
+      covered_(static_cast<std::size_t>(kCoverageWidth) * kCoverageHeight, 0) {}
+
+void ReportPage::add_image(std::size_t index, const Keyframe& keyframe) {
+  Jpegs& it = pictures_[keyframe.id];
+  it.unmasked = share_used(keyframe.mask);
+  if (is_in_share(index, keyframes_, kMostStrips)) {
+    it.image = jpeg(picture_of(keyframe.image, kStripWidth), kStripQuality);
+  }
+  // The next keyframe that is used after each share of the flight.
+  const std::size_t due =
+      1 + index * static_cast<std::size_t>(arguments_.panoramas) / std::max<std::size_t>(keyframes_, 1);
+  if (panoramas_ < arguments_.panoramas && static_cast<std::size_t>(panoramas_) < due) {
+    it.panorama = jpeg(picture_of(keyframe.image, kPanoramaWidth), kPanoramaQuality);
+    ++panoramas_;
+  }
+}
+
+void ReportPage::set_used(std::int64_t id, bool used) {
+  if (used) return;
+  const auto found = pictures_.find(id);
+  if (found == pictures_.end()) return;
+  if (!found->second.panorama.empty()) --panoramas_;
+  pictures_.erase(found);
+}
+
+void ReportPage::add_depth(const DepthMap& map) {
+  Jpegs& it = pictures_[map.keyframe_id];
+  const DepthPicture picture = draw_depth(map, cv::COLORMAP_INFERNO);
+  const double scale = map.scale * file_from_map_.scale;
+  it.has_depth = true;
+  it.near = picture.near * scale;
+  it.far = picture.far * scale;
+  it.coverage = std::min(1.0, picture.coverage / std::max(it.unmasked, 1e-9));
+  it.mean_confidence = picture.mean_confidence;
+  depth_width_ = map.depth.width();
+  if (!it.image.empty()) {
+    const cv::Size size(kStripWidth, kStripWidth / 2);
+    cv::Mat small;
+    cv::resize(picture.depth, small, size, 0, 0, cv::INTER_AREA);
+    it.depth = jpeg(small, kStripQuality);
+    cv::resize(picture.confidence, small, size, 0, 0, cv::INTER_AREA);
+    it.confidence = jpeg(small, kStripQuality);
+  }
+  ++depth_maps_;
+  for (int y = 0; y < kCoverageHeight; ++y) {
+    for (int x = 0; x < kCoverageWidth; ++x) {
+      const int column = (2 * x + 1) * map.depth.width() / (2 * kCoverageWidth);
+      const int row = (2 * y + 1) * map.depth.height() / (2 * kCoverageHeight);
+      if (map.depth(column, row) > 0.0F) ++covered_[static_cast<std::size_t>(y * kCoverageWidth + x)];
+    }
+  }
+}
+
+void ReportPage::set_potree(const std::filesystem::path& folder) {
+  const auto plain = [](const std::filesystem::path& path) {
+    const std::filesystem::path whole = std::filesystem::absolute(path).lexically_normal();
+    return whole.has_filename() ? whole : whole.parent_path();  // "folder/"
+  };
+  const std::filesystem::path beside = plain(folder).lexically_relative(plain(arguments_.path).parent_path());
+  if (beside.empty() || *beside.begin() == ".." || beside == ".") return;
+  potree_ = relative_address(beside.generic_string());
+}
+
+void ReportPage::set_use(const PlanEntry& entry) { uses_[entry.id] = name_of(entry.use); }
+
+Json ReportPage::keyframes_json(const Json& stats) const {
+  std::map<std::int64_t, std::string> skipped;
+  if (stats.contains("skipped")) {
+    for (const Json& it : stats.at("skipped")) skipped[it.at("keyframe_id")] = it.at("reason");
+  }
+  Json keyframes = Json::array();
+  for (const MapKeyframe* keyframe : in_order_of_flight(map_)) {
+    const RigidTransform world_from_cam = file_from_map_ * keyframe->cam_from_world.inverse();
+    Json json{{"id", keyframe->id}, {"center", vector_json(world_from_cam.translation)}};
+    json["rotation"] = Json::array();
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) json["rotation"].push_back(world_from_cam.rotation(c, r));
+    }
+    const auto use = uses_.find(keyframe->id);
+    const auto skip = skipped.find(keyframe->id);
+    if (skip != skipped.end()) {
+      json["use"] = "no image";
+      json["reason"] = skip->second;
+    } else {
+      json["use"] = use != uses_.end() ? use->second : "no image";
+      json["reason"] = words_for(json["use"]);
+    }
+    const auto found = pictures_.find(keyframe->id);
+    if (found != pictures_.end()) {
+      const Jpegs& it = found->second;
+      const std::string name = "-" + std::to_string(keyframe->id);
+      if (it.has_depth) {
+        json["coverage"] = it.coverage;
+        json["confidence"] = it.mean_confidence;
+        if (!it.image.empty()) {
+          json["strip"] = {{"image", "image" + name}, {"depth", "depth" + name}, {"confidence", "confidence" + name}};
+          json["strip"]["near"] = it.near;
+          json["strip"]["far"] = it.far;
+        }
+      }
+      if (!it.panorama.empty()) json["panorama"] = "panorama" + name;
+    }
+    keyframes.push_back(std::move(json));
+  }
+  return keyframes;
+}
+
+Json ReportPage::coverage_json() const {
+  std::string shares;
+  for (const std::uint32_t count : covered_) {
+    shares +=
+        static_cast<char>(static_cast<unsigned char>(255 * std::size_t{count} / std::max<std::size_t>(depth_maps_, 1)));
+  }
+  std::string text;
+  append_base64(text, shares);
+  return {{"width", kCoverageWidth}, {"height", kCoverageHeight}, {"depth_maps", depth_maps_}, {"shares", text}};
+}
+
+std::vector<std::string> ReportPage::problems(const Json& stats, const Json& keyframes) const {
+  std::vector<std::string> all;
+  if (unit_of_lengths(arguments_.unit, file_from_map_).empty()) {
+    all.emplace_back(
+        "The map's scale is arbitrary: lengths are in its own unit, not in metres (see --scale and --align).");
+  }
+  const std::vector<std::int64_t> order = ids_in_order(map_);
+  const auto tell = [&](const std::string& use, const std::string& one, const std::string& many) {
+    std::vector<std::int64_t> ids;
+    for (const Json& keyframe : keyframes) {
+      if (keyframe.at("use") == use) ids.push_back(keyframe.at("id"));
+    }
+    if (ids.empty()) return;
+    all.push_back((ids.size() == 1 ? "Keyframe " : "Keyframes ") + list_of_keyframes(ids, order) + " " +
+                  (ids.size() == 1 ? one : many) + ".");
+  };
+  tell("no image", "has no usable image", "have no usable image");
+  tell("blurred", "is blurred and left out", "are blurred and left out");
+  tell("too much parallax", "is too far from its neighbours to be compared",
+       "are too far from their neighbours to be compared");
+  tell("no landmarks", "sees no landmark of the map", "see no landmark of the map");
+  tell("no neighbour", "has no neighbour that sees the same from another place",
+       "have no neighbour that sees the same from another place");
+  tell("no range", "sees too few landmarks for a depth map", "see too few landmarks for a depth map");
+  for (const std::string& problem : report_problems(stats)) all.push_back(problem);
+  std::int64_t unsure = 0;
+  for (std::size_t i = 0; i < 3; ++i) unsure += cloud_.confidences()[i];
+  if (2 * unsure > cloud_.points_in()) {
+    all.push_back("Half of the points have a confidence below 0.3: half of their depths are off by more than 1.2 %.");
+  }
+  return all;
+}
+
+Json ReportPage::page_json(const Json& stats) const {
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  for (const MapKeyframe& keyframe : map_.keyframes) {
+    up -= file_from_map_.rotation * keyframe.cam_from_world.rotation.row(1).transpose();
+  }
+  const std::string unit = unit_of_lengths(arguments_.unit, file_from_map_);
+  const std::string map_name = map_.path.filename().string();
+  Json json{{"format", "pmsp-report"},
+            {"version", 1},
+            {"title", map_name + ": report"},
+            {"generator", stats.value("generator", "pmsp-densify")},
+            {"unit", unit.empty() ? "map units" : unit},
+            {"scale_known", !unit.empty()},
+            {"up", vector_json(up.norm() > 1e-9 ? Eigen::Vector3d(up.normalized()) : Eigen::Vector3d(0.0, -1.0, 0.0))},
+            {"origin", vector_json(cloud_.origin())},
+            {"points_in", cloud_.points_in()},
+            {"points", cloud_.points()},
+            {"nodes", Json::array()}};
+  for (const PageNode& node : cloud_.nodes()) {
+    json["nodes"].push_back(
+        {{"level", node.level}, {"corner", node.corner}, {"side", node.side}, {"points", node.points}});
+  }
+  json["keyframes"] = keyframes_json(stats);
+  json["confidences"] = cloud_.confidences();
+  json["pixel"] = depth_width_ > 0 ? 2.0 * kPi / depth_width_ : 0.01;
+  if (depth_maps_ > 0) json["coverage_map"] = coverage_json();
+  json["facts"] = report_facts(stats);
+  json["times"] = report_times(stats);
+  json["problems"] = problems(stats, json["keyframes"]);
+  json["normals"] = has_normals_;
+  json["notes"] = notes_;
+  const bool is_part = cloud_.points() < cloud_.points_in();
+  if (is_part) {
+    json["notes"].push_back("The page holds the most confident points of each place, fewer than the cloud has.");
+  }
+  if (is_part && !potree_.empty()) {
+    json["potree"] = potree_;
+    json["notes"].push_back("Where it is served (pmsp-densify serve), it takes the rest from the Potree folder " +
+                            potree_ + " as you come near.");
+  }
+  json["notes"].push_back("The page holds its data itself and asks no other computer for anything.");
+  return json;
+}
+
+void ReportPage::put(AtomicFile& file, const std::string& name, const std::string& bytes) const {
+  std::string text = "<script type=\"application/octet-stream\" id=\"pmsp-" + name + "\">";
+  append_base64(text, bytes);
+  text += "</script>\n";
+  file.write(text);
+}
+
+void ReportPage::write(const Json& stats) {
+  cloud_.finish();
+  const Json data = page_json(stats);
+  const auto [before, after] = page_around_data(data.contains("potree"));
+  file_.write(before);
+  file_.write("<script type=\"application/json\" id=\"pmsp-data\">" + script_json(data) + "</script>\n");
+  for (std::size_t i = 0; i < cloud_.nodes().size(); ++i)
+    put(file_, "node-" + std::to_string(i), cloud_.nodes()[i].bytes);
+  for (const auto& [id, it] : pictures_) {
+    const std::string name = "-" + std::to_string(id);
+    if (!it.panorama.empty()) put(file_, "panorama" + name, it.panorama);
+    if (!it.has_depth || it.image.empty()) continue;
+    put(file_, "image" + name, it.image);
+    put(file_, "depth" + name, it.depth);
+    put(file_, "confidence" + name, it.confidence);
+  }
+  file_.write(after);
+  file_.commit();
+}
+
+}  // namespace pmsp::tool

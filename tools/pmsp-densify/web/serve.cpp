@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "serve.h"
+
+#include <algorithm>
+#include <chrono>
+#include <iostream>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "exit_code.h"
+#include "interrupt.h"
+#include "pmsp/error.h"
+#include "serve_arguments.h"
+#include "verbs.h"
+#include "web_path.h"
+
+namespace pmsp::tool {
+namespace {
+
+constexpr std::size_t kMostPages = 1000;
+
+HttpReply file_reply(ServedFile file, const std::string& name, const std::string& range_header) {
+  if (!file.descriptor.is_open()) return not_found();
+  HttpReply reply;
+  reply.type = media_type(name);
+  reply.range = range_from(range_header, file.size);
+  if (reply.range) reply.status = reply.range->count > 0 ? 206 : 416;
+  reply.file = std::move(file);
+  return reply;
+}
+
+}  // namespace
+
+FolderHandler::FolderHandler(const std::filesystem::path& folder, std::string page)
+    : path_(folder), folder_(folder), page_(std::move(page)) {
+  if (page_.empty()) return;
+  if (!folder_.open({page_}).descriptor.is_open()) {
+    throw IoError((folder / page_).string() +
+                  ": cannot be served; expected an ordinary file, no link, whose name begins with no dot");
+  }
+}
+
+std::optional<HttpReply> FolderHandler::operator()(const HttpRequest& request) const {
+  if (request.path.size() == 1 && request.path.front().empty()) {
+    const std::string page = !page_.empty() ? page_ : "index.html";
+    ServedFile file = folder_.open({page});
+    if (file.descriptor.is_open()) return file_reply(std::move(file), page, request.range);
+    return front_page();
+  }
+  return file_reply(folder_.open(request.path), request.path.back(), request.range);
+}
+
+/// Of the folder and of those in it.
+std::vector<std::string> FolderHandler::pages() const {
+  std::vector<std::string> names;
+  std::error_code error;
+  const auto look = [&](const std::filesystem::path& folder, const std::string& prefix) {
+    std::vector<std::string> folders;
+    for (std::filesystem::directory_iterator it(folder, error), end; it != end && !error; it.increment(error)) {
+      const std::string name = it->path().filename().string();
+      if (name.empty() || name.front() == '.' || names.size() >= kMostPages) continue;
+      const auto kind = it->symlink_status(error).type();
+      if (kind == std::filesystem::file_type::directory) folders.push_back(name);
+      if (kind == std::filesystem::file_type::regular && it->path().extension() == ".html")
+        names.push_back(prefix + name);
+    }
+    return folders;
+  };
+  for (const std::string& folder : look(path_, "")) look(path_ / folder, folder + "/");
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+HttpReply FolderHandler::front_page() const {
+  const std::vector<std::string> names = pages();
+  if (names.size() == 1 && names.front().find('/') == std::string::npos) {
+    return file_reply(folder_.open(names), names.front(), "");
+  }
+  std::string html = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Pages</title><h1>Pages</h1>";
+  if (names.empty()) html += "<p>There is no page in this folder.</p>";
+  html += "<ul>";
+  for (const std::string& name : names)
+    html += "<li><a href=\"" + relative_address(name) + "\">" + html_text(name) + "</a></li>";
+  HttpReply reply;
+  reply.type = media_type("list.html");
+  reply.body = std::make_shared<const std::string>(html + "</ul></html>\n");
+  return reply;
+}
+
+int serve(int argc, const char* const* argv) {
+  const std::optional<ServeArguments> arguments = parse_serve_arguments(argc, argv);
+  if (!arguments) return kExitOk;
+  const FolderHandler files(arguments->folder, arguments->page);
+  const InterruptGuard guard(nullptr);
+  const HttpServer server(arguments->http, [&files](const HttpRequest& request) { return files(request); });
+  if (!is_loopback(arguments->http.address)) {
+    std::cerr << "pmsp-densify: warning: " << address_warning(arguments->http.address) << "\n";
+  }
+  std::cout << server.url() << std::endl;
+  if (!std::cout) throw OutputError("standard output cannot be written");
+  std::cerr << "serving " << (arguments->folder / arguments->page).string() << "; Ctrl-C ends it\n";
+  try {
+    for (;; std::this_thread::sleep_for(std::chrono::milliseconds(100))) guard.check();
+  } catch (const Interrupted&) {
+    return kExitOk;  // that is how it ends
+  }
+}
+
+}  // namespace pmsp::tool

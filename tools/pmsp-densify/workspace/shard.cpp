@@ -1,0 +1,364 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <unistd.h>
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "engine_text.h"
+#include "exit_code.h"
+#include "image_input.h"
+#include "image_loop.h"
+#include "interrupt.h"
+#include "lenses.h"
+#include "map_input.h"
+#include "pmsp/executor.h"
+#include "pmsp/io/files.h"
+#include "pmsp/io/map.h"
+#include "pmsp/plan.h"
+#include "prior_depths.h"
+#include "progress.h"
+#include "shared_step.h"
+#include "stats.h"
+#include "targets.h"
+#include "verbs.h"
+#include "workspace_step.h"
+
+namespace pmsp::tool {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using workspace::ShardMarker;
+using workspace::Wave;
+using Ids = std::vector<std::int64_t>;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+std::string host_name() {
+  char name[256] = {};
+  return ::gethostname(name, sizeof(name) - 1) == 0 ? name : "";
+}
+
+/// What one wave has come to.
+struct WaveReport {
+  std::int64_t keyframes = 0, made = 0, found = 0;
+  Ids without;
+  double seconds = 0.0;
+};
+
+/// One share of a mission, from images to files of the workspace.
+class ShardRun {
+ public:
+  ShardRun(const Arguments& arguments, const DensifierOptions& options, workspace::Workspace& workspace)
+      : arguments_(arguments),
+        options_(options),
+        workspace_(workspace),
+        shard_(*arguments.shard),
+        build_(build_text()),
+        wave_(arguments.wave.value_or(Wave::kPlanes)),
+        progress_(arguments.progress, arguments.quiet, arguments.verbose) {}
+
+  void operator()() {
+    try {
+      work();
+    } catch (const std::exception& error) {
+      leave_reason(error.what());
+      throw;
+    }
+  }
+
+ private:
+  void work() {
+    progress_.stage("reading " + arguments_.map.string());
+    map_ = read_map(arguments_);
+    source_ = open_images(arguments_, map_);
+    progress_.message("images: " + source_->description());
+    if (map_.landmarks.empty()) {
+      progress_.stage("looking for landmarks in the images");
+      progress_.message(sweep_landmarks(map_, arguments_, options_.threads));
+    }
+    const Lenses lenses =
+        find_lenses(arguments_, options_, map_, source_->keyframe_ids().size(), false, workspace_.record());
+    options_.lens_distance = lenses.distance;  // of all shards the same: they look at the same images
+    if (lenses.estimated) progress_.message(describe(lenses));
+    step_ = std::make_unique<WorkspaceStep>(workspace_, arguments_, options_, map_, false);
+    const std::optional<workspace::ShardJob> before = workspace_.shards().job(workspace_.record().step);
+    if (before) require_same(*before);
+    look();
+    step_->decide();
+    require_same(workspace_.shards().post(my_job()));
+    for (const PlanEntry& entry : step_->step().plan.entries) {
+      if (entry.has_depth_map()) depth_maps_.push_back(entry.id);
+    }
+    const workspace::Stretch stretch = stretch_of(shard_, depth_maps_.size());
+    mine_.assign(depth_maps_.begin() + static_cast<std::ptrdiff_t>(stretch.first),
+                 depth_maps_.begin() + static_cast<std::ptrdiff_t>(stretch.last));
+    nlohmann::ordered_json waves = nlohmann::ordered_json::object();
+    for (const Wave wave : {Wave::kPlanes, Wave::kPoints}) {
+      if (arguments_.wave && *arguments_.wave != wave) continue;
+      wave_ = wave;
+      const Clock::time_point start = Clock::now();
+      WaveReport report = wave == Wave::kPlanes ? make_planes() : make_points();
+      report.seconds = seconds_since(start);
+      workspace_.shards().mark(marker(report));
+      tell(report);
+      waves[name_of(wave)] = {{"keyframes", report.keyframes},
+                              {"made", report.made},
+                              {"found", report.found},
+                              {"without", report.without.size()},
+                              {"seconds", report.seconds}};
+    }
+    if (priors_.wanted()) progress_.message(priors_.summary());
+    finish(waves);
+  }
+
+  // --- before the plan -----------------------------------------------------------------------------------------------
+
+  workspace::ShardJob my_job() const {
+    workspace::ShardJob job = shared_job(arguments_, options_, workspace_);
+    job.count = shard_.count;
+    job.step = step_->step().name;
+    job.engine = step_->inputs().engine;
+    job.build = build_;
+    return job;
+  }
+
+  void require_same(const workspace::ShardJob& job) const {
+    const std::string other = workspace::difference(my_job(), job);
+    if (other.empty()) return;
+    throw InvalidInput(arguments_.workspace.string() + ": shard " + text_of(shard_) +
+                       " does not go with the shards that work here: " + other +
+                       "; run it as they are, or in another workspace (for the same in other shares, delete " +
+                       workspace_.shards().path().string() + ")");
+  }
+
+  /// Images that nobody has looked at: this shard's share of them first, then those of others from the end, so that
+  /// shards that work at once look at each about once.
+  void look() {
+    std::vector<SkippedKeyframe> unreadable;
+    fresh_ = step_->new_images(*source_, unreadable);
+    for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);
+    for (const SkippedKeyframe& skipped : unreadable) skip(skipped);
+    if (fresh_.empty()) return;
+    progress_.stage("looking at up to " + std::to_string(fresh_.size()) + " new images");
+    const InterruptGuard guard(nullptr);
+    const Ids& all = source_->keyframe_ids();  // the same for all shards
+    for (int turn = 0; turn < shard_.count; ++turn) {
+      const workspace::Stretch stretch =
+          workspace::stretch_of({(shard_.index + turn) % shard_.count, shard_.count}, all.size());
+      std::size_t first = stretch.first, last = stretch.last;
+      while (first < last) {
+        // A video is read from its beginning each time.
+        const std::size_t number = arguments_.video.empty() ? std::min(kLookedAtOnce, last - first) : last - first;
+        const std::size_t begin = turn == 0 ? first : last - number;
+        look_at({all.begin() + static_cast<std::ptrdiff_t>(begin),
+                 all.begin() + static_cast<std::ptrdiff_t>(begin + number)},
+                guard);
+        if (turn == 0) first += number;
+        if (turn != 0) last -= number;
+      }
+    }
+    if (readable_ == 0 && !first_error_.empty() && fresh_.size() == source_->keyframe_ids().size()) {
+      throw IoError("no image can be read; the first one: " + first_error_);
+    }
+  }
+
+  /// A few images that follow each other: others may have seen those before and after, so they are verified among
+  /// themselves.
+  void look_at(const Ids& ids, const InterruptGuard& guard) {
+    std::set<std::int64_t> wanted;
+    for (const std::int64_t id : ids) {
+      if (fresh_.count(id) == 0) continue;
+      const bool is_known = step_->find_look(id);
+      readable_ += is_known;
+      if (!is_known) wanted.insert(id);
+    }
+    if (wanted.empty()) return;
+    std::optional<PairingVerifier> verifier;
+    if (!arguments_.no_verify) verifier.emplace(map_);
+    const std::unique_ptr<ImageSource> images = open_images(arguments_, map_);
+    images->restrict_to(wanted);
+    const auto lost = [this](const SkippedKeyframe& skipped) {
+      if (first_error_.empty()) first_error_ = skipped.reason;
+      skip(skipped);
+    };
+    const auto look = [&](std::size_t, const ImageSource::Item& item) {
+      step_->look_at(item.keyframe_id, item.image);
+      step_->save_look(item.keyframe_id);
+      ++readable_;
+    };
+    const ImageLoop::End end =
+        ImageLoop{*images, map_, threads(), verifier ? &*verifier : nullptr, nullptr, lost, look}(guard);
+    if (end.pairing && end.pairing->doubtful) progress_.warning(end.pairing->message);
+  }
+
+  void skip(const SkippedKeyframe& skipped) {
+    if (!skipped_.insert(skipped.keyframe_id).second) return;
+    progress_.warning("keyframe " + std::to_string(skipped.keyframe_id) + " skipped: " + skipped.reason);
+  }
+
+  // --- waves ---------------------------------------------------------------------------------------------------------
+
+  WaveReport make_planes() {
+    Ids missing;
+    for (const std::int64_t id : mine_) {
+      if (!step_->has_planes(id)) missing.push_back(id);
+    }
+    return make(missing, [&](const auto& made) { return step_->planes_densifier(missing, made); });
+  }
+
+  WaveReport make_points() {
+    Ids missing;
+    for (const std::int64_t id : mine_) {
+      if (!step_->has_points(id)) missing.push_back(id);
+    }
+    const SharedStep shared(*step_, workspace_.shards().markers(), shard_.count);
+    const Ids lacking = step_->planes_lacking(missing, shared.without(Wave::kPlanes));
+    if (!lacking.empty() && arguments_.wave == Wave::kPoints) {
+      throw IoError(
+          arguments_.workspace.string() + ": points of shard " + text_of(shard_) +
+          " need planes that are not there: " + shared.who_lacks(lacking, {}) +
+          "; run them first, with --wave planes, or leave --wave out: this shard then makes these planes, too");
+    }
+    return make(missing, [&](const auto& made) { return step_->points_densifier(missing, lacking.empty(), made); });
+  }
+
+  template <class Open>
+  WaveReport make(const Ids& missing, const Open& open) {
+    WaveReport report;
+    report.keyframes = static_cast<std::int64_t>(mine_.size());
+    report.found = report.keyframes - static_cast<std::int64_t>(missing.size());
+    if (missing.empty()) return report;
+    std::set<std::int64_t> without(missing.begin(), missing.end());
+    const std::unique_ptr<Densifier> densifier =
+        open([&](std::int64_t id) { report.made += static_cast<std::int64_t>(without.erase(id)); });
+    densify(*densifier);
+    report.without.assign(without.begin(), without.end());
+    return report;
+  }
+
+  void densify(Densifier& densifier) {
+    if (announced_backend_ != densifier.backend()) progress_.message("backend: " + densifier.backend());
+    announced_backend_ = densifier.backend();
+    const InterruptGuard guard(&densifier);
+    const Ids needed = densifier.images();
+    const std::unique_ptr<ImageSource> images = open_images(arguments_, map_);
+    images->restrict_to({needed.begin(), needed.end()});
+    const auto lost = [](const SkippedKeyframe& skipped) {
+      throw IoError("the image of keyframe " + std::to_string(skipped.keyframe_id) +
+                    ", which results depend on, can no longer be read: " + skipped.reason +
+                    "; leave images as they are while shards work");
+    };
+    const auto add = [&](std::size_t index, const ImageSource::Item& item) {
+      Keyframe keyframe = keyframe_of(map_, *map_.find_keyframe(item.keyframe_id));
+      keyframe.scale = step_->scale_of(keyframe.id);
+      keyframe.image = item.image.view();
+      keyframe.mask = masks_.mask_for(images->origin(keyframe.id).file, item.image.width(), item.image.height());
+      priors_.give(keyframe, images->origin(keyframe.id).file);
+      const bool taken = densifier.add(keyframe);
+      const Standing standing = standing_of(densifier.stats(), needed.size());
+      progress_.step({name_of(wave_), index + 1, needed.size(), keyframe.id, taken, standing});
+    };
+    ImageLoop{*images, map_, threads(), nullptr, nullptr, lost, add}(guard);
+    progress_.stage("finishing the last keyframes");
+    densifier.flush();
+    guard.check();
+  }
+
+  int threads() const { return options_.threads > 0 ? options_.threads : usable_cpus(); }
+
+  // --- what is told --------------------------------------------------------------------------------------------------
+
+  ShardMarker marker(const WaveReport& report) const {
+    ShardMarker marker;
+    marker.shard = shard_;
+    marker.wave = wave_;
+    if (step_) marker.step = step_->step().name;
+    if (step_) marker.engine = step_->inputs().engine;
+    marker.build = build_;
+    marker.host = host_name();
+    marker.seconds = report.seconds;
+    marker.keyframes = report.keyframes;
+    marker.made = report.made;
+    marker.without = report.without;
+    return marker;
+  }
+
+  void leave_reason(const std::string& reason) noexcept {
+    try {
+      ShardMarker it = marker({});
+      it.failure = reason;
+      workspace_.shards().mark(it);
+    } catch (const std::exception&) {  // what went wrong first is what is told
+    }
+  }
+
+  void tell(const WaveReport& report) {
+    std::string text = "shard " + text_of(shard_) + ": " + name_of(wave_) + " of " + std::to_string(report.keyframes) +
+                       " of " + std::to_string(depth_maps_.size()) + " depth maps: " + std::to_string(report.made) +
+                       " made, " + std::to_string(report.found) + " found";
+    if (!report.without.empty()) text += ", " + std::to_string(report.without.size()) + " have none";
+    progress_.message(text + "; " + duration_text(report.seconds));
+  }
+
+  void finish(const nlohmann::ordered_json& waves) {
+    nlohmann::ordered_json json{{"generator", version_text()},
+                                {"shard", shard_.index},
+                                {"of", shard_.count},
+                                {"step", step_->step().name},
+                                {"engine", step_->inputs().engine},
+                                {"build", build_},
+                                {"host", host_name()},
+                                {"depth_maps", depth_maps_.size()},
+                                {"waves", waves},
+                                {"seconds", seconds_since(start_)},
+                                {"peak_memory_mib", peak_memory_mib()}};
+    if (!arguments_.stats.empty()) write_file(arguments_.stats, json.dump(2) + "\n");
+    progress_.done(json);
+  }
+
+  static constexpr std::size_t kLookedAtOnce = 16;
+
+  const Arguments& arguments_;
+  DensifierOptions options_;
+  workspace::Workspace& workspace_;
+  const workspace::Shard shard_;
+  const std::string build_;
+  Wave wave_;  ///< in which it is, or that comes first
+  const Clock::time_point start_ = Clock::now();
+  Progress progress_;
+  SlamMap map_;
+  std::unique_ptr<ImageSource> source_;
+  std::unique_ptr<WorkspaceStep> step_;
+  std::set<std::int64_t> fresh_;
+  std::set<std::int64_t> skipped_;
+  std::size_t readable_ = 0;
+  std::string first_error_;
+  Ids depth_maps_;  ///< keyframes that get one
+  Ids mine_;        ///< this shard's
+  MaskSource masks_{open_masks(arguments_)};
+  PriorDepths priors_{arguments_};
+  std::string announced_backend_;
+};
+
+}  // namespace
+
+void run_shard(const Arguments& arguments) {
+  DensifierOptions options = effective_options(arguments);
+  refuse_endless_chain(options);
+  check_names(arguments);
+  workspace::Workspace workspace(arguments.workspace, workspace::Workspace::Access::kShared);
+  check_targets(arguments);
+  if (options.free_space.whole_mission) {
+    options.scratch_folder = (arguments.scratch.empty() ? arguments.workspace : arguments.scratch).string();
+  }
+  ShardRun(arguments, options, workspace)();
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,360 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "workspace_step.h"
+
+#include <algorithm>
+#include <system_error>
+#include <utility>
+
+#include "engine_text.h"
+#include "image_input.h"
+#include "option_json.h"
+#include "pmsp/error.h"
+#include "pmsp/io/map.h"
+#include "pmsp/io/workspace/fingerprint.h"
+#include "prior_depths.h"
+#include "targets.h"
+
+namespace pmsp::tool {
+namespace {
+
+using workspace::StepKeyframePlan;
+
+/// What a file of a keyframe holds, if it is the keyframe's.
+template <class T>
+T own(std::int64_t id, T loaded) {
+  if (loaded.keyframe_id == id) return loaded;
+  throw IoError("the record of the workspace names a file of keyframe " + std::to_string(loaded.keyframe_id) +
+                " as that of keyframe " + std::to_string(id) + "; delete the workspace, or name another one");
+}
+
+/// A name for what is seen of an image: whatever that depends on has a say in it.
+std::string look_file(const workspace::StepKeyframe& it) {
+  workspace::Fingerprint inputs;
+  inputs.add(version_text()).add(it.looked_for).add(it.image);
+  inputs.add(it.keyframe.cam_from_world.rotation.data(), 9 * sizeof(double));
+  inputs.add(it.keyframe.cam_from_world.translation.data(), 3 * sizeof(double));
+  for (const Landmark& landmark : it.keyframe.landmarks) {
+    inputs.add(landmark.id).add(landmark.position_world.data(), 3 * sizeof(double));
+  }
+  return std::to_string(it.keyframe.id) + "-" + inputs.text().substr(0, 16);
+}
+
+/// What the sharpness of an image is recorded for.
+std::string looked_for_text(const DensifierOptions& options) {
+  const bool looks = options.view_filter.enabled && options.view_filter.min_sharpness > 0.0;
+  return looks ? "blur at a width of " + std::to_string(options.width) : "nothing";
+}
+
+/// Whether most landmarks of a record are still observed. Where not, it can hardly be compared with newer ones.
+bool is_up_to_date(const SharpnessRecord& record, const std::vector<Landmark>& landmarks) {
+  std::set<std::int64_t> ids;
+  for (const Landmark& landmark : landmarks) ids.insert(landmark.id);
+  const auto observed = std::count_if(record.landmarks.begin(), record.landmarks.end(),
+                                      [&](const LandmarkSharpness& at) { return ids.count(at.id) != 0; });
+  return 2 * static_cast<std::size_t>(observed) >= record.landmarks.size();
+}
+
+}  // namespace
+
+std::string relative_text(const std::filesystem::path& path, const std::filesystem::path& folder) {
+  std::error_code error;
+  const std::filesystem::path relative = std::filesystem::relative(place_of(path), place_of(folder), error);
+  return error || relative.empty() ? place_of(path).string() : relative.string();
+}
+
+WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& arguments,
+                             const DensifierOptions& options, const SlamMap& map, bool growing)
+    : workspace_(workspace),
+      arguments_(arguments),
+      options_(options),
+      map_(map),
+      executor_(options.threads, options.simd) {
+  workspace_.look_again();
+  inputs_.options = options;
+  inputs_.mask = masks_text(arguments, workspace_);
+  inputs_.growing = growing;
+  const bool has_pages = !arguments.depth_maps.empty() || !arguments.preview.empty() || !arguments.report.path.empty();
+  inputs_.ask_all_again = has_pages && arguments.verb != Verb::kMerge;  // which makes nothing
+}
+
+std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable) {
+  std::set<std::int64_t> fresh;
+  const MaskSource masks = open_masks(arguments_);
+  const PriorDepths priors(arguments_);
+  for (const std::int64_t id : source.keyframe_ids()) {
+    const ImageSource::Origin origin = source.origin(id);
+    const Keyframe keyframe = keyframe_of(map_, *map_.find_keyframe(id));
+    workspace::StepKeyframe it;
+    it.keyframe = {id, keyframe.cam_from_world, keyframe.landmarks, {}};
+    it.looked_for = looked_for_text(options_);
+    try {
+      it.image = workspace_.fingerprint(origin.file) + (origin.frame.empty() ? "" : ", " + origin.frame);
+      if (masks.is_folder() && !masks.file_for(origin.file).empty())
+        it.image += ", mask " + workspace_.fingerprint(masks.file_for(origin.file));
+      const std::filesystem::path prior = priors.file_for(id, origin.file);
+      if (!prior.empty()) {
+        it.image += ", prior depth " + workspace_.fingerprint(prior);
+        if (prior.extension() == ".png") it.image += " times " + priors.unit_text();
+      }
+    } catch (const IoError& error) {
+      unreadable.push_back({id, error.what()});
+      continue;
+    }
+    const auto found = workspace_.record().keyframes.find(id);
+    const bool is_known = found != workspace_.record().keyframes.end() && found->second.image == it.image &&
+                          found->second.looked_for == it.looked_for &&
+                          is_up_to_date(found->second.sharpness, keyframe.landmarks);
+    if (is_known) {
+      it.width = found->second.width;
+      it.height = found->second.height;
+      it.keyframe.sharpness = found->second.sharpness;
+    }
+    ids_.push_back(id);
+    stock_[id] = std::move(it);
+    if (!is_known && !find_look(id)) fresh.insert(id);
+  }
+  return fresh;
+}
+
+bool WorkspaceStep::find_look(std::int64_t keyframe_id) {
+  workspace::StepKeyframe& it = stock_.at(keyframe_id);
+  const std::optional<workspace::Look> look = workspace_.find_look(look_file(it));
+  if (!look) return false;
+  it.width = look->width;
+  it.height = look->height;
+  it.keyframe.sharpness = look->sharpness;
+  return true;
+}
+
+void WorkspaceStep::save_look(std::int64_t keyframe_id) const {
+  const workspace::StepKeyframe& it = stock_.at(keyframe_id);
+  workspace_.save_look(look_file(it), {it.width, it.height, it.keyframe.sharpness});
+}
+
+void WorkspaceStep::look_at(std::int64_t keyframe_id, const Image<Rgb>& image) {
+  workspace::StepKeyframe& it = stock_.at(keyframe_id);
+  Keyframe keyframe = keyframe_of(map_, *map_.find_keyframe(keyframe_id));
+  keyframe.image = image.view();
+  it.keyframe = plan_keyframe(keyframe, options_, &executor_);
+  it.width = image.width();
+  it.height = image.height();
+}
+
+void WorkspaceStep::decide(const std::string& engine) {
+  for (const std::int64_t id : ids_) {
+    if (stock_.at(id).width > 0) inputs_.keyframes.push_back(std::move(stock_.at(id)));
+  }
+  if (!inputs_.keyframes.empty()) fill_in_size(options_, inputs_.keyframes[0].width, inputs_.keyframes[0].height);
+  const Densifier probe(options_, {});  // with sizes: whether a device's memory suffices depends on them
+  options_.backend = probe.options().backend;
+  options_.simd = probe.options().simd;
+  inputs_.engine = engine.empty() ? engine_text(options_, probe.backend(), arguments_) : engine;
+  inputs_.width = options_.width;
+  nlohmann::ordered_json json = options_of_results(options_);
+  inputs_.options_json = json.dump();
+  for (const char* later : {"view_filter", "consistency", "fusion", "free_space"}) json.erase(later);
+  inputs_.planes_options_json = json.dump();
+  step_ = plan_step(workspace_.record(), inputs_);
+  for (workspace::StepKeyframe& it : inputs_.keyframes) std::vector<Landmark>().swap(it.keyframe.landmarks);
+  shortcuts_ = find_shortcuts();
+  for (const PlanEntry& entry : step_.plan.entries) {
+    if (!entry.has_depth_map()) continue;
+    const bool is_there = has_points(entry.id);
+    if (is_there) there_.insert(entry.id);
+    if (!is_there) missing_.push_back(entry.id);
+  }
+}
+
+bool WorkspaceStep::has_planes(std::int64_t keyframe_id) const {
+  return workspace_.has_planes(step_.keyframes.at(keyframe_id));
+}
+
+bool WorkspaceStep::has_points(std::int64_t keyframe_id) const {
+  const StepKeyframePlan& it = step_.keyframes.at(keyframe_id);
+  return it.points_kept || (!inputs_.ask_all_again && workspace_.has_points(it));
+}
+
+/// What there is of earlier steps, and of this one by now.
+Shortcuts WorkspaceStep::find_shortcuts() const {
+  Shortcuts shortcuts;
+  shortcuts.keyframes = step_.shortcuts(options_.patchmatch.geometric_passes);
+  for (const auto& [id, it] : step_.keyframes) {
+    if (it.has_planes || !workspace_.has_planes(it)) continue;
+    shortcuts.keyframes[id] = {Shortcut::Planes::kResult, it.passes, false};
+  }
+  shortcuts.load = [this](std::int64_t id) {
+    const StepKeyframePlan& it = step_.keyframes.at(id);
+    return own(
+        id, workspace_.load_planes(it.has_planes ? workspace_.record().keyframes.at(id).planes->file : it.planes_file));
+  };
+  return shortcuts;
+}
+
+/// For points where no planes are made any more: those that are there are as they will be.
+Shortcuts WorkspaceStep::final_planes() const {
+  Shortcuts shortcuts;
+  for (const auto& [id, it] : step_.keyframes) {
+    if (workspace_.has_planes(it)) shortcuts.keyframes[id] = {Shortcut::Planes::kStart, 0, false};
+  }
+  shortcuts.load = [this](std::int64_t id) {
+    return own(id, workspace_.load_planes(step_.keyframes.at(id).planes_file));
+  };
+  return shortcuts;
+}
+
+std::vector<std::int64_t> WorkspaceStep::planes_lacking(const std::vector<std::int64_t>& points_of,
+                                                        const std::set<std::int64_t>& without) const {
+  std::set<std::int64_t> asked;
+  for (const std::int64_t id : points_of) {
+    const StepKeyframePlan& it = step_.keyframes.at(id);
+    asked.insert(it.asked.begin(), it.asked.end());
+  }
+  std::vector<std::int64_t> lacking;
+  for (const std::int64_t id : asked) {
+    if (!has_planes(id) && without.count(id) == 0) lacking.push_back(id);
+  }
+  return lacking;
+}
+
+std::unique_ptr<Densifier> WorkspaceStep::planes_densifier(
+    const std::vector<std::int64_t>& ids, const std::function<void(std::int64_t keyframe_id)>& made) const {
+  DensifierCallbacks callbacks;
+  callbacks.planes = [this, made](const PlaneMap& planes) {
+    save(planes);
+    made(planes.keyframe_id);
+  };
+  return std::make_unique<Densifier>(options_, step_.plan, ids, std::move(callbacks), find_shortcuts());
+}
+
+std::unique_ptr<Densifier> WorkspaceStep::points_densifier(
+    const std::vector<std::int64_t>& ids, bool planes_are_there,
+    const std::function<void(std::int64_t keyframe_id)>& made) const {
+  DensifierCallbacks callbacks;
+  callbacks.planes = [this](const PlaneMap& planes) { save(planes); };
+  callbacks.cloud = [this, made](const KeyframeCloud& cloud) {
+    save(cloud);
+    made(cloud.keyframe_id);
+  };
+  return std::make_unique<Densifier>(options_, step_.plan, ids, std::move(callbacks),
+                                     planes_are_there ? final_planes() : find_shortcuts());
+}
+
+void WorkspaceStep::save(const PlaneMap& planes) const {
+  workspace_.save_planes(step_.keyframes.at(planes.keyframe_id).planes_file, planes);
+}
+
+void WorkspaceStep::save(const KeyframeCloud& cloud) const {
+  workspace_.save_points(step_.keyframes.at(cloud.keyframe_id).points_file, cloud);
+}
+
+void WorkspaceStep::join(bool is_repeated) {
+  missing_.clear();
+  is_joined_ = true;
+  is_repeated_ = is_repeated;
+}
+
+std::unique_ptr<Densifier> WorkspaceStep::densifier(DensifierCallbacks callbacks) {
+  take_cloud_ = callbacks.cloud;
+  callbacks.planes = [this](const PlaneMap& planes) { save(planes); };
+  callbacks.cloud = [this](const KeyframeCloud& cloud) {
+    hand_on_until(cloud.keyframe_id);
+    save(cloud);
+    take_cloud_(cloud);
+    ++next_;
+  };
+  return std::make_unique<Densifier>(options_, step_.plan, missing_, std::move(callbacks), shortcuts_);
+}
+
+/// Clouds that are there and come before this keyframe's; nullopt = all.
+void WorkspaceStep::hand_on_until(std::optional<std::int64_t> keyframe_id) {
+  for (; next_ < step_.plan.entries.size() && step_.plan.entries[next_].id != keyframe_id; ++next_) {
+    const std::int64_t id = step_.plan.entries[next_].id;
+    if (there_.count(id) == 0) continue;
+    const StepKeyframePlan& it = step_.keyframes.at(id);
+    KeyframeCloud cloud = own(id, workspace_.load_points(it.points_file));
+    cloud.cam_from_world = it.pose.cam_from_world;
+    cloud.scale = it.pose.scale;
+    take_cloud_(cloud);
+  }
+}
+
+double WorkspaceStep::scale_of(std::int64_t keyframe_id) const {
+  const auto found = step_.keyframes.find(keyframe_id);
+  return found == step_.keyframes.end() ? 1.0 : found->second.pose.scale;
+}
+
+void WorkspaceStep::finish() { hand_on_until(std::nullopt); }
+
+void WorkspaceStep::commit(std::size_t lenses_looked_at) {
+  workspace::Record record = record_of(step_, inputs_, workspace_.record());
+  record.map = relative_text(arguments_.map, arguments_.workspace);
+  record.images = relative_text(arguments_.images.empty() ? arguments_.video : arguments_.images, arguments_.workspace);
+  for (const std::filesystem::path& target : target_paths(arguments_)) {
+    const std::string text = relative_text(target, arguments_.workspace);
+    if (std::find(record.outputs.begin(), record.outputs.end(), text) == record.outputs.end()) {
+      record.outputs.push_back(text);
+    }
+  }
+  record.lenses_looked_at = std::max(record.lenses_looked_at, lenses_looked_at);
+  if (is_repeated_) record.step = workspace_.record().step;
+  workspace_.commit(std::move(record));
+}
+
+void WorkspaceStep::count_keyframes(DensifierStats& stats) const {
+  stats.keyframes_added = stats.keyframes_accepted = stats.keyframes_rejected = stats.keyframes_blurred = 0;
+  stats.keyframes_without_neighbour = stats.keyframes_without_range = 0;
+  for (const PlanEntry& entry : step_.plan.entries) {
+    ++stats.keyframes_added;
+    ++(entry.used() ? stats.keyframes_accepted : stats.keyframes_rejected);
+    stats.keyframes_blurred += entry.use == KeyframeUse::kBlurred;
+    stats.keyframes_without_neighbour += entry.use == KeyframeUse::kNoNeighbour;
+    stats.keyframes_without_range += entry.use == KeyframeUse::kNoRange;
+  }
+}
+
+nlohmann::ordered_json WorkspaceStep::report() const {
+  std::int64_t kept = 0, refined = 0, made = 0, found = 0, points = 0, passes = 0;
+  std::map<std::string, int> reasons;
+  for (const auto& [id, it] : step_.keyframes) {
+    const auto shortcut = shortcuts_.keyframes.find(id);
+    const bool was_found =
+        shortcut != shortcuts_.keyframes.end() && shortcut->second.planes == Shortcut::Planes::kResult;
+    kept += it.passes == 0;
+    refined += it.has_planes && it.passes > 0;
+    found += was_found;
+    made += !it.has_planes && !was_found;
+    passes += was_found ? 0 : it.passes;
+    points += there_.count(id) != 0;
+    if (!it.reason.empty()) ++reasons[it.reason];
+  }
+  nlohmann::ordered_json json{{"step", step_.name},
+                              {"depth_maps", step_.keyframes.size()},
+                              {"kept", kept},
+                              {"refined", refined},
+                              {"made", made},
+                              {"found", found},
+                              {"unfinished", step_.unfinished},
+                              {"passes", passes},
+                              {"points_kept", points}};
+  json["reasons"] = reasons;
+  return json;
+}
+
+std::string WorkspaceStep::summary() const {
+  const nlohmann::ordered_json json = report();
+  const auto number = [&](const char* key) { return std::to_string(json[key].get<std::int64_t>()); };
+  std::string text = "workspace:   of " + number("depth_maps") + " depth maps " + number("kept") + " are kept, " +
+                     number("refined") + " refined, " + number("made") + " made";
+  if (json["found"] != 0)
+    text += ", " + number("found") + (is_joined_ ? " found from shards" : " found from an interrupted run");
+  const char* before = " (";
+  for (const auto& [reason, count] : json["reasons"].items()) {
+    text += before + reason + " " + std::to_string(count.get<int>());
+    before = ", ";
+  }
+  if (*before == ',') text += ")";
+  if (json["unfinished"] != 0) text += "; " + number("unfinished") + " lack passes for now";
+  return text + "; points of " + number("points_kept") + " keyframes are kept";
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-2-Clause
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { busyBox, busyStretch, planHalf, viewDistance } from "../src/framing";
+import type { Vec3 } from "../src/geometry";
+
+const even = (low: number, high: number, count: number): number[] =>
+  Array.from({ length: count }, (_, i) => low + ((high - low) * i) / (count - 1));
+
+test("all that lies evenly is shown", () => {
+  const [low, high] = busyStretch(even(-3, 5, 1001));
+  assert.ok(Math.abs(low + 2.92) < 0.02 && Math.abs(high - 4.92) < 0.02, `${low} ${high}`);
+});
+
+test("a crowd far away does not make the room small", () => {
+  for (const far of [20, 250, 500]) {
+    const [low, high] = busyStretch([...even(-3, 5, 1000), ...even(180, 220, far)]);
+    assert.ok(low >= -3 && low < -2.5 && high <= 5 && high > 4.5, `${far}: ${low} ${high}`);
+  }
+});
+
+test("what is as large as the rest stays", () => {
+  const [low, high] = busyStretch([...even(0, 10, 800), ...even(10, 14, 200)]);
+  assert.ok(low < 0.5 && high > 13.5, `${low} ${high}`);
+});
+
+test("values that are the same, and few of them, have a stretch", () => {
+  assert.deepEqual(busyStretch([2, 2, 2, 2]), [2, 2]);
+  assert.deepEqual(busyStretch([7]), [7, 7]);
+  assert.equal(busyBox([], []), null);
+});
+
+test("the box holds the room and the path, not the street outside", () => {
+  const room: Vec3[] = even(0, 1, 2000).map((t, i) => [4 * t, (i * 7) % 3, (i * 13) % 2]);
+  const street: Vec3[] = even(0, 1, 300).map((t) => [150 + 40 * t, -80 + 160 * t, -10]);
+  const box = busyBox([...room, ...street], [[-1, 1, 1]]);
+  assert.ok(box);
+  assert.equal(box.low[0], -1);
+  assert.ok(box.high[0] > 3.8 && box.high[0] <= 4);
+  assert.ok(box.low[2] >= 0 && box.high[1] <= 2);
+});
+
+test("a plan shows all of the box, whichever side is longer", () => {
+  for (const [high, aspect] of [[[8, 4, 3], 2], [[4, 8, 3], 2], [[8, 4, 3], 0.5]] as [Vec3, number][]) {
+    const half = planHalf([0, 0, 0], high, aspect);
+    const [wide, tall] = [high[0] / (2 * half * aspect), high[1] / (2 * half)];
+    assert.ok(Math.max(wide, tall) < 1 && Math.max(wide, tall) > 0.8, `${wide} ${tall}`);
+  }
+  assert.ok(viewDistance(10, 0.5) > viewDistance(10, 2));
+});

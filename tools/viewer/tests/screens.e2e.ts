@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// Pictures of the page against those in tests/screens, with tolerance: they come from another processor's points and
+// another version's software rendering. PMSP_SCREENS=write writes them anew. Needs PMSP_DENSIFY and PMSP_SYNTH; exits
+// with 77 where there is no chromium.
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import type { Browser, Page } from "playwright-core";
+import { chromiumPath, openFile, startBrowser } from "./browser";
+
+const { PMSP_DENSIFY: densify, PMSP_SYNTH: synth, PMSP_SCREENS: mode } = process.env;
+if (!chromiumPath() || !densify || !synth) {
+  console.log("skipped: no chromium, or PMSP_DENSIFY and PMSP_SYNTH are not set");
+  process.exit(77);
+}
+
+const screens = join(process.cwd(), "tests", "screens");
+const folder = mkdtempSync(join(tmpdir(), "pmsp-screens-"));
+const report = join(folder, "report.html");
+let browser: Browser;
+
+before(async () => {
+  const mission = join(folder, "mission");
+  execFileSync(synth, ["--scene", "room", "--width", "1024", "--keyframes", "6", "-o", mission], { stdio: "ignore" });
+  execFileSync(
+    densify,
+    ["run", join(mission, "map.msg"), "--images", join(mission, "images"), "-o", join(folder, "c.ply"), "--report", report]
+      .concat(["--backend", "cpu", "--width", "640", "--height", "320", "--progress", "none", "--scale", "1"]),
+    { stdio: ["ignore", "ignore", "inherit"] },
+  );
+  browser = await startBrowser();
+});
+
+after(async () => {
+  await browser?.close();
+  rmSync(folder, { recursive: true });
+});
+
+interface Difference {
+  mean: number;
+  far: number;
+  size: string;
+}
+
+/**
+ * Of means over blocks of 8 x 8 pixels, as shares of full brightness: the mean difference, and the share of blocks that
+ * are off by more than a tenth.
+ */
+const difference = (page: Page, a: Buffer, b: Buffer): Promise<Difference> =>
+  page.evaluate(
+    async ([a, b]) => {
+      const blocks = async (base64: string): Promise<[number[], string]> => {
+        const image = new Image();
+        image.src = `data:${base64.startsWith("/9j/") ? "image/jpeg" : "image/png"};base64,${base64}`;
+        await image.decode();
+        const canvas = document.createElement("canvas");
+        [canvas.width, canvas.height] = [image.width, image.height];
+        const context = canvas.getContext("2d")!;
+        context.drawImage(image, 0, 0);
+        const { data } = context.getImageData(0, 0, image.width, image.height);
+        const means: number[] = [];
+        for (let y = 0; y + 8 <= image.height; y += 8) {
+          for (let x = 0; x + 8 <= image.width; x += 8) {
+            for (let c = 0; c < 3; ++c) {
+              let sum = 0;
+              for (let i = 0; i < 64; ++i) sum += data[4 * ((y + (i >> 3)) * image.width + x + (i & 7)) + c]!;
+              means.push(sum / 64 / 255);
+            }
+          }
+        }
+        return [means, `${image.width} x ${image.height}`];
+      };
+      const [[one, sizeOne], [other, sizeOther]] = [await blocks(a!), await blocks(b!)];
+      const off = one.map((value, i) => Math.abs(value - (other[i] ?? 1)));
+      const mean = off.reduce((sum, x) => sum + x, 0) / off.length;
+      return { mean, far: off.filter((x) => x > 0.1).length / off.length, size: sizeOne === sizeOther ? "" : `${sizeOne}, not ${sizeOther}` };
+    },
+    [a.toString("base64"), b.toString("base64")],
+  );
+
+const hashes: Record<string, string> = {
+  around: "",
+  plan: "view=plan&color=height",
+  flight: "view=walk&keyframe=2&color=confidence",
+  photo: "view=keyframe&keyframe=0&fade=0.3",
+};
+
+for (const [name, hash] of Object.entries(hashes)) {
+  test(`the picture "${name}" looks as it did`, async () => {
+    const { page } = await openFile(browser, report, { hash, width: 640, height: 480 });
+    await page.waitForFunction(() => {
+      const { viewer } = (window as any).pmspPage;
+      return viewer.state.mode !== "keyframe" || viewer.panorama.ready;
+    });
+    await page.waitForTimeout(800);
+    const picture = await page.locator("#view").screenshot({ type: "png" });
+    const file = join(screens, `${name}.jpg`);
+    if (mode === "write") writeFileSync(file, await page.locator("#view").screenshot({ type: "jpeg", quality: 60 }));
+    assert.ok(existsSync(file), `${file} is missing; PMSP_SCREENS=write makes it`);
+    const off = await difference(page, picture, readFileSync(file));
+    console.log(`# ${name}: mean difference ${off.mean.toFixed(4)}, ${(100 * off.far).toFixed(2)} % of the blocks differ`);
+    const told = join(tmpdir(), `pmsp-screen-${name}.png`);
+    const isSame = off.size === "" && off.mean < 0.02 && off.far < 0.03;
+    if (!isSame) writeFileSync(told, picture);
+    assert.ok(isSame, `it is not ${file} (${off.size || `mean ${off.mean}, ${off.far} of the blocks`}); it is in ${told}`);
+    await page.context().close();
+  });
+}
+
+test("another colouring is another picture", async () => {
+  const { page } = await openFile(browser, report, { hash: "color=normal", width: 640, height: 480 });
+  await page.waitForTimeout(800);
+  const off = await difference(page, await page.locator("#view").screenshot({ type: "png" }), readFileSync(join(screens, "around.jpg")));
+  assert.ok(off.mean > 0.02 && off.far > 0.03, `mean ${off.mean}, ${off.far} of the blocks`);
+  await page.context().close();
+});
