@@ -47,14 +47,11 @@ std::vector<std::string> run_on(const fs::path& map, const fs::path& images, con
 /// The share of points that another cloud has within 2 % of the room.
 double share_in(const PlyCloud& cloud, const PlyCloud& other) {
   constexpr double kNear = 0.1;
-  std::size_t near = 0;
-  std::size_t asked = 0;
-  for (std::size_t i = 0; i < cloud.positions.size(); i += 7, ++asked) {
-    near += std::any_of(other.positions.begin(), other.positions.end(), [&](const Eigen::Vector3d& p) {
-      return (p - cloud.positions[i]).squaredNorm() < kNear * kNear;
-    });
-  }
-  return static_cast<double>(near) / static_cast<double>(asked);
+  const auto near = std::count_if(cloud.positions.begin(), cloud.positions.end(), [&](const Eigen::Vector3d& point) {
+    return std::any_of(other.positions.begin(), other.positions.end(),
+                       [&](const Eigen::Vector3d& p) { return (p - point).squaredNorm() < kNear * kNear; });
+  });
+  return static_cast<double>(near) / static_cast<double>(cloud.positions.size());
 }
 
 }  // namespace
