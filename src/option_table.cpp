@@ -180,6 +180,8 @@ void filters(Table& table) {
       .range(-1, 1)
       .paper(0.1);
 
+  PMSP_OPTION(median.weighted, "Then move depth edges to where the image has them").paper(0);
+
   table.stage("Consistency filter");
   PMSP_OPTION(consistency.enabled, "Keep only what several depth maps agree on");
   PMSP_OPTION(consistency.window, "Depth maps compared, the filtered one in the middle")

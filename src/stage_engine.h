@@ -21,6 +21,7 @@
 #include "sphere/image_noise.h"
 #include "util/eigen_kernels.h"
 #include "util/stopwatch.h"
+#include "weighted_median.h"
 
 namespace pmsp {
 
@@ -544,6 +545,16 @@ class StageEngine final : public Engine {
     return filtered;
   }
 
+  Planes weighted_median_of(const StageFrame& frame, const Planes& planes, Processor& on) {
+    Planes moved = on.planes();
+    const HeldMask mask = mask_of(frame, on);
+    const Array<Color> color = frame.color.get(on);
+    on.launch(
+        kernels::WeightedMedian<Views>{on.map(planes), on.grid(), on.color(color), view_of(mask, on), on.to(moved)},
+        nullptr);
+    return moved;
+  }
+
   /// Nobody else asks for the planes of the last pass.
   void finish_match(StageFrame& reference, const Planes& raw, Processor& on) {
     if (context_.results.raw_depth && reference.asked_for) {
@@ -551,7 +562,11 @@ class StageEngine final : public Engine {
     }
     Planes median;
     on.counted(
-        context_.stats.seconds_median, [&](Counts* counts) { median = median_of(reference, raw, counts, on); },
+        context_.stats.seconds_median,
+        [&](Counts* counts) {
+          median = median_of(reference, raw, counts, on);
+          if (context_.options.median.weighted) median = weighted_median_of(reference, median, on);
+        },
         [&stats = context_.stats](const std::int64_t* numbers) {
           ++stats.depth_maps;
           stats.pixels += numbers[0];

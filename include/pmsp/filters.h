@@ -8,6 +8,7 @@
 #include "pmsp/executor.h"
 #include "pmsp/image.h"
 #include "pmsp/options.h"
+#include "pmsp/panorama.h"
 #include "pmsp/plane_map.h"
 
 namespace pmsp {
@@ -21,6 +22,14 @@ struct FilterStats {
 /// whose photometric score is too low. What stays keeps its plane; scores are cut off at 0 and 1. Throws InvalidOption.
 PMSP_API PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, const Executor& executor,
                                 FilterStats* stats = nullptr);
+
+/// Moves depth edges to where the image has them: each pixel that is off by more than 0.5 % takes the plane that gives
+/// the weighted median of the depths around it (13 x 13 pixels, every other one; towards the poles wider). Planes count
+/// the more the more similar their pixels' colours are, the nearer they are, and the better they match. Pixels without
+/// a plane get one, but for those that `panorama`'s mask forbids. `map`: after the median filter. Source: Ma et al.
+/// 2013, "Constant time weighted median filtering for stereo matching and beyond". Throws InvalidInput when the sizes
+/// differ.
+PMSP_API PlaneMap weighted_median_filter(const PlaneMap& map, const Panorama& panorama, const Executor& executor);
 
 /// Drops depths on which fewer than `options.min_views` maps agree, `map` included; where fewer maps are at hand than
 /// `options.window`, in proportion (at least one other), and depths that as many maps contradict as agree: those whose

@@ -72,13 +72,15 @@ struct PMSP_API PatchMatchOptions {
   void validate() const;  ///< throws InvalidOption
 };
 
-/// Removes single outliers from a depth map.
+/// Removes single outliers from a depth map, and sets its edges right.
 struct PMSP_API MedianFilterOptions {
   bool enabled = true;
   double max_relative_deviation = 0.05;  ///< from the median of the 3 x 3 neighbourhood, 0 to 1; more is dropped
   /// Photometric score (NCC, what is negative taken for 0) below which a pixel is dropped, -1 to 1. 0 drops none: on
   /// bare walls it is low however right the plane is, and what is wrong the consistency filter finds.
   double min_score = 0.0;
+  /// Then moves depth edges to where the image has them: see weighted_median_filter (filters.h).
+  bool weighted = true;
 
   void validate() const;  ///< throws InvalidOption
 };

@@ -13,6 +13,7 @@
 #include "plane_prior.h"
 #include "ranges.h"
 #include "stage.h"
+#include "weighted_median.h"
 
 // The CPU backend: the stages over one row of pixels, once for each instruction set. This header is included by code of
 // every instruction set and therefore holds plain data only.
@@ -31,9 +32,10 @@ template <class... Stages>
 struct StageList {
   using Rows = std::tuple<RowOf<Stages>...>;
 };
-using RowStages = StageList<kernels::MedianFilter<HostMachine>, kernels::ConsistencyFilter<HostMachine>,
-                            kernels::FindRanges<HostMachine>, kernels::FusePixels<HostMachine>, kernels::Eligibility,
-                            kernels::FindMirrored, kernels::ConfirmMirrors, kernels::FindEvidence<HostMachine>>;
+using RowStages = StageList<kernels::MedianFilter<HostMachine>, kernels::WeightedMedian<HostMachine>,
+                            kernels::ConsistencyFilter<HostMachine>, kernels::FindRanges<HostMachine>,
+                            kernels::FusePixels<HostMachine>, kernels::Eligibility, kernels::FindMirrored,
+                            kernels::ConfirmMirrors, kernels::FindEvidence<HostMachine>>;
 
 template <class Stage, class... Stages>
 constexpr bool has_rows(StageList<Stages...> /*list*/) {

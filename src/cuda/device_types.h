@@ -14,6 +14,7 @@
 #include "ownership.h"
 #include "plane_prior.h"
 #include "ranges.h"
+#include "weighted_median.h"
 
 // What kernels are called with. Pointers are device pointers. Images are row-major without padding unless it says
 // otherwise.

@@ -32,6 +32,7 @@ void launch(const Stage& stage, Counts* counts, cudaStream_t stream) {
 }
 
 template void launch(const kernels::MedianFilter<DeviceMachine>&, Counts*, cudaStream_t);
+template void launch(const kernels::WeightedMedian<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::ConsistencyFilter<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::FindRanges<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::FusePixels<DeviceMachine>&, Counts*, cudaStream_t);

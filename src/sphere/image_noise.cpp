@@ -25,7 +25,8 @@ constexpr double kBarest = 0.05;  // share of the patches
 /// Mean gray value of a square; none where the mask forbids a pixel of it. x wraps.
 std::optional<float> mean_gray(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, double x, double y,
                                int side) {
-  const int left = static_cast<int>(std::floor(x - 0.5 * side + 0.5));
+  const int x0 = static_cast<int>(std::floor(x - 0.5 * side + 0.5)) % image.width;
+  const int left = x0 < 0 ? x0 + image.width : x0;
   const int top = std::clamp(static_cast<int>(std::floor(y - 0.5 * side + 0.5)), 0, image.height - side);
   const int skip = std::max(1, side / kMostRows);
   int red = 0;
@@ -33,11 +34,12 @@ std::optional<float> mean_gray(ImageView<const Rgb> image, ImageView<const std::
   int blue = 0;
   int count = 0;
   for (int row = top; row < top + side; row += skip) {
+    const Rgb* const pixels = image.row(row);
     for (int i = 0; i < side; i += skip) {
-      const int column = ((left + i) % image.width + image.width) % image.width;
+      const int column = left + i < image.width ? left + i : left + i - image.width;
       if (!mask.empty() && mask(column, row) == 0) return std::nullopt;
       ++count;
-      const Rgb& pixel = image(column, row);
+      const Rgb& pixel = pixels[column];
       red += pixel.r;
       green += pixel.g;
       blue += pixel.b;

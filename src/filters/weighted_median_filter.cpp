@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "weighted_median.h"
+
+#include <string>
+
+#include "cpu/cpu_processor.h"
+#include "cpu/executor_impl.h"
+#include "pmsp/error.h"
+#include "pmsp/filters.h"
+#include "sphere/grid.h"
+#include "sphere/plane_views.h"
+
+namespace pmsp {
+
+PlaneMap weighted_median_filter(const PlaneMap& map, const Panorama& panorama, const Executor& executor) {
+  if (map.width() != panorama.width() || map.height() != panorama.height()) {
+    throw InvalidInput("weighted_median_filter: the map has " + std::to_string(map.width()) + " x " +
+                       std::to_string(map.height()) + " pixels, the panorama " + std::to_string(panorama.width()) +
+                       " x " + std::to_string(panorama.height()) + "; they must be equal");
+  }
+  PlaneMap filtered(map.width(), map.height());
+  filtered.keyframe_id = map.keyframe_id;
+  filtered.cam_from_world = map.cam_from_world;
+  filtered.scale = map.scale;
+  const SphereGrid grid(map.width(), map.height());
+  const Array<std::uint32_t> color = color_words(panorama.color(), executor);
+  const std::uint8_t* const usable = panorama.usable().empty() ? nullptr : panorama.usable().row(0);
+  inside(executor).run(kernels::WeightedMedian<kernels::HostMachine>{
+      view_of(map), grid.view(), color.get(), {usable}, arrays_of(filtered)});
+  return filtered;
+}
+
+}  // namespace pmsp
