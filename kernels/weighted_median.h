@@ -14,7 +14,7 @@ namespace pmsp::kernels {
 constexpr int kMedianSide = 7;  ///< planes looked at along one side of the window
 constexpr int kMedianSamples = kMedianSide * kMedianSide;
 constexpr int kMedianStep = 2;              ///< from one to the next [px]
-constexpr float kMedianSigmaSpace = 4.0F;   ///< [px]
+constexpr float kMedianSigmaSpace = 6.0F;   ///< [px]
 constexpr float kMedianSigmaColor = 12.0F;  ///< of the distance between colours [gray levels]
 constexpr float kMedianChange = 0.005F;     ///< relative change of depth below which a pixel keeps its plane
 constexpr int kMedianHalvings = 14;         ///< of the interval that holds the median
@@ -91,7 +91,6 @@ struct WeightedMedian {
       const Vec3<F> apart = color_of<F>(gather_words<F>(color, there)) - own;
       const F score = min(max(score_at<F>(map, there), F(0.05F)), F(1));
       const F square = score * score;
-      constexpr float kOfColor = -0.5F / (kMedianSigmaColor * kMedianSigmaColor);
       const F unlike = fma(F(0.5F / (kMedianSigmaColor * kMedianSigmaColor)), dot(apart, apart), F(distance(k)));
       const F likeness = kernels::exp(F(0) - min(unlike, F(60)));
       weight[k] = select(inverse_depth[k] > F(0), likeness * square * square, F(0));

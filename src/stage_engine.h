@@ -281,6 +281,7 @@ class StageEngine final : public Engine {
       case Artefact::kPlanes:
         for (auto& raw : done.raws) raw.reset();
         done.given.reset();
+        done.evidence = {};
         break;
       case Artefact::kMedian:
         done.median.reset();
@@ -344,6 +345,7 @@ class StageEngine final : public Engine {
     Waiting<std::uint16_t> packed;            ///< those that are, where they cannot be asked for again
     Waiting<Color> color;                     ///< of the depth map's pixels
     Waiting<std::uint8_t> mask;               ///< there, too; none: see Processor::mask
+    PictureEvidence evidence;                 ///< while its passes with plane priors go on
     Array<kernels::Vec3<float>> given;        ///< planes of cells (given_planes); none: there is no prior depth
     Waiting<Plane> raws[2];                   ///< after the last even and the last odd pass of PatchMatch
     Waiting<Plane> median;                    ///< after the last pass and the median filter
@@ -396,10 +398,15 @@ class StageEngine final : public Engine {
         propose_first_planes(task, pass, sources, on);
       } else if (context_.options.patchmatch.plane_priors) {
         sources.priors = on.planes();
-        const StageFrame& reference = own(*task.reference);
+        StageFrame& reference = own(*task.reference);
+        const kernels::Baselines baselines = baselines_of(pass.matching);
+        if (!reference.evidence.is_of(baselines)) {
+          reference.evidence = find_evidence(on, pass.matching.reference, baselines);
+        }
         find_plane_priors(on, looks_[reference.home], reference.given, on.map(sources.before), pass.matching.reference,
-                          reference.noise, baselines_of(pass.matching), pass.matching.limits, on.to(sources.priors));
+                          reference.noise, reference.evidence, pass.matching.limits, on.to(sources.priors));
         pass.priors = on.map(sources.priors);
+        if (task.last) reference.evidence = {};
       }
     });
     on.timed(stats.seconds_patchmatch, [&] {

@@ -118,17 +118,18 @@ HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used
     const double images = flight.left(Artefact::kImage, flight.come());
     const double far_images = flight.left(Artefact::kFarImage, flight.come()) - images;
     // Planes of the last two passes; those of the last one are the median filter's.
-    const double planes = flight.left(Artefact::kPlanes, flight.through(Kind::kMatch, 0)) +
-                          (passes > 0 ? flight.left(Artefact::kPlanes, flight.through(Kind::kMatch, 1)) -
+    const double between = passes > 0 ? flight.left(Artefact::kPlanes, flight.through(Kind::kMatch, 1)) -
                                             flight.left(Artefact::kPlanes, matched)
-                                      : 0.0);
+                                      : 0.0;
+    const double planes = flight.left(Artefact::kPlanes, flight.through(Kind::kMatch, 0)) + between;
+    const double evidence = options.patchmatch.plane_priors ? 8.0 * between : 0.0;
     const std::int64_t filtered = flight.through(Kind::kFilter);
     const double waiting = pixels * (2.0 * flight.left(Artefact::kRangeMap, filtered) +
                                      surfel * flight.left(Artefact::kSurfels, flight.through(Kind::kFuse))) +
                            2.0 * texels * std::max(0.0, far_images);
     const double held =
         8.0 * texels * images +
-        pixels * (4.0 * flight.left(Artefact::kColor, flight.come()) + kPlanes * planes +
+        pixels * (4.0 * flight.left(Artefact::kColor, flight.come()) + kPlanes * planes + evidence +
                   kPlanes * flight.left(Artefact::kMedian, matched) + 4.0 * flight.left(Artefact::kFiltered, filtered));
     most_held = std::max(most_held, held + (waits_in_file ? 0.0 : waiting));
     needed.scratch = std::max(needed.scratch, waits_in_file ? waiting : 0.0);

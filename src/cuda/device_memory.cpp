@@ -27,7 +27,8 @@ std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::si
     case Artefact::kLandmarks:
       return 0;
     case Artefact::kPlanes:
-      return (options.patchmatch.geometric_passes > 0 ? 32 : 16) * pixels;
+      if (options.patchmatch.geometric_passes == 0) return 16 * pixels;
+      return (32 + (options.patchmatch.plane_priors ? 8 : 0)) * pixels;  // what the picture tells, too
     case Artefact::kMedian:
       return 16 * pixels;
     case Artefact::kFiltered:
@@ -64,7 +65,7 @@ std::size_t device_memory_needed(const DensifierOptions& options) {
   // State, warped planes, keys, gray, masks; what is known of mirrors.
   const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 1 + 2) * pixels;
   const std::size_t priors =
-      options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 20 * pixels : 0;
+      options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 16 * pixels : 0;
   const std::size_t copies = (2 * 20 + 2 * 40 + 2) * pixels;  // depth maps and points on their way down
   const std::size_t uploads = 2 * (3 + 1) * std::max(pixels, kCameraPixels);
   return bytes + working + priors + copies + uploads;

@@ -34,7 +34,8 @@ PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const std::
   Array<kernels::Vec3<float>> given;
   if (!prior_depth.empty()) given = on.upload(given_planes(prior_depth, map.scale, grid));
   find_plane_priors(on, on.upload(look_table(grid)), given, view_of(map), inside(panorama).gray.view(),
-                    inside(panorama).noise, baselines, plane_limits(range), arrays_of(priors));
+                    inside(panorama).noise, find_evidence(on, inside(panorama).gray.view(), baselines),
+                    plane_limits(range), arrays_of(priors));
   return priors;
 }
 

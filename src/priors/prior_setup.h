@@ -46,6 +46,34 @@ kernels::Baselines baselines_of(const kernels::Matching<Cube>& matching) {
   return baselines;
 }
 
+/// What the picture tells of each pixel's depth (kernels/depth_evidence.h): the same in all passes that a keyframe is
+/// matched in with the same others.
+struct PictureEvidence {
+  Array<float> variance, certainty;
+  kernels::Baselines baselines{};
+
+  bool is_of(const kernels::Baselines& others) const {
+    if (!variance || baselines.count != others.count) return false;
+    for (int k = 0; k < others.count; ++k) {
+      const kernels::Vec3<float>&a = baselines.to[k], &b = others.to[k];
+      if (a.x != b.x || a.y != b.y || a.z != b.z) return false;
+    }
+    return true;
+  }
+};
+
+template <class Processor, class Cube>
+PictureEvidence find_evidence(Processor& on, const Cube& image, const kernels::Baselines& baselines) {
+  using Machine = typename Processor::Views;
+  const kernels::GridView grid = on.grid();
+  const std::size_t pixels = static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
+  PictureEvidence evidence{on.template array<float>(pixels), on.template array<float>(pixels), baselines};
+  on.launch(kernels::FindEvidence<Machine>{image, grid, baselines, texture_spacing(grid.width), evidence.variance.get(),
+                                           evidence.certainty.get()},
+            nullptr);
+  return evidence;
+}
+
 /// Distances in cells over which planes are handed on, one after the other: far first, so that a plane gets everywhere.
 constexpr int kPriorStrides[] = {16, 8, 4, 2, 1};
 
@@ -53,14 +81,11 @@ constexpr int kPriorStrides[] = {16, 8, 4, 2, 1};
 /// where the processor (processor.h) keeps its arrays. `noise`: see image_noise.
 template <class Processor, class Map, class Cube, class Planes>
 void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kernels::Vec3<float>>& given, const Map& map,
-                       const Cube& image, float noise, const kernels::Baselines& baselines,
+                       const Cube& image, float noise, const PictureEvidence& evidence,
                        const kernels::PlaneLimits& limits, const Planes& to) {
   using Machine = typename Processor::Views;
   using kernels::PriorStep;
   const PriorGrid size(map.width, map.height);
-  const std::size_t pixels = static_cast<std::size_t>(map.width) * static_cast<std::size_t>(map.height);
-  const auto variance = on.template array<float>(pixels);
-  const auto certainty = on.template array<float>(pixels);
   const auto supports = on.template array<kernels::Vec3<float>>(size.cells());
   const auto errors = on.template array<float>(size.cells());
   const auto unsure = on.template array<unsigned char>(size.cells());
@@ -71,10 +96,10 @@ void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kerne
   cells.map = map;
   cells.image = image;
   cells.grid = on.grid();
-  cells.baselines = baselines;
+  cells.baselines = evidence.baselines;
   cells.spacing = texture_spacing(map.width);
-  cells.variance = variance.get();
-  cells.certainty = certainty.get();
+  cells.variance = evidence.variance.get();
+  cells.certainty = evidence.certainty.get();
   cells.min_variance = textured_variance(noise);
   cells.limits = limits;
   cells.columns = size.columns;
@@ -86,9 +111,6 @@ void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kerne
   cells.unsure = unsure.get();
   cells.around = around.get();
   cells.found = found.get();
-  on.launch(
-      kernels::FindEvidence<Machine>{image, cells.grid, baselines, cells.spacing, variance.get(), certainty.get()},
-      nullptr);
   on.launch(kernels::PriorCellStep<Machine, PriorStep::kSupports>{cells}, nullptr);
   on.launch(kernels::PriorCellStep<Machine, PriorStep::kPlanes>{cells}, nullptr);
   for (const int stride : kPriorStrides) {
