@@ -164,24 +164,23 @@ PMSP_HD int look_steps(int rows) {
   return static_cast<int>(kPriorReach / static_cast<float>(kPi) * static_cast<float>(rows));
 }
 
+/// Writes the first support in a direction from a cell that has unsure pixels.
 template <class Machine>
-PMSP_HD void look_around(Surroundings& around, const PriorCells<Machine>& cells, int column, int row) {
+PMSP_HD void look_around(const PriorCells<Machine>& cells, int column, int row, int direction) {
+  const int cell = row * cells.columns + column;
+  if (cells.unsure[cell] == 0) return;
+  Surroundings& around = cells.around[cell];
+  around.points[direction] = {0.0F, 0.0F, 0.0F};
   const int steps = look_steps(cells.rows);
-  const int* look = cells.looks + row * kPriorDirections * steps;
-  around.count = 0;
-  for (int d = 0; d < kPriorDirections; ++d) {
-    around.points[d] = {0.0F, 0.0F, 0.0F};
-    for (int i = 0; i < steps; ++i) {
-      const int first = look[d * steps + i];
-      const bool beyond = first % cells.columns + column >= cells.columns;
-      const int cell = first + column - (beyond ? cells.columns : 0);
-      if (!is_point(cells.supports[cell])) continue;
-      around.points[d] = cells.supports[cell];
-      around.errors[d] = cells.errors[cell];
-      around.tightness[d] = 1.0F / min(kPriorTolerance + 2.0F * cells.errors[cell], kMaxPriorTolerance);
-      ++around.count;
-      break;
-    }
+  const int* const look = cells.looks + (row * kPriorDirections + direction) * steps;
+  for (int i = 0; i < steps; ++i) {
+    const bool beyond = look[i] % cells.columns + column >= cells.columns;
+    const int there = look[i] + column - (beyond ? cells.columns : 0);
+    if (!is_point(cells.supports[there])) continue;
+    around.points[direction] = cells.supports[there];
+    around.errors[direction] = cells.errors[there];
+    around.tightness[direction] = 1.0F / min(kPriorTolerance + 2.0F * cells.errors[there], kMaxPriorTolerance);
+    return;
   }
 }
 
@@ -258,8 +257,8 @@ PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
   return bearing(sinf(lon), cosf(lon), sinf(lat), cosf(lat));
 }
 
-/// Writes `around` and `found` of a cell: of the planes through three supports that surround it, the one that explains
-/// the surroundings best.
+/// Writes `found` of a cell, and the number of supports around: of the planes through three supports that surround it,
+/// the one that explains the surroundings best.
 template <class Machine>
 PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
   constexpr int kWide = kPriorDirections / 2;  // a wider gap, and the cell would lie outside the triangle
@@ -268,7 +267,8 @@ PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
   PriorPlane best{{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)};
   Surroundings& around = cells.around[cell];
   around.count = 0;
-  if (cells.unsure[cell] != 0) look_around(around, cells, column, row);
+  for (int d = 0; d < kPriorDirections && cells.unsure[cell] != 0; ++d)
+    around.count += is_point(around.points[d]) ? 1 : 0;
   if (around.count >= kPriorMinSupports) {
     const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
     for (int i = 0; i + 2 * kNarrow < kPriorDirections; ++i) {
@@ -433,20 +433,23 @@ PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row)
 }
 
 /// What is found for all cells, one after the other.
-enum class PriorStep { kSupports, kPlanes, kChoice };
+enum class PriorStep { kSupports, kSurroundings, kPlanes, kChoice };
 
-/// One of the steps; a stage over the cells.
+/// One of the steps; a stage over the cells, or over the directions from each of them.
 template <class Machine, PriorStep step>
 struct PriorCellStep {
   static constexpr int kCounts = 0;
 
   PriorCells<Machine> cells;
 
-  PMSP_HD int width() const { return cells.columns; }
+  PMSP_HD int width() const { return (step == PriorStep::kSurroundings ? kPriorDirections : 1) * cells.columns; }
   PMSP_HD int height() const { return cells.rows; }
 
   PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
     if constexpr (step == PriorStep::kSupports) find_support(cells, at.column, at.row);
+    if constexpr (step == PriorStep::kSurroundings) {
+      look_around(cells, at.column % cells.columns, at.row, at.column / cells.columns);
+    }
     if constexpr (step == PriorStep::kPlanes) find_plane(cells, at.column, at.row);
     if constexpr (step == PriorStep::kChoice) choose_plane(cells, at.column, at.row);
   }

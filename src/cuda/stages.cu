@@ -47,6 +47,8 @@ template void launch(const kernels::OwnershipRound&, Counts*, cudaStream_t);
 template void launch(const kernels::FindEvidence<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kSupports>&, Counts*,
                      cudaStream_t);
+template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kSurroundings>&, Counts*,
+                     cudaStream_t);
 template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kPlanes>&, Counts*, cudaStream_t);
 template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kChoice>&, Counts*, cudaStream_t);
 template void launch(const kernels::PixelPriors<DeviceMachine>&, Counts*, cudaStream_t);

@@ -112,6 +112,7 @@ void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kerne
   cells.around = around.get();
   cells.found = found.get();
   on.launch(kernels::PriorCellStep<Machine, PriorStep::kSupports>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<Machine, PriorStep::kSurroundings>{cells}, nullptr);
   on.launch(kernels::PriorCellStep<Machine, PriorStep::kPlanes>{cells}, nullptr);
   for (const int stride : kPriorStrides) {
     std::swap(before, found);
