@@ -19,8 +19,8 @@ constexpr float kMedianSigmaColor = 12.0F;  ///< of the distance between colours
 constexpr float kMedianChange = 0.005F;     ///< relative change of depth below which a pixel keeps its plane
 constexpr int kMedianHalvings = 14;         ///< of the interval that holds the median
 
-/// Column offsets grow towards the poles, where columns crowd, up to this.
-constexpr float kMedianMaxStretch = 8.0F;
+/// Column offsets grow towards the poles, where columns crowd, up to this share of the width.
+constexpr float kMedianWidest = 0.125F;
 
 /// Moves planes to the weighted median around; a stage. Pixels without a plane get one, where a depth is wanted.
 template <class Machine>
@@ -71,7 +71,8 @@ struct WeightedMedian {
  private:
   template <class F>
   PMSP_HD IntOf<F> index_of(const Place<F>& at, int k) const {
-    const float stretch = min(1.0F / grid.cos_lat[at.row], kMedianMaxStretch);
+    const float widest = kMedianWidest * static_cast<float>(grid.width) / (kMedianStep * (kMedianSide / 2));
+    const float stretch = min(1.0F / grid.cos_lat[at.row], widest);
     const int dx = kMedianStep * (k % kMedianSide - kMedianSide / 2);
     const int dy = kMedianStep * (k / kMedianSide - kMedianSide / 2);
     return index_beside(grid, at, static_cast<int>(stretch * static_cast<float>(dx)), dy);

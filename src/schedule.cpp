@@ -47,7 +47,7 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
     return;
   }
   const std::size_t fused = add(Kind::kFuse, 0, {{filtered, reach.fusion}}, 0);
-  keep(Artefact::kColor, 0, {{fused, reach.fusion}});
+  keep(Artefact::kColor, 0, {{fused, reach.fusion}, {matched, 0}});  // of a halo nothing may be fused
   median.push_back({fused, reach.fusion});
   keep(Artefact::kMedian, last_match, std::move(median));
   keep(Artefact::kFiltered, stages_[filtered].lead, {{fused, reach.fusion}});

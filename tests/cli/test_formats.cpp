@@ -65,7 +65,7 @@ TEST_CASE("every format gives the cloud of the map") {
   const double usual = share_in(read_ply(dir / "seed.ply"), expected);  // what another seed changes
   std::string colmap;
   for (const FormatFiles& format : all_formats()) {
-    CAPTURE(format.name);
+    CAPTURE(format.name, usual);
     const fs::path folder = dir / "in" / format.name;
     fs::create_directories(folder);
     fs::create_directory_symlink(mission() / "images", folder / "images");
@@ -79,8 +79,10 @@ TEST_CASE("every format gives the cloud of the map") {
     const PlyCloud cloud = read_ply(output);
     const double points = static_cast<double>(cloud.positions.size()) / static_cast<double>(expected.positions.size());
     CHECK(points == Approx(1.0).margin(format.has_observations ? 0.01 : 0.1));
-    CHECK(share_in(cloud, expected) > (format.has_observations ? 0.998 : usual - 0.02));
-    CHECK(share_in(expected, cloud) > (format.has_observations ? 0.998 : usual - 0.02));
+    // Poses that are rounded otherwise change less than half of what another seed does.
+    const double least = format.has_observations ? 1.0 - 0.5 * (1.0 - usual) : usual - 0.02;
+    CHECK(share_in(cloud, expected) > least);
+    CHECK(share_in(expected, cloud) > least);
     if (format.name[0] != 'C') continue;
     if (colmap.empty()) colmap = read_text(output);
     CHECK(read_text(output) == colmap);  // text and binary

@@ -51,6 +51,7 @@ void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments) {
   options.lens_distance = folder.lens_distance();
   options.view_filter.enabled = false;
   options.median.enabled = options.median.enabled && !is_filtered(folder);
+  options.median.weighted = false;  // whoever made the depth maps has set their edges
   options.consistency.enabled = options.consistency.enabled && !is_filtered(folder);
 }
 

@@ -13,21 +13,25 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-/// A sample's error with what it counts.
+/// A sample with what it counts.
 struct Weighted {
+  float confidence;
   float error;
   float weight;
 };
 
-/// The smallest error that at least `share` of the weight does not exceed. `samples` ascend and are not empty.
-double quantile(const std::vector<Weighted>& samples, double total, double share) {
+/// The smallest value that at least `share` of the weight does not exceed. `samples` ascend by it and are not empty.
+double quantile(const std::vector<Weighted>& samples, float Weighted::*value, double total, double share) {
   double sum = 0.0;
   for (const Weighted& sample : samples) {
     sum += static_cast<double>(sample.weight);
-    if (sum >= share * total) return static_cast<double>(sample.error);
+    if (sum >= share * total) return static_cast<double>(sample.*value);
   }
-  return static_cast<double>(samples.back().error);
+  return static_cast<double>(samples.back().*value);
 }
+
+/// What a confidence stands for (pmsp::DepthMap): a median of the relative error.
+double told_error(double confidence) { return 0.005 * (1.0 / confidence - 1.0); }
 
 /// Gathers what falls into one bin, in ascending confidence.
 class BinBuilder {
@@ -35,12 +39,11 @@ class BinBuilder {
   void add(const ConfidenceSample& sample, float weight) {
     if (samples_.empty()) bin_.confidence_min = static_cast<double>(sample.confidence);
     bin_.confidence_max = static_cast<double>(sample.confidence);
-    samples_.push_back({sample.error, weight});
+    samples_.push_back({sample.confidence, sample.error, weight});
   }
 
   CalibrationBin finish(double total, double threshold) {
-    if (samples_.empty()) return {0.0, kNan, kNan, kNan, kNan, kNan};
-    std::sort(samples_.begin(), samples_.end(), [](const auto& a, const auto& b) { return a.error < b.error; });
+    if (samples_.empty()) return {0.0, kNan, kNan, kNan, kNan, kNan, kNan};
     double sum = 0.0;
     double within = 0.0;
     for (const Weighted& sample : samples_) {
@@ -48,8 +51,10 @@ class BinBuilder {
       if (static_cast<double>(sample.error) < threshold) within += static_cast<double>(sample.weight);
     }
     bin_.share = sum / total;
-    bin_.error_median = quantile(samples_, sum, 0.5);
-    bin_.error_p90 = quantile(samples_, sum, 0.9);
+    bin_.error_told = told_error(quantile(samples_, &Weighted::confidence, sum, 0.5));
+    std::sort(samples_.begin(), samples_.end(), [](const auto& a, const auto& b) { return a.error < b.error; });
+    bin_.error_median = quantile(samples_, &Weighted::error, sum, 0.5);
+    bin_.error_p90 = quantile(samples_, &Weighted::error, sum, 0.9);
     bin_.within = within / sum;
     return bin_;
   }

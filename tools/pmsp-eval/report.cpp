@@ -74,6 +74,7 @@ Json to_json(const CalibrationBin& bin) {
   return {{"share", bin.share},
           {"confidence_min", bin.confidence_min},
           {"confidence_max", bin.confidence_max},
+          {"error_told_relative", bin.error_told},
           {"error_median_relative", bin.error_median},
           {"error_p90_relative", bin.error_p90},
           {"within", bin.within}};
@@ -90,7 +91,8 @@ Json to_json(const CalibrationCurve& curve) {
 }
 
 std::string bin_figures(const CalibrationBin& bin) {
-  return format("   %7.3f   %7.3f   %7.2f", 100.0 * bin.error_median, 100.0 * bin.error_p90, 100.0 * bin.within);
+  return format("   %7.3f   %7.3f   %7.3f   %7.2f", 100.0 * bin.error_told, 100.0 * bin.error_median,
+                100.0 * bin.error_p90, 100.0 * bin.within);
 }
 
 std::string verdict(const char* name, const Monotone& m) {
@@ -253,8 +255,8 @@ std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions&
 
 std::string to_table(const Calibration& c) {
   std::string text = format("calibration %zu pixels by deciles of confidence; errors and shares in %%\n", c.pixels);
-  text += "                                   plain                         by solid angle\n";
-  const std::string columns = format("    median       p90   < %3g %%", 100.0 * c.threshold);
+  text += "                                        plain                                   by solid angle\n";
+  const std::string columns = format("      told    median       p90   < %3g %%", 100.0 * c.threshold);
   text += "  decile   confidence " + columns + columns + "\n";
   for (std::size_t i = 0; i < c.plain.deciles.size(); ++i) {
     const CalibrationBin& bin = c.plain.deciles[i];
