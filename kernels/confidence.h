@@ -50,6 +50,7 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float pixel_angle) {
   constexpr float kFloor = 3e-4F;  // what a figure may be by chance
   constexpr float kCalibration = 0.28F;
   constexpr float kOfSpread = 0.7F;
+  constexpr float kLeast = 2e-4F;  // no map knows better where its camera was
   const F agree = max(evidence.agree, F(0.1F));
   const F differs = sqrt(evidence.square_spread / agree);
   const F spread = differs + F(kFloor);
@@ -57,7 +58,7 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float pixel_angle) {
   const F mean = sqrt((evidence.roughness + F(kFloor)) * sqrt(spread * resolution));
   const F doubt = F(kTrustedScore) / min(max(evidence.score, F(0.5F * kTrustedScore)), F(kTrustedScore));
   const F error = F(kCalibration) * mean * doubt * evidence.maps / agree;
-  return sqrt(fma(error, error, F(kOfSpread * kOfSpread) * differs * differs));
+  return sqrt(fma(error, error, F(kOfSpread * kOfSpread) * differs * differs)) + F(kLeast);
 }
 
 /// Relative error that gives a confidence of one half.

@@ -79,6 +79,8 @@ struct PriorCells {
   Surroundings* around;
   const PriorPlane* before;  ///< planes so far, of which those are chosen that are to be written
   PriorPlane* found;         ///< to be written
+  PriorPlane* candidates;    ///< of the planes through three supports, the best of each share: [share][cell]
+  int shares;                ///< that a cell's planes are tried in, for as many threads
   int stride;                ///< from a cell to those whose planes it may choose
 
   PMSP_HD Vec3<float> bearing_at(int x, int y) const { return kernels::bearing_at<float>(grid, x, y); }
@@ -257,22 +259,26 @@ PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
   return bearing(sinf(lon), cosf(lon), sinf(lat), cosf(lat));
 }
 
-/// Writes `found` of a cell, and the number of supports around: of the planes through three supports that surround it,
-/// the one that explains the surroundings best.
+PMSP_HD int supports_around(const Surroundings& around) {
+  int count = 0;
+  for (int d = 0; d < kPriorDirections; ++d) count += is_point(around.points[d]) ? 1 : 0;
+  return count;
+}
+
+/// Writes `candidates` of a cell: of a share of the planes through three supports that surround it, the one that
+/// explains the surroundings best.
 template <class Machine>
-PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
+PMSP_HD void try_planes(const PriorCells<Machine>& cells, int column, int row, int share) {
   constexpr int kWide = kPriorDirections / 2;  // a wider gap, and the cell would lie outside the triangle
   constexpr int kNarrow = 3;                   // a narrower one makes no good triangle
   const int cell = row * cells.columns + column;
   PriorPlane best{{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)};
-  Surroundings& around = cells.around[cell];
-  around.count = 0;
-  for (int d = 0; d < kPriorDirections && cells.unsure[cell] != 0; ++d)
-    around.count += is_point(around.points[d]) ? 1 : 0;
+  const Surroundings& around = cells.around[cell];
   // Every other cell takes over what its neighbours find (choose_plane): half the work, and no worse.
-  if (around.count >= kPriorMinSupports && ((column + row) & 1) == 0) {
+  const bool own = cells.unsure[cell] != 0 && ((column + row) & 1) == 0;
+  if (own && supports_around(around) >= kPriorMinSupports) {
     const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
-    for (int i = 0; i + 2 * kNarrow < kPriorDirections; ++i) {
+    for (int i = share; i + 2 * kNarrow < kPriorDirections; i += cells.shares) {
       for (int j = i + kNarrow; j <= i + kWide && j + kNarrow < kPriorDirections; ++j) {
         for (int k = j + kNarrow; k <= j + kWide && k < kPriorDirections; ++k) {
           const int rest = kPriorDirections + i - k;
@@ -285,7 +291,24 @@ PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
         }
       }
     }
-    if (best.supports > 0) consider(best, refitted(around, best.plane), around, center, cells.limits);
+  }
+  cells.candidates[share * cells.columns * cells.rows + cell] = best;
+}
+
+/// Writes `found` of a cell, the best of its candidates, and the number of supports around.
+template <class Machine>
+PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
+  const int cell = row * cells.columns + column;
+  Surroundings& around = cells.around[cell];
+  around.count = cells.unsure[cell] != 0 ? supports_around(around) : 0;
+  PriorPlane best = cells.candidates[cell];
+  for (int share = 1; share < cells.shares; ++share) {
+    const PriorPlane& other = cells.candidates[share * cells.columns * cells.rows + cell];
+    if (other.cost < best.cost) best = other;
+  }
+  if (best.supports > 0) {
+    const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
+    consider(best, refitted(around, best.plane), around, center, cells.limits);
   }
   cells.found[cell] = best;
 }
@@ -434,22 +457,29 @@ PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row)
 }
 
 /// What is found for all cells, one after the other.
-enum class PriorStep { kSupports, kSurroundings, kPlanes, kChoice };
+enum class PriorStep { kSupports, kSurroundings, kCandidates, kPlanes, kChoice };
 
-/// One of the steps; a stage over the cells, or over the directions from each of them.
+/// One of the steps; a stage over the cells, over the directions from each of them, or over the shares of each.
 template <class Machine, PriorStep step>
 struct PriorCellStep {
   static constexpr int kCounts = 0;
 
   PriorCells<Machine> cells;
 
-  PMSP_HD int width() const { return (step == PriorStep::kSurroundings ? kPriorDirections : 1) * cells.columns; }
+  PMSP_HD int width() const {
+    return cells.columns * (step == PriorStep::kSurroundings ? kPriorDirections
+                            : step == PriorStep::kCandidates ? cells.shares
+                                                             : 1);
+  }
   PMSP_HD int height() const { return cells.rows; }
 
   PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
     if constexpr (step == PriorStep::kSupports) find_support(cells, at.column, at.row);
     if constexpr (step == PriorStep::kSurroundings) {
       look_around(cells, at.column % cells.columns, at.row, at.column / cells.columns);
+    }
+    if constexpr (step == PriorStep::kCandidates) {
+      try_planes(cells, at.column % cells.columns, at.row, at.column / cells.columns);
     }
     if constexpr (step == PriorStep::kPlanes) find_plane(cells, at.column, at.row);
     if constexpr (step == PriorStep::kChoice) choose_plane(cells, at.column, at.row);

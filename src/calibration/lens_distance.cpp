@@ -25,6 +25,7 @@ constexpr std::size_t kStretches = 3;
 constexpr std::size_t kStretch = 8;          ///< keyframes
 constexpr int kMostWidth = 1920;             ///< of the gray images
 constexpr std::size_t kReach = 7;            ///< keyframes before and after one in which its landmarks are looked up
+constexpr std::size_t kShares = 8;           ///< of a keyframe's landmarks, for as many threads
 constexpr std::size_t kMostLandmarks = 128;  ///< of a keyframe, the nearest ones: those tell most
 
 constexpr int kRadius = 5;  ///< of a patch [px]
@@ -201,6 +202,11 @@ void LensDistanceEstimator::add(const Keyframe& keyframe) {
   view->gray = Image<std::uint8_t>(image.width / box, image.height / box);
   for (int y = 0; y < view->gray.height(); ++y) {
     std::uint8_t* const to = view->gray.row(y);
+    if (box == 1) {
+      std::transform(image.row(y), image.row(y) + view->gray.width(), to,
+                     [](const Rgb& pixel) { return static_cast<std::uint8_t>((pixel.r + 2 * pixel.g + pixel.b) / 4); });
+      continue;
+    }
     for (int x = 0; x < view->gray.width(); ++x) {
       int sum = 0;
       for (int j = 0; j < box; ++j) {
@@ -230,12 +236,13 @@ void LensDistanceEstimator::add(const Keyframe& keyframe) {
 }
 
 LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
-  std::vector<std::vector<Term>> found(views_.size());
-  pool_of(executor).for_each(static_cast<int>(views_.size()), [&](int number) {
-    const std::size_t own = static_cast<std::size_t>(number);
+  std::vector<std::vector<Term>> found(views_.size() * kShares);
+  pool_of(executor).for_each(static_cast<int>(found.size()), [&](int number) {
+    const std::size_t own = static_cast<std::size_t>(number) / kShares;
     const View& view = *views_[own];
     const double step = 2.0 * kernels::kPi / view.gray.width();
-    for (const Landmark& landmark : view.landmarks) {
+    for (std::size_t at = static_cast<std::size_t>(number) % kShares; at < view.landmarks.size(); at += kShares) {
+      const Landmark& landmark = view.landmarks[at];
       const Eigen::Vector3d here = view.cam_from_world * landmark.position_world;
       const double depth = here.norm();
       const Eigen::Vector3d bearing = here / depth;
@@ -282,11 +289,11 @@ LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
       if (!term) continue;
       term->distance = depth;
       term->view = own;
-      found[own].push_back(*term);
+      found[static_cast<std::size_t>(number)].push_back(*term);
     }
   });
   std::vector<Term> terms;
-  for (const std::vector<Term>& of_view : found) terms.insert(terms.end(), of_view.begin(), of_view.end());
+  for (const std::vector<Term>& of_share : found) terms.insert(terms.end(), of_share.begin(), of_share.end());
   LensDistance result;
   result.landmarks = static_cast<std::int64_t>(terms.size());
   if (terms.size() < kFewestLandmarks) return result;

@@ -56,6 +56,7 @@ class CpuProcessor {
     Array<Color> color;
     Array<std::uint8_t> mask;
   };
+  static constexpr int kPriorShares = 1;
   static constexpr bool kPacks = true;
   static constexpr bool kMaskInColor = false;
 

@@ -60,6 +60,7 @@ class CudaProcessor {
     Array<Color> color;
     Array<std::uint8_t> mask;  ///< none
   };
+  static constexpr int kPriorShares = 10;
   static constexpr bool kPacks = false;
   static constexpr bool kMaskInColor = true;
 

@@ -49,6 +49,8 @@ template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorS
                      cudaStream_t);
 template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kSurroundings>&, Counts*,
                      cudaStream_t);
+template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kCandidates>&, Counts*,
+                     cudaStream_t);
 template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kPlanes>&, Counts*, cudaStream_t);
 template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kChoice>&, Counts*, cudaStream_t);
 template void launch(const kernels::PixelPriors<DeviceMachine>&, Counts*, cudaStream_t);
