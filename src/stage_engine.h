@@ -20,6 +20,7 @@
 #include "shelved.h"
 #include "sphere/image_noise.h"
 #include "util/eigen_kernels.h"
+#include "util/inside.h"
 #include "util/stopwatch.h"
 #include "weighted_median.h"
 
@@ -53,7 +54,7 @@ class StageEngine final : public Engine {
                                               options.unordered ? scratch_.get() : nullptr);
     {
       const Stopwatch watch(context_.stats.seconds_prepare);
-      frame->noise = image_noise(keyframe.image, keyframe.mask, options.width);
+      frame->noise = image_noise(keyframe.image, keyframe.mask, options.width, pool_of(executor_));
     }
     for (const auto& on : processors_) frame->cubes.push_back(prepare(keyframe, *on, *frame));
     if (options.unordered && (scratch_ || context_.image_again)) put_away(*frame);

@@ -74,30 +74,37 @@ std::optional<float> variance_in(const std::array<float, kernels::kPatchSamples>
 
 }  // namespace
 
-float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width) {
+float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, ThreadPool& pool) {
   const double ratio = static_cast<double>(image.width) / width;
   const double step = kernels::kTexturePixels * ratio;
   // Samples are linear between the map's pixels: that averages over more than one of them.
   const int side = std::clamp(static_cast<int>(std::lround(1.25 * ratio)), 1, std::min(image.width, image.height));
-  std::vector<float> variances;
-  for (int i = 0; i < kPatches; ++i) {  // a Fibonacci lattice
+  const auto variance_of = [&](int i) -> std::optional<float> {  // on a Fibonacci lattice
     const double sin_lat = 1.0 - (2.0 * i + 1.0) / kPatches;
-    if (std::abs(sin_lat) > kMaxSinLat) continue;
+    if (std::abs(sin_lat) > kMaxSinLat) return std::nullopt;
     const double turns = i * 0.6180339887498949;
     const double x = (turns - std::floor(turns)) * image.width;
     const double y = (0.5 - std::asin(sin_lat) / kernels::kPi) * image.height;
     const double across = step / std::sqrt(1.0 - sin_lat * sin_lat);
     std::array<float, kernels::kPatchSamples> grays{};
-    int count = 0;
-    for (; count < kernels::kPatchSamples; ++count) {
+    for (int count = 0; count < kernels::kPatchSamples; ++count) {
       const double right = kernels::patch_offset(count % kernels::kPatchSide);
       const double down = kernels::patch_offset(count / kernels::kPatchSide);
       const auto gray = mean_gray(image, mask, x + across * right, y + step * down, side);
-      if (!gray) break;
+      if (!gray) return std::nullopt;
       grays[static_cast<std::size_t>(count)] = *gray;
     }
-    if (count < kernels::kPatchSamples) continue;
-    if (const auto variance = variance_in(grays)) variances.push_back(*variance);
+    return variance_in(grays);
+  };
+  std::array<std::optional<float>, kPatches> found;
+  constexpr int kTogether = 24;
+  pool.for_each(kPatches / kTogether, [&](int share) {
+    for (int i = share * kTogether; i < (share + 1) * kTogether; ++i)
+      found[static_cast<std::size_t>(i)] = variance_of(i);
+  });
+  std::vector<float> variances;
+  for (const std::optional<float>& variance : found) {
+    if (variance) variances.push_back(*variance);
   }
   if (variances.size() < kLeastPatches) return 0.0F;
   const auto barest = variances.begin() + static_cast<std::ptrdiff_t>(kBarest * static_cast<double>(variances.size()));

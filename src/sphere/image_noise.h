@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "pmsp/image.h"
+#include "util/thread_pool.h"
 
 namespace pmsp {
 
@@ -12,6 +13,6 @@ namespace pmsp {
 /// is judged in a depth map of `width` (texture_spacing), and are averaged over its pixels as the engine does. Patches
 /// where the sensor clips, and masked ones, do not count. Few clean images have so much as 0.6; one that is
 /// textured all over has what its texture leaves there. 0 where there are too few patches to tell.
-float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width);
+float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, ThreadPool& pool);
 
 }  // namespace pmsp

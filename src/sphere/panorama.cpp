@@ -87,7 +87,7 @@ PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::u
 Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
                    const Executor& executor)
     : data_(std::make_unique<PanoramaData>(prepare_panorama(image, mask, width, height, executor))) {
-  data_->noise = image_noise(image, mask, width);
+  data_->noise = image_noise(image, mask, width, pool_of(executor));
 }
 Panorama::~Panorama() = default;
 Panorama::Panorama(Panorama&&) noexcept = default;

@@ -103,9 +103,10 @@ std::size_t points_of(const fs::path& stats) { return Json::parse(read_text(stat
 
 TEST_CASE("depth maps of a run, fused again, give its cloud", "[fuse]") {
   const TempDir dir;
-  const Result run = densify(quick_run(
-      dir / "run.ply", {"--depth-maps", (dir / "filtered").string(), "--raw-depth-maps", (dir / "raw").string(),
-                        "--depth-format", "pfm,exr,png", "--no-median-weighted", "--mask", (mission() / "mask.png").string()}));
+  const Result run =
+      densify(quick_run(dir / "run.ply", {"--depth-maps", (dir / "filtered").string(), "--raw-depth-maps",
+                                          (dir / "raw").string(), "--depth-format", "pfm,exr,png",
+                                          "--no-median-weighted", "--mask", (mission() / "mask.png").string()}));
   INFO(run.err);
   REQUIRE(run.code == 0);
   for (const char* kind : {"raw", "filtered"}) {

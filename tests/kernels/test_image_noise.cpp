@@ -16,6 +16,11 @@ namespace {
 constexpr int kWidth = 480;
 constexpr int kHeight = 240;
 
+ThreadPool& pool() {
+  static ThreadPool pool(2);
+  return pool;
+}
+
 /// A smooth picture, with noise of this standard deviation [gray levels]; texture east of longitude `textured_from`.
 Image<Rgb> picture(double noise, double textured_from = 4.0, double brightness = 120.0) {
   Image<Rgb> image(kWidth, kHeight);
@@ -32,7 +37,7 @@ Image<Rgb> picture(double noise, double textured_from = 4.0, double brightness =
   return image;
 }
 
-float noise_of(const Image<Rgb>& image, int width = kWidth) { return image_noise(image.view(), {}, width); }
+float noise_of(const Image<Rgb>& image, int width = kWidth) { return image_noise(image.view(), {}, width, pool()); }
 
 }  // namespace
 
@@ -64,7 +69,7 @@ TEST_CASE("what is masked or clipped tells nothing of noise", "[noise]") {
     }
   }
   CHECK(noise_of(image) < 1e-6F);
-  CHECK(image_noise(image.view(), mask.view(), kWidth) == Approx(noise).epsilon(0.3));
+  CHECK(image_noise(image.view(), mask.view(), kWidth, pool()) == Approx(noise).epsilon(0.3));
   for (int y = 0; y < kHeight; ++y) std::fill(image.row(y), image.row(y) + kWidth / 3, Rgb{255, 255, 255});
   CHECK(noise_of(image) == Approx(noise).epsilon(0.3));
   CHECK(noise_of(Image<Rgb>(kWidth, kHeight)) == 0.0F);
@@ -75,6 +80,6 @@ TEST_CASE("noise is measured in images of any size", "[noise]") {
        {std::pair(16, 8), std::pair(64, 30), std::pair(2, 2), std::pair(960, 480), std::pair(6000, 3000)}) {
     CAPTURE(width, height);
     Image<Rgb> image(width, height, {100, 100, 100});
-    CHECK(image_noise(image.view(), {}, 64) < 1e-6F);
+    CHECK(image_noise(image.view(), {}, 64, pool()) < 1e-6F);
   }
 }
