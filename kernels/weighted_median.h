@@ -13,8 +13,9 @@ namespace pmsp::kernels {
 
 constexpr int kMedianSide = 7;  ///< planes looked at along one side of the window
 constexpr int kMedianSamples = kMedianSide * kMedianSide;
-constexpr int kMedianStep = 2;             ///< from one to the next [px]
-constexpr float kMedianSigmaSpace = 4.0F;  ///< [px]
+constexpr int kMedianStep = 2;                                 ///< from one to the next [px]
+constexpr int kMedianReach = kMedianStep * (kMedianSide / 2);  ///< from the middle to the side [px]
+constexpr float kMedianSigmaSpace = 4.0F;                      ///< [px]
 /// Larger ones gain a little at edges (12: F at 1 % + 0.001), and lose thin things whose colour is much like the
 /// wall's.
 constexpr float kMedianSigmaColor = 8.0F;  ///< of the distance between colours [gray levels]
@@ -73,7 +74,7 @@ struct WeightedMedian {
  private:
   template <class F>
   PMSP_HD IntOf<F> index_of(const Place<F>& at, int k) const {
-    const float widest = kMedianWidest * static_cast<float>(grid.width) / (kMedianStep * (kMedianSide / 2));
+    const float widest = kMedianWidest * static_cast<float>(grid.width) / static_cast<float>(kMedianReach);
     const float stretch = min(1.0F / grid.cos_lat[at.row], widest);
     const int dx = kMedianStep * (k % kMedianSide - kMedianSide / 2);
     const int dy = kMedianStep * (k / kMedianSide - kMedianSide / 2);
