@@ -25,6 +25,12 @@ constexpr int kMedianHalvings = 14;        ///< of the interval that holds the m
 /// Column offsets grow towards the poles, where columns crowd, up to this share of the width.
 constexpr float kMedianWidest = 0.125F;
 
+/// Offset of sample k from the middle [px of the equator].
+PMSP_HD void median_offset(int k, int& dx, int& dy) {
+  dx = kMedianStep * (k % kMedianSide - kMedianSide / 2);
+  dy = kMedianStep * (k / kMedianSide - kMedianSide / 2);
+}
+
 /// Moves planes to the weighted median around; a stage. Pixels without a plane get one, where a depth is wanted.
 template <class Machine>
 struct WeightedMedian {
@@ -76,8 +82,9 @@ struct WeightedMedian {
   PMSP_HD IntOf<F> index_of(const Place<F>& at, int k) const {
     const float widest = kMedianWidest * static_cast<float>(grid.width) / static_cast<float>(kMedianReach);
     const float stretch = min(1.0F / grid.cos_lat[at.row], widest);
-    const int dx = kMedianStep * (k % kMedianSide - kMedianSide / 2);
-    const int dy = kMedianStep * (k / kMedianSide - kMedianSide / 2);
+    int dx = 0;
+    int dy = 0;
+    median_offset(k, dx, dy);
     return index_beside(grid, at, static_cast<int>(stretch * static_cast<float>(dx)), dy);
   }
 
@@ -127,8 +134,9 @@ struct WeightedMedian {
 
   /// In standard deviations, squared and halved.
   static PMSP_HD float distance(int k) {
-    const int dx = kMedianStep * (k % kMedianSide - kMedianSide / 2);
-    const int dy = kMedianStep * (k / kMedianSide - kMedianSide / 2);
+    int dx = 0;
+    int dy = 0;
+    median_offset(k, dx, dy);
     return 0.5F / (kMedianSigmaSpace * kMedianSigmaSpace) * static_cast<float>(dx * dx + dy * dy);
   }
 };
