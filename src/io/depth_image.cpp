@@ -138,6 +138,7 @@ ExrHeader exr_header(Bytes& file) {
     file.take(end - file.at());
   }
   check_size(file, header.width, header.height);
+  if (header.channels.empty()) file.refuse("the image has no channels");
   return header;
 }
 
@@ -152,8 +153,7 @@ std::size_t exr_depth_channel(const Bytes& file, const ExrHeader& header) {
     if (found == header.channels.size() && is_depth) found = i;
   }
   if (found == header.channels.size()) {
-    file.refuse("its channels are " + (names.empty() ? "none" : names) +
-                "; expected a single one, or one that is named Z, depth or Y");
+    file.refuse("its channels are " + names + "; expected a single one, or one that is named Z, depth or Y");
   }
   if (header.channels[found].bytes < 0) file.refuse("its depth is in whole numbers; expected half or float");
   return found;

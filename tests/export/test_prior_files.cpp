@@ -193,4 +193,11 @@ TEST_CASE("the channels of an EXR that are asked for are read", "[prior files]")
   CHECK_THROWS_AS(read_exr(dir / "cut.exr", {"N.X"}), InvalidInput);
   write_text(dir / "no.exr", "v/1");
   CHECK_THROWS_AS(read_exr(dir / "no.exr", {"N.X"}), InvalidInput);
+  // A list of channels that ends before its first: what remains of each row is no byte.
+  const std::size_t list = bytes.find("chlist") + 7 + 4;
+  std::string empty = bytes;
+  empty[list] = '\0';
+  write_text(dir / "empty.exr", empty);
+  CHECK_THROWS_WITH(read_exr(dir / "empty.exr", {"N.X"}), Contains("no channels"));
+  CHECK_THROWS_WITH(read_exr_depth(dir / "empty.exr"), Contains("no channels"));
 }
