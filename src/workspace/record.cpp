@@ -78,6 +78,9 @@ Json to_json(const RecordedKeyframe& keyframe) {
             {"pose", to_json(keyframe.pose)},
             {"looked_for", keyframe.looked_for},
             {"sharpness", sharpness}};
+  Json ranges = Json::array();
+  for (const RecordedRange& it : keyframe.ranges) ranges.push_back({it.landmark, it.range});
+  if (!ranges.empty()) json["ranges"] = ranges;
   if (keyframe.planes) json["planes"] = to_json(*keyframe.planes);
   if (keyframe.points) {
     json["points"] = {
@@ -117,6 +120,9 @@ RecordedKeyframe keyframe_from(const Json& json) {
   for (const Json& at : json.at("sharpness")) {
     keyframe.sharpness.landmarks.push_back(
         {at.at(0).get<std::int64_t>(), at.at(1).get<float>(), at.at(2).get<float>()});
+  }
+  if (const auto ranges = json.find("ranges"); ranges != json.end()) {  // older records have none
+    for (const Json& it : *ranges) keyframe.ranges.push_back({it.at(0).get<std::int64_t>(), it.at(1).get<double>()});
   }
   if (const auto planes = json.find("planes"); planes != json.end()) keyframe.planes = planes_from(*planes);
   if (const auto points = json.find("points"); points != json.end()) {

@@ -2,6 +2,7 @@
 #include "pmsp/io/workspace/step.h"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 #include <unordered_map>
 #include <utility>
@@ -59,6 +60,21 @@ constexpr int kBatch = 6;
 /// Passes after a move, the first of them over images alone.
 constexpr int kMovedPasses = 3;
 
+/// A keyframe's landmarks: all, or of many every fourth, by their ids, so that another step chooses the same ones.
+std::vector<RecordedRange> ranges_of(const PlanKeyframe& keyframe) {
+  constexpr std::size_t kMany = 128;
+  constexpr std::int64_t kStride = 4;
+  std::vector<RecordedRange> ranges;
+  for (const Landmark& landmark : keyframe.landmarks) {
+    if (keyframe.landmarks.size() > kMany && landmark.id % kStride != 0) continue;
+    const double range = (keyframe.cam_from_world * landmark.position_world).norm();
+    if (std::isfinite(range)) ranges.push_back({landmark.id, range});
+  }
+  std::sort(ranges.begin(), ranges.end(),
+            [](const RecordedRange& a, const RecordedRange& b) { return a.landmark < b.landmark; });
+  return ranges;
+}
+
 /// Of those that a keyframe is matched with.
 std::vector<std::int64_t> sources_of(const PlanEntry& entry) {
   std::vector<std::int64_t> ids = entry.near;
@@ -77,6 +93,7 @@ class StepPlanner {
     Step step;
     step.name = name_of(record_, inputs_);
     const bool grows = inputs_.growing && record_.options == inputs_.options_json;  // else the plan is that of a run
+    step.ranges = std::move(landmark_ranges_);
     Planner planner(inputs_.options, grows ? &record_.plan : nullptr);  // keeps no landmarks of a long mission
     for (const StepKeyframe& it : inputs_.keyframes) planner.add(it.keyframe);
     planner.finish();
@@ -111,9 +128,17 @@ class StepPlanner {
         ranges.push_back((keyframe.cam_from_world * landmark.position_world).norm());
       }
       ranges_[keyframe.id] = ranges.empty() ? 0.0 : median(ranges);
+      const std::vector<RecordedRange>& now = landmark_ranges_[keyframe.id] = ranges_of(keyframe);
       const RecordedKeyframe* const before = recorded(keyframe.id);
       if (before == nullptr) continue;
       moved.push_back({before->pose, keyframe.cam_from_world, {}, {}, 0});
+      auto then = before->ranges.begin();
+      for (const RecordedRange& seen : now) {
+        while (then != before->ranges.end() && then->landmark < seen.landmark) ++then;
+        if (then == before->ranges.end() || then->landmark != seen.landmark) continue;
+        moved.back().ranges_before.push_back(then->range);
+        moved.back().ranges_after.push_back(seen.range);
+      }
       ids.push_back(keyframe.id);
       any = any || before->pose.scale != 1.0 ||
             before->pose.cam_from_world.translation != keyframe.cam_from_world.translation;
@@ -252,6 +277,7 @@ class StepPlanner {
   std::unordered_map<std::int64_t, KeyframePose> poses_;
   std::unordered_map<std::int64_t, int> due_;        ///< passes, by id, while the mission grows
   std::unordered_map<std::int64_t, double> ranges_;  ///< median distance of the landmarks [scene units]
+  std::map<std::int64_t, std::vector<RecordedRange>> landmark_ranges_;
 };
 
 }  // namespace
@@ -287,6 +313,9 @@ Record record_of(const Step& step, const StepInputs& inputs, const Record& recor
     keyframe.looked_for = it.looked_for;
     keyframe.sharpness = it.keyframe.sharpness;
     keyframe.pose = {it.keyframe.cam_from_world, 1.0};
+    if (const auto ranges = step.ranges.find(it.keyframe.id); ranges != step.ranges.end()) {
+      keyframe.ranges = ranges->second;
+    }
   }
   for (const PlanEntry& entry : step.plan.entries) {
     const auto planned = step.keyframes.find(entry.id);

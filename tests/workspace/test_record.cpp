@@ -33,6 +33,7 @@ Record some_record() {
   keyframe.sharpness.landmarks = {{5, 0.1F, 1.0F / 3.0F}};
   keyframe.pose.cam_from_world.translation = {1.0 / 3.0, 2e-300, -1e12};
   keyframe.pose.scale = 1.1;
+  keyframe.ranges = {{-7, 2.0 / 3.0}, {9, 1e-9}};
   record.keyframes[4] = keyframe;
   keyframe.looked_for = "blur";
   keyframe.planes = RecordedPlanes{"-3-s", "own", 7, keyframe.pose, {{4, "abc", keyframe.pose}}};
@@ -57,6 +58,9 @@ TEST_CASE("a record comes back from its text as it was") {
   CHECK(back.lenses_looked_at == 11);
   CHECK(back.keyframes.at(-3).planes->passes == 7);
   CHECK(back.keyframes.at(-3).planes->sources[0].pose == some_record().keyframes.at(4).pose);
+  CHECK(back.keyframes.at(4).ranges.size() == 2);
+  CHECK(back.keyframes.at(4).ranges[0].landmark == -7);
+  CHECK(back.keyframes.at(4).ranges[0].range == 2.0 / 3.0);
   CHECK(back.keyframes.at(-3).sharpness.landmarks[0].vertical == 1.0F / 3.0F);
 }
 

@@ -9,6 +9,7 @@
 
 #include "plan/missions.h"
 #include "pmsp/io/workspace/step.h"
+#include "synth/rng.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -314,4 +315,22 @@ TEST_CASE("a loop closure's similarity is found again, and planes go with it") {
   CHECK(kept > 5);
   const Step next = plan_step(record_of(step, now, record), now);
   CHECK(count(next).anew == 0);
+}
+
+TEST_CASE("a keyframe whose landmarks are as far away as before keeps its scale when poses shake") {
+  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+    StepInputs inputs = inputs_of(flight(24));
+    inputs.growing = true;
+    const Record record = after(inputs);
+    std::uint64_t counter = 0;
+    for (StepKeyframe& it : inputs.keyframes) {
+      for (int k = 0; k < 3; ++k) {
+        it.keyframe.cam_from_world.translation[k] += 0.008 * synth::gaussian(seed, counter++);
+      }
+    }
+    for (const auto& [id, it] : plan_step(record, inputs).keyframes) {
+      CAPTURE(seed, id);
+      CHECK(it.pose.scale == Approx(1.0).margin(0.005));
+    }
+  }
 }

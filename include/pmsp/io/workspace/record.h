@@ -37,6 +37,12 @@ struct RecordedPoints {
   std::string step;    ///< whose poses they were made with
 };
 
+/// How far a landmark was from a keyframe [the map's unit].
+struct RecordedRange {
+  std::int64_t landmark = 0;
+  double range = 0.0;
+};
+
 /// What is recorded of a keyframe.
 struct RecordedKeyframe {
   std::string image;
@@ -44,6 +50,7 @@ struct RecordedKeyframe {
   std::string looked_for;     ///< options that the sharpness was recorded with
   SharpnessRecord sharpness;
   KeyframePose pose;
+  std::vector<RecordedRange> ranges;  ///< of some landmarks, from the pose; ascending ids
   std::optional<RecordedPlanes> planes;
   std::optional<RecordedPoints> points;
 };

@@ -55,7 +55,8 @@ struct StepKeyframePlan {
 struct PMSP_API Step {
   std::string name;  ///< of 16 hexadecimal digits; a function of the record and the inputs
   Plan plan;
-  std::map<std::int64_t, StepKeyframePlan> keyframes;  ///< those with a depth map
+  std::map<std::int64_t, StepKeyframePlan> keyframes;         ///< those with a depth map
+  std::map<std::int64_t, std::vector<RecordedRange>> ranges;  ///< of all keyframes, see RecordedKeyframe
 
   /// Keyframes that lack passes when it is through.
   int unfinished = 0;
