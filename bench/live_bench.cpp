@@ -313,6 +313,7 @@ void play(const Arguments& arguments) {
   std::printf("at the last keyframe: %lld waiting, %lld unripe, %lld MiB\n", static_cast<long long>(backlog.waiting),
               static_cast<long long>(backlog.unripe), static_cast<long long>(at_end.memory_mib));
   std::printf("after it: none waits after %.1f s, nothing to do after %.1f s\n", complete, idle);
+  std::printf("lenses: %.4f apart\n", stats.lens_distance);
   delays.watch(nullptr);
   if (!arguments.cloud.empty()) write_cloud(*live.snapshot(), arguments.cloud);
   if (stats.errors > 0) throw Error(stats.last_error);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -36,6 +37,14 @@ class PMSP_API LensDistanceEstimator {
 
   /// In the order of flight, with images; keeps a gray one of at most 2 MiB.
   void add(const Keyframe& keyframe);
+
+  /// Pose and landmarks of one that was added, as they are now; one that is not known is passed over.
+  void move(const Keyframe& keyframe);
+
+  /// Lets go of one; one that is not known is passed over.
+  void remove(std::int64_t keyframe_id);
+
+  std::size_t keyframes() const { return views_.size(); }
 
   /// Of all that were added. The same whatever the number of threads.
   LensDistance estimate(const Executor& executor) const;

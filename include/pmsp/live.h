@@ -51,6 +51,11 @@ struct PMSP_API LiveOptions {
   /// Of the worker threads, on Linux, 0 to 19, as of the command `nice`; 19: they run only where a core is idle. More
   /// than 0: on a GPU, at the lowest priority.
   int nice = 19;
+  /// Where `densifier.lens_distance` is 0: whether to estimate it (LensDistanceEstimator) from the first 24 used
+  /// keyframes, or from 8 or more when `finish` is called before. Where it is significant, what has been matched by
+  /// then is matched anew. From then on it is fixed. Takes about a second of processor time once, and up to 2 MiB for
+  /// each of these keyframes.
+  bool calibrate_lenses = true;
   bool previews = true;  ///< preliminary points at half the size, as soon as the next keyframe has come
   /// For all that is kept of keyframes besides their points, 1 to 1000000; on a GPU, there. What neighbouring keyframes
   /// need of each other must find room: 13 to 19 of them, with about 50 bytes a pixel.
@@ -92,6 +97,7 @@ struct LiveStats {
   std::string last_error;
   bool failed = false;          ///< the worker could not go on: what is told from now on is passed over
   std::int64_t memory_mib = 0;  ///< kept at the moment
+  double lens_distance = 0.0;   ///< in force, see LiveOptions::calibrate_lenses [scene units]; 0 = one centre
 };
 
 /// What is still to be done at the moment.

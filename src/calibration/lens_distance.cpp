@@ -75,11 +75,25 @@ double solution(const std::vector<Term>& terms, const std::vector<double>& weigh
 }  // namespace
 
 struct LensDistanceEstimator::View {
+  std::int64_t id = 0;
   Image<std::uint8_t> gray;
   Image<std::uint8_t> mask;  ///< empty = use all
   RigidTransform cam_from_world;
   Eigen::Vector3d center;
   std::vector<Landmark> landmarks;  ///< nearest first
+
+  void take_place(const Keyframe& keyframe) {
+    cam_from_world = keyframe.cam_from_world;
+    center = keyframe.cam_from_world.center();
+    landmarks = keyframe.landmarks;
+    const auto nearer = [&](const Landmark& a, const Landmark& b) {
+      const double one = (a.position_world - center).squaredNorm();
+      const double other = (b.position_world - center).squaredNorm();
+      return one != other ? one < other : a.id < b.id;
+    };
+    std::sort(landmarks.begin(), landmarks.end(), nearer);
+    if (landmarks.size() > kMostLandmarks) landmarks.resize(kMostLandmarks);
+  }
 
   float at(const Eigen::Vector3f& direction) const {
     const kernels::Pixel<float> pixel =
@@ -222,17 +236,20 @@ void LensDistanceEstimator::add(const Keyframe& keyframe) {
       std::copy_n(keyframe.mask.row(y), view->mask.width(), view->mask.row(y));
     }
   }
-  view->cam_from_world = keyframe.cam_from_world;
-  view->center = keyframe.cam_from_world.center();
-  view->landmarks = keyframe.landmarks;
-  const auto nearer = [&](const Landmark& a, const Landmark& b) {
-    const double one = (a.position_world - view->center).squaredNorm();
-    const double other = (b.position_world - view->center).squaredNorm();
-    return one != other ? one < other : a.id < b.id;
-  };
-  std::sort(view->landmarks.begin(), view->landmarks.end(), nearer);
-  if (view->landmarks.size() > kMostLandmarks) view->landmarks.resize(kMostLandmarks);
+  view->id = keyframe.id;
+  view->take_place(keyframe);
   views_.push_back(std::move(view));
+}
+
+void LensDistanceEstimator::move(const Keyframe& keyframe) {
+  for (const std::unique_ptr<View>& view : views_) {
+    if (view->id == keyframe.id) view->take_place(keyframe);
+  }
+}
+
+void LensDistanceEstimator::remove(std::int64_t keyframe_id) {
+  const auto is_it = [&](const std::unique_ptr<View>& view) { return view->id == keyframe_id; };
+  views_.erase(std::remove_if(views_.begin(), views_.end(), is_it), views_.end());
 }
 
 LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {

@@ -66,6 +66,8 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
   const std::string why_not = why_too_little(densifier_);
   if (!why_not.empty()) throw InvalidOption(why_not);
   engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
+  stats_.lens_distance = densifier_.lens_distance;
+  if (options_.calibrate_lenses && densifier_.lens_distance == 0.0) begin_with_lenses();
   if (options_.previews) {
     preview_ = std::make_unique<LivePreview>(options_, cancel_, [this](const KeyframeCloud& cloud) {
       const LiveNode* const node = find(cloud.keyframe_id);
@@ -182,6 +184,7 @@ void LiveBuilder::erase(std::int64_t id) {
   LiveNode* const node = find(id);
   if (node == nullptr) return;
   if (preview_) preview_->erase(id);
+  if (lenses_) lenses_->remove(id);
   leave_out(id);
   for (auto& [other_id, other] : nodes_) {
     const auto names = [&](const std::vector<std::int64_t>& ids) {
@@ -200,7 +203,7 @@ void LiveBuilder::stay_within_memory() {
 
 bool LiveBuilder::work() {
   if (preview_ && preview_->work(nodes_, on_error_)) return true;
-  if (decide() || link()) return true;
+  if (decide() || look_at_lenses() || link()) return true;
   look_for_moves();
   return show(false) || match() || match_again() || show(true) || show_wide();
 }
@@ -442,7 +445,7 @@ std::size_t LiveBuilder::bytes_of_results() const { return kResultPixel * pixels
 std::size_t LiveBuilder::most_bytes() const { return static_cast<std::size_t>(options_.memory_mib) << 20U; }
 
 std::size_t LiveBuilder::bytes() const {
-  std::size_t bytes = preview_ ? preview_->bytes() : 0;
+  std::size_t bytes = lenses_bytes_ + (preview_ ? preview_->bytes() : 0);
   for (const auto& [id, node] : nodes_) {
     if (node.image.data != nullptr) {
       bytes += static_cast<std::size_t>(node.image.height) * static_cast<std::size_t>(node.image.width) * 3;

@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -15,6 +16,7 @@
 #include "engine.h"
 #include "live/live_node.h"
 #include "live/live_preview.h"
+#include "pmsp/lens_distance.h"
 #include "pmsp/live.h"
 #include "pmsp/live_map.h"
 
@@ -90,6 +92,13 @@ class LiveBuilder {
   bool link();
   void link(LiveNode& node);
 
+  // Lenses (live_lenses.cpp).
+  void begin_with_lenses();
+  void collect_for_lenses(const LiveNode& node, const Keyframe& keyframe);
+  bool look_at_lenses();
+  void stop_with_lenses();
+  void use_lenses(double distance);
+
   // Depth maps.
   const LiveNode* neighbour(const LiveNode& node, std::int64_t id) const;
   std::vector<const LiveNode*> neighbours_of(const LiveNode& node) const;
@@ -146,9 +155,13 @@ class LiveBuilder {
   std::string backend_;
   std::unique_ptr<Engine> engine_;  ///< before the nodes, whose frames must not outlive it
   std::unique_ptr<LivePreview> preview_;
-  std::map<std::int64_t, LiveNode> nodes_;  ///< that wait for a decision, or are used
-  std::map<std::int64_t, Flight> flights_;  ///< ids of used ones in order, by map
-  std::set<std::int64_t> undecided_;        ///< ids
+  std::map<std::int64_t, LiveNode> nodes_;       ///< that wait for a decision, or are used
+  std::map<std::int64_t, Flight> flights_;       ///< ids of used ones in order, by map
+  std::set<std::int64_t> undecided_;             ///< ids
+  std::optional<LensDistanceEstimator> lenses_;  ///< while their distance is not fixed
+  std::int64_t lenses_map_ = 0;                  ///< of its keyframes
+  std::size_t lenses_looked_at_ = 0;             ///< keyframes of the last estimate
+  std::size_t lenses_bytes_ = 0;
   const std::atomic<bool>& cancel_;
   LeftOut left_out_;
   std::map<std::int64_t, std::int64_t> last_arrivals_;  ///< number of the last keyframe that came, by map

@@ -100,6 +100,7 @@ void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
   node.frame = engine_->prepare(keyframe);
   node.used = true;
   node.has_image = true;
+  collect_for_lenses(node, keyframe);
   node.image = {};
   node.prior_depth.reset();
   ++stats_.used;

@@ -258,6 +258,7 @@ struct LiveDensifier::Impl {
       a.*member += b.*member;
     }
     a.memory_mib = b.memory_mib;
+    a.lens_distance = b.lens_distance;
     return a;
   }
 

@@ -26,6 +26,7 @@ class LivePreview {
 
   void add(std::int64_t id);
   void erase(std::int64_t id);
+  void set_lens_distance(double distance) { options_.lens_distance = distance; }
 
   /// Makes the preview that is wanted most. Returns whether there was any.
   bool work(const Nodes& nodes, const std::function<void(const std::string&)>& on_error);

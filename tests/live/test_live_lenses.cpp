@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <vector>
+
+#include "live/live_missions.h"
+
+using namespace pmsp;
+using namespace pmsp::test;
+
+namespace {
+
+constexpr double kDistance = 0.03;
+
+/// Through a room, with images that are large enough to find the lenses.
+const synth::Mission& cheap() {
+  static const synth::Mission kCheap = [] {
+    synth::Recipe recipe;
+    recipe.keyframes = 10;
+    recipe.width = 1280;
+    recipe.height = 640;
+    recipe.mission.render.samples = 2;
+    recipe.mission.render.lens_distance = kDistance;
+    return synth::textured_room(recipe);
+  }();
+  return kCheap;
+}
+
+/// Median distance of the final points from the surfaces, relative to that from the camera.
+double error_of(const LiveSnapshot& snapshot, const synth::Mission& mission) {
+  std::vector<double> errors;
+  for (const LiveCloud& live : snapshot.clouds) {
+    const RigidTransform world_from_cam = live.pose.cam_from_world.inverse();
+    for (const CloudPoint& point : live.cloud->points) {
+      const Eigen::Vector3d ray = world_from_cam.rotation * point.position.cast<double>();
+      const auto hit = mission.scene.intersect(world_from_cam.translation, ray);
+      if (hit) errors.push_back(std::abs(ray.norm() / hit->distance - 1.0));
+    }
+  }
+  REQUIRE(errors.size() > 1000);
+  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
+  return errors[errors.size() / 2];
+}
+
+void end(LiveDensifier& live) {
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  REQUIRE(live.stats().errors == 0);
+}
+
+}  // namespace
+
+TEST_CASE("A live flight finds the distance of its lenses, and what was matched before is matched anew",
+          PMSP_ACCURACY) {
+  LiveOptions options = small_live(320);
+  LiveDensifier live(options);
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(cheap());
+  for (std::size_t i = 0; i < 7; ++i) live.add(keyframes[i]);
+  end(live);  // too few to tell
+  CHECK(live.stats().lens_distance == 0.0);
+  const double ignored = error_of(*live.snapshot(), cheap());
+  for (std::size_t i = 7; i < keyframes.size(); ++i) live.add(keyframes[i]);
+  end(live);
+  CHECK(live.stats().lens_distance == Approx(kDistance).epsilon(0.15));
+  CHECK(live.snapshot()->clouds.size() == keyframes.size());
+  CHECK(error_of(*live.snapshot(), cheap()) < 0.6 * ignored);
+
+  live.reset();
+  CHECK(live.wait(kLong));
+  CHECK(live.stats().lens_distance == 0.0);
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  end(live);
+  CHECK(live.stats().lens_distance == Approx(kDistance).epsilon(0.15));
+}
+
+TEST_CASE("Lenses are not told from places of two maps, nor from what is gone", PMSP_ACCURACY) {
+  LiveOptions options = small_live(64);
+  std::vector<LiveKeyframe> keyframes = live_keyframes(cheap());
+  SECTION("two maps") {
+    for (std::size_t i = 5; i < keyframes.size(); ++i) keyframes[i].map_id = 1;
+    LiveDensifier live(options);
+    for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+    end(live);
+    CHECK(live.stats().lens_distance == 0.0);
+  }
+  SECTION("erased ones") {
+    LiveDensifier live(options);
+    for (std::size_t i = 0; i < 7; ++i) live.add(keyframes[i]);
+    end(live);
+    live.erase({0, 1, 2});
+    for (std::size_t i = 7; i < keyframes.size(); ++i) live.add(keyframes[i]);
+    end(live);
+    CHECK(live.stats().lens_distance == 0.0);
+  }
+}
+
+TEST_CASE("Lenses are looked at with poses as they are then", PMSP_ACCURACY) {
+  LiveOptions options = small_live(64);
+  options.ripe_after = options.ripe_at_latest = 0;
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(cheap());
+  LiveDensifier live(options);
+  for (std::size_t i = 0; i < keyframes.size(); ++i) {
+    LiveKeyframe early = keyframes[i];
+    const Eigen::Vector3d off =
+        0.05 * Eigen::Vector3d(std::sin(2.0 * static_cast<double>(i)), 0.0, std::cos(3.0 * static_cast<double>(i)));
+    early.cam_from_world.translation += off;
+    const Eigen::Vector3d off_in_world = early.cam_from_world.rotation.transpose() * off;
+    for (Landmark& landmark : early.landmarks) landmark.position_world -= off_in_world;
+    live.add(early);
+  }
+  REQUIRE(live.wait(kLong));
+  CHECK(live.stats().used == static_cast<std::int64_t>(keyframes.size()));
+  live.update(keyframes);
+  end(live);
+  CHECK(live.stats().lens_distance == Approx(kDistance).epsilon(0.15));
+}
+
+TEST_CASE("A distance that is given, or not wanted, stays", PMSP_ACCURACY) {
+  LiveOptions options = small_live(64);
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(cheap());
+  const auto distance = [&] {
+    LiveDensifier live(options);
+    for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+    end(live);
+    return live.stats().lens_distance;
+  };
+  CHECK(distance() == Approx(kDistance).epsilon(0.15));
+  options.calibrate_lenses = false;
+  CHECK(distance() == 0.0);
+  options.calibrate_lenses = true;
+  options.densifier.lens_distance = 0.01;
+  CHECK(distance() == 0.01);
+}
+
+TEST_CASE("A camera with one centre has the points that it has when nobody looks at its lenses") {
+  LiveOptions options = small_live(32);
+  const auto looked = at_once(live_keyframes(room()), options);
+  options.calibrate_lenses = false;
+  const auto not_looked = at_once(live_keyframes(room()), options);
+  REQUIRE_FALSE(looked->clouds.empty());
+  CHECK(same_points(*looked, *not_looked));
+}
