@@ -98,7 +98,8 @@ void view_filter(Table& table) {
   PMSP_OPTION(view_filter.max_parallax_deg, "Largest useful parallax of a landmark").unit("deg").range(0, 180);
   PMSP_OPTION(view_filter.min_share,
               "Share of the common landmarks that must have useful parallax; less accepts more keyframes")
-      .range(0, 1);
+      .range(0, 1)
+      .paper(0.2);
   PMSP_OPTION(view_filter.min_sharpness,
               "Sharpness, relative to that of the keyframes before, below which a keyframe is blurred; 0 = none is "
               "left out")

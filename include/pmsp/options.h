@@ -16,7 +16,7 @@ struct PMSP_API ViewFilterOptions {
   double max_parallax_deg = 60.0;  ///< [deg], 0 to 180
   /// Share of the landmarks in common with the newest accepted keyframe whose parallax must lie between the two angles,
   /// 0 to 1. Larger accepts fewer keyframes.
-  double min_share = 0.20;
+  double min_share = 0.15;
   /// Sharpness, relative to that of the last accepted keyframes, below which a keyframe is left out as blurred,
   /// 0 to 1; 0: never. Gradient energy around the landmarks in common. Sharp ones have 0.9 to 1.1; motion blur over 2.7
   /// pixels of the depth map makes it 0.55, over 7 pixels 0.2.

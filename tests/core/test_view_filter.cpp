@@ -251,9 +251,9 @@ TEST_CASE("which landmarks blur is measured at does not depend on their order", 
 }
 
 TEST_CASE("the share of landmarks with useful parallax decides, its border included", "[view_filter]") {
-  CHECK(accepts(2, 8));
-  CHECK_FALSE(accepts(19, 81));
-  CHECK(accepts(20, 80));
+  CHECK(accepts(3, 17));
+  CHECK_FALSE(accepts(14, 86));
+  CHECK(accepts(15, 85));
   CHECK_FALSE(accepts(0, 10));
   ViewFilterOptions all;
   all.min_share = 1.0;
