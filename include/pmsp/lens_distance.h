@@ -45,6 +45,7 @@ class PMSP_API LensDistanceEstimator {
   void remove(std::int64_t keyframe_id);
 
   std::size_t keyframes() const { return views_.size(); }
+  std::size_t bytes() const;  ///< of the images and masks that it keeps
 
   /// Of all that were added. The same whatever the number of threads.
   LensDistance estimate(const Executor& executor) const;

@@ -252,6 +252,12 @@ void LensDistanceEstimator::remove(std::int64_t keyframe_id) {
   views_.erase(std::remove_if(views_.begin(), views_.end(), is_it), views_.end());
 }
 
+std::size_t LensDistanceEstimator::bytes() const {
+  std::size_t bytes = 0;
+  for (const std::unique_ptr<View>& view : views_) bytes += view->gray.size() + view->mask.size();
+  return bytes;
+}
+
 LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
   std::vector<std::vector<Term>> found(views_.size() * kShares);
   pool_of(executor).for_each(static_cast<int>(found.size()), [&](int number) {

@@ -66,7 +66,6 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
   const std::string why_not = why_too_little(densifier_);
   if (!why_not.empty()) throw InvalidOption(why_not);
   engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
-  stats_.lens_distance = densifier_.lens_distance;
   if (options_.calibrate_lenses && densifier_.lens_distance == 0.0) begin_with_lenses();
   if (options_.previews) {
     preview_ = std::make_unique<LivePreview>(options_, cancel_, [this](const KeyframeCloud& cloud) {
@@ -445,7 +444,7 @@ std::size_t LiveBuilder::bytes_of_results() const { return kResultPixel * pixels
 std::size_t LiveBuilder::most_bytes() const { return static_cast<std::size_t>(options_.memory_mib) << 20U; }
 
 std::size_t LiveBuilder::bytes() const {
-  std::size_t bytes = lenses_bytes_ + (preview_ ? preview_->bytes() : 0);
+  std::size_t bytes = (lenses_ ? lenses_->bytes() : 0) + (preview_ ? preview_->bytes() : 0);
   for (const auto& [id, node] : nodes_) {
     if (node.image.data != nullptr) {
       bytes += static_cast<std::size_t>(node.image.height) * static_cast<std::size_t>(node.image.width) * 3;
@@ -511,6 +510,7 @@ LiveBacklog LiveBuilder::backlog() const {
 LiveStats LiveBuilder::stats() const {
   LiveStats stats = stats_;
   if (preview_) stats.previews_late = preview_->late();
+  stats.lens_distance = densifier_.lens_distance;
   stats.memory_mib = static_cast<std::int64_t>(bytes() >> 20U);
   return stats;
 }

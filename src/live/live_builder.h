@@ -96,7 +96,6 @@ class LiveBuilder {
   void begin_with_lenses();
   void collect_for_lenses(const LiveNode& node, const Keyframe& keyframe);
   bool look_at_lenses();
-  void stop_with_lenses();
   void use_lenses(double distance);
 
   // Depth maps.
@@ -161,7 +160,6 @@ class LiveBuilder {
   std::optional<LensDistanceEstimator> lenses_;  ///< while their distance is not fixed
   std::int64_t lenses_map_ = 0;                  ///< of its keyframes
   std::size_t lenses_looked_at_ = 0;             ///< keyframes of the last estimate
-  std::size_t lenses_bytes_ = 0;
   const std::atomic<bool>& cancel_;
   LeftOut left_out_;
   std::map<std::int64_t, std::int64_t> last_arrivals_;  ///< number of the last keyframe that came, by map

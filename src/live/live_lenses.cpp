@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
 #include <cstddef>
 
 #include "live/live_builder.h"
@@ -13,7 +12,6 @@ namespace {
 constexpr std::size_t kEnough = 24;
 /// Where no more come for now, so many may tell it, too.
 constexpr std::size_t kFewest = 8;
-constexpr std::size_t kMostBytes = std::size_t{2} << 20U;  ///< that the estimator keeps of an image
 
 }  // namespace
 
@@ -23,14 +21,11 @@ void LiveBuilder::collect_for_lenses(const LiveNode& node, const Keyframe& keyfr
   if (lenses_->keyframes() > 0 && node.map_id != lenses_map_) begin_with_lenses();  // places of two maps do not compare
   lenses_map_ = node.map_id;
   lenses_->add(keyframe);
-  const std::size_t pixels =
-      static_cast<std::size_t>(keyframe.image.width) * static_cast<std::size_t>(keyframe.image.height);
-  lenses_bytes_ += std::min(pixels, kMostBytes);
 }
 
 void LiveBuilder::begin_with_lenses() {
   lenses_.emplace();
-  lenses_bytes_ = lenses_looked_at_ = 0;
+  lenses_looked_at_ = 0;
 }
 
 /// Estimates it when there are enough keyframes, or no more come for now. Returns whether there was anything to do.
@@ -46,24 +41,19 @@ bool LiveBuilder::look_at_lenses() {
   }
   const LensDistance found = lenses_->estimate(engine_->executor());
   if (found.significant) {
-    stop_with_lenses();
+    lenses_.reset();
     use_lenses(found.distance);
   } else if (enough && found.standard_error == 0.0) {
     begin_with_lenses();  // hardly a landmark was seen by both lenses: those to come may tell more
   } else if (enough) {
-    stop_with_lenses();
+    lenses_.reset();
   }
   return true;
 }
 
-void LiveBuilder::stop_with_lenses() {
-  lenses_.reset();
-  lenses_bytes_ = 0;
-}
-
 /// All that was made of a camera with one centre is made anew.
 void LiveBuilder::use_lenses(double distance) {
-  densifier_.lens_distance = stats_.lens_distance = distance;
+  densifier_.lens_distance = distance;
   if (preview_) preview_->set_lens_distance(distance);
   for (auto& [id, node] : nodes_) {
     if (!node.has_map()) continue;

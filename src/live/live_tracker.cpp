@@ -175,13 +175,7 @@ void LiveTracker::recover(Flight& flight, const std::set<std::size_t>& moved,
       keyframe.before = track.agreed;
       keyframe.after = track.now.cam_from_world;
       keyframe.world_before = track.agreed_map_id;
-      auto then = track.agreed_ranges.begin();
-      for (const Range& now : track.ranges) {
-        while (then != track.agreed_ranges.end() && then->landmark < now.landmark) ++then;
-        if (then == track.agreed_ranges.end() || then->landmark != now.landmark) continue;
-        keyframe.ranges_before.push_back(then->range);
-        keyframe.ranges_after.push_back(now.range);
-      }
+      compare_ranges(track.agreed_ranges, track.ranges, keyframe);
     }
     const std::vector<double> scales = recover_scales(keyframes);
     bool far = false;

@@ -26,6 +26,18 @@ struct MovedKeyframe {
   std::int64_t world_before = 0;  ///< keyframes that were in two worlds tell nothing of each other
 };
 
+/// What a keyframe sees again of the landmarks that it saw before: distances, by ascending `landmark` ids.
+template <class Range>
+void compare_ranges(const std::vector<Range>& before, const std::vector<Range>& after, MovedKeyframe& keyframe) {
+  auto then = before.begin();
+  for (const Range& now : after) {
+    while (then != before.end() && then->landmark < now.landmark) ++then;
+    if (then == before.end() || then->landmark != now.landmark) continue;
+    keyframe.ranges_before.push_back(then->range);
+    keyframe.ranges_after.push_back(now.range);
+  }
+}
+
 /// Keyframes before and after a keyframe whose baselines count, on either side.
 constexpr std::size_t kScaleReach = 5;
 

@@ -132,13 +132,7 @@ class StepPlanner {
       const RecordedKeyframe* const before = recorded(keyframe.id);
       if (before == nullptr) continue;
       moved.push_back({before->pose, keyframe.cam_from_world, {}, {}, 0});
-      auto then = before->ranges.begin();
-      for (const RecordedRange& seen : now) {
-        while (then != before->ranges.end() && then->landmark < seen.landmark) ++then;
-        if (then == before->ranges.end() || then->landmark != seen.landmark) continue;
-        moved.back().ranges_before.push_back(then->range);
-        moved.back().ranges_after.push_back(seen.range);
-      }
+      compare_ranges(before->ranges, now, moved.back());
       ids.push_back(keyframe.id);
       any = any || before->pose.scale != 1.0 ||
             before->pose.cam_from_world.translation != keyframe.cam_from_world.translation;
@@ -313,9 +307,7 @@ Record record_of(const Step& step, const StepInputs& inputs, const Record& recor
     keyframe.looked_for = it.looked_for;
     keyframe.sharpness = it.keyframe.sharpness;
     keyframe.pose = {it.keyframe.cam_from_world, 1.0};
-    if (const auto ranges = step.ranges.find(it.keyframe.id); ranges != step.ranges.end()) {
-      keyframe.ranges = ranges->second;
-    }
+    keyframe.ranges = step.ranges.at(it.keyframe.id);
   }
   for (const PlanEntry& entry : step.plan.entries) {
     const auto planned = step.keyframes.find(entry.id);

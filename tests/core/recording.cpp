@@ -2,6 +2,7 @@
 #include "core/recording.h"
 
 #include <algorithm>
+#include <catch2/catch.hpp>
 #include <cmath>
 
 namespace pmsp::test {
@@ -103,6 +104,22 @@ double points_on_surface(const synth::Scene& scene, const std::vector<KeyframeCl
     }
   }
   return total > 0 ? static_cast<double>(good) / static_cast<double>(total) : 0.0;
+}
+
+double median_surface_error(const synth::Scene& scene, const std::vector<KeyframeCloud>& clouds) {
+  std::vector<double> errors;
+  for (const KeyframeCloud& cloud : clouds) {
+    const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
+    for (const CloudPoint& point : cloud.points) {
+      const Eigen::Vector3d ray = world_from_cam.rotation * point.position.cast<double>();
+      const auto hit = scene.intersect(world_from_cam.translation, ray);
+      if (hit) errors.push_back(std::abs(ray.norm() / hit->distance - 1.0));
+    }
+  }
+  REQUIRE(errors.size() > 1000);
+  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  std::nth_element(errors.begin(), middle, errors.end());
+  return *middle;
 }
 
 }  // namespace pmsp::test

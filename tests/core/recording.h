@@ -46,4 +46,7 @@ const Recording& test_result();
 /// Share of the points within `relative` of the scene's surfaces, seen from their keyframes.
 double points_on_surface(const synth::Scene& scene, const std::vector<KeyframeCloud>& clouds, double relative);
 
+/// Median distance of the points, more than 1000, from the surfaces, relative to that from their keyframes.
+double median_surface_error(const synth::Scene& scene, const std::vector<KeyframeCloud>& clouds);
+
 }  // namespace pmsp::test

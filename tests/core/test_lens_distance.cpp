@@ -36,21 +36,7 @@ double error_of_points(const synth::Mission& mission, double lens_distance) {
   options.width = 320;
   options.height = 160;
   options.lens_distance = lens_distance;
-  std::vector<double> errors;
-  DensifierCallbacks callbacks;
-  callbacks.cloud = [&](const KeyframeCloud& cloud) {
-    const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
-    for (const CloudPoint& point : cloud.points) {
-      const Eigen::Vector3d ray = world_from_cam.rotation * point.position.cast<double>();
-      const auto hit = mission.scene.intersect(world_from_cam.translation, ray);
-      if (hit) errors.push_back(std::abs(ray.norm() / hit->distance - 1.0));
-    }
-  };
-  Densifier densifier(options, callbacks);
-  fly_through(densifier, mission);
-  REQUIRE(errors.size() > 1000);
-  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
-  return errors[errors.size() / 2];
+  return median_surface_error(mission.scene, densify(mission, options).clouds);
 }
 
 }  // namespace

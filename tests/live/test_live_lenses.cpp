@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <vector>
 
+#include "core/recording.h"
 #include "live/live_missions.h"
 
 using namespace pmsp;
@@ -29,18 +29,12 @@ const synth::Mission& cheap() {
 
 /// Median distance of the final points from the surfaces, relative to that from the camera.
 double error_of(const LiveSnapshot& snapshot, const synth::Mission& mission) {
-  std::vector<double> errors;
+  std::vector<KeyframeCloud> clouds;
   for (const LiveCloud& live : snapshot.clouds) {
-    const RigidTransform world_from_cam = live.pose.cam_from_world.inverse();
-    for (const CloudPoint& point : live.cloud->points) {
-      const Eigen::Vector3d ray = world_from_cam.rotation * point.position.cast<double>();
-      const auto hit = mission.scene.intersect(world_from_cam.translation, ray);
-      if (hit) errors.push_back(std::abs(ray.norm() / hit->distance - 1.0));
-    }
+    clouds.push_back(*live.cloud);
+    clouds.back().cam_from_world = live.pose.cam_from_world;
   }
-  REQUIRE(errors.size() > 1000);
-  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
-  return errors[errors.size() / 2];
+  return median_surface_error(mission.scene, clouds);
 }
 
 void end(LiveDensifier& live) {
