@@ -35,8 +35,9 @@ class PMSP_API LensDistanceEstimator {
   LensDistanceEstimator(LensDistanceEstimator&&) noexcept;
   LensDistanceEstimator& operator=(LensDistanceEstimator&&) noexcept;
 
-  /// In the order of flight, with images; keeps a gray one of at most 2 MiB.
-  void add(const Keyframe& keyframe);
+  /// In the order of flight, with images; keeps a gray one of at most 2 MiB. `executor`: whose threads make it; nullptr
+  /// = this one alone.
+  void add(const Keyframe& keyframe, const Executor* executor = nullptr);
 
   /// Pose and landmarks of one that was added, as they are now; one that is not known is passed over.
   void move(const Keyframe& keyframe);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -24,6 +25,7 @@ namespace {
 constexpr std::size_t kStretches = 3;
 constexpr std::size_t kStretch = 8;          ///< keyframes
 constexpr int kMostWidth = 1920;             ///< of the gray images
+constexpr int kRows = 32;                    ///< of a gray image that a thread makes at a time
 constexpr std::size_t kReach = 7;            ///< keyframes before and after one in which its landmarks are looked up
 constexpr std::size_t kShares = 8;           ///< of a keyframe's landmarks, for as many threads
 constexpr std::size_t kMostLandmarks = 128;  ///< of a keyframe, the nearest ones: those tell most
@@ -126,6 +128,9 @@ struct LensDistanceEstimator::View {
 namespace {
 
 using Patch = std::array<float, kSide * kSide>;
+constexpr int kPlaces = 2 * kSearch + 1;                    ///< of a patch in a field, to each side
+constexpr int kLanes = 16;                                  ///< kPlaces, rounded up
+using Field = std::array<float, kField * kField + kLanes>;  ///< the end is there to be read, whatever it holds
 
 /// Where the top of a parabola through three values lies beside the middle one, which is the largest.
 float top_of(float before, float middle, float after) {
@@ -133,27 +138,32 @@ float top_of(float before, float middle, float after) {
 }
 
 /// Offset of the place in the field that the patch matches best, from its centre [px].
-std::optional<Eigen::Vector2d> find(const Patch& patch, const std::array<float, kField * kField>& field) {
-  constexpr int kPlaces = 2 * kSearch + 1;
+std::optional<Eigen::Vector2d> find(const Patch& patch, const Field& field) {
   std::array<float, kPlaces * kPlaces> scores{};
   int best = 0;
   for (int v = 0; v < kPlaces; ++v) {
-    for (int u = 0; u < kPlaces; ++u) {
-      float sum = 0.0F;
-      float square = 0.0F;
-      float product = 0.0F;
-      for (int j = 0; j < kSide; ++j) {
-        const float* const row = field.data() + (v + j) * kField + u;
-        const float* const known = patch.data() + j * kSide;
-        for (int i = 0; i < kSide; ++i) {
-          sum += row[i];
-          square += row[i] * row[i];
-          product += row[i] * known[i];
-        }
+    const float* const rows = field.data() + v * kField;
+    std::array<float, kField> sums{};  // of columns
+    std::array<float, kField> squares{};
+    std::array<float, kLanes> products{};
+    for (int j = 0; j < kSide; ++j) {
+      const float* const row = rows + j * kField;
+      for (int x = 0; x < kField; ++x) {
+        sums[static_cast<std::size_t>(x)] += row[x];
+        squares[static_cast<std::size_t>(x)] += row[x] * row[x];
       }
+      for (int i = 0; i < kSide; ++i) {
+        const float known = patch[static_cast<std::size_t>(j * kSide + i)];
+        for (int u = 0; u < kLanes; ++u) products[static_cast<std::size_t>(u)] += known * row[i + u];
+      }
+    }
+    for (int u = 0; u < kPlaces; ++u) {
+      const float sum = std::accumulate(sums.begin() + u, sums.begin() + u + kSide, 0.0F);
+      const float square = std::accumulate(squares.begin() + u, squares.begin() + u + kSide, 0.0F);
       const float variance = square - sum * sum / static_cast<float>(patch.size());
       const int place = v * kPlaces + u;
-      scores[static_cast<std::size_t>(place)] = product / std::sqrt(std::max(variance, 1.0F));
+      scores[static_cast<std::size_t>(place)] =
+          products[static_cast<std::size_t>(u)] / std::sqrt(std::max(variance, 1.0F));
       if (scores[static_cast<std::size_t>(place)] > scores[static_cast<std::size_t>(best)]) best = place;
     }
   }
@@ -209,17 +219,17 @@ LensDistanceEstimator::~LensDistanceEstimator() = default;
 LensDistanceEstimator::LensDistanceEstimator(LensDistanceEstimator&&) noexcept = default;
 LensDistanceEstimator& LensDistanceEstimator::operator=(LensDistanceEstimator&&) noexcept = default;
 
-void LensDistanceEstimator::add(const Keyframe& keyframe) {
+void LensDistanceEstimator::add(const Keyframe& keyframe, const Executor* executor) {
   auto view = std::make_unique<View>();
   const ImageView<const Rgb>& image = keyframe.image;
   const int box = std::max(1, (image.width + kMostWidth - 1) / kMostWidth);
   view->gray = Image<std::uint8_t>(image.width / box, image.height / box);
-  for (int y = 0; y < view->gray.height(); ++y) {
+  const auto reduce_row = [&](int y) {
     std::uint8_t* const to = view->gray.row(y);
     if (box == 1) {
       std::transform(image.row(y), image.row(y) + view->gray.width(), to,
                      [](const Rgb& pixel) { return static_cast<std::uint8_t>((pixel.r + 2 * pixel.g + pixel.b) / 4); });
-      continue;
+      return;
     }
     for (int x = 0; x < view->gray.width(); ++x) {
       int sum = 0;
@@ -229,6 +239,15 @@ void LensDistanceEstimator::add(const Keyframe& keyframe) {
       }
       to[x] = static_cast<std::uint8_t>(sum / (4 * box * box));
     }
+  };
+  const auto reduce_rows = [&](int band) {
+    for (int y = band * kRows; y < std::min((band + 1) * kRows, view->gray.height()); ++y) reduce_row(y);
+  };
+  const int bands = (view->gray.height() + kRows - 1) / kRows;
+  if (executor != nullptr) {
+    pool_of(*executor).for_each(bands, reduce_rows);
+  } else {
+    for (int band = 0; band < bands; ++band) reduce_rows(band);
   }
   if (!keyframe.mask.empty()) {
     view->mask = Image<std::uint8_t>(keyframe.mask.width, keyframe.mask.height);
@@ -293,7 +312,7 @@ LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
         const Eigen::Vector3f center = (there / depth).cast<float>();
         const Eigen::Vector3f along = (turn * right).cast<float>();
         const Eigen::Vector3f across = (turn * down).cast<float>();
-        std::array<float, kField * kField> field{};
+        Field field{};
         float* to = field.data();
         for (int j = -kFieldRadius; j <= kFieldRadius; ++j) {
           for (int i = -kFieldRadius; i <= kFieldRadius; ++i) {

@@ -10,14 +10,15 @@
 
 #include "image_decode.h"
 #include "image_naming.h"
+#include "pairing_series.h"
 #include "pmsp/error.h"
 #include "pmsp/io/image_source.h"
-#include "pmsp/io/pairing.h"
 
 namespace pmsp {
 namespace {
 
 constexpr std::size_t kTrialRuns = 3;  ///< pairs of neighbouring keyframes that a scheme is tried on
+constexpr std::size_t kTrialLandmarks = 300;
 constexpr int kTrialComparisons = 30;  ///< fewer say nothing
 constexpr double kTrialClear = 0.8;    ///< likeness that no shifted pairing reaches
 constexpr double kTrialBetter = 0.03;  ///< of the likeness, by which a less plausible scheme must be better
@@ -53,25 +54,25 @@ int trial_flags(const MapCamera& camera) {
 }
 
 /// How well the images of a scheme fit their keyframes, tried on a few.
-PairingVerifier::Verdict try_scheme(const SlamMap& map, const io::NamingScheme& scheme,
-                                    const std::vector<io::NumberedFile>& files) {
-  PairingVerifier verifier(map);
-  std::vector<std::pair<std::int64_t, std::future<Image<Rgb>>>> images;  // all at the same time
+io::PairingSeries try_scheme(const SlamMap& map, const io::NamingScheme& scheme,
+                             const std::vector<io::NumberedFile>& files) {
+  io::PairingSeries series(map, kTrialLandmarks);
+  std::vector<std::pair<const MapKeyframe*, std::future<Image<Rgb>>>> images;  // all at the same time
   for (const std::size_t k : trial_keyframes(paired_keyframes(map, scheme))) {
     const MapCamera& camera = map.cameras[static_cast<std::size_t>(map.keyframes[k].camera)];
     const auto& path = files[static_cast<std::size_t>(scheme.file[k])].path;
-    images.emplace_back(map.keyframes[k].id, std::async(std::launch::async, [&path, &camera] {
-                          return io::rgb_from_bgr(io::decode_image_file(path, trial_flags(camera)));
-                        }));
+    images.emplace_back(&map.keyframes[k], std::async(std::launch::async, [&path, &camera] {
+      return io::rgb_from_bgr(io::decode_image_file(path, trial_flags(camera)));
+    }));
   }
-  for (auto& [id, image] : images) {
+  for (auto& [keyframe, image] : images) {
     try {
-      verifier.add(id, image.get().view());
+      series.add(*keyframe, image.get().view());
     } catch (const Error&) {
       continue;  // reported when the image's turn comes, if this scheme is chosen
     }
   }
-  return verifier.verdict();
+  return series;
 }
 
 /// Names alone cannot always tell (ids and frame indices of a short map look the same); the images can. Readings are
@@ -81,11 +82,11 @@ std::size_t choose_scheme(const SlamMap& map, const std::vector<io::NamingScheme
   std::size_t best = 0;
   std::optional<double> best_likeness;
   for (std::size_t i = 0; i < schemes.size() && schemes.size() > 1; ++i) {
-    const PairingVerifier::Verdict verdict = try_scheme(map, schemes[i], files);
-    if (verdict.comparisons < kTrialComparisons) continue;
-    if (verdict.likeness >= kTrialClear) return i;
-    if (best_likeness && verdict.likeness <= *best_likeness + kTrialBetter) continue;
-    best_likeness = verdict.likeness;
+    const io::PairingSeries series = try_scheme(map, schemes[i], files);
+    if (series.found().tries() < kTrialComparisons) continue;
+    if (series.likeness() >= kTrialClear) return i;
+    if (best_likeness && series.likeness() <= *best_likeness + kTrialBetter) continue;
+    best_likeness = series.likeness();
     best = i;
   }
   return best;
@@ -181,11 +182,22 @@ class ImageFolder final : public ImageSource {
     plan_.resize(kept);
   }
 
+  std::unique_ptr<ImageSource> again() const override {
+    return std::unique_ptr<ImageSource>(new ImageFolder(ids_, plan_, skipped_, description_));
+  }
+
  private:
   struct Entry {
     std::filesystem::path path;
     MapCamera camera;
   };
+
+  ImageFolder(std::vector<std::int64_t> ids, std::vector<Entry> plan, std::vector<SkippedKeyframe> skipped,
+              std::string description)
+      : ids_(std::move(ids)),
+        plan_(std::move(plan)),
+        skipped_(std::move(skipped)),
+        description_(std::move(description)) {}
 
   Item decode(std::size_t i) const {
     const Entry& entry = plan_[i];

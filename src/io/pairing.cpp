@@ -14,7 +14,9 @@ namespace pmsp {
 namespace {
 
 constexpr std::size_t kLandmarks = 300;  ///< looked at in each image
+constexpr std::size_t kLandmarksWhenClear = 100;
 constexpr std::size_t kWrongLandmarks = 40;
+constexpr std::size_t kWrongLandmarksWhenClear = 12;
 constexpr int kConclusive = 200;
 constexpr int kConclusiveImages = 2;  ///< with landmarks that others before have
 constexpr int kWrongConclusive = 100;
@@ -129,6 +131,10 @@ void PairingVerifier::add(std::int64_t keyframe_id, ImageView<const Rgb> image) 
     if (other != nullptr && impl_->others[i].found().tries() < kWrongEnough)
       impl_->others[i].add(*other, image, kOthers[i].presentation);
   }
+  const Verdict now = verdict();
+  const bool is_clear = now.belongs && !now.doubtful;
+  impl_->given.look_at(is_clear ? kLandmarksWhenClear : kLandmarks);
+  for (io::PairingSeries& other : impl_->others) other.look_at(is_clear ? kWrongLandmarksWhenClear : kWrongLandmarks);
 }
 
 PairingVerifier::Verdict PairingVerifier::verdict() const {

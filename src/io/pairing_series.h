@@ -50,6 +50,9 @@ class PairingSeries {
 
   void add(const MapKeyframe& keyframe, ImageView<const Rgb> image, const Presentation& presentation = {});
 
+  /// Of the next images so many landmarks: some of those of before, or all of them and more.
+  void look_at(std::size_t landmarks) { landmarks_ = landmarks; }
+
   const Tally& found() const { return found_; }
 
   /// The same with the last sighting of another landmark instead: what chance gives in these images.

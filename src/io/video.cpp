@@ -90,6 +90,8 @@ class Video final : public ImageSource {
     }
   }
 
+  std::unique_ptr<ImageSource> again() const override { return std::unique_ptr<ImageSource>(new Video(*this)); }
+
  private:
   struct Target {
     std::int64_t keyframe_id = 0;
@@ -98,6 +100,19 @@ class Video final : public ImageSource {
     std::int64_t index = 0;
     bool wanted = true;
   };
+
+  /// The same plan, at the beginning of the video.
+  Video(const Video& other) : path_(other.path_) {
+    open();
+    pairing_ = other.pairing_;
+    fps_ = other.fps_;
+    map_fps_ = other.map_fps_;
+    t0_ = other.t0_;
+    plan_ = other.plan_;
+    ids_ = other.ids_;
+    skipped_ = other.skipped_;
+    description_ = other.description_;
+  }
 
   void open() {
     std::error_code error;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "engine_text.h"
 
+#include <chrono>
 #include <exception>
 #include <set>
 #include <sstream>
@@ -63,13 +64,15 @@ std::string build_text() {
   return text;
 }
 
-std::future<void> start_device(const DensifierOptions& options) {
+std::future<double> start_device(const DensifierOptions& options) {
   if (options.backend == Backend::kCpu) return {};
   return std::async(std::launch::async, [options] {
+    const auto begin = std::chrono::steady_clock::now();
     try {
       const Densifier starts(options, {});
     } catch (const std::exception&) {
     }
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   });
 }
 

@@ -16,8 +16,8 @@ std::string engine_text(const DensifierOptions& options, const std::string& back
 /// This very program: version, kind of build, compiler, fingerprint of its bytes where these can be read.
 std::string build_text();
 
-/// Starts a CUDA device, if there is one to be used, while the map is being read. What stands in the way is told by the
-/// Densifier that is made later.
-std::future<void> start_device(const DensifierOptions& options);
+/// Starts a CUDA device, if there is one to be used, while the map is being read, and says what it took [s]. What
+/// stands in the way is told by the Densifier that is made later.
+std::future<double> start_device(const DensifierOptions& options);
 
 }  // namespace pmsp::tool

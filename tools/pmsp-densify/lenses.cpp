@@ -17,8 +17,9 @@
 namespace pmsp::tool {
 namespace {
 
-LensDistance estimate(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map) {
-  const std::unique_ptr<ImageSource> source = open_images(arguments, map);
+LensDistance estimate(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
+                      const ImageSource& all_images) {
+  const std::unique_ptr<ImageSource> source = all_images.again();
   std::vector<std::int64_t> ids = keyframes_for_lens_distance(source->keyframe_ids());
   if (!arguments.video.empty()) {  // the beginning, since all before the last one is decoded
     const std::vector<std::int64_t>& all = source->keyframe_ids();
@@ -38,7 +39,7 @@ LensDistance estimate(const Arguments& arguments, const DensifierOptions& option
     keyframe.image = read.item->image.view();
     const Image<Rgb>& image = read.item->image;
     keyframe.mask = masks.mask_for(source->origin(found->id).file, image.width(), image.height());
-    estimator.add(keyframe);
+    estimator.add(keyframe, &executor);
     images.let_go(std::move(*read.item));
   }
   return estimator.estimate(executor);
@@ -46,21 +47,22 @@ LensDistance estimate(const Arguments& arguments, const DensifierOptions& option
 
 }  // namespace
 
-Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map, std::size_t images,
-                   bool growing, const workspace::Record& recorded) {
+Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
+                   const ImageSource& images, bool growing, const workspace::Record& recorded) {
   Lenses lenses;
   lenses.distance = options.lens_distance;
   if (lenses.distance != 0.0 || !arguments.calibrate_lenses || quality_of(arguments) == Quality::kPaper) return lenses;
   lenses.distance = nlohmann::json::parse(recorded.options).value("lens_distance", 0.0);
+  const std::size_t now = images.keyframe_ids().size();
   const std::size_t then = recorded.lenses_looked_at;
-  const bool again = growing ? images >= 2 * then : images != then;
+  const bool again = growing ? now >= 2 * then : now != then;
   if (lenses.distance != 0.0 || !again) return lenses;
   try {
-    lenses.estimated = estimate(arguments, options, map);
+    lenses.estimated = estimate(arguments, options, map, images);
   } catch (const Error&) {
     return lenses;  // the run will meet that image or mask, and say what is wrong
   }
-  lenses.images = images;
+  lenses.images = now;
   if (lenses.estimated->significant) lenses.distance = lenses.estimated->distance;
   return lenses;
 }

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "arguments.h"
+#include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
 #include "pmsp/io/workspace/record.h"
 #include "pmsp/lens_distance.h"
@@ -20,11 +21,11 @@ struct Lenses {
   std::size_t images = 0;                 ///< keyframes that had one then; 0 = nothing was estimated
 };
 
-/// `images`: keyframes that have one. `growing`: more will come. `recorded`: of a workspace, {} = there is none; what
-/// was found significant once stays, and all else until there are other images, or twice as many while more will come.
-/// Looks at some of them; where one is of no use nothing is estimated, and the run will say why.
-Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map, std::size_t images,
-                   bool growing, const workspace::Record& recorded);
+/// `images`: of all keyframes, before the first is read. `growing`: more will come. `recorded`: of a workspace, {} =
+/// there is none; what was found significant once stays, and all else until there are other images, or twice as many
+/// while more will come. Looks at some of them; where one is of no use nothing is estimated, and the run will say why.
+Lenses find_lenses(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
+                   const ImageSource& images, bool growing, const workspace::Record& recorded);
 
 /// One sentence for people; "" where nothing was estimated.
 std::string describe(const Lenses& lenses);

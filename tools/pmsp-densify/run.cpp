@@ -53,7 +53,7 @@ class Run {
         given_(given),
         threads_(options.threads > 0 ? options.threads : usable_cpus()),
         progress_(arguments.progress, arguments.quiet, arguments.verbose) {
-    std::future<void> device = start_device(options);
+    std::future<double> device = start_device(options);
     const std::string warning = quality_warning(arguments);
     if (!warning.empty()) progress_.warning(warning);
     progress_.stage("reading " + arguments.map.string());
@@ -90,7 +90,7 @@ class Run {
     if (merge == nullptr && given == nullptr) {  // shards have done so, and given depth needs it not
       progress_.stage("looking at the lenses");
       const Spent spent(report_.time, Busy::kImages);
-      report_.lenses = find_lenses(arguments, options, map_, report_.with_image, growing_,
+      report_.lenses = find_lenses(arguments, options, map_, *source_, growing_,
                                    workspace != nullptr ? workspace->record() : workspace::Record{});
       options.lens_distance = report_.lenses.distance;
       if (report_.lenses.estimated) progress_.message(describe(report_.lenses));
@@ -101,7 +101,7 @@ class Run {
     open_results(options);
     {
       const Spent spent(report_.time, Busy::kStart);
-      if (device.valid()) device.get();
+      if (device.valid()) report_.device_start = device.get();
       densifier_ = step_               ? step_->densifier(callbacks())
                    : given_ != nullptr ? given_->densifier(callbacks())
                                        : std::make_unique<Densifier>(options, callbacks());
@@ -237,7 +237,7 @@ class Run {
     if (!fresh.empty()) {
       progress_.stage("looking at " + std::to_string(fresh.size()) + " new images");
       const InterruptGuard guard(nullptr);
-      const std::unique_ptr<ImageSource> images = open_images(arguments_, map_);
+      const std::unique_ptr<ImageSource> images = source_->again();
       images->restrict_to(fresh);
       const std::string error = each_image(*images, guard, [&](std::size_t, const ImageSource::Item& item) {
         step_->look_at(item.keyframe_id, item.image);

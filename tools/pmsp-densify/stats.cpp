@@ -164,6 +164,8 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   for (std::size_t i = 0; i < kBusyKinds; ++i) {
     json["critical_path"][kBusyNames[i].key] = report.time.seconds(static_cast<Busy>(i));
   }
+  const bool on_device = report.options.backend == Backend::kCuda;
+  if (on_device && report.device_start) json["device_start"] = *report.device_start;
   json["peak_memory_mib"] = peak_memory_mib();
   if (report.lenses.estimated) {
     const LensDistance& it = *report.lenses.estimated;

@@ -30,6 +30,7 @@ struct RunReport {
   std::optional<PairingVerifier::Verdict> pairing;
   Lenses lenses;
   TimeAccount time;                    ///< of the main thread
+  std::optional<double> device_start;  ///< what starting a CUDA device took, beside all else [s]; none without one
   std::string empty_reason;            ///< of an empty result
   nlohmann::ordered_json prior_depth;  ///< of each keyframe that was looked at; null without
   nlohmann::ordered_json given_depth;  ///< of fuse; null else

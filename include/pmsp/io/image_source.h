@@ -63,6 +63,10 @@ class PMSP_API ImageSource {
   /// `keyframe_ids` and `next` name these keyframes only, and others are not decoded where that can be helped. Before
   /// the first `next`.
   virtual void restrict_to(const std::set<std::int64_t>& keyframe_ids) = 0;
+
+  /// Another source of the same images, which takes no search for what belongs together. Before the first `next`.
+  /// Throws IoError when a video can no longer be opened.
+  virtual std::unique_ptr<ImageSource> again() const = 0;
 };
 
 /// Whether EXIF data of an image file turn it: ImageSource gives such images upright. Throws IoError.
@@ -77,8 +81,8 @@ struct ImageFolderOptions {
 /// Images in a folder (JPEG, PNG, TIFF, BMP, WebP). Where the map names them (`MapKeyframe::image`), these and no
 /// others are taken, by their path in the folder. Else the folder itself is searched, and the names of its images are
 /// keyframe ids, timestamps (seconds, milli-, micro- or nanoseconds) or frame indices; which one is detected from how
-/// well each naming scheme fits the map's keyframes, and, where names alone leave more than one, by a PairingVerifier
-/// on a few images. What stands before and after the number does not matter ("image12.png"). Frame indices are
+/// well each naming scheme fits the map's keyframes, and, where names alone leave more than one, from what a few images
+/// show of landmarks. What stands before and after the number does not matter ("image12.png"). Frame indices are
 /// timestamp x fps, for Unix times counted from the first keyframe; a constant offset between index and name is
 /// detected, too. A `frame_offset` other than 0 says that names are frame indices, and switches that search off. Of
 /// keyframes with one timestamp the first (smallest id) keeps the image. Throws IoError when there is no such folder or

@@ -83,8 +83,7 @@ class ShardRun {
       progress_.stage("looking for landmarks in the images");
       progress_.message(sweep_landmarks(map_, arguments_, options_.threads));
     }
-    const Lenses lenses =
-        find_lenses(arguments_, options_, map_, source_->keyframe_ids().size(), false, workspace_.record());
+    const Lenses lenses = find_lenses(arguments_, options_, map_, *source_, false, workspace_.record());
     options_.lens_distance = lenses.distance;  // of all shards the same: they look at the same images
     if (lenses.estimated) progress_.message(describe(lenses));
     step_ = std::make_unique<WorkspaceStep>(workspace_, arguments_, options_, map_, false);
@@ -182,7 +181,7 @@ class ShardRun {
     if (wanted.empty()) return;
     std::optional<PairingVerifier> verifier;
     if (!arguments_.no_verify) verifier.emplace(map_);
-    const std::unique_ptr<ImageSource> images = open_images(arguments_, map_);
+    const std::unique_ptr<ImageSource> images = source_->again();
     images->restrict_to(wanted);
     const auto lost = [this](const SkippedKeyframe& skipped) {
       if (first_error_.empty()) first_error_ = skipped.reason;
@@ -248,7 +247,7 @@ class ShardRun {
     announced_backend_ = densifier.backend();
     const InterruptGuard guard(&densifier);
     const Ids needed = densifier.images();
-    const std::unique_ptr<ImageSource> images = open_images(arguments_, map_);
+    const std::unique_ptr<ImageSource> images = source_->again();
     images->restrict_to({needed.begin(), needed.end()});
     const auto lost = [](const SkippedKeyframe& skipped) {
       throw IoError("the image of keyframe " + std::to_string(skipped.keyframe_id) +
