@@ -2,7 +2,9 @@
 #include "preview.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <future>
 #include <vector>
 
 #include <opencv2/imgcodecs.hpp>
@@ -76,14 +78,13 @@ void Preview::add_keyframe(std::size_t index, std::int64_t id, const RigidTransf
   scene_.path.push_back(cam_from_world.center());
   down_ += cam_from_world.rotation.row(1).transpose();
   if (strips_ >= kStrips) return;
-  Pending pending{index, id, cv::Mat(image.height, image.width, CV_8UC3)};
-  for (int y = 0; y < image.height; ++y) {
-    auto* to = pending.color.ptr<cv::Vec3b>(y);
-    for (int x = 0; x < image.width; ++x) to[x] = {image(x, y).b, image(x, y).g, image(x, y).r};
-  }
+  const cv::Mat rgb(image.height, image.width, CV_8UC3, const_cast<Rgb*>(image.data),
+                    static_cast<std::size_t>(image.stride) * sizeof(Rgb));  // is only read
   const int width = std::min(depth_width, kMaxPanelWidth);
   const cv::Size size(width, std::max(1, depth_height * width / std::max(depth_width, 1)));
-  cv::resize(pending.color, pending.color, size, 0, 0, cv::INTER_AREA);
+  Pending pending{index, id, cv::Mat()};
+  cv::resize(rgb, pending.color, size, 0, 0, cv::INTER_AREA);
+  cv::cvtColor(pending.color, pending.color, cv::COLOR_RGB2BGR);
   pending_.push_back(pending);
 }
 
@@ -136,23 +137,26 @@ Preview::~Preview() = default;
 /// Keeps one point in each of the smallest cubes that bring the points down to half of what may be kept.
 void Preview::thin() {
   std::vector<ViewPoint>& points = scene_.points;
-  double spacing = scene_.spacing * kCoarser;
+  double spacing = scene_.spacing * std::sqrt(2.0);
   if (scene_.spacing == 0.0) {
     std::vector<double> distances;
     for (std::size_t i = 0; i < points.size(); i += 97) {
       distances.push_back(static_cast<double>((points[i].position - points[0].position).norm()));
     }
     // Of the median: a crowd far away must not make all others coarse.
-    spacing = std::max(percentile(distances, 50.0), 1e-9) / 2000.0;
+    spacing = std::max(percentile(distances, 50.0), 1e-9) / 1000.0;
   }
-  for (;; spacing *= kCoarser) {
+  constexpr double kMost = 0.5 * static_cast<double>(kMaxPoints);
+  while (true) {
     cells_ = std::make_unique<Cells>(spacing);
     std::size_t kept = 0;
     for (const ViewPoint& point : points) {
       if (cells_->take(point.position)) points[kept++] = point;
     }
     points.resize(kept);
-    if (points.size() <= kMaxPoints / 2) break;
+    const double share = static_cast<double>(points.size()) / kMost;
+    if (share <= 1.0) break;
+    spacing *= std::clamp(std::sqrt(share), kCoarser, 2.0);  // surfaces: their cubes go with the square
   }
   scene_.spacing = spacing;
 }
@@ -185,8 +189,10 @@ std::string Preview::finish(std::int64_t points) {
   }
   const std::string left_out = left_out_of(scene_);
   if (!left_out.empty()) scene_.caption += "; " + left_out;
-  write_png(folder_ / kAbove, draw_from_above(scene_));
+  std::future<void> above =
+      std::async(std::launch::async, [this] { write_png(folder_ / kAbove, draw_from_above(scene_)); });
   write_png(folder_ / kCorner, draw_from_corner(scene_));
+  above.get();
   return left_out;
 }
 
