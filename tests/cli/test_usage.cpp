@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
+#include <stdexcept>
 
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
+#include "exit_code.h"
 #include "pmsp/io/plan_io.h"
 
 using namespace pmsp;
@@ -83,6 +85,19 @@ TEST_CASE("usage errors give 2 and name what is wrong") {
     CHECK(result.out.empty());
     CHECK_THAT(result.err, Contains(word));
   }
+}
+
+TEST_CASE("each kind of error has the exit code that the help tells") {
+  CHECK(tool::exit_code_of(std::runtime_error("")) == 1);
+  CHECK(tool::exit_code_of(tool::UsageError("")) == 2);
+  CHECK(tool::exit_code_of(InvalidOption("")) == 2);
+  CHECK(tool::exit_code_of(InvalidInput("")) == 3);
+  CHECK(tool::exit_code_of(IoError("")) == 3);
+  CHECK(tool::exit_code_of(BackendUnavailable("")) == 4);
+  CHECK(tool::exit_code_of(DeviceError("")) == 4);
+  CHECK(tool::exit_code_of(tool::EmptyResult("")) == 5);
+  CHECK(tool::exit_code_of(OutputError("")) == 6);
+  CHECK(tool::exit_code_of(tool::Interrupted(15)) == 143);
 }
 
 TEST_CASE("a backend that is not built gives 4 and says what to do") {
