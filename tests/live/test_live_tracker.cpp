@@ -61,3 +61,27 @@ TEST_CASE("A scale is found again however far keyframes were moved before withou
     CHECK(tracker.place_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-6));
   }
 }
+
+TEST_CASE("Small changes of scale add up, after maps were merged, too", "[live]") {
+  LiveTracker tracker;
+  std::vector<LiveKeyframe> keyframes = flight(0.0);
+  for (LiveKeyframe& keyframe : keyframes) {
+    keyframe.map_id = keyframe.id < 6 ? 0 : 1;
+    tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
+  }
+  for (LiveKeyframe& keyframe : keyframes) keyframe.map_id = 0;
+  move(tracker, keyframes);
+  double unit = 1.0;
+  for (int step = 0; step < 10; ++step) {  // each less than what counts as a change
+    unit *= 0.998;
+    for (LiveKeyframe& keyframe : keyframes) {
+      keyframe.cam_from_world.translation *= 0.998;
+      keyframe.landmarks.clear();
+    }
+    move(tracker, keyframes);
+  }
+  for (std::size_t k = 4; k < 8; ++k) {  // in the middle, where most baselines tell
+    CAPTURE(k);
+    CHECK(tracker.place_of(keyframes[k].id).pose.scale == Approx(unit).margin(0.008));
+  }
+}
