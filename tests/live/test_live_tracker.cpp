@@ -85,3 +85,30 @@ TEST_CASE("Small changes of scale add up, after maps were merged, too", "[live]"
     CHECK(tracker.place_of(keyframes[k].id).pose.scale == Approx(unit).margin(0.008));
   }
 }
+
+TEST_CASE("Ranges of landmarks go with the scale that baselines have told", "[live]") {
+  LiveTracker tracker;
+  for (const LiveKeyframe& keyframe : flight(0.0)) tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
+  constexpr double kUnit = 0.8;
+  std::vector<LiveKeyframe> keyframes = flight(0.0);
+  for (LiveKeyframe& keyframe : keyframes) {
+    keyframe.cam_from_world.translation *= kUnit;
+    keyframe.landmarks.clear();  // not told this time
+  }
+  move(tracker, keyframes);
+  for (std::int64_t id = 0; id < static_cast<std::int64_t>(kKeyframes); ++id) {
+    if (id != 4 && id != 5) tracker.erase(id);
+  }
+  const std::vector<LiveKeyframe> all = flight(0.0);
+  keyframes = {all[4], all[5]};  // too few for baselines
+  for (LiveKeyframe& keyframe : keyframes) {
+    keyframe.cam_from_world.translation *= kUnit;
+    keyframe.cam_from_world.translation.y() += 1e-6;
+    for (Landmark& landmark : keyframe.landmarks) landmark.position_world *= kUnit;
+  }
+  move(tracker, keyframes);
+  for (const LiveKeyframe& keyframe : keyframes) {
+    CAPTURE(keyframe.id);
+    CHECK(tracker.place_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-3));
+  }
+}
