@@ -10,6 +10,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
+#include "batch_run.h"
 #include "cli/command.h"
 #include "report_page.h"
 
@@ -495,4 +496,24 @@ TEST_CASE("Missions of a batch have clouds in the formats that they ask for", "[
   const Result wrong = missions.batch({"--format", "las,obj"});
   CHECK(wrong.code == 2);
   CHECK_THAT(wrong.err, Contains("las,obj") && Contains("ply, las"));
+}
+
+TEST_CASE("the fingerprint of a mission tells when one of its files has changed", "[batch]") {
+  const TempDir dir;
+  std::filesystem::create_directory(dir / "images");
+  pmsp::tool::Mission mission;
+  mission.map = "map.msg";
+  mission.images = "images";
+  mission.video = "video.mp4";
+  mission.mask = "mask.png";
+  const auto fingerprint = [&] { return fingerprint_of(mission, {}, dir.path()); };
+  std::string before = fingerprint();
+  CHECK(fingerprint() == before);
+  for (const char* name : {"map.msg", "images/1.jpg", "video.mp4", "mask.png", "mask.png"}) {
+    write_text(dir / name, read_text(dir / name) + "more");
+    const std::string now = fingerprint();
+    CAPTURE(name);
+    CHECK(now != before);
+    before = now;
+  }
 }

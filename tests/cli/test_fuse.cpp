@@ -161,6 +161,23 @@ TEST_CASE("fuse writes what run writes, and counts", "[fuse]") {
   CHECK(fs::exists(dir / "look"));
 }
 
+TEST_CASE("fuse counts the pixels that the mask leaves, as run does", "[fuse]") {
+  const TempDir dir;
+  const std::vector<std::string> mask{"--mask", (mission() / "mask.png").string(), "--stats"};
+  const auto with_stats = [&](const char* name) {
+    std::vector<std::string> words = mask;
+    words.push_back((dir / name).string());
+    return words;
+  };
+  std::vector<std::string> more = with_stats("run.json");
+  more.insert(more.end(), {"--raw-depth-maps", (dir / "raw").string()});
+  REQUIRE(densify(quick_run(dir / "run.ply", more)).code == 0);
+  REQUIRE(densify(quick_fuse(dir / "raw", dir / "fuse.ply", with_stats("fuse.json"))).code == 0);
+  const Json run = Json::parse(read_text(dir / "run.json"))["pixels"];
+  CHECK(run["unmasked"] < 5 * 128 * 64);
+  CHECK(Json::parse(read_text(dir / "fuse.json"))["pixels"]["unmasked"] == run["unmasked"]);
+}
+
 TEST_CASE("depth by the names of images, in any format and unit", "[fuse]") {
   const TempDir dir;
   std::size_t k = 0;
@@ -191,6 +208,9 @@ TEST_CASE("depth by the names of images, in any format and unit", "[fuse]") {
   CHECK(wrong.code == 3);
   CHECK_THAT(wrong.err, Contains("times those of the landmarks") && Contains("--depth-scale 0.001"));
   REQUIRE(fuse("mm", {"--depth-scale", "0.001"}).code == 0);
+  const Result small = fuse("mm", {"--depth-scale", "0.0005"});
+  CHECK(small.code == 3);
+  CHECK_THAT(small.err, Contains("0.5 times those of the landmarks") && Contains("--depth-scale 0.001"));
   check_same(dir / "mixed.ply", dir / "mm.ply", 5e-3, 0.95);
 
   CHECK(fuse("disparity", {}).code == 3);

@@ -9,6 +9,7 @@
 
 #include "cli/command.h"
 #include "standing.h"
+#include "stats.h"
 
 using namespace pmsp_test;
 using namespace pmsp::tool;
@@ -41,6 +42,36 @@ TEST_CASE("the share of the work takes keyframes to come to be like those that h
   CHECK(standing_of(stats, 10).share == Approx(0.3));
   CHECK(standing_of(stats, 5).share == Approx(0.6));
   CHECK(standing_of(stats, 0).share == Approx(0.6));
+}
+
+TEST_CASE("statistics tell each count under its own name") {
+  RunReport report;
+  report.keyframes = 1;
+  report.with_image = 2;
+  report.points_written = 3;
+  pmsp::DensifierStats& s = report.stats;
+  std::int64_t number = 10;
+  for (std::int64_t* count : {&s.keyframes_added, &s.keyframes_accepted, &s.keyframes_rejected, &s.keyframes_blurred,
+                              &s.depth_maps, &s.keyframes_without_neighbour, &s.keyframes_without_range}) {
+    *count = number++;
+  }
+  for (std::int64_t* count : {&s.pixels, &s.pixels_matched, &s.pixels_after_median, &s.pixels_after_consistency,
+                              &s.points_fused, &s.points_repeated, &s.points}) {
+    *count = number++;
+  }
+  const nlohmann::ordered_json json = to_json(report);
+  number = 10;
+  CHECK(json["keyframes"]["in_map"] == 1);
+  CHECK(json["keyframes"]["with_image"] == 2);
+  CHECK(json["points_written"] == 3);
+  for (const char* name :
+       {"added", "accepted", "rejected", "blurred", "depth_maps", "without_neighbour", "without_range"}) {
+    CHECK(json["keyframes"][name] == number++);
+  }
+  for (const char* name : {"unmasked", "matched", "after_median", "after_consistency"}) {
+    CHECK(json["pixels"][name] == number++);
+  }
+  for (const char* name : {"points_fused", "points_repeated", "points"}) CHECK(json[name] == number++);
 }
 
 TEST_CASE("a run whose points come at the end tells how far it is") {

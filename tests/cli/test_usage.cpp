@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
+#include <stdexcept>
 
 #include <nlohmann/json.hpp>
 
+#include "budget.h"
 #include "cli/command.h"
+#include "exit_code.h"
 #include "pmsp/io/plan_io.h"
 
 using namespace pmsp;
@@ -83,6 +86,19 @@ TEST_CASE("usage errors give 2 and name what is wrong") {
     CHECK(result.out.empty());
     CHECK_THAT(result.err, Contains(word));
   }
+}
+
+TEST_CASE("each kind of error has the exit code that the help tells") {
+  CHECK(tool::exit_code_of(std::runtime_error("")) == 1);
+  CHECK(tool::exit_code_of(tool::UsageError("")) == 2);
+  CHECK(tool::exit_code_of(InvalidOption("")) == 2);
+  CHECK(tool::exit_code_of(InvalidInput("")) == 3);
+  CHECK(tool::exit_code_of(IoError("")) == 3);
+  CHECK(tool::exit_code_of(BackendUnavailable("")) == 4);
+  CHECK(tool::exit_code_of(DeviceError("")) == 4);
+  CHECK(tool::exit_code_of(tool::EmptyResult("")) == 5);
+  CHECK(tool::exit_code_of(OutputError("")) == 6);
+  CHECK(tool::exit_code_of(tool::Interrupted(15)) == 143);
 }
 
 TEST_CASE("a backend that is not built gives 4 and says what to do") {
@@ -310,4 +326,32 @@ TEST_CASE("what info predicts grows with the mission, and is what a run takes") 
     CHECK(less[key].get<double>() < all[key].get<double>());
   }
   CHECK(less["cpu"]["memory_bytes"].get<double>() <= all["cpu"]["memory_bytes"].get<double>());
+}
+
+TEST_CASE("keyframes that are not used take no memory of a predicted run") {
+  SlamMap map;
+  map.cameras.push_back({"camera", 640, 320, 10.0});
+  Plan plan;
+  for (std::int64_t id = 0; id < 6; ++id) {
+    PlanEntry entry;
+    entry.id = id;
+    entry.use = KeyframeUse::kDepthMap;
+    entry.near = {id == 0 ? 1 : id - 1};
+    plan.entries.push_back(entry);
+  }
+  const DensifierOptions options = preset(Quality::kNormal);
+  const tool::Budget before = tool::estimate_budget({map, plan, options, 0, 0, {}});
+  CHECK(before.used == 6);
+  CHECK(before.memory_bytes > 0.0);
+  for (std::int64_t id = 6; id < 300; ++id) {
+    PlanEntry entry;
+    entry.id = id;
+    entry.use = KeyframeUse::kTooLittleParallax;
+    plan.entries.push_back(entry);
+  }
+  const tool::Budget after = tool::estimate_budget({map, plan, options, 0, 0, {}});
+  CHECK(after.keyframes == 300);
+  CHECK(after.used == 6);
+  CHECK(after.memory_bytes == before.memory_bytes);
+  CHECK(after.scratch_bytes == before.scratch_bytes);
 }

@@ -238,6 +238,17 @@ TEST_CASE("run --follow waits out a state that cannot be used, and a signal ends
   CHECK(densify(words).code == 3);  // what is wrong at the end is told
 }
 
+TEST_CASE("run --follow waits out a state that gives no points") {
+  const TempDir dir;
+  copy_images(dir / "images", 2);  // with too little parallax between them
+  Command follow(densify_words(step(dir, {"--follow", "--until-idle", "4", "--view-filter-min-parallax-deg", "20"})));
+  REQUIRE(comes([&] { return follow.err_so_far().find("no points") != std::string::npos; }));
+  copy_images(dir / "images", 9);
+  const Result result = follow.wait();
+  require_ok(result);
+  CHECK_THAT(result.err, Contains("waiting for a newer state") && Contains("wrote "));
+}
+
 TEST_CASE("outputs of the same workspace are replaced, others are not") {
   const TempDir dir;
   copy_images(dir / "images", 9);

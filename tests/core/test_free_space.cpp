@@ -205,6 +205,15 @@ TEST_CASE("what as many keyframes deny as confirm is no mirror image", "[free sp
   CHECK(staying(maps, 2, ghosts).named > 0.9);
 }
 
+TEST_CASE("one witness alone makes no mirror image, two do", "[free space]") {
+  std::vector<DepthMap> maps = truth_maps(room());
+  const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
+  for (const std::size_t k : {0U, 4U}) std::fill(maps[k].depth.pixels().begin(), maps[k].depth.pixels().end(), 0.0F);
+  CHECK(staying(maps, 2, ghosts).named < 0.1);
+  std::fill(maps[3].depth.pixels().begin(), maps[3].depth.pixels().end(), 0.0F);
+  CHECK(staying(maps, 2, ghosts).named > 0.9);
+}
+
 TEST_CASE("what is no mirror image stays behind what others have", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<std::size_t> deep = look_through_floor(maps[2], room().scene, 0.3, 2.5, 1.3);

@@ -169,6 +169,25 @@ TEST_CASE("surfaces that face another way by more than 60 degrees are not averag
   CHECK(share(45.0, 3) > 0.9);
 }
 
+TEST_CASE("a fused normal lies between those that agree", "[fusion]") {
+  Fusion fusion(sphere());
+  fusion.maps.resize(2);
+  for (Eigen::Vector3f& normal : fusion.maps[1].normal.pixels()) {  // turned by 20 degrees
+    normal = (normal + 0.364F * normal.unitOrthogonal()).normalized();
+  }
+  const KeyframeCloud cloud = fusion.fuse_one(0);
+  REQUIRE(cloud.pixels.size() == cloud.points.size());
+  int between = 0, all = 0;
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    if (cloud.points[i].views != 2) continue;
+    ++all;
+    const float cosine = cloud.points[i].normal.dot(fusion.maps[0].normal.pixels()[cloud.pixels[i]]);
+    between += cosine < 0.998F && cosine > 0.96F ? 1 : 0;  // 3.6 to 16 degrees
+  }
+  CHECK(all > 1000);
+  CHECK(between > 0.9 * all);
+}
+
 TEST_CASE("colours are averaged with the inverse square of the expected errors", "[fusion]") {
   Fusion fusion(sphere());
   fusion.maps.resize(2);

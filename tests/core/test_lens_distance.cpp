@@ -72,6 +72,24 @@ TEST_CASE("nothing to go by, no distance") {
   CHECK(found.distance == 0.0);
 }
 
+TEST_CASE("what the mask hides tells nothing of the lenses") {
+  const synth::Mission two = room(kDistance, 640);
+  CHECK(estimated(two).landmarks > 20);
+  Image<std::uint8_t> mask(640, 320, 255);
+  for (int y = 0; y < mask.height(); ++y) {
+    for (int x = 0; x < mask.width(); ++x) {
+      if (x < 160 || x >= 480) mask(x, y) = 0;  // all that the backward lens sees
+    }
+  }
+  LensDistanceEstimator estimator;
+  for (std::size_t i = 0; i < two.frames.size(); ++i) {
+    Keyframe keyframe = keyframe_of(two, i);
+    keyframe.mask = static_cast<const Image<std::uint8_t>&>(mask).view();
+    estimator.add(keyframe);
+  }
+  CHECK(estimator.estimate(Executor(2)).landmarks == 0);
+}
+
 TEST_CASE("points lie on the surfaces where the distance of the lenses is told", PMSP_ACCURACY) {
   const double one_centre = error_of_points(room(0.0, 640), 0.0);
   const synth::Mission two = room(kDistance, 640);

@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
 
+#include "match.h"
 #include "patchmatch/match_setup.h"
 #include "plane.h"
 
@@ -47,4 +53,31 @@ TEST_CASE("texture must be more than noise can be, and strong texture is never t
   CHECK(patch_layout(options, 640, 2.0F).fine_variance == textured_variance(2.0F));
   options.fine_patch = 1.0;
   CHECK(patch_layout(options, 640, 2.0F).fine_variance < 0.0F);
+}
+
+TEST_CASE("no two proposals of a pixel draw the same random numbers", "[patchmatch]") {
+  kernels::Matching<kernels::CubeView> matching{};
+  matching.limits = plane_limits({0.5, 50.0});
+  matching.random = patchmatch_key(1, 7);
+  matching.refinements = 4;
+  const kernels::Vec3<float> ahead{0.0F, 0.0F, 1.0F};
+  const kernels::Hypothesis<float> best{{0.0F, 0.0F, 0.25F}, 0.5F};
+  std::vector<std::array<float, 8>> drawn;  // of eight pixels, relative to the largest step in depth
+  for (int iteration = 0; iteration < 8; ++iteration) {
+    for (int draw = 0; draw < matching.refinements; ++draw) {
+      const float step = 0.06F / static_cast<float>(1 << (std::min(iteration, 3) + draw));
+      std::array<float, 8> steps{};
+      for (std::uint32_t pixel = 0; pixel < 8; ++pixel) {
+        const auto plane = kernels::refined<float>(best, pixel, iteration, draw, ahead, matching);
+        steps[pixel] = (plane.z / best.plane.z - 1.0F) / step;
+        CHECK(std::abs(steps[pixel]) < 1.001F);
+      }
+      for (const std::array<float, 8>& before : drawn) {
+        float most = 0.0F;
+        for (std::size_t i = 0; i < 8; ++i) most = std::max(most, std::abs(steps[i] - before[i]));
+        CHECK(most > 0.05F);
+      }
+      drawn.push_back(steps);
+    }
+  }
 }

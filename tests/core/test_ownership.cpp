@@ -14,6 +14,7 @@
 
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
+#include "ownership.h"
 #include "pmsp/error.h"
 #include "pmsp/fusion.h"
 #include "synth/rng.h"
@@ -311,6 +312,31 @@ TEST_CASE("what stands before a wall takes no points of the wall, though it face
   owners.make();
   CHECK(owners.points() < 0.95 * owners.eligible);
   CHECK(owners.uncovered() < 0.001);
+}
+
+TEST_CASE("a point lies on a surface as either of the two normals tells", "[ownership]") {
+  namespace k = kernels;
+  using V = k::Vec3<float>;
+  k::OwnershipView other{};
+  other.map = {nullptr, nullptr, kWidth, kWidth / 2, 1.0F};
+  for (const int i : {0, 4, 8}) other.other_from_first.r[i] = 1.0F;
+  other.zoom = 1.0F;
+  const k::OwnershipLimits limits{1.0F, 0.02F, 0.5F};
+  const V ahead{0.0F, 0.0F, 1.0F};
+  const auto stands = [&](const V& owner_normal, const V& claim_normal, const V& apart) {
+    const std::uint32_t surfel = k::pack_point<float>(2.0F, owner_normal, {0.0F, 0.0F, 0.0F}, 0.7F).surfel;
+    const auto off = k::off_surface<float>(2.0F, claim_normal, ahead, 0.7F, limits.max_relative_depth);
+    return k::stands_for<float>(surfel, k::pack_standing<float>(0.7F, k::Standing::kOwner), ahead, 2.0F * ahead - apart,
+                                claim_normal, off, 1e9F, other, limits);
+  };
+  const V level{0.0F, 0.0F, -1.0F};
+  const V slanted{0.6F, 0.0F, -0.8F};
+  const V beside{0.1F, 0.0F, 0.0F};
+  CHECK(stands(level, level, beside));
+  CHECK(stands(level, slanted, beside));
+  CHECK(stands(slanted, level, beside));
+  CHECK_FALSE(stands(slanted, slanted, beside));
+  CHECK_FALSE(stands(level, level, {0.0F, 0.0F, 0.1F}));
 }
 
 TEST_CASE("what is seen from four times as near replaces the coarser points", "[ownership]") {

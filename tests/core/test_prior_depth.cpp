@@ -135,6 +135,35 @@ TEST_CASE("a depth image must agree with most landmarks, and tell more than one 
   CHECK(flat.why_not.find("it tells little more") == 0);
 }
 
+TEST_CASE("of many landmarks those at the end of the list have a say, too", "[prior depth]") {
+  const synth::Mission mission = room();
+  const synth::Frame& frame = mission.frames[0];
+  const Eigen::Vector3d center = frame.cam_from_world.center();
+  Keyframe keyframe = keyframe_with(frame, 1200);
+  for (std::size_t i = 0; i < 360; ++i) {  // wrong ones
+    Eigen::Vector3d& at = keyframe.landmarks[i].position_world;
+    at = center + (0.3 + 2.0 * synth::uniform(8, i)) * (at - center);
+  }
+  const DepthAlignment alignment = align_prior_depth(frame.depth.view(), keyframe);
+  CHECK(alignment.why_not.empty());
+  CHECK(alignment.share > 0.65);
+}
+
+TEST_CASE("planes of a given depth are in the keyframe's unit", "[prior depth]") {
+  const PriorGrid grid(64, 32);
+  const Image<float> depth(128, 64, 3.0F);
+  const auto plain = given_planes(depth.view(), 1.0, grid);
+  const auto scaled = given_planes(depth.view(), 4.0, grid);
+  REQUIRE(plain.size() == scaled.size());
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    CAPTURE(i);
+    REQUIRE(plain[i].x * plain[i].x + plain[i].y * plain[i].y + plain[i].z * plain[i].z > 0.0F);
+    CHECK(scaled[i].x == Approx(4.0F * plain[i].x).margin(1e-4));
+    CHECK(scaled[i].y == Approx(4.0F * plain[i].y).margin(1e-4));
+    CHECK(scaled[i].z == Approx(4.0F * plain[i].z).margin(1e-4));
+  }
+}
+
 TEST_CASE("noise of landmarks is averaged in the alignment", "[prior depth]") {
   const synth::Mission mission = room();
   const synth::Frame& frame = mission.frames[0];

@@ -161,6 +161,19 @@ TEST_CASE("the search for blur can be switched off", "[view_filter][blur]") {
   CHECK(found_blurred(motion(20), {3}, off) == only({}));
 }
 
+TEST_CASE("after a reset keyframes are compared with those that came after it", "[view_filter][blur]" PMSP_ACCURACY) {
+  ViewFilter filter(strict());
+  const auto accepts = [&](std::size_t i, const Change& change) {
+    Keyframe frame = synth::keyframe_of(flight(), i);
+    const Image<Rgb> image = change(flight().frames[i].image);
+    frame.image = image.view();
+    return filter.accept(frame);
+  };
+  for (std::size_t i = 0; i < 3; ++i) CHECK(accepts(i, motion(1)));
+  filter.reset();
+  for (std::size_t i = 0; i < 5; ++i) CHECK(accepts(i, motion(8)));  // sharp ones of before do not count
+}
+
 TEST_CASE("fewer than twenty landmarks in common tell nothing of blur", "[view_filter][blur]") {
   std::vector<LandmarkSharpness> sharp;
   std::vector<LandmarkSharpness> blurred;
@@ -184,7 +197,9 @@ TEST_CASE("sharpness is compared with that of the three keyframes before", "[vie
   ViewChain chain(strict());
   for (int i = 0; i < 5; ++i) chain.add_sharpness(of_all(1.0F));
   CHECK(chain.is_blurred(of_all(0.4F)));
-  for (int i = 0; i < 2; ++i) chain.add_sharpness(of_all(0.4F));  // two of three are as it is
+  chain.add_sharpness(of_all(0.4F));  // one of three is as it is
+  CHECK(chain.is_blurred(of_all(0.4F)));
+  chain.add_sharpness(of_all(0.4F));  // two of three
   CHECK_FALSE(chain.is_blurred(of_all(0.4F)));
 }
 

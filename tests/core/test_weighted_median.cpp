@@ -93,6 +93,35 @@ TEST_CASE("the weighted median moves depth edges to where the colours change", "
   }
 }
 
+TEST_CASE("the weighted median looks as far around near a pole as at the equator", "[median]") {
+  const Scene scene{60, 4};
+  PlaneMap grown = scene.planes(0);
+  for (int y = 4; y < 28; ++y) {
+    const double cos_lat = std::sin((y + 0.5) / kHeight * 3.14159265358979);
+    const int columns = static_cast<int>(std::lround(2.0 / cos_lat));
+    for (int i = 1; i <= columns; ++i) {
+      Scene::set(grown, 60 - i, y, kPlate);
+      Scene::set(grown, 99 + i, y, kPlate);
+    }
+  }
+  const auto wrong = [&](const PlaneMap& map) {  // of the rows nearest to the pole
+    int count = 0;
+    for (int y = 4; y < 10; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const Eigen::Vector3d bearing = bearing_from_pixel({x + 0.5, y + 0.5}, kWidth, kHeight);
+        const double inverse = bearing.dot(Eigen::Vector3d(map.x(x, y), map.y(x, y), map.z(x, y)));
+        count += std::abs(inverse * (scene.on_plate(x, y) ? kPlate : kWall) - 1.0) < 0.03 ? 0 : 1;
+      }
+    }
+    return count;
+  };
+  const int before = wrong(grown);
+  const int after = wrong(weighted_median_filter(grown, scene.panorama(), Executor(2)));
+  CAPTURE(before, after);
+  CHECK(before > 60);
+  CHECK(after < before / 8);
+}
+
 TEST_CASE("the weighted median leaves what is right as it is, thin things included", "[median]") {
   const Scene scene;
   const PlaneMap truth = scene.planes(0);

@@ -256,3 +256,20 @@ TEST_CASE("points at absurd distances are wrong, not fatal") {
   CHECK(at(measures.relative, 0.05).accuracy == Approx(static_cast<double>(good) / static_cast<double>(good + 1)));
   CHECK(bench.views(points).mean.correct->of_hit > 0.99);
 }
+
+TEST_CASE("a point in a wall's plane, but far beside the wall, is wrong") {
+  Surface wall;  // two metres ahead, one metre wide and high
+  for (int j = -10; j <= 10; ++j) {
+    for (int i = -10; i <= 10; ++i) {
+      wall.positions.push_back({0.05F * static_cast<float>(i), 0.05F * static_cast<float>(j), 2.0F});
+      wall.normals.push_back({0.0F, 0.0F, -1.0F});
+      wall.weights.push_back(1.0F);
+      wall.spacings.push_back(0.05F);
+    }
+  }
+  AlignedCloud cloud;
+  cloud.keyframes.resize(1);
+  cloud.points = {{0.02F, 0.02F, 2.0F}, {0.55F, 0.0F, 2.0F}, {1.5F, 0.0F, 2.0F}, {0.0F, -2.5F, 2.0F}};
+  CHECK(at(measure_cloud(cloud, wall).relative, 0.05).accuracy == 0.5);
+  CHECK(at(measure_cloud(cloud, wall).absolute, 0.1).accuracy == 0.5);
+}

@@ -101,6 +101,23 @@ TEST_CASE("a thin thing that is lost is missing or wrong, one that has grown is 
   CHECK(more.grown_share() == Approx(20.0 / (6.0 * 10.0 + 7.0 * 6.0)).epsilon(0.02));
 }
 
+TEST_CASE("what has grown from a thin thing is the same in any unit of the estimates") {
+  const Image<float> truth(kWidth, kHeight, 3.0F);
+  Image<float> thing = truth;
+  Image<float> estimate(kWidth, kHeight, 6.0F);
+  Image<std::uint8_t> labels(kWidth, kHeight);
+  for (int y = 15; y < 25; ++y) {
+    thing(40, y) = 2.0F;
+    labels(40, y) = kThin;
+    estimate(40, y) = estimate(41, y) = 4.0F;
+  }
+  LabelOptions options;
+  options.beside_px = 1;
+  options.scale = 0.5;
+  CHECK(measured(estimate, thing, labels, options).at(kThin).grown_share() ==
+        Approx(10.0 / (2.0 * 10.0 + 2.0 * 3.0)).epsilon(0.02));
+}
+
 TEST_CASE("points count as behind only where they are from every view") {
   // Two views of a sphere; the second one sees an obstacle at 1 m instead of it ahead, where x and y are small.
   const int height = 60;
@@ -131,6 +148,17 @@ TEST_CASE("points count as behind only where they are from every view") {
   CHECK(below.at(kOther) == 1);
   views[0].range = views[1].range = Image<float>(2 * height, height);  // nothing is known
   CHECK(share(1.2F * ahead).at(kAllLabels) == 0);
+}
+
+TEST_CASE("a view that knows nothing in a direction keeps no point from counting as behind") {
+  std::vector<TrueView> views(2);
+  for (TrueView& view : views) view.range = Image<float>(kWidth, kHeight, 4.0F);
+  const Eigen::Vector3f beyond(0.5F, 0.2F, 5.0F);
+  CHECK(count_behind({beyond}, views, 0.1, 1).at(kAllLabels) == 1);
+  for (TrueView& view : views) {
+    view.range = Image<float>(kWidth, kHeight);
+    CHECK(count_behind({beyond}, views, 0.1, 1).at(kAllLabels) == (&view == &views.front() ? 1 : 0));
+  }
 }
 
 TEST_CASE("label images are found beside the range maps and reach the measures of clouds") {

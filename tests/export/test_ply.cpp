@@ -9,6 +9,7 @@
 
 #include "pmsp/error.h"
 #include "pmsp/io/cloud_output.h"
+#include "pmsp/io/files.h"
 #include "pmsp/io/ply.h"
 #include "support/temp_dir.h"
 
@@ -151,6 +152,20 @@ TEST_CASE("an empty cloud is a valid PLY") {
   const TempDir dir;
   CloudOutput(dir / "c.ply").commit();
   CHECK(read_ply(dir / "c.ply").positions.empty());
+}
+
+TEST_CASE("a file holds what was written in the order in which it came, small pieces and large ones") {
+  const TempDir dir;
+  std::string all;
+  AtomicFile file(dir / "f");
+  for (const std::size_t bytes : {std::size_t{10}, std::size_t{3} << 20, std::size_t{7}, std::size_t{1} << 20,
+                                  (std::size_t{1} << 20) - 1, std::size_t{5}}) {
+    const std::string piece(bytes, static_cast<char>('a' + all.size() % 26));
+    file.write(piece);
+    all += piece;
+  }
+  file.commit();
+  CHECK(read_text(dir / "f") == all);
 }
 
 TEST_CASE("a writer that is not finished leaves the old file and no trace") {

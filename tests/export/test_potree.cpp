@@ -197,6 +197,15 @@ TEST_CASE("a Potree writer that is given up, or gets a point that is too far, le
   CHECK(dir.entries() == 0);
 }
 
+TEST_CASE("a Potree cloud that is replaced only in part is none") {
+  const TempDir dir;
+  write(dir / "p", sample_points(100));
+  fs::remove(dir / "p" / "hierarchy.bin");
+  fs::create_directory(dir / "p" / "hierarchy.bin");  // nothing can take its place
+  CHECK_THROWS_AS(write(dir / "p", sample_points(50)), OutputError);
+  CHECK_FALSE(fs::exists(dir / "p" / "metadata.json"));
+}
+
 TEST_CASE("an octree of more points than memory takes at once: dealt out by cells as they come, and once more") {
   const TempDir scratch;
 #if defined(__SANITIZE_ADDRESS__)

@@ -59,6 +59,16 @@ TEST_CASE("of each cube the most confident point stays, and no other") {
   CHECK(keys_of(thinned({side, 0}, points)) == expected);
 }
 
+TEST_CASE("cubes on either side of zero are two") {
+  std::vector<OutputPoint> points = sample_points(4);
+  points[0].position = {0.4, 0.4, 0.4};
+  points[1].position = {-0.4, 0.4, 0.4};
+  points[2].position = {-0.4, -0.4, 0.4};
+  points[3].position = {-0.4, -0.4, -0.4};
+  CHECK(thinned({1.0, 0}, points).size() == 4);
+  CHECK(thinned({1.0, 0}, {points[3], points[3]}).size() == 1);
+}
+
 TEST_CASE("which points stay does not hang on the order in which they come") {
   std::vector<OutputPoint> points = sample_points(100000);
   for (std::size_t i = 0; i < points.size(); ++i) points[i].confidence = 0.25F * static_cast<float>(i % 4);  // ties

@@ -85,6 +85,23 @@ TEST_CASE("File names are read as timestamps in any unit") {
   CHECK(drain(*source).frames == kAllFrames);
 }
 
+TEST_CASE("A name that is a timestamp belongs to a keyframe of that moment, however slow the camera") {
+  SlamMap map = bare_map({{0, kUnix}, {1, kUnix + 1.0}, {2, kUnix + 2.0}, {3, kUnix + 3.0}});
+  map.cameras[0].fps = 1.0;
+  for (const int late_ms : {40, 200}) {
+    TempDir folder;
+    for (int i = 0; i < 4; ++i) {
+      const long long ms = 250 + late_ms;
+      write_gray_frame(folder / (numbered("%lld.", 1763660000LL + i) + numbered("%03lld.png", ms)), i);
+    }
+    if (late_ms == 40) {
+      CHECK(drain(*open_image_folder(map, folder.path())).frames == Frames{0, 1, 2, 3});
+    } else {
+      CHECK_THROWS_AS(open_image_folder(map, folder.path()), InvalidInput);
+    }
+  }
+}
+
 TEST_CASE("File names are read as the SLAM's count of frames") {
   TempDir folder;
   SlamMap map = bare_map({{0, 0.0}, {1, 0.0}, {2, 0.0}});

@@ -164,6 +164,36 @@ TEST_CASE("plane priors: given planes are corrected by the supports around, unle
   CHECK_FALSE(k::is_point(k::corrected_given(cells, kColumn, kRow)));
 }
 
+TEST_CASE("plane priors: a plane that agrees with a given one is fitted to all supports near it") {
+  constexpr int kColumns = 64;
+  constexpr int kRows = 32;
+  std::vector<k::Surroundings> around(kColumns * kRows);
+  const k::PriorCells<k::HostMachine> cells = cells_with(kColumns, kRows, around);
+  around[16 * kColumns + 32] = around_ahead([](int d) { return d % 4 == 0 ? 4.06F : 4.0F; });
+  const Vec3<float> plane = k::told_plane(cells, 32, 16, wall(4.1F));
+  CHECK(1.0F / plane.z > 4.001F);  // twelve of them lie on 4 exactly
+  CHECK(1.0F / plane.z < 4.03F);
+}
+
+TEST_CASE("plane priors: pixels around a support are looked for across the seam") {
+  constexpr int kWidth = 32;
+  constexpr int kHeight = 16;
+  const SphereGrid grid(kWidth, kHeight);
+  std::vector<float> x(kWidth * kHeight, 0.0F), z(kWidth * kHeight, 0.0F);
+  k::PriorCells<k::HostMachine> cells{};
+  cells.grid = grid.view();
+  cells.map = {x.data(), x.data(), z.data(), kWidth, kHeight, nullptr};
+  const Vec3<float> behind{0.0F, 0.0F, -0.25F};
+  for (const int column : {0, 1, kWidth - 2, kWidth - 1}) {
+    CAPTURE(column);
+    std::fill(z.begin(), z.end(), -0.25F);
+    CHECK(k::neighbours_on_plane(cells, column, 8, behind) == 8);
+    const int beyond = column < 2 ? column - 2 + kWidth : column + 2 - kWidth;
+    for (int row = 6; row <= 10; row += 2) z[static_cast<std::size_t>(row * kWidth + beyond)] = -0.5F;
+    CHECK(k::neighbours_on_plane(cells, column, 8, behind) == 5);
+  }
+}
+
 TEST_CASE("plane priors: only pixels whose depth the picture does not tell have one") {
   constexpr int kSide = 8;  // of a map of one cell
   const std::vector<float> x(kSide * kSide, 0.0F);

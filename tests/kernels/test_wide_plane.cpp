@@ -79,3 +79,15 @@ TEST_CASE("wide planes: of a long room the widest sides are chosen, each once") 
   const double expected[] = {-1.0, -0.5, 0.5, 1.0};
   for (std::size_t i = 0; i < sides.size(); ++i) CHECK(sides[i] == Approx(expected[i]).epsilon(0.02));
 }
+
+TEST_CASE("wide planes: a table is not the floor below it") {
+  std::vector<k::WidePlane> found(k::kFields);
+  found[3] = {{0.0F, 1.0F / 2.0F, 0.0F}, 0.2F};
+  found[4] = {{0.0F, 1.0F / 2.1F, 0.0F}, 0.15F};  // the floor again, as another field has it
+  found[9] = {{0.0F, 1.0F / 1.2F, 0.0F}, 0.1F};
+  k::WidePlane chosen[k::kWidePlanes];
+  k::ChooseWidePlanes{found.data(), chosen}(k::place_of(0, 0, 1), nullptr);
+  CHECK(chosen[0].plane.y == found[3].plane.y);
+  CHECK(chosen[1].plane.y == found[9].plane.y);
+  CHECK_FALSE(k::is_plane(chosen[2]));
+}

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Geometry>
+
 #include "core/helpers.h"
 #include "live/live_missions.h"
 #include "pmsp/densifier.h"
@@ -146,6 +148,59 @@ TEST_CASE("Of a removed keyframe's points a neighbour takes those that it has se
     const auto& ids = cloud.cloud->window_ids;
     CHECK(std::count(ids.begin(), ids.end(), id) == 0);
   }
+}
+
+TEST_CASE("Points that a removed keyframe was asked about are asked about again, however far away") {
+  LiveDensifier live(small_live(kRoomWidth));
+  for (const LiveKeyframe& keyframe : live_keyframes(room())) live.add(keyframe);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  const auto before = live.snapshot();
+  live.erase({before->clouds.front().keyframe_id});
+  REQUIRE(live.wait(kLong));
+  const auto after = live.snapshot();
+  REQUIRE(after->clouds.size() + 1 == before->clouds.size());
+  CHECK(after->clouds.back().cloud_since > before->version);  // no depth map that its points are made of is gone
+}
+
+TEST_CASE("Points are asked about again when a keyframe moves that has looked at them from afar") {
+  LiveDensifier live(small_live(kRoomWidth));
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  const auto before = live.snapshot();
+  LiveKeyframe& first = keyframes.front();
+  REQUIRE(before->clouds.front().keyframe_id == first.id);
+  double range = 0.0;
+  for (const Landmark& landmark : first.landmarks) {
+    range += (first.cam_from_world * landmark.position_world).norm() / static_cast<double>(first.landmarks.size());
+  }
+  first.cam_from_world.translation.y() += 0.0075 * range;  // a sixth of a pixel, far from a loop closure
+  live.update({first});
+  REQUIRE(live.wait(kLong));
+  CHECK(live.snapshot()->clouds.back().cloud_since > before->version);
+}
+
+TEST_CASE("A map that has moved as a whole is asked about once") {
+  LiveDensifier live(small_live(kRoomWidth));
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  const auto shift = [&](double by) {
+    for (LiveKeyframe& keyframe : keyframes) {
+      keyframe.cam_from_world.translation -= keyframe.cam_from_world.rotation * Eigen::Vector3d(by, 0.0, 0.0);
+      for (Landmark& landmark : keyframe.landmarks) landmark.position_world.x() += by;
+    }
+    live.update(keyframes);
+    REQUIRE(live.wait(kLong));
+    return live.stats().clouds;
+  };
+  const std::int64_t before = live.stats().clouds;
+  const std::int64_t after = shift(3.0);
+  CHECK(after > before);
+  CHECK(shift(1e-9) == after);
 }
 
 TEST_CASE("Of a removed keyframe's points those take theirs back that have seen the place at another time",
@@ -318,6 +373,40 @@ std::vector<LiveKeyframe> keyframes_with_depth(const synth::Mission& mission) {
 }
 
 }  // namespace
+
+TEST_CASE("Preliminary points are made with poses as they are then", PMSP_ACCURACY) {
+  LiveOptions options = small_live(kRoomWidth);
+  options.previews = true;
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  const RigidTransform elsewhere{Eigen::AngleAxisd(1.5, Eigen::Vector3d::UnitY()).toRotationMatrix(), {5.0, 0.0, 1.0}};
+  const auto points_of_third = [&](bool moves) {  // the SLAM turns and shifts its map before the fourth one comes
+    LiveDensifier live(options);
+    std::vector<LiveKeyframe> known;
+    for (std::size_t i = 0; i < 4; ++i) {
+      LiveKeyframe keyframe = keyframes[i];
+      if (moves && i == 3) {
+        known.push_back(keyframe);
+        for (LiveKeyframe& each : known) {
+          each.cam_from_world = each.cam_from_world * elsewhere.inverse();
+          for (Landmark& landmark : each.landmarks) landmark.position_world = elsewhere * landmark.position_world;
+        }
+        keyframe = known.back();
+        known.pop_back();
+        live.update(known);
+      }
+      known.push_back(keyframe);
+      live.add(keyframe);
+      REQUIRE(live.wait(kLong));
+    }
+    for (const LiveCloud& cloud : live.snapshot()->clouds) {
+      if (cloud.keyframe_id == keyframes[2].id && cloud.preliminary) return cloud.cloud->points.size();
+    }
+    return std::size_t{0};
+  };
+  const std::size_t still = points_of_third(false);
+  CHECK(still > 200);
+  CHECK(points_of_third(true) > still * 9 / 10);
+}
 
 TEST_CASE("Depth from elsewhere helps where there is no texture, in the unit that the SLAM had",
           "[live]" PMSP_ACCURACY) {

@@ -86,6 +86,35 @@ TEST_CASE("A place that has been seen often enough takes no more memory", PMSP_A
   CHECK(live.stats().errors == 0);
 }
 
+TEST_CASE("A place that has been seen often enough stays one when the SLAM changes its unit") {
+  LiveOptions options = small_live(32);
+  options.densifier.view_filter.enabled = false;
+  options.densifier.patchmatch.geometric_passes = 1;
+  options.ripe_after = options.ripe_at_latest = 20;
+  LiveDensifier live(options);
+  std::vector<LiveKeyframe> keyframes;
+  for (std::int64_t id = 0; id < 40; ++id) {  // hovers
+    LiveKeyframe keyframe = live_keyframe(room(), 0);
+    keyframe.id = id;
+    keyframe.cam_from_world.translation +=
+        0.02 * Eigen::Vector3d(std::sin(2.0 * static_cast<double>(id)), std::cos(3.0 * static_cast<double>(id)), 0.0);
+    keyframes.push_back(keyframe);
+    live.add(keyframe);
+  }
+  REQUIRE(live.wait(kLong));
+  const std::int64_t used = live.stats().used;
+  CHECK(used < 20);
+  for (LiveKeyframe& keyframe : keyframes) {
+    keyframe.cam_from_world.translation *= 50.0;
+    for (Landmark& landmark : keyframe.landmarks) landmark.position_world *= 50.0;
+  }
+  live.update(keyframes);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  CHECK(live.stats().rescaled > 0);
+  CHECK(live.stats().used == used);
+}
+
 TEST_CASE("What is kept stays within the memory that is allowed", PMSP_ACCURACY) {
   LiveOptions options = small_live(width_of_any(128));
   options.densifier.view_filter.enabled = false;
@@ -211,6 +240,7 @@ TEST_CASE("Input and options that make no sense are refused, and change nothing"
   refused("no owner", [](LiveKeyframe& k) { k.image.owner.reset(); });
   refused("odd width", [](LiveKeyframe& k) { k.image.width = 31; });
   refused("rows overlap", [](LiveKeyframe& k) { k.image.stride = 5; });
+  refused("rows overlap by a third", [](LiveKeyframe& k) { k.image.stride = 2 * k.image.width; });
   refused("no rotation", [](LiveKeyframe& k) { k.cam_from_world.rotation *= 2.0; });
   refused("not finite", [](LiveKeyframe& k) { k.cam_from_world.translation.x() = std::nan(""); });
   refused("landmark", [](LiveKeyframe& k) { k.landmarks.push_back({1, {0.0, 0.0, INFINITY}}); });

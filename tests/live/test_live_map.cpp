@@ -147,6 +147,7 @@ TEST_CASE("after a reset all is new, and ids begin again", "[live][map]") {
   CHECK((changes.removed.empty() && changes.moved.empty() && changes.replaced.empty()));
   CHECK_FALSE(map.changes_since(changes.to).reset);
   CHECK(map.changes_since(changes.to + 5).empty());
+  CHECK(map.changes_since(changes.to + 5).from == changes.to);
 }
 
 TEST_CASE("a snapshot stays as it is, whatever happens to the map", "[live][map]") {

@@ -61,3 +61,54 @@ TEST_CASE("A scale is found again however far keyframes were moved before withou
     CHECK(tracker.place_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-6));
   }
 }
+
+TEST_CASE("Small changes of scale add up, after maps were merged, too", "[live]") {
+  LiveTracker tracker;
+  std::vector<LiveKeyframe> keyframes = flight(0.0);
+  for (LiveKeyframe& keyframe : keyframes) {
+    keyframe.map_id = keyframe.id < 6 ? 0 : 1;
+    tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
+  }
+  for (LiveKeyframe& keyframe : keyframes) keyframe.map_id = 0;
+  move(tracker, keyframes);
+  double unit = 1.0;
+  for (int step = 0; step < 10; ++step) {  // each less than what counts as a change
+    unit *= 0.998;
+    for (LiveKeyframe& keyframe : keyframes) {
+      keyframe.cam_from_world.translation *= 0.998;
+      keyframe.landmarks.clear();
+    }
+    move(tracker, keyframes);
+  }
+  for (std::size_t k = 4; k < 8; ++k) {  // in the middle, where most baselines tell
+    CAPTURE(k);
+    CHECK(tracker.place_of(keyframes[k].id).pose.scale == Approx(unit).margin(0.008));
+  }
+}
+
+TEST_CASE("Ranges of landmarks go with the scale that baselines have told", "[live]") {
+  LiveTracker tracker;
+  for (const LiveKeyframe& keyframe : flight(0.0)) tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
+  constexpr double kUnit = 0.8;
+  std::vector<LiveKeyframe> keyframes = flight(0.0);
+  for (LiveKeyframe& keyframe : keyframes) {
+    keyframe.cam_from_world.translation *= kUnit;
+    keyframe.landmarks.clear();  // not told this time
+  }
+  move(tracker, keyframes);
+  for (std::int64_t id = 0; id < static_cast<std::int64_t>(kKeyframes); ++id) {
+    if (id != 4 && id != 5) tracker.erase(id);
+  }
+  const std::vector<LiveKeyframe> all = flight(0.0);
+  keyframes = {all[4], all[5]};  // too few for baselines
+  for (LiveKeyframe& keyframe : keyframes) {
+    keyframe.cam_from_world.translation *= kUnit;
+    keyframe.cam_from_world.translation.y() += 1e-6;
+    for (Landmark& landmark : keyframe.landmarks) landmark.position_world *= kUnit;
+  }
+  move(tracker, keyframes);
+  for (const LiveKeyframe& keyframe : keyframes) {
+    CAPTURE(keyframe.id);
+    CHECK(tracker.place_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-3));
+  }
+}

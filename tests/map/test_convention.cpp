@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "pmsp/io/convention.h"
 #include "scene_files.h"
@@ -56,6 +57,24 @@ TEST_CASE("a fault is named, in every format that says who sees what") {
       CHECK_THROWS_WITH(require_convention(read(Fault::shifted)), Contains("half a pixel off"));
     }
   }
+}
+
+TEST_CASE("an observation on one side of the seam is near its landmark on the other") {
+  SlamMap map = sample_scene();
+  map.keyframes.resize(1);
+  map.keyframes[0].cam_from_world = {};
+  map.keyframes[0].observations.clear();
+  map.landmarks.clear();
+  for (int i = 0; i < 200; ++i) {
+    MapLandmark landmark;
+    landmark.id = i;
+    landmark.position_world = {1e-4 * (i + 1), 0.01 * (i % 50 - 25), -2.0};
+    const Eigen::Vector2d pixel = pixel_from_bearing(landmark.position_world, 640, 320);
+    REQUIRE(pixel.x() > 638.0);
+    map.landmarks.push_back(landmark);
+    map.keyframes[0].observations.push_back({i, Eigen::Vector2d(pixel.x() + 2.0 - 640.0, pixel.y()).cast<float>()});
+  }
+  CHECK(check_convention(map).median_error_px == Approx(2.0).margin(1e-3));
 }
 
 TEST_CASE("other axes of the camera are named") {

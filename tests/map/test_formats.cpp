@@ -234,6 +234,11 @@ TEST_CASE("a TUM trajectory: with a list of images, without, and in nanoseconds"
   CHECK_THAT(error_of_read(folder / "t.txt", options), Contains("line 2") && Contains("alike"));
   write_file(folder / "t.txt", "1763660000250000000 1 2 3 0 0 0 1\n1763660000350000000,1,2,3,0,0,0,1\n");
   CHECK(read_map(folder / "t.txt").keyframes[1].timestamp == Approx(1763660000.35).epsilon(1e-12));
+  write_file(folder / "list", "1763660000350000000 b.png\n1763660000250000000 a.png\n");
+  const SlamMap nanoseconds = read_map(folder / "t.txt", options);
+  REQUIRE(nanoseconds.keyframes.size() == 2);
+  CHECK(nanoseconds.keyframes[0].image == "a.png");
+  CHECK(nanoseconds.keyframes[1].image == "b.png");
 }
 
 TEST_CASE("openMVG's absolute folder is told of, not followed") {

@@ -102,3 +102,20 @@ TEST_CASE("viewers of before stay while they are spread over those that there ar
   for (ViewerCandidate& candidate : candidates) candidate.distance *= candidate.id > 30 ? 100.0 : 1.0;
   CHECK(choose(&other) != other);  // some have gone out of reach
 }
+
+TEST_CASE("a depth range of before stays while both of its ends hardly differ", "[plan][choices]") {
+  const Keyframe keyframe = keyframe_at(0, 0.0);
+  const DepthRange now = choose_range(keyframe, {}, nullptr);
+  REQUIRE(now.max > now.min);
+  const auto chosen = [&](double min_factor, double max_factor) {
+    PlanEntry before;
+    before.range = {now.min * min_factor, now.max * max_factor};
+    const DepthRange range = choose_range(keyframe, {}, &before);
+    return range.min == before.range.min && range.max == before.range.max;
+  };
+  CHECK(chosen(1.05, 0.95));
+  CHECK_FALSE(chosen(1.2, 1.0));
+  CHECK_FALSE(chosen(0.8, 1.0));
+  CHECK_FALSE(chosen(1.0, 1.2));
+  CHECK_FALSE(chosen(1.0, 0.8));
+}

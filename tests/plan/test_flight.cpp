@@ -317,6 +317,21 @@ TEST_CASE("hovering costs one keyframe a block and no more", "[plan]") {
   CHECK(used_ids(plan) == std::vector<std::int64_t>{0, 64, 128, 192, 256});
 }
 
+TEST_CASE("hovering after a flight costs one keyframe a block, too", "[plan]") {
+  MissionRecipe recipe;
+  recipe.keyframes = 300;
+  recipe.skipped_ids = 0.0;
+  std::vector<PlanKeyframe> keyframes = corridor(recipe);
+  for (std::size_t i = 64; i < keyframes.size(); ++i) {
+    keyframes[i].cam_from_world = keyframes[63].cam_from_world;
+    keyframes[i].landmarks = keyframes[63].landmarks;
+  }
+  const std::vector<std::int64_t> used = used_ids(make_plan(keyframes, preset(Quality::kOnline)));
+  REQUIRE(used.size() > 23);
+  CHECK(std::vector<std::int64_t>(used.end() - 3, used.end()) == std::vector<std::int64_t>{128, 192, 256});
+  CHECK(used[used.size() - 4] < 64);  // the last place of the flight is known
+}
+
 TEST_CASE("plans of nothing, of one keyframe and of keyframes without landmarks", "[plan]") {
   MissionRecipe recipe;
   recipe.keyframes = 20;

@@ -170,6 +170,31 @@ TEST_CASE("depth maps alone need less", "[plan][halo]") {
   }
 }
 
+TEST_CASE("a pass over images alone needs no planes of neighbours", "[plan][halo]") {
+  MissionRecipe recipe;
+  recipe.keyframes = 80;
+  const DensifierOptions options = preset(Quality::kOnline);
+  const Plan plan = make_plan(corridor(recipe), options);
+  std::vector<const PlanEntry*> with_map;
+  for (const PlanEntry& entry : plan.entries) {
+    if (entry.has_depth_map()) with_map.push_back(&entry);
+  }
+  const PlanEntry& entry = *with_map[with_map.size() / 2];
+  const auto needs = [&](int passes, bool images_first) {
+    return find_halo(plan, {entry.id}, options, Wanted::kPlanes,
+                     {{entry.id, {Shortcut::Planes::kStart, passes, images_first}}});
+  };
+  const RunHalo alone = needs(1, true);
+  std::size_t matched = 0;
+  for (const std::vector<std::int64_t>& ids : alone.planes) matched += ids.size();
+  CHECK(matched == 1);
+  CHECK(alone.planes.back() == std::vector<std::int64_t>{entry.id});
+  CHECK(alone.earlier == std::vector<std::int64_t>{entry.id});
+  CHECK(alone.images.size() == 1 + entry.near.size() + entry.far.size());
+  CHECK(needs(1, false).images.size() > alone.images.size());
+  CHECK(needs(2, true).images.size() > alone.images.size());  // the second one looks at maps
+}
+
 TEST_CASE("the halo of a plan whose first planes go round in a circle has an end", "[plan][halo]") {
   MissionRecipe recipe;
   recipe.keyframes = 20;

@@ -25,3 +25,15 @@ TEST_CASE("what is seen moves by the turn, and by the shift over the range", "[p
   CHECK(moved_angle(then, together, kRange) == Approx(0.0).margin(1e-12));
   CHECK(moved_angle(then, shifted, 0.0) == 0.0);  // nothing is seen of which a range is known
 }
+
+TEST_CASE("a shift is seen in proportion to the range, whatever units the keyframes have", "[plan]") {
+  PosePair then;
+  then.own.scale = 2.0;
+  then.other.scale = 0.5;
+  PosePair shifted = then;
+  shifted.own.cam_from_world.translation = {0.0, 0.2, 0.0};  // scene units
+  CHECK(moved_angle(then, shifted, 4.0) == Approx(0.2 / (2.0 * 4.0)).epsilon(1e-6));
+  PosePair turned = then;
+  turned.own.cam_from_world.rotation = Eigen::AngleAxisd(0.01, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  CHECK(moved_angle(then, turned, 4.0) == Approx(0.01).epsilon(1e-3));
+}

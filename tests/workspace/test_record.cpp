@@ -77,6 +77,7 @@ TEST_CASE("what is no record is refused by name, and leads to no file elsewhere"
   };
   CHECK_THROWS_AS(record_from_json(with("\"version\": 1", "\"version\": 99"), "it"), InvalidInput);
   CHECK_THROWS_AS(record_from_json(with("\"-3-s\"", "\"../../home/me\""), "it"), InvalidInput);
+  CHECK_THROWS_AS(record_from_json(with("\"-3-s\"", "\"planes/../../home/me\""), "it"), InvalidInput);
   CHECK_THROWS_AS(record_from_json(with("\"-3-s\"", "\"..\""), "it"), InvalidInput);
   CHECK_THROWS_AS(record_from_json(with("\"4\": {", "\"x\": {"), "it"), InvalidInput);
   CHECK_THROWS_AS(record_from_json(with("[1.0,", "[\"1\","), "it"), InvalidInput);

@@ -110,6 +110,11 @@ TEST_CASE("jobs differ by what results depend on, and it is named", "[shards]") 
   CHECK_THAT(differs([](ShardJob& mine) { mine.engine = "b"; }), Contains("\"b\"") && Contains("\"a machine\""));
   CHECK_THAT(differs([](ShardJob& mine) { mine.build = "b"; }), Contains("\"b\"") && Contains("\"a program\""));
   CHECK_THAT(differs([](ShardJob& mine) { mine.step = "b"; }), Contains("images"));
+  CHECK_THAT(differs([](ShardJob& mine) { mine.points = "b"; }), Contains("--points"));
+  CHECK_THAT(differs([](ShardJob& mine) { mine.image_list = "b"; }), Contains("--image-list"));
+  CHECK_THAT(differs([](ShardJob& mine) { mine.component = 1; }), Contains("--component"));
+  CHECK_THAT(differs([](ShardJob& mine) { mine.fps = 25.0; }), Contains("--fps"));
+  CHECK_THAT(differs([](ShardJob& mine) { mine.frame_offset = 0; }), Contains("--frame-offset"));
 }
 
 TEST_CASE("shards leave word, a failure never takes the place of a success", "[shards]") {

@@ -107,6 +107,24 @@ TEST_CASE("steps have names that are functions of record and inputs") {
   CHECK(plan_step({}, moved).name != plan_step({}, inputs).name);
 }
 
+TEST_CASE("a step's name tells apart whatever its inputs may differ by") {
+  const StepInputs inputs = inputs_of(flight(24));
+  const std::string name = plan_step({}, inputs).name;
+  for (std::string StepInputs::*field : {&StepInputs::options_json, &StepInputs::engine, &StepInputs::mask}) {
+    StepInputs other = inputs;
+    other.*field = R"({"other":1})";
+    CHECK(plan_step({}, other).name != name);
+  }
+  for (bool StepInputs::*field : {&StepInputs::ask_all_again, &StepInputs::growing}) {
+    StepInputs other = inputs;
+    other.*field = true;
+    CHECK(plan_step({}, other).name != name);
+  }
+  StepInputs other = inputs;
+  other.keyframes[5].image = "another";
+  CHECK(plan_step({}, other).name != name);
+}
+
 TEST_CASE("a keyframe that moves is matched further, with those that look at it, far ones are left alone") {
   const StepInputs inputs = inputs_of(flight());
   const Record record = after(inputs);
@@ -260,6 +278,23 @@ TEST_CASE("as a mission grows, its newest keyframes wait with small moves until 
   CHECK(end.keyframes.at(newest).reason == "had too few passes");
   CHECK_FALSE(end.keyframes.at(newest).has_planes);
   CHECK(end.keyframes.at(newest).passes == kFull);
+}
+
+TEST_CASE("as a mission grows on, its newest keyframes keep their planes until their neighbours are settled") {
+  const std::vector<PlanKeyframe> keyframes = flight(46);
+  const Record record = after(inputs_of({keyframes.begin(), keyframes.begin() + 40}));
+  StepInputs inputs = inputs_of(keyframes);
+  inputs.options_json = R"({"other":1})";  // no leaning towards the plan of before
+  const Step end = plan_step(record, inputs);
+  inputs.growing = true;
+  const Step grown = plan_step(record, inputs);
+  int waiting = 0;
+  for (const auto& [id, it] : end.keyframes) {
+    if (it.reason != "other neighbours") continue;
+    ++waiting;
+    CHECK(grown.keyframes.at(id).passes == 0);
+  }
+  CHECK(waiting > 0);
 }
 
 TEST_CASE("a growing mission leans towards what the plan has decided, in the end the plan is that of a run") {
