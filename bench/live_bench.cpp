@@ -313,6 +313,13 @@ void play(const Arguments& arguments) {
   std::printf("at the last keyframe: %lld waiting, %lld unripe, %lld MiB\n", static_cast<long long>(backlog.waiting),
               static_cast<long long>(backlog.unripe), static_cast<long long>(at_end.memory_mib));
   std::printf("after it: none waits after %.1f s, nothing to do after %.1f s\n", complete, idle);
+  const auto work = [](const char* when, const LiveStats& of) {
+    std::printf("work %s: %lld passes, %lld keyframes matched again, %lld clouds, %lld previews\n", when,
+                static_cast<long long>(of.passes), static_cast<long long>(of.matched_again),
+                static_cast<long long>(of.clouds), static_cast<long long>(of.previews));
+  };
+  work("until the last keyframe", at_end);
+  work("in all", stats);
   std::printf("lenses: %.4f apart\n", stats.lens_distance);
   delays.watch(nullptr);
   if (!arguments.cloud.empty()) write_cloud(*live.snapshot(), arguments.cloud);

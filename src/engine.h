@@ -62,7 +62,8 @@ class Engine {
     /// 0 = photometric; others start from the map of the pass before and look at the near neighbours' ones. Of those
     /// that are through with their passes, that is the one that they have.
     int pass = 0;
-    bool last = true;  ///< the map is complete: hand it out, median filter it
+    bool last = true;    ///< the map is complete: hand it out, median filter it
+    bool draft = false;  ///< with `last`: another pass follows before anyone looks, the median by colours waits for it
   };
 
   virtual ~Engine() = default;

@@ -73,7 +73,7 @@ class StageEngine final : public Engine {
     reference.matched = !cancelled();
     if (!reference.matched) return;
     if (task.last) {
-      finish_match(reference, raw, on);
+      finish_match(reference, raw, task.draft, on);
     } else {
       passed_on.put(std::move(raw), on.plane_numbers());
     }
@@ -407,7 +407,7 @@ class StageEngine final : public Engine {
         find_plane_priors(on, looks_[reference.home], reference.given, on.map(sources.before), pass.matching.reference,
                           reference.noise, reference.evidence, pass.matching.limits, on.to(sources.priors));
         pass.priors = on.map(sources.priors);
-        if (task.last) reference.evidence = {};
+        if (task.last && !task.draft) reference.evidence = {};
       }
     });
     on.timed(stats.seconds_patchmatch, [&] {
@@ -564,7 +564,7 @@ class StageEngine final : public Engine {
   }
 
   /// Nobody else asks for the planes of the last pass.
-  void finish_match(StageFrame& reference, const Planes& raw, Processor& on) {
+  void finish_match(StageFrame& reference, const Planes& raw, bool draft, Processor& on) {
     if (context_.results.raw_depth && reference.asked_for) {
       hand_out_depths(reference, raw, nullptr, context_.results.raw_depth, on);
     }
@@ -573,7 +573,7 @@ class StageEngine final : public Engine {
         context_.stats.seconds_median,
         [&](Counts* counts) {
           median = median_of(reference, raw, counts, on);
-          if (context_.options.median.weighted) median = weighted_median_of(reference, median, on);
+          if (context_.options.median.weighted && !draft) median = weighted_median_of(reference, median, on);
         },
         [&stats = context_.stats](const std::int64_t* numbers) {
           ++stats.depth_maps;

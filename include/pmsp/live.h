@@ -63,10 +63,13 @@ struct PMSP_API LiveOptions {
   /// Keyframes that wait for their first depth map, 4 to 100000; those needed least are left out.
   int max_waiting = 100;
   /// A keyframe is used when this many newer ones have come, 0 to 1000, and it has moved by no more than `ripe_move` of
-  /// its median distance from its landmarks since the last one came; or when `ripe_at_latest` have come.
+  /// its median distance from its landmarks since the last one came; or when `ripe_at_latest` have come. What is
+  /// matched while poses still move has to be matched again: as measured with stella_vslam, a keyframe moves by this
+  /// little when about eighteen newer ones have come, and by less than `max_move_px` from then on. Previews do not
+  /// wait.
   int ripe_after = 3;
-  int ripe_at_latest = 8;
-  double ripe_move = 0.002;
+  int ripe_at_latest = 24;
+  double ripe_move = 0.00012;
   /// Keyframes are matched again when their poses or scales, relative to those of their neighbours, have changed so
   /// that what they see has moved by more than this, 0.001 to 100 [px of the depth map]: where neighbours are a tenth
   /// of the depth away, 0.04 px of 640 are four thousandths of the depth.

@@ -204,7 +204,7 @@ bool LiveBuilder::work() {
   if (preview_ && preview_->work(nodes_, on_error_)) return true;
   if (decide() || look_at_lenses() || link()) return true;
   look_for_moves();
-  return show(false) || match() || match_again() || show(true) || show_wide();
+  return show(false, kGroup) || match() || show(false, 1) || match_again() || show(true, 1) || show_wide();
 }
 
 /// Depth maps around that are compared or joined with this one's.
@@ -392,6 +392,7 @@ void LiveBuilder::match(LiveNode& node) {
     if (previous != nullptr && previous->has_map() && !begins_anew(*previous)) task.previous = previous->frame.get();
   }
   task.pass = std::min(node.passes, std::max(1, full_ - 1));
+  task.draft = node.passes + 1 < kLevels[0];
   engine_->match(task);
   if (!node.frame->matched) return;  // cancelled
   ++stats_.passes;

@@ -18,6 +18,8 @@ namespace {
 constexpr double kCrowd = 0.15;
 /// So many used ones there are enough.
 constexpr int kEnough = 12;
+/// Keyframes of other maps after which none of this one is waited for.
+constexpr int kElsewhere = 8;
 /// Used keyframes that sharpness is compared with.
 constexpr std::size_t kSharpnessReach = 5;
 
@@ -26,7 +28,8 @@ constexpr std::size_t kSharpnessReach = 5;
 /// Whether no keyframe is waited for: the SLAM has lost its way and goes on in another map, or has finished.
 bool LiveBuilder::has_ended(std::int64_t map_id) const {
   const auto last = last_arrivals_.find(map_id);
-  return finishing_ || last == last_arrivals_.end() || arrivals_ - last->second >= std::max(1, options_.ripe_at_latest);
+  return finishing_ || last == last_arrivals_.end() ||
+         arrivals_ - last->second >= std::clamp(options_.ripe_at_latest, 1, kElsewhere);
 }
 
 bool LiveBuilder::is_ripe(const LiveNode& node) const {

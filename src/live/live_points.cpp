@@ -10,8 +10,6 @@
 namespace pmsp {
 namespace {
 
-/// Points are made for so many keyframes together: those at the borders of a group are looked at twice.
-constexpr std::size_t kGroup = 8;
 /// Keyframes beyond the fusion window are asked about so many together.
 constexpr std::size_t kWideGroup = 64;
 constexpr std::size_t kWideFewest = 16;
@@ -35,8 +33,9 @@ int LiveBuilder::shared_level_of(const LiveNode& node) const {
   return level;
 }
 
-/// Points of some keyframes that have reached another level, or, `because_moved`, that have not but are due.
-bool LiveBuilder::show(bool because_moved) {
+/// Points of some keyframes that have reached another level, or, `because_moved`, that have not but are due; once there
+/// are so many.
+bool LiveBuilder::show(bool because_moved, std::size_t fewest) {
   std::vector<LiveNode*> nodes;
   std::size_t matching = 0;
   for (const auto& [map_id, flight] : flights_) {
@@ -48,13 +47,13 @@ bool LiveBuilder::show(bool because_moved) {
       if (because_moved ? level >= std::max(node.shown, 1) : level > node.shown) nodes.push_back(&node);
     }
   }
-  if (nodes.empty()) return false;
+  if (nodes.size() < fewest) return false;
   // While few wait, each level follows the one before at once.
   const bool soon_better = matching > 0 && matching <= kShortQueue && !because_moved;
   if (soon_better) {
     const auto gets_better = [&](const LiveNode* node) { return shared_level_of(*node) < full_; };
     nodes.erase(std::remove_if(nodes.begin(), nodes.end(), gets_better), nodes.end());
-    if (nodes.empty()) return false;
+    if (nodes.size() < fewest) return false;
   }
   for (LiveNode* node : nodes) node->wide_due = node->wide_due || asks_all_;
   show(nodes);
