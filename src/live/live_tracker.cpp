@@ -93,13 +93,38 @@ void LiveTracker::forget_landmarks(std::int64_t id) {
   std::vector<Range>().swap(found->second.agreed_ranges);
 }
 
+/// How far away landmarks are now: the same ones as when scales were agreed on, where they are still there.
+void LiveTracker::measure_ranges(Track& track, const LiveKeyframe& keyframe) {
+  track.ranges.clear();
+  if (keyframe.landmarks.empty() || !track.remembers) return;
+  std::vector<Range> seen;
+  const Eigen::Vector3d center = keyframe.cam_from_world.center();
+  std::bitset<1024> known;  // most others are told from these at a glance
+  const auto bit = [&](std::int64_t id) { return static_cast<std::size_t>(id) % known.size(); };
+  for (const Range& range : track.agreed_ranges) known.set(bit(range.landmark));
+  for (const Landmark& landmark : keyframe.landmarks) {
+    if (!known.test(bit(landmark.id))) continue;
+    const auto at = std::lower_bound(track.agreed_ranges.begin(), track.agreed_ranges.end(), landmark.id,
+                                     [](const Range& range, std::int64_t id) { return range.landmark < id; });
+    if (at == track.agreed_ranges.end() || at->landmark != landmark.id) continue;
+    seen.push_back({landmark.id, (landmark.position_world - center).norm()});
+  }
+  std::sort(seen.begin(), seen.end(), [](const Range& a, const Range& b) { return a.landmark < b.landmark; });
+  track.ranges = seen.size() * 2 >= track.agreed_ranges.size() ? std::move(seen)
+                                                               : ranges_of(keyframe.landmarks, keyframe.cam_from_world);
+}
+
 std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& keyframes) {
   std::map<std::int64_t, LiveMove> changed;
+  std::vector<const LiveKeyframe*> still;  // landmarks may have moved all the same, as with the keyframe at the origin
   for (const LiveKeyframe* keyframe : keyframes) {
     const auto found = tracks_.find(keyframe->id);
     if (found == tracks_.end()) continue;
     Track& track = found->second;
-    if (track.now.cam_from_world == keyframe->cam_from_world && track.map_id == keyframe->map_id) continue;
+    if (track.now.cam_from_world == keyframe->cam_from_world && track.map_id == keyframe->map_id) {
+      if (!keyframe->landmarks.empty()) still.push_back(keyframe);
+      continue;
+    }
     track.now.cam_from_world = keyframe->cam_from_world;
     if (track.map_id != keyframe->map_id) {
       Flight& from = flights_[track.map_id];
@@ -108,29 +133,11 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
       to.insert(place(to, keyframe->id), {keyframe->id, &track});
       track.map_id = keyframe->map_id;
     }
-    track.ranges.clear();
-    if (!keyframe->landmarks.empty() && track.remembers) {
-      // The same landmarks where they are still there.
-      std::vector<Range> seen;
-      const Eigen::Vector3d center = keyframe->cam_from_world.center();
-      std::bitset<1024> known;  // most others are told from these at a glance
-      const auto bit = [&](std::int64_t id) { return static_cast<std::size_t>(id) % known.size(); };
-      for (const Range& range : track.agreed_ranges) known.set(bit(range.landmark));
-      for (const Landmark& landmark : keyframe->landmarks) {
-        if (!known.test(bit(landmark.id))) continue;
-        const auto at = std::lower_bound(track.agreed_ranges.begin(), track.agreed_ranges.end(), landmark.id,
-                                         [](const Range& range, std::int64_t id) { return range.landmark < id; });
-        if (at == track.agreed_ranges.end() || at->landmark != landmark.id) continue;
-        seen.push_back({landmark.id, (landmark.position_world - center).norm()});
-      }
-      std::sort(seen.begin(), seen.end(), [](const Range& a, const Range& b) { return a.landmark < b.landmark; });
-      track.ranges = seen.size() * 2 >= track.agreed_ranges.size()
-                         ? std::move(seen)
-                         : ranges_of(keyframe->landmarks, keyframe->cam_from_world);
-    }
+    measure_ranges(track, *keyframe);
     changed[found->first] = {found->first, track.now, track.map_id};
   }
   if (changed.empty()) return {};
+  for (const LiveKeyframe* keyframe : still) measure_ranges(tracks_.at(keyframe->id), *keyframe);
   std::map<std::int64_t, std::set<std::size_t>> moved;  // numbers in the flight, by map
   for (const auto& [id, place_now] : changed) {
     Flight& flight = flights_[place_now.map_id];

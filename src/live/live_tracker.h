@@ -66,6 +66,7 @@ class LiveTracker {
   using Flight = std::vector<std::pair<std::int64_t, Track*>>;  ///< ascending ids
 
   static std::vector<Range> ranges_of(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
+  static void measure_ranges(Track& track, const LiveKeyframe& keyframe);
   static bool has_left(const Track& track);
   static Flight::iterator place(Flight& flight, std::int64_t id);
   void recover(Flight& flight, const std::set<std::size_t>& moved, std::map<std::int64_t, LiveMove>& changed);

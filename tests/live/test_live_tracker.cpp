@@ -86,6 +86,38 @@ TEST_CASE("Small changes of scale add up, after maps were merged, too", "[live]"
   }
 }
 
+TEST_CASE("Landmarks of a keyframe whose pose stays tell of its scale, too", "[live]") {
+  LiveTracker tracker;
+  std::vector<LiveKeyframe> keyframes = flight(0.0);
+  for (const LiveKeyframe& keyframe : keyframes) tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
+  const auto shrink = [&](double unit, double shift) {  // about keyframe 4, which stays where it is
+    const std::vector<LiveKeyframe> all = flight(0.0);
+    const Eigen::Vector3d fixed = all[4].cam_from_world.center();
+    for (std::size_t k = 0; k < keyframes.size(); ++k) {
+      keyframes[k] = all[k];
+      const Eigen::Vector3d center = fixed + unit * (all[k].cam_from_world.center() - fixed);
+      keyframes[k].cam_from_world.translation =
+          -(all[k].cam_from_world.rotation * (center + Eigen::Vector3d(0.0, shift, 0.0)));
+      if (k == 4 && shift == 0.0) keyframes[k].cam_from_world = all[k].cam_from_world;
+      for (Landmark& landmark : keyframes[k].landmarks) {
+        landmark.position_world = fixed + unit * (landmark.position_world - fixed);
+      }
+    }
+  };
+  constexpr double kUnit = 0.8;
+  shrink(kUnit, 0.0);
+  move(tracker, keyframes);
+  for (std::int64_t id = 0; id < static_cast<std::int64_t>(kKeyframes); ++id) {
+    if (id != 4 && id != 5) tracker.erase(id);
+  }
+  shrink(kUnit, 1e-6);
+  move(tracker, {keyframes[4], keyframes[5]});  // too few for baselines
+  for (const std::int64_t id : {4, 5}) {
+    CAPTURE(id);
+    CHECK(tracker.place_of(id).pose.scale == Approx(kUnit).epsilon(1e-3));
+  }
+}
+
 TEST_CASE("Ranges of landmarks go with the scale that baselines have told", "[live]") {
   LiveTracker tracker;
   for (const LiveKeyframe& keyframe : flight(0.0)) tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
