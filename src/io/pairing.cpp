@@ -19,6 +19,7 @@ constexpr std::size_t kWrongLandmarks = 40;
 constexpr std::size_t kWrongLandmarksWhenClear = 12;
 constexpr int kConclusive = 200;
 constexpr int kConclusiveImages = 2;  ///< with landmarks that others before have
+constexpr int kClearImages = 8;       ///< so many, before fewer landmarks do
 constexpr int kWrongConclusive = 100;
 constexpr int kWrongTold = 10;  ///< at least, to name it
 constexpr int kWrongEnough = 1000;
@@ -132,7 +133,7 @@ void PairingVerifier::add(std::int64_t keyframe_id, ImageView<const Rgb> image) 
       impl_->others[i].add(*other, image, kOthers[i].presentation);
   }
   const Verdict now = verdict();
-  const bool is_clear = now.belongs && !now.doubtful;
+  const bool is_clear = now.belongs && !now.doubtful && impl_->given.found().images() >= kClearImages;
   impl_->given.look_at(is_clear ? kLandmarksWhenClear : kLandmarks);
   for (io::PairingSeries& other : impl_->others) other.look_at(is_clear ? kWrongLandmarksWhenClear : kWrongLandmarks);
 }
