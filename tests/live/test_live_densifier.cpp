@@ -176,7 +176,8 @@ TEST_CASE("Points are asked about again when a keyframe moves that has looked at
   for (const Landmark& landmark : first.landmarks) {
     range += (first.cam_from_world * landmark.position_world).norm() / static_cast<double>(first.landmarks.size());
   }
-  first.cam_from_world.translation.y() += 0.0075 * range;  // a sixth of a pixel, far from a loop closure
+  const double pixel = 2.0 * M_PI / kRoomWidth;
+  first.cam_from_world.translation.y() += 0.17 * pixel * range;  // far from a loop closure
   live.update({first});
   REQUIRE(live.wait(kLong));
   CHECK(live.snapshot()->clouds.back().cloud_since > before->version);
