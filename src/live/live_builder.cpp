@@ -392,7 +392,7 @@ void LiveBuilder::match(LiveNode& node) {
     if (previous != nullptr && previous->has_map() && !begins_anew(*previous)) task.previous = previous->frame.get();
   }
   task.pass = std::min(node.passes, std::max(1, full_ - 1));
-  task.draft = node.passes + 1 < kLevels[0];
+  task.draft = node.passes + 1 < std::min(kLevels[0], full_);
   engine_->match(task);
   if (!node.frame->matched) return;  // cancelled
   ++stats_.passes;

@@ -18,6 +18,17 @@
 using namespace pmsp;
 using namespace pmsp::test;
 
+namespace {
+
+/// Tells a flight, from its first keyframe to its map.
+void fly_all(LiveDensifier& live, const std::vector<LiveKeyframe>& keyframes) {
+  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+  live.finish();
+  REQUIRE(live.wait(kLong));
+}
+
+}  // namespace
+
 TEST_CASE("A live flight ends with points as good as those of a Densifier", PMSP_ACCURACY) {
   const LiveOptions options = small_live(kRoomWidth);
   const LiveFigures live = figures(*at_once(live_keyframes(room()), options), room());
@@ -99,9 +110,7 @@ TEST_CASE("Images are let go of when they are no longer needed") {
 TEST_CASE("Snapshots show what update, erase and reset have said when these return") {
   LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
-  live.finish();
-  REQUIRE(live.wait(kLong));
+  fly_all(live, keyframes);
   const auto before = live.snapshot();
   REQUIRE(before->clouds.size() >= 4);
   for (LiveKeyframe& keyframe : keyframes) keyframe.cam_from_world.translation += Eigen::Vector3d(0.0, 1e-4, 0.0);
@@ -166,9 +175,7 @@ TEST_CASE("Points that a removed keyframe was asked about are asked about again,
 TEST_CASE("Points are asked about again when a keyframe moves that has looked at them from afar") {
   LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
-  live.finish();
-  REQUIRE(live.wait(kLong));
+  fly_all(live, keyframes);
   const auto before = live.snapshot();
   LiveKeyframe& first = keyframes.front();
   REQUIRE(before->clouds.front().keyframe_id == first.id);
@@ -183,12 +190,18 @@ TEST_CASE("Points are asked about again when a keyframe moves that has looked at
   CHECK(live.snapshot()->clouds.back().cloud_since > before->version);
 }
 
+TEST_CASE("Where one pass of PatchMatch is all, its map goes through the median by colours, too") {
+  LiveOptions options = small_live(kRoomWidth);
+  options.densifier.patchmatch.geometric_passes = 0;
+  const auto weighted = at_once(live_keyframes(room()), options);
+  options.densifier.median.weighted = false;
+  CHECK_FALSE(same_points(*weighted, *at_once(live_keyframes(room()), options)));
+}
+
 TEST_CASE("A map that has moved as a whole is asked about once") {
   LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
-  live.finish();
-  REQUIRE(live.wait(kLong));
+  fly_all(live, keyframes);
   const auto shift = [&](double by) {
     for (LiveKeyframe& keyframe : keyframes) {
       keyframe.cam_from_world.translation -= keyframe.cam_from_world.rotation * Eigen::Vector3d(by, 0.0, 0.0);
