@@ -243,12 +243,7 @@ void LensDistanceEstimator::add(const Keyframe& keyframe, const Executor* execut
   const auto reduce_rows = [&](int band) {
     for (int y = band * kRows; y < std::min((band + 1) * kRows, view->gray.height()); ++y) reduce_row(y);
   };
-  const int bands = (view->gray.height() + kRows - 1) / kRows;
-  if (executor != nullptr) {
-    pool_of(*executor).for_each(bands, reduce_rows);
-  } else {
-    for (int band = 0; band < bands; ++band) reduce_rows(band);
-  }
+  for_each(executor, (view->gray.height() + kRows - 1) / kRows, reduce_rows);
   if (!keyframe.mask.empty()) {
     view->mask = Image<std::uint8_t>(keyframe.mask.width, keyframe.mask.height);
     for (int y = 0; y < view->mask.height(); ++y) {

@@ -43,4 +43,14 @@ struct Executor::Impl {
   cpu::RowKernels rows;
 };
 
+/// Calls `task` with 0 to count - 1, by an executor's threads; nullptr: by this one alone.
+template <class Task>
+void for_each(const Executor* executor, int count, const Task& task) {
+  if (executor != nullptr) {
+    pool_of(*executor).for_each(count, task);
+  } else {
+    for (int i = 0; i < count; ++i) task(i);
+  }
+}
+
 }  // namespace pmsp

@@ -108,12 +108,7 @@ std::vector<LandmarkSharpness> landmark_sharpness(const Keyframe& keyframe, int 
       if (patch) found[i] = sharpness_of(landmark.id, *patch);
     }
   };
-  const int tasks = static_cast<int>((landmarks.size() + kPerTask - 1) / kPerTask);
-  if (executor != nullptr) {
-    pool_of(*executor).for_each(tasks, find);
-  } else {
-    for (int task = 0; task < tasks; ++task) find(task);
-  }
+  for_each(executor, static_cast<int>((landmarks.size() + kPerTask - 1) / kPerTask), find);
   std::vector<LandmarkSharpness> result;
   for (const auto& sharpness : found) {
     if (sharpness) result.push_back(*sharpness);

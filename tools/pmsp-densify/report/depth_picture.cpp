@@ -54,16 +54,19 @@ DepthPicture draw_depth(const DepthMap& map, int palette) {
   return picture;
 }
 
-cv::Mat picture_of(ImageView<const Rgb> image, int width) {
-  cv::Mat picture(image.height, image.width, CV_8UC3);
-  for (int y = 0; y < image.height; ++y) {
-    auto* to = picture.ptr<cv::Vec3b>(y);
-    for (int x = 0; x < image.width; ++x) to[x] = {image(x, y).b, image(x, y).g, image(x, y).r};
-  }
-  if (image.width > width) {
-    cv::resize(picture, picture, {width, std::max(1, image.height * width / image.width)}, 0, 0, cv::INTER_AREA);
-  }
+cv::Mat picture_of(ImageView<const Rgb> image, cv::Size size) {
+  const cv::Mat rgb(image.height, image.width, CV_8UC3, const_cast<Rgb*>(image.data),
+                    static_cast<std::size_t>(image.stride) * sizeof(Rgb));  // is only read
+  cv::Mat small;
+  cv::resize(rgb, small, size, 0, 0, cv::INTER_AREA);
+  cv::Mat picture;
+  cv::cvtColor(small, picture, cv::COLOR_RGB2BGR);
   return picture;
+}
+
+cv::Mat picture_of(ImageView<const Rgb> image, int width) {
+  if (image.width <= width) return picture_of(image, {image.width, image.height});
+  return picture_of(image, {width, std::max(1, image.height * width / image.width)});
 }
 
 }  // namespace pmsp::tool

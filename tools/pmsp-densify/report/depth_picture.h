@@ -21,7 +21,9 @@ struct DepthPicture {
 /// `palette`: of the depths, one of OpenCV's colour maps.
 DepthPicture draw_depth(const DepthMap& map, int palette);
 
-/// BGR, at most `width` wide.
+/// BGR, of that size.
+cv::Mat picture_of(ImageView<const Rgb> image, cv::Size size);
+/// The same at most `width` wide.
 cv::Mat picture_of(ImageView<const Rgb> image, int width);
 
 }  // namespace pmsp::tool

@@ -78,14 +78,9 @@ void Preview::add_keyframe(std::size_t index, std::int64_t id, const RigidTransf
   scene_.path.push_back(cam_from_world.center());
   down_ += cam_from_world.rotation.row(1).transpose();
   if (strips_ >= kStrips) return;
-  const cv::Mat rgb(image.height, image.width, CV_8UC3, const_cast<Rgb*>(image.data),
-                    static_cast<std::size_t>(image.stride) * sizeof(Rgb));  // is only read
   const int width = std::min(depth_width, kMaxPanelWidth);
   const cv::Size size(width, std::max(1, depth_height * width / std::max(depth_width, 1)));
-  Pending pending{index, id, cv::Mat()};
-  cv::resize(rgb, pending.color, size, 0, 0, cv::INTER_AREA);
-  cv::cvtColor(pending.color, pending.color, cv::COLOR_RGB2BGR);
-  pending_.push_back(pending);
+  pending_.push_back({index, id, picture_of(image, size)});
 }
 
 void Preview::drop_keyframe(std::int64_t id) {
