@@ -172,6 +172,7 @@ TEST_CASE("expected error: grows with spread, roughness and missing maps, falls 
   CHECK(error(0.003, 0.3, 0.003, 4.0, 0.95) == Approx(usual));
   CHECK(error(0.003, 0.3, 0.003, 4.0, 0.6) > 1.1 * usual);
   CHECK(error(0.003, 0.3, 0.003, 4.0, -1.0) > 1.3 * usual);
+  CHECK(error(0.003, 0.3, 0.003, 4.0, -1.0) == Approx(error(0.003, 0.3, 0.003, 4.0, 0.45)));  // twice at most
   CHECK(error(0.003, 0.3, 0.003, 4.0) > 0.7 * 0.003);  // maps that differ so much are off by about as much
   CHECK(std::isfinite(error(0.0, 0.0, 0.0, 0.0)));
   CHECK(error(0.0, 0.0, 0.0, 0.0) > usual);
