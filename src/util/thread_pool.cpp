@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "util/thread_pool.h"
 
+#include <algorithm>
 #include <system_error>
 #include <utility>
 
@@ -28,54 +29,48 @@ ThreadPool::~ThreadPool() {
 }
 
 void ThreadPool::for_each(int count, const std::function<void(int)>& body) {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    body_ = &body;
-    count_ = count;
-    next_ = 0;
-    busy_ = static_cast<int>(workers_.size());
-    ++generation_;
-  }
-  start_.notify_all();
-  run_share();
   std::unique_lock<std::mutex> lock(mutex_);
-  done_.wait(lock, [this] { return busy_ == 0; });
+  body_ = &body;
+  count_ = count;
+  next_ = 0;
+  // Each thread that wakes costs its time and the mutex; short loops are done before many would be there.
+  if (count > static_cast<int>(workers_.size())) {
+    start_.notify_all();
+  } else {
+    for (int i = 1; i < count; ++i) start_.notify_one();
+  }
+  run_what_is_left(lock);
+  done_.wait(lock, [this] { return running_ == 0; });
   body_ = nullptr;
   if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
 }
 
-void ThreadPool::run_share() {
-  for (;;) {
-    int i = 0;
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      if (next_ >= count_ || error_) return;
-      i = next_++;
-    }
+void ThreadPool::run_what_is_left(std::unique_lock<std::mutex>& lock) {
+  while (next_ < count_) {
+    const int i = next_++;
+    ++running_;
+    lock.unlock();
+    std::exception_ptr error;
     try {
       (*body_)(i);
     } catch (...) {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      if (!error_) error_ = std::current_exception();
+      error = std::current_exception();
     }
+    lock.lock();
+    --running_;
+    if (!error) continue;
+    next_ = count_;
+    if (!error_) error_ = error;
   }
 }
 
 void ThreadPool::work() {
-  unsigned seen = 0;
+  std::unique_lock<std::mutex> lock(mutex_);
   for (;;) {
-    {
-      std::unique_lock<std::mutex> lock(mutex_);
-      start_.wait(lock, [&] { return stop_ || generation_ != seen; });
-      if (stop_) return;
-      seen = generation_;
-    }
-    run_share();
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      --busy_;
-    }
-    done_.notify_one();
+    start_.wait(lock, [this] { return stop_ || next_ < count_; });
+    if (stop_) return;
+    run_what_is_left(lock);
+    if (running_ == 0) done_.notify_one();
   }
 }
 

@@ -21,13 +21,14 @@ class ThreadPool {
 
   int threads() const { return static_cast<int>(workers_.size()) + 1; }
 
-  /// Calls body(i) for each i in [0, count), in any order, on all threads; returns when all are done. The first
-  /// exception is rethrown. Not re-entrant: body must not call for_each of the same pool.
+  /// Calls body(i) for each i in [0, count), in any order, on all threads; returns when all are done. Threads that are
+  /// late to wake are not waited for. The first exception is rethrown, and what has not begun by then never does. Not
+  /// re-entrant: body must not call for_each of the same pool.
   void for_each(int count, const std::function<void(int)>& body);
 
  private:
   void work();
-  void run_share();
+  void run_what_is_left(std::unique_lock<std::mutex>& lock);
 
   std::vector<std::thread> workers_;
   std::mutex mutex_;
@@ -35,9 +36,8 @@ class ThreadPool {
   std::condition_variable done_;
   const std::function<void(int)>* body_ = nullptr;
   int count_ = 0;
-  int next_ = 0;
-  int busy_ = 0;
-  unsigned generation_ = 0;
+  int next_ = 0;     ///< to begin with; `count_`: none is left
+  int running_ = 0;  ///< begun, not done
   bool stop_ = false;
   std::exception_ptr error_;
 };
