@@ -6,6 +6,7 @@
 #include "agreement.h"
 #include "fusion_weight.h"
 #include "stage.h"
+#include "suppression.h"
 #include "surfel.h"
 
 // The point of one pixel: the average over the maps of its window that agree, the same whichever keyframe's turn it is.
@@ -24,6 +25,7 @@ struct FusionLimits {
   float max_relative_depth;
   float min_cos_normals;
   float min_confidence;
+  float suppression;  ///< see is_best_around; 0 = no pixel gives way
 };
 
 constexpr int kMaxAgree = 32;  ///< other maps that can be asked: one bit each
@@ -75,11 +77,14 @@ struct FusePixels {
     const Vec3<F> bearing = bearing_at(grid, at);
     const Vec3<F> found = plane_at<F>(first.map, at.index);
     const F confidence = gather<F>(first.map.confidence, at.index);
-    const MaskOf<F> known = (dot(found, bearing) > F(0)) & (confidence >= F(limits.min_confidence));
-    counted[0] = known;
-    if (!any(known)) return put(at, {U(0U), U(0U)}, U(0U), U(0U));
+    MaskOf<F> known = (dot(found, bearing) > F(0)) & (confidence >= F(limits.min_confidence));
     const Vec3<F> plane = select(known, found, bearing);
     const F depth = F(1) / dot(plane, bearing);
+    if (limits.suppression > 0.0F && any(known)) {
+      known = known & is_best_around(first.map, grid, at, bearing, depth, confidence, limits.suppression);
+    }
+    counted[0] = known;
+    if (!any(known)) return put(at, {U(0U), U(0U)}, U(0U), U(0U));
     const Vec3<F> normal = F(-1) * normalized(plane);
     F weights = fusion_weight(confidence, depth);
     F depths = weights * depth;

@@ -225,6 +225,12 @@ void fusion(Table& table) {
       .shortly("min_confidence")
       .range(0, 1)
       .paper(0);
+  PMSP_OPTION(fusion.suppression,
+              "A pixel gives way to a clearly more confident one so near; 0: none does. More makes the cloud truer and "
+              "sparser")
+      .unit("expected errors")
+      .range(0, 10)
+      .high(1.5);
   PMSP_OPTION(fusion.history,
               "With free_space.whole_mission: keyframes that may make the point of a place in place of this one")
       .unit("keyframes")

@@ -103,6 +103,10 @@ struct PMSP_API FusionOptions {
   double max_relative_depth = 0.02;  ///< deviation up to which two depths are one surface, 0 to 1
   double max_normal_deg = 60.0;      ///< angle of normals up to which they are one surface [deg], 0 to 180
   double min_confidence = 0.1;       ///< points below are not written (see DepthMap::confidence), 0 to 1
+  /// A pixel gives way to a clearly more confident one of its depth map whose surface lies within so many of the
+  /// pixel's expected errors, 0 to 10; 0 = none does. More makes the cloud truer and sparser. Errors that are less than
+  /// a pixel wide change nothing.
+  double suppression = 0.0;
   /// With `free_space.whole_mission`: used keyframes that may make the point of a place in place of this one, half on
   /// either side, 1 to 100000. Each of four rounds waits for those ahead, with 11 bytes and more a pixel.
   int history = 100;

@@ -14,7 +14,7 @@ float min_cos_normals(const FusionOptions& options) {
 
 kernels::FusionLimits fusion_limits(const FusionOptions& options) {
   return {static_cast<float>(options.max_relative_depth), min_cos_normals(options),
-          static_cast<float>(options.min_confidence)};
+          static_cast<float>(options.min_confidence), static_cast<float>(options.suppression)};
 }
 
 kernels::OwnershipLimits ownership_limits(const FusionOptions& options) {

@@ -229,6 +229,82 @@ TEST_CASE("points below the wanted confidence are not written", "[fusion]") {
   CHECK(count(above.fuse_all(options)) > 0);
 }
 
+namespace {
+
+/// Relative error that makes a confidence, and the other way round.
+float confidence_of(double error) { return static_cast<float>(0.005 / (0.005 + error)); }
+
+/// Pixels that make no point, of a depth map all of whose expected errors are `error` but for one pixel's.
+std::vector<std::size_t> suppressed(double error, std::size_t special, double its_error, const FusionOptions& options,
+                                    float its_depth = 1.0F) {
+  Fusion fusion(sphere(), confidence_of(error));
+  fusion.maps.resize(1);
+  fusion.maps[0].confidence.pixels()[special] = confidence_of(its_error);
+  fusion.maps[0].depth.pixels()[special] *= its_depth;
+  std::vector<std::size_t> none;
+  const KeyframeCloud cloud = fusion.fuse_one(0, options);
+  for (std::size_t i = 0; i < fusion.maps[0].depth.size(); ++i) {
+    const auto pixel = static_cast<std::uint32_t>(i);
+    if (std::find(cloud.pixels.begin(), cloud.pixels.end(), pixel) == cloud.pixels.end()) none.push_back(i);
+  }
+  return none;
+}
+
+}  // namespace
+
+TEST_CASE("a pixel gives way to a clearly more exact one within its expected error", "[fusion]") {
+  constexpr std::size_t kMiddle = kWidth * (kWidth / 4) + kWidth / 2;
+  const double pixel = 2.0 * 3.14159265 / kWidth;
+  FusionOptions options;
+  options.min_confidence = 0.0;
+  using Pixels = std::vector<std::size_t>;
+  CHECK(suppressed(0.01, kMiddle, 1.5 * pixel, options) == Pixels{});
+  options.suppression = 1.0;
+  CHECK(suppressed(0.01, kMiddle, 1.5 * pixel, options) == Pixels{kMiddle});
+  SECTION("not one that is as near as less than a pixel") {
+    CHECK(suppressed(0.01, kMiddle, 0.9 * pixel, options) == Pixels{});
+    options.suppression = 2.0;
+    CHECK(suppressed(0.01, kMiddle, 0.9 * pixel, options) == Pixels{kMiddle});
+  }
+  SECTION("not to one that is little more exact") {
+    CHECK(suppressed(0.8 * 1.5 * pixel, kMiddle, 1.5 * pixel, options) == Pixels{});
+    CHECK(suppressed(0.6 * 1.5 * pixel, kMiddle, 1.5 * pixel, options) == Pixels{kMiddle});
+  }
+  SECTION("not where its depth tells of another surface") {
+    CHECK(suppressed(0.01, kMiddle, 1.5 * pixel, options, 1.1F) == Pixels{});
+    CHECK(suppressed(0.01, kMiddle, 1.5 * pixel, options, 0.9F) == Pixels{});
+    CHECK(suppressed(0.01, kMiddle, 1.5 * pixel, options, 1.05F) == Pixels{kMiddle});
+  }
+  SECTION("nor to one that is farther away") {
+    const std::size_t count = suppressed(1.5 * pixel, kMiddle, 0.01, options).size();
+    CHECK(count == 8);
+    CHECK(suppressed(2.5 * pixel, kMiddle, 0.01, options).size() == 16);
+    CHECK(suppressed(9.0 * pixel, kMiddle, 0.01, options).size() == 16);  // no farther than two pixels
+  }
+  SECTION("across the seam, too") {
+    const Pixels around = suppressed(1.5 * pixel, kMiddle - kWidth / 2, 0.01, options);
+    CHECK(around.size() == 8);
+    CHECK(std::count(around.begin(), around.end(), kMiddle - kWidth / 2 + kWidth - 1) == 1);
+  }
+}
+
+TEST_CASE("where columns crowd, what is within the expected error spans more of them", "[fusion]") {
+  constexpr std::size_t kRow = 6;  // cosine of the latitude: 0.25
+  const double pixel = 2.0 * 3.14159265 / kWidth;
+  FusionOptions options;
+  options.min_confidence = 0.0;
+  options.suppression = 1.0;
+  const std::size_t middle = kRow * kWidth + 80;
+  const std::vector<std::size_t> around = suppressed(1.2 * pixel, middle, 0.01, options);
+  CHECK(around.size() == 8);
+  std::size_t widest = 0;
+  for (const std::size_t i : around) {
+    const std::size_t column = i % kWidth;
+    widest = std::max(widest, column > 80 ? column - 80 : 80 - column);
+  }
+  CHECK(widest == 4);
+}
+
 TEST_CASE("fusion gives the same points for any number of threads", "[fusion]") {
   const synth::Mission mission = synth::textured_room(small_recipe(kWidth, 4));
   const std::vector<KeyframeCloud> one = Fusion(mission, 0.6F).fuse_all({}, 1);

@@ -95,8 +95,10 @@ Results run_all(const synth::Mission& mission, const Executor& executor) {
     window.push_back({filtered[i], confidences[i], &panoramas[i].color(), {filtered[i]->cam_from_world}});
     range_maps.push_back(range_map(*filtered[i], *confidences[i], executor));
   }
+  FusionOptions fusion;
+  fusion.suppression = 1.5;
   for (std::size_t i = 0; i < 3; ++i) {
-    surfels.push_back(fuse_pixels(window, i, FusionOptions{}, executor));
+    surfels.push_back(fuse_pixels(window, i, fusion, executor));
     results.standings.push_back(surfels[i].standings);
     std::vector<RangeMapFrom> viewers;
     for (std::size_t j = 0; j < 3; ++j) {
