@@ -33,8 +33,8 @@ PMSP_HD MaskOf<F> is_best_around(const FilteredMap<Map>& map, const GridView& gr
       if (k == 4) continue;  // the pixel itself
       const int dx = static_cast<int>(stretch * static_cast<float>((k % 3 - 1) * distance));
       const IntOf<F> there = index_beside(grid, at, dx, (k / 3 - 1) * distance);
-      const F other = gather<F>(map.confidence, there);
-      const MaskOf<F> exact = (other > F(0)) & (error_of_confidence(other) <= F(kClearlyMoreExact) * error);
+      const MaskOf<F> exact = error_of_confidence(gather<F>(map.confidence, there)) <=
+                              F(kClearlyMoreExact) * error;  // without a depth it is the largest
       const F off = abs(depth * dot(plane_at<F>(map, there), bearing) - F(1));
       found = select(open & exact & (off <= reach), F(1), found);
     }

@@ -21,6 +21,7 @@ constexpr double kMiB = 1024.0 * 1024.0;
 // Measured on a drone's flight, a furnished flat and a rendered room, where it was 0.72 to 0.91: pixels of a depth map
 // that make a point before one asks whose place it is.
 constexpr double kKept = 0.82;
+constexpr double kGiveWay = 0.18;  ///< of these give way to one beside them, with `fusion.suppression`; a drone's flight
 // Fitted there, to what was left of these points after the free-space filter and ownership: how much of a keyframe's
 // places another one of the fusion window, and one farther away, has a point for.
 constexpr double kShownNear = 1.15;  // besides, the free-space filter takes some
@@ -141,7 +142,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
   const double cache_misses = 1.0 + 0.06 * std::max(0.0, std::log2(b.width / 80.0));
   const double all_pixels = pixels * static_cast<double>(b.depth_maps);
   b.views = views.value();
-  b.points_per_pixel = kKept * share.value();
+  b.points_per_pixel = kKept * (options.fusion.suppression > 0.0 ? 1.0 - kGiveWay : 1.0) * share.value();
   b.points = b.points_per_pixel * all_pixels;
   b.cloud_bytes = kPlyBytes * b.points;
   b.workspace_bytes =
