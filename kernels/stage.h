@@ -48,6 +48,13 @@ PMSP_HD IntOf<F> index_beside(const GridView& grid, const Place<F>& at, int dx, 
   return there.row * IntOf<F>(grid.width) + there.column;
 }
 
+/// Columns crowd towards the poles: by how much column offsets of up to `reach` pixels grow in a row to span what they
+/// do at the equator, up to an eighth of the width.
+PMSP_HD float column_stretch(const GridView& grid, int row, int reach) {
+  constexpr float kWidest = 0.125F;
+  return min(1.0F / grid.cos_lat[row], kWidest * static_cast<float>(grid.width) / static_cast<float>(reach));
+}
+
 /// What a plane says of a pixel.
 template <class F>
 struct Hypothesis {

@@ -11,8 +11,7 @@ namespace pmsp::kernels {
 /// Around a pixel, at 1 and 2 pixels. Farther ones are too far to stand for it: rings at 4 and 8 pixels cost more in
 /// completeness than they give in accuracy.
 constexpr int kSuppressionRings = 2;
-constexpr float kClearlyMoreExact = 0.75F;    ///< expected error over that of the pixel that gives way, at most
-constexpr float kSuppressionWidest = 0.125F;  ///< column offsets grow towards the poles up to this share of the width
+constexpr float kClearlyMoreExact = 0.75F;  ///< expected error over that of the pixel that gives way, at most
 
 /// Whether a pixel of the map makes a point although there are others around. It gives way to one that is clearly more
 /// exact and whose surface lies within `radius` of the pixel's own expected error, across its ray as along it.
@@ -22,8 +21,7 @@ PMSP_HD MaskOf<F> is_best_around(const FilteredMap<Map>& map, const GridView& gr
   const F error = error_of_confidence(confidence);
   const F reach = F(radius) * error;
   const F pixels = F(static_cast<float>(grid.height) / static_cast<float>(kPi)) * reach;
-  const float stretch =
-      min(1.0F / grid.cos_lat[at.row], kSuppressionWidest * static_cast<float>(grid.width >> (kSuppressionRings - 1)));
+  const float stretch = column_stretch(grid, at.row, 1 << (kSuppressionRings - 1));
   F found(0);
   for (int ring = 0; ring < kSuppressionRings; ++ring) {
     const int distance = 1 << ring;

@@ -22,9 +22,6 @@ constexpr float kMedianSigmaColor = 8.0F;  ///< of the distance between colours 
 constexpr float kMedianChange = 0.005F;    ///< relative change of depth below which a pixel keeps its plane
 constexpr int kMedianHalvings = 14;        ///< of the interval that holds the median
 
-/// Column offsets grow towards the poles, where columns crowd, up to this share of the width.
-constexpr float kMedianWidest = 0.125F;
-
 /// Offset of sample k from the middle [px of the equator].
 PMSP_HD void median_offset(int k, int& dx, int& dy) {
   dx = kMedianStep * (k % kMedianSide - kMedianSide / 2);
@@ -80,8 +77,7 @@ struct WeightedMedian {
  private:
   template <class F>
   PMSP_HD IntOf<F> index_of(const Place<F>& at, int k) const {
-    const float widest = kMedianWidest * static_cast<float>(grid.width) / static_cast<float>(kMedianReach);
-    const float stretch = min(1.0F / grid.cos_lat[at.row], widest);
+    const float stretch = column_stretch(grid, at.row, kMedianReach);
     int dx = 0;
     int dy = 0;
     median_offset(k, dx, dy);

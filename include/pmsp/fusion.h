@@ -44,10 +44,10 @@ struct SurfelMap {
 };
 
 /// Makes a point of each pixel of `window[current]` whose confidence is at least `options.min_confidence`, and that
-/// gives way to none around (`options.suppression`): depth,
-/// normal and colour are averages over the maps that agree, weighted with the inverse square of their expected errors
-/// (confidence, times the distance). `window`: 33 maps at most, of one size. Throws InvalidOption, and InvalidInput
-/// when sizes differ, something is missing, a scale is out of range or `current` is not in the window.
+/// gives way to none around (`options.suppression`): depth, normal and colour are averages over the maps that agree,
+/// weighted with the inverse square of their expected errors (confidence, times the distance). `window`: 33 maps at
+/// most, of one size. Throws InvalidOption, and InvalidInput when sizes differ, something is missing, a scale is out of
+/// range or `current` is not in the window.
 PMSP_API SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
                                const Executor& executor);
 

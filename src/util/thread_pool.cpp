@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "util/thread_pool.h"
 
-#include <algorithm>
 #include <system_error>
 #include <utility>
 

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include "confidence.h"
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
 #include "pmsp/error.h"
@@ -231,21 +232,20 @@ TEST_CASE("points below the wanted confidence are not written", "[fusion]") {
 
 namespace {
 
-/// Relative error that makes a confidence, and the other way round.
-float confidence_of(double error) { return static_cast<float>(0.005 / (0.005 + error)); }
-
 /// Pixels that make no point, of a depth map all of whose expected errors are `error` but for one pixel's.
 std::vector<std::size_t> suppressed(double error, std::size_t special, double its_error, const FusionOptions& options,
                                     float its_depth = 1.0F) {
-  Fusion fusion(sphere(), confidence_of(error));
+  using kernels::confidence_of_error;
+  Fusion fusion(sphere(), confidence_of_error(static_cast<float>(error)));
   fusion.maps.resize(1);
-  fusion.maps[0].confidence.pixels()[special] = confidence_of(its_error);
+  fusion.maps[0].confidence.pixels()[special] = confidence_of_error(static_cast<float>(its_error));
   fusion.maps[0].depth.pixels()[special] *= its_depth;
-  std::vector<std::size_t> none;
+  std::vector<bool> has_point(fusion.maps[0].depth.size(), false);
   const KeyframeCloud cloud = fusion.fuse_one(0, options);
-  for (std::size_t i = 0; i < fusion.maps[0].depth.size(); ++i) {
-    const auto pixel = static_cast<std::uint32_t>(i);
-    if (std::find(cloud.pixels.begin(), cloud.pixels.end(), pixel) == cloud.pixels.end()) none.push_back(i);
+  for (const std::uint32_t pixel : cloud.pixels) has_point[pixel] = true;
+  std::vector<std::size_t> none;
+  for (std::size_t i = 0; i < has_point.size(); ++i) {
+    if (!has_point[i]) none.push_back(i);
   }
   return none;
 }
@@ -254,14 +254,14 @@ std::vector<std::size_t> suppressed(double error, std::size_t special, double it
 
 TEST_CASE("a pixel gives way to a clearly more exact one within its expected error", "[fusion]") {
   constexpr std::size_t kMiddle = kWidth * (kWidth / 4) + kWidth / 2;
-  const double pixel = 2.0 * 3.14159265 / kWidth;
+  const double pixel = 2.0 * kernels::kPi / kWidth;
   FusionOptions options;
   options.min_confidence = 0.0;
   using Pixels = std::vector<std::size_t>;
   CHECK(suppressed(0.01, kMiddle, 1.5 * pixel, options) == Pixels{});
   options.suppression = 1.0;
   CHECK(suppressed(0.01, kMiddle, 1.5 * pixel, options) == Pixels{kMiddle});
-  SECTION("not one that is as near as less than a pixel") {
+  SECTION("not one whose error is less than a pixel wide") {
     CHECK(suppressed(0.01, kMiddle, 0.9 * pixel, options) == Pixels{});
     options.suppression = 2.0;
     CHECK(suppressed(0.01, kMiddle, 0.9 * pixel, options) == Pixels{kMiddle});
@@ -290,7 +290,7 @@ TEST_CASE("a pixel gives way to a clearly more exact one within its expected err
 
 TEST_CASE("where columns crowd, what is within the expected error spans more of them", "[fusion]") {
   constexpr std::size_t kRow = 6;  // cosine of the latitude: 0.25
-  const double pixel = 2.0 * 3.14159265 / kWidth;
+  const double pixel = 2.0 * kernels::kPi / kWidth;
   FusionOptions options;
   options.min_confidence = 0.0;
   options.suppression = 1.0;

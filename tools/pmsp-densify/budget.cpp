@@ -21,8 +21,8 @@ constexpr double kMiB = 1024.0 * 1024.0;
 // Measured on a drone's flight, a furnished flat and a rendered room, where it was 0.72 to 0.91: pixels of a depth map
 // that make a point before one asks whose place it is.
 constexpr double kKept = 0.82;
-constexpr double kGiveWay =
-    0.18;  ///< of these give way to one beside them, with `fusion.suppression`; a drone's flight
+// Of these, with `fusion.suppression`, give way to one beside them; on a drone's flight.
+constexpr double kGiveWay = 0.18;
 // Fitted there, to what was left of these points after the free-space filter and ownership: how much of a keyframe's
 // places another one of the fusion window, and one farther away, has a point for.
 constexpr double kShownNear = 1.15;  // besides, the free-space filter takes some
