@@ -29,6 +29,7 @@ template <class F, class Patch = ReferencePatch<F>>
 struct Visit {
   PatchFrame<F> frame;
   Patch patch;
+  ViewWeights<F> weights;
   F prior;  ///< inverse depth of the plane that a surface without texture is thought to have; 0 = none
 };
 
@@ -57,13 +58,16 @@ PMSP_HD F prior_score(const F& prior, const F& inverse_depth, const Matching<Cub
   return select(known, F(m.prior_weight) * max(F(1) - off, F(0)), F(0));
 }
 
-/// Scores a plane and keeps it where it is allowed and better.
+/// Scores a plane and keeps it where it is allowed and better. `weigh`: it is the one that the pixel has, which weighs
+/// the views.
 template <class F, class Patch, class Cube>
-PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, const Visit<F, Patch>& visit, const Matching<Cube>& m) {
+PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, Visit<F, Patch>& visit, const Matching<Cube>& m,
+                     bool weigh) {
   const auto allowed = is_allowed(plane, visit.frame.bearing, m.limits);
   if (!any(allowed)) return;
-  const F score = plane_score(visit.patch, visit.frame, m.views, m.num_views, plane, m.layout) +
+  const F score = plane_score(visit.patch, visit.frame, m.views, m.num_views, plane, m.layout, visit.weights, weigh) +
                   prior_score(visit.prior, dot(plane, visit.frame.bearing), m);
+  if (weigh && !all(allowed)) weigh_only(visit.weights, allowed);
   const auto better = allowed & (score > best.score);
   best.plane = select(better, plane, best.plane);
   best.score = select(better, score, best.score);
@@ -196,13 +200,14 @@ struct PatchMatchPass {
                 kind == 0   ? first
                 : kind == 1 ? proposed(landmarks, turn)
                             : proposed(warped, turn),
-                visit, matching);
+                visit, matching, false);
       }
     }
     keep(best, usable, turn);
   }
 
-  /// Propagation and refinement. `rescore`: planes are there, but not their scores.
+  /// Propagation and refinement. A pixel's own plane comes first, since it weighs the views. `rescore`: planes are
+  /// there, but not their scores.
   template <class F, class Patch>
   PMSP_HD void iterate(Visit<F, Patch>& visit, const Turn<F>& turn, int iteration, bool rescore) const {
     const MaskOf<F> usable = is_usable<F>(mask, turn.index);
@@ -214,10 +219,12 @@ struct PatchMatchPass {
       return in_ring<F>(state, ring_index(grid.width, from.y, 1 - turn.colour), turn.k + from.shift, half);
     };
     const Hypothesis<F> before = in_ring<F>(state, turn.ring, turn.k, half);
+    const bool own = rescore || matching.num_views >= kLeastWeighedViews;
     Hypothesis<F> best = before;
-    if (rescore) best = {{F(0), F(0), F(0)}, F(-1)};
+    if (own) best = {{F(0), F(0), F(0)}, F(-1)};
     PMSP_ROLL
-    for (int i = rescore ? -2 : 0; i < kNeighbours + matching.refinements; ++i) {
+    for (int i = own ? -2 : 0; i < kNeighbours + matching.refinements; ++i) {
+      if (i == -1 && !rescore) continue;
       Vec3<F> plane;
       if (i < 0) {
         plane = i == -2 ? before.plane : proposed(priors, turn);
@@ -226,7 +233,7 @@ struct PatchMatchPass {
       } else {
         plane = refined(best, as_uint<F>(turn.index), iteration, i - kNeighbours, visit.frame.bearing, matching);
       }
-      propose(best, plane, visit, matching);
+      propose(best, plane, visit, matching, i == -2);
     }
     keep(best, usable, turn);
   }
@@ -243,6 +250,7 @@ struct PatchMatchPass {
   PMSP_HD void begin(Visit<F, Patch>& visit, const Turn<F>& turn) const {
     begin_visit(visit, matching, gather<F>(grid.sin_lon, turn.column), gather<F>(grid.cos_lon, turn.column),
                 F(grid.sin_lat[turn.y]), F(grid.cos_lat[turn.y]));
+    for (F& weight : visit.weights.of) weight = F(1);
     visit.prior = dot(proposed(priors, turn), visit.frame.bearing);
   }
 

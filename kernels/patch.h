@@ -193,8 +193,8 @@ PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const Sourc
 /// What a neighbour says of a plane.
 template <class F>
 struct Opinion {
-  F score;   ///< view_score, less what its own depth map has against the plane
-  F hidden;  ///< 1 where that has a surface in front of the plane, 0 where it has not, and in between
+  F score;  ///< view_score, less what its own depth map has against the plane
+  F seen;   ///< 0 where that has a surface in front of the plane, 1 where it has not, and in between
 };
 
 /// A wrong depth that looks alike in one pair of images rarely does in another: leaving the neighbour's surface costs
@@ -204,33 +204,62 @@ template <class Patch, class F, class Cube>
 PMSP_HD Opinion<F> opinion(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view,
                            const Vec3<F>& plane, const PatchLayout& layout) {
   const F score = view_score(patch, frame, view, plane, layout);
-  if (is_empty(view.surface) || !(layout.disagreement_cost > 0.0F)) return {score, F(0)};
+  if (is_empty(view.surface) || !(layout.disagreement_cost > 0.0F)) return {score, F(1)};
   const F off = F(1.0F / layout.disagreement_tolerance) *
                 beyond_surface(frame.bearing, dot(plane, frame.bearing), view.surface, view.view_from_ref);
   return {score - F(layout.disagreement_cost) * min(abs(off), F(1)),
-          select(patch.fine, min(max(off - F(1), F(0)), F(1)), F(0))};
+          select(patch.fine, min(max(F(2) - off, F(0)), F(1)), F(1))};
 }
 
-/// Score of a plane over all views, between the mean over the better half of them and the mean over all. In the better
-/// half, a view that does not see the surface has no say; all together are less noisy. Half of each measured best (two
-/// views: 0.75 and 0.25). Views from which the plane is hidden are left out of the mean over all, but for half of the
-/// views. The order of the views does not matter.
+/// What each view has to say about a pixel's planes. A view that does not see the surface finds every plane poor, the
+/// one that the pixel has, too; by that it is known (Zheng et al. 2014; Xu and Tao 2019 ask several planes).
+template <class F>
+struct ViewWeights {
+  F of[kMaxViews];
+};
+
+/// Standard deviation of a view's score, from 1, over which its weight falls. Measured: .1 and .3 find less.
+constexpr float kSigmaOfViewScore = 0.15F;
+
+/// Fewer views are all heard alike. Of two, the better half is one already; weights would leave only that.
+constexpr int kLeastWeighedViews = 3;
+
+/// All views are heard alike where not `where`.
+template <class F>
+PMSP_HD void weigh_only(ViewWeights<F>& weights, const MaskOf<F>& where) {
+  for (F& weight : weights.of) weight = select(where, weight, F(1));
+}
+
+/// Weight of a view, of its opinion of the plane that the pixel has. It stays above 0: where no view finds that plane
+/// good, all are heard.
+template <class F>
+PMSP_HD F view_weight(const F& score) {
+  constexpr float kFactor = -0.5F / (kSigmaOfViewScore * kSigmaOfViewScore);
+  const F off = F(1) - score;
+  return kernels::exp(max(F(kFactor) * off * off, F(-30)));
+}
+
+/// Score of a plane over all views: half the mean over the better half of them, half the weighted mean over all (two
+/// views: 0.75 and 0.25). In the better half, a view that does not see the surface has no say; all together are less
+/// noisy. Half of each measured best. In the weighted mean, views from which this plane is hidden have no say, unless
+/// it is hidden from all. The order of the views does not matter. `weigh`: the plane is the one that the pixel has; the
+/// weights are made from what the views say of it, and used.
 template <class Patch, class F, class Cube>
 PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>* views, int num_views,
-                      const Vec3<F>& plane, const PatchLayout& layout) {
+                      const Vec3<F>& plane, const PatchLayout& layout, ViewWeights<F>& weights, bool weigh) {
   const int kept = (num_views + 1) / 2;
   static_assert((kMaxViews + 1) / 2 == 4, "a -1 for each of the better half");
   F best[(kMaxViews + 1) / 2] = {F(-1), F(-1), F(-1), F(-1)};
-  F all(0);
-  F hidden(0);
-  F of_hidden(0);
+  F weighted(0);
+  F weight_sum(0);
   PMSP_ROLL
   for (int view = 0; view < num_views; ++view) {
     const Opinion<F> said = opinion(patch, frame, views[view], plane, layout);
     F score = said.score;
-    all = all + score;
-    hidden = hidden + said.hidden;
-    of_hidden = fma(said.hidden, score, of_hidden);
+    if (weigh && num_views >= kLeastWeighedViews) weights.of[view] = view_weight(score);
+    const F weight = weights.of[view] * max(said.seen, F(1e-3F));
+    weighted = fma(weight, score, weighted);
+    weight_sum = weight_sum + weight;
     for (int k = 0; k < kept; ++k) {  // insertion into the sorted list of the best
       const F better = max(best[k], score);
       score = min(best[k], score);
@@ -239,9 +268,7 @@ PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const Sour
   }
   F sum = best[0];
   for (int k = 1; k < kept; ++k) sum = sum + best[k];
-  const F left_out = min(F(1), F(static_cast<float>(num_views - kept)) / max(hidden, F(1e-3F)));
-  const F seen = (all - left_out * of_hidden) / (F(static_cast<float>(num_views)) - left_out * hidden);
-  return fma(sum, F(0.5F / static_cast<float>(kept)), F(0.5F) * seen);
+  return fma(sum, F(0.5F / static_cast<float>(kept)), F(0.5F) * weighted / weight_sum);
 }
 
 }  // namespace pmsp::kernels

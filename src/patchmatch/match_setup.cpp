@@ -89,7 +89,9 @@ Iterations iterations_of(const PatchMatchOptions& options, int pass) {
 int planes_tried(const PatchMatchOptions& options) {
   constexpr int kFirst = 3, kAgain = 2;
   const int visit = kernels::kNeighbours + options.refinements;
-  return kFirst + options.iterations * visit + options.geometric_passes * (kAgain + kGeometricIterations * visit);
+  const int own = options.neighbours + options.revisits >= kernels::kLeastWeighedViews ? 1 : 0;
+  return kFirst + options.iterations * (own + visit) +
+         options.geometric_passes * (kAgain + kGeometricIterations * visit);
 }
 
 }  // namespace pmsp

@@ -165,7 +165,12 @@ struct Scored {
     k::ReferencePatch<F> patch;
     k::take_patch(patch, image, frame, layout, bearing.x > F(0));
     const Vec3<F> plane = RandomPlane()(bearing, number);
-    return {patch.variance, patch.weight(7), k::plane_score(patch, frame, &view, 1, plane, layout)};
+    const k::SourceView<k::CubeView> views[] = {view, view, view};
+    k::ViewWeights<F> weights;
+    for (F& weight : weights.of) weight = F(1);
+    const F own = k::plane_score(patch, frame, views, 3, F(1.1F) * plane, layout, weights, true);
+    return {patch.variance + own, patch.weight(7) + weights.of[1],
+            k::plane_score(patch, frame, views, 3, plane, layout, weights, false)};
   }
 
   k::CubeView image;

@@ -128,13 +128,21 @@ k::PatchFrame<F> frame_cast(const k::PatchFrame<double>& frame) {
 }
 
 template <class F>
+k::ViewWeights<F> alike() {
+  k::ViewWeights<F> weights;
+  for (F& weight : weights.of) weight = F(1);
+  return weights;
+}
+
+template <class F>
 F score(const k::CubeView& reference, const k::PatchLayout& layout, const Sample& sample,
         const std::vector<Source>& views, double depth_factor = 1.0) {
   const k::PatchFrame<F> frame = frame_cast<F>(sample.frame);
   k::ReferencePatch<F> patch;
   k::take_patch(patch, reference, frame, layout, false);
+  k::ViewWeights<F> weights = alike<F>();
   return k::plane_score(patch, frame, views.data(), static_cast<int>(views.size()),
-                        cast<F>((1.0 / depth_factor) * sample.plane), layout);
+                        cast<F>((1.0 / depth_factor) * sample.plane), layout, weights, false);
 }
 
 float score(const Sample& sample, const std::vector<Source>& views, double depth_factor = 1.0) {
@@ -437,7 +445,8 @@ TEST_CASE("a neighbour that something else hides the plane from says nothing of 
       k::take_patch(patch, scene.reference(), sample.frame, layout, fine);
       views[0].surface = first;
       views[1].surface = second;
-      return k::plane_score(patch, sample.frame, views, 2, sample.plane, layout);
+      k::ViewWeights<double> weights = alike<double>();
+      return k::plane_score(patch, sample.frame, views, 2, sample.plane, layout, weights, false);
     };
     clear += found(before.view(), after.view(), true);
     hidden += found(before.view(), in_front.view(), true);
@@ -448,4 +457,47 @@ TEST_CASE("a neighbour that something else hides the plane from says nothing of 
   CHECK(hidden / count == Approx(clear / count).margin(0.03));
   CHECK(plain / count < hidden / count - 0.1);        // without texture nothing speaks for a plane behind a surface
   CHECK(both_hidden / count < hidden / count - 0.3);  // somebody has to see it
+}
+
+TEST_CASE("a view that finds a pixel's own plane poor has little say about its other planes") {
+  const Room& scene = room();
+  const CubeMap other_place = noise_cube(31);
+  const Source views[3] = {scene.view(0), scene.view(2, other_place), scene.view(2)};
+  double gained = 0.0;
+  int unheard = 0;
+  for (const Sample& sample : scene.samples) {
+    k::ReferencePatch<double> patch;
+    k::take_patch(patch, scene.reference(), sample.frame, scene.layout, false);
+    k::ViewWeights<double> weights = alike<double>();
+    const auto scored = [&](double factor, bool weigh) {
+      return k::plane_score(patch, sample.frame, views, 3, factor * sample.plane, scene.layout, weights, weigh);
+    };
+    const double before = scored(1.01, false);
+    const double own = scored(1.0, true);
+    REQUIRE(own == Approx(scored(1.0, false)));
+    gained += (scored(1.01, false) - before) / static_cast<double>(scene.samples.size());
+    unheard += weights.of[1] < 0.05 * std::min(weights.of[0], weights.of[2]) ? 1 : 0;
+  }
+  CHECK(unheard > 0.95 * static_cast<double>(scene.samples.size()));
+  CHECK(gained > 0.1);  // a third of the mean over all was its score, which is half of the plane's
+}
+
+TEST_CASE("two views are heard alike, and none is lost where no view finds a plane good") {
+  const Room& scene = room();
+  const CubeMap other_place = noise_cube(32);
+  const Source views[3] = {scene.view(0, other_place), scene.view(2, other_place), scene.view(0, other_place)};
+  const Sample& sample = scene.samples.front();
+  k::ReferencePatch<float> patch;
+  const k::PatchFrame<float> frame = frame_cast<float>(sample.frame);
+  k::take_patch(patch, scene.reference(), frame, scene.layout, false);
+  for (const int count : {2, 3}) {
+    k::ViewWeights<float> weights = alike<float>();
+    const float own =
+        k::plane_score(patch, frame, views, count, cast<float>(sample.plane), scene.layout, weights, true);
+    INFO(count << " views, score " << own);
+    CHECK(std::fabs(own) < 0.9F);  // a number
+    CHECK((weights.of[0] == 1.0F) == (count == 2));
+    CHECK(weights.of[1] > 0.0F);
+    CHECK(weights.of[2] > 0.0F);
+  }
 }
