@@ -135,9 +135,7 @@ void patchmatch(Table& table) {
       .high(6);
   PMSP_OPTION(patchmatch.revisits,
               "Source keyframes from earlier in the mission in addition, where the same place is passed again")
-      .range(0, 4)
-      .normal(1)
-      .high(1);  // averages the noise of cheap cameras away
+      .range(0, 4);
   PMSP_OPTION(patchmatch.history, "How many keyframes' images are remembered for that")
       .unit("keyframes")
       .range(1, 100000)
@@ -171,7 +169,7 @@ void patchmatch(Table& table) {
 
 void filters(Table& table) {
   table.stage("Median filter");
-  PMSP_OPTION(median.enabled, "Remove single outliers");
+  PMSP_OPTION(median.enabled, "Remove single outliers").normal(0).high(0);  // more views leave none to it
   PMSP_OPTION(median.max_relative_deviation,
               "Deviation from the neighbourhood's median beyond which a pixel is dropped")
       .unit("share of the depth")
