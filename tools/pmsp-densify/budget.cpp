@@ -152,11 +152,12 @@ Budget estimate_budget(const BudgetQuestion& question) {
   options.scratch_folder = options.free_space.whole_mission ? "beside the cloud" : "";
   const HostMemory memory = host_memory_needed(options, b.used);
   b.scratch_bytes = memory.scratch;
-  constexpr double kProcess = 72.0 * kMiB, kGpuProcess = 150.0 * kMiB;  // libraries, a driver's context, threads
+  constexpr double kProcess = 72.0 * kMiB, kGpuProcess = 100.0 * kMiB;  // libraries, a driver's context, threads
   const double image = 3.0 * one_image;
-  const double around = map_bytes(question.map) + image * (images_ahead(question.map, b.threads) + 3);
-  b.memory_bytes = kProcess + around + memory.memory;
-  b.gpu_host_bytes = kGpuProcess + around;
+  const double map = map_bytes(question.map);
+  const int ahead = images_ahead(question.map, b.threads);
+  b.memory_bytes = kProcess + map + image * (ahead + 3) + memory.memory;
+  b.gpu_host_bytes = kGpuProcess + map + 2.0 * image * ahead;  // each twice, while it is decoded
   options.scratch_folder.clear();
   b.gpu_bytes = static_cast<double>(device_memory_needed(options));
   options.scratch_folder = "beside the cloud";
