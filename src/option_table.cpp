@@ -140,7 +140,7 @@ void patchmatch(Table& table) {
       .unit("keyframes")
       .range(1, 100000)
       .high(30);  // at 5760 x 2880 a keyframe takes 0.2 GiB
-  PMSP_OPTION(patchmatch.refinements, "Random draws per pixel and iteration").range(0, 32).normal(4).high(4).paper(6);
+  PMSP_OPTION(patchmatch.refinements, "Random draws per pixel and iteration").range(0, 32).paper(6);
   PMSP_OPTION(patchmatch.fine_patch, "Size of the patch of textured pixels")
       .unit("share of the patch")
       .range(0.1, 1)
