@@ -250,7 +250,7 @@ struct PatchMatchPass {
   PMSP_HD void begin(Visit<F, Patch>& visit, const Turn<F>& turn) const {
     begin_visit(visit, matching, gather<F>(grid.sin_lon, turn.column), gather<F>(grid.cos_lon, turn.column),
                 F(grid.sin_lat[turn.y]), F(grid.cos_lat[turn.y]));
-    for (F& weight : visit.weights.of) weight = F(1);
+    weigh_alike(visit.weights);
     visit.prior = dot(proposed(priors, turn), visit.frame.bearing);
   }
 

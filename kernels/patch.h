@@ -224,6 +224,11 @@ constexpr float kSigmaOfViewScore = 0.15F;
 /// Fewer views are all heard alike. Of two, the better half is one already; weights would leave only that.
 constexpr int kLeastWeighedViews = 3;
 
+template <class F>
+PMSP_HD void weigh_alike(ViewWeights<F>& weights) {
+  for (F& weight : weights.of) weight = F(1);
+}
+
 /// All views are heard alike where not `where`.
 template <class F>
 PMSP_HD void weigh_only(ViewWeights<F>& weights, const MaskOf<F>& where) {

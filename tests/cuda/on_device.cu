@@ -137,7 +137,7 @@ struct PatchScores {
     kernels::Visit<float> visit;
     kernels::begin_visit(visit, matching, ::sinf(lon), ::cosf(lon), ::sinf(lat), ::cosf(lat));
     out[0] = visit.patch.variance;
-    for (float& weight : visit.weights.of) weight = 1.0F;
+    kernels::weigh_alike(visit.weights);
     out[1] = kernels::plane_score(visit.patch, visit.frame, matching.views, matching.num_views,
                                   (1.0F / depth) * visit.frame.bearing, matching.layout, visit.weights, false);
   }

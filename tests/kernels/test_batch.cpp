@@ -167,7 +167,7 @@ struct Scored {
     const Vec3<F> plane = RandomPlane()(bearing, number);
     const k::SourceView<k::CubeView> views[] = {view, view, view};
     k::ViewWeights<F> weights;
-    for (F& weight : weights.of) weight = F(1);
+    k::weigh_alike(weights);
     const F own = k::plane_score(patch, frame, views, 3, F(1.1F) * plane, layout, weights, true);
     return {patch.variance + own, patch.weight(7) + weights.of[1],
             k::plane_score(patch, frame, views, 3, plane, layout, weights, false)};

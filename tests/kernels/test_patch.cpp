@@ -130,7 +130,7 @@ k::PatchFrame<F> frame_cast(const k::PatchFrame<double>& frame) {
 template <class F>
 k::ViewWeights<F> alike() {
   k::ViewWeights<F> weights;
-  for (F& weight : weights.of) weight = F(1);
+  k::weigh_alike(weights);
   return weights;
 }
 
