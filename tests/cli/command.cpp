@@ -64,7 +64,7 @@ std::vector<std::string> quick_run(const std::filesystem::path& output, const st
                                  "--width",  "128",
                                  "--height", "64",
                                  "-o",       output.string()};
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef PMSP_SANITIZED
   // A sanitizer makes PatchMatch slow, most of all its vector code; what is asked of the program here is not its
   // depths.
   words.insert(words.end(), {"--patchmatch-iterations", "1", "--patchmatch-refinements", "1",

@@ -60,7 +60,7 @@ fs::path plain(const TempDir& dir, const Words& more = {}) {
 
 /// An instruction set whose results are others than those of a quick run; "" where there is none.
 std::string other_engine() {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef PMSP_SANITIZED
   return pmsp::widest_simd() == pmsp::Simd::kScalar ? "" : "auto";
 #else
   return pmsp::widest_simd() == pmsp::Simd::kScalar ? "" : "scalar";
@@ -176,7 +176,7 @@ TEST_CASE("shards of a step that goes on from another one give its bytes", "[sha
 }
 
 TEST_CASE("killed at any moment and run again, a shard goes on", "[shards]") {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef PMSP_SANITIZED
   constexpr int kKills = 1;
 #else
   constexpr int kKills = 8;

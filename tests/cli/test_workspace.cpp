@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef PMSP_SANITIZED
 constexpr int kKills = 1;
 #else
 constexpr int kKills = 6;
@@ -178,7 +178,7 @@ TEST_CASE("run --follow takes up images as they come, and ends when nothing has 
   const Result result = follow.wait();
   require_ok(result);
   CHECK(read_text(dir / "c.ply").size() > first.size());
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // with these there is one pass only
+#ifndef PMSP_SANITIZED  // with these there is one pass only
   CHECK_THAT(result.err, Contains("lack passes for now") && Contains("had too few passes"));  // made up for at the end
 #endif
   const Result after = densify(step(dir));
@@ -195,7 +195,7 @@ TEST_CASE("run --growing leaves passes to a run without it, which ends with what
   require_ok(densify(step(dir, {"--growing"})));
   const Result last = densify(step(dir));
   require_ok(last);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // with these there is one pass only
+#ifndef PMSP_SANITIZED  // with these there is one pass only
   CHECK_THAT(first.err, Contains("lack passes for now"));
   CHECK_THAT(last.err, Contains("had too few passes 5") && !Contains("lack passes for now"));
 #endif

@@ -15,17 +15,19 @@
 
 /// Tag of tests that need images large enough for good depths. Under a sanitizer, where PatchMatch takes many
 /// times as long, they are hidden; the others run there with tiny images.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef PMSP_SANITIZED
 #define PMSP_ACCURACY "[.accuracy]"
-#define PMSP_SANITIZED 1
 #else
 #define PMSP_ACCURACY "[accuracy]"
-#define PMSP_SANITIZED 0
 #endif
 
 namespace pmsp::test {
 
-constexpr bool kSanitized = PMSP_SANITIZED != 0;
+#ifdef PMSP_SANITIZED
+constexpr bool kSanitized = true;
+#else
+constexpr bool kSanitized = false;
+#endif
 
 /// Instruction set where it does not matter: with a sanitizer's checks, plain code is up to eight times as fast as the
 /// widest (GCC 12).

@@ -208,7 +208,7 @@ TEST_CASE("a Potree cloud that is replaced only in part is none") {
 
 TEST_CASE("an octree of more points than memory takes at once: dealt out by cells as they come, and once more") {
   const TempDir scratch;
-#if defined(__SANITIZE_ADDRESS__)
+#ifdef PMSP_SANITIZED
   const std::size_t count = 1100000;
 #else
   const std::size_t count = 2500000;

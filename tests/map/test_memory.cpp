@@ -13,7 +13,7 @@
 namespace pmsp::test {
 namespace {
 
-#if defined(__linux__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(__linux__) && !defined(PMSP_SANITIZED)
 constexpr bool kMeasured = true;
 #else
 constexpr bool kMeasured = false;  // sanitizers take memory and time of their own
