@@ -34,7 +34,7 @@ struct DensifierStats {
   std::int64_t keyframes_without_range = 0;      ///< no landmark to tell a depth range from
   std::int64_t pixels = 0;                       ///< unmasked pixels of these depth maps
   std::int64_t pixels_matched = 0;               ///< with an estimate after PatchMatch
-  std::int64_t pixels_after_median = 0;
+  std::int64_t pixels_after_median = 0;          ///< before the weighted one gives planes to pixels without
   std::int64_t pixels_after_consistency = 0;
   std::int64_t points_fused = 0;     ///< of pixels, before the free-space filter
   std::int64_t points_repeated = 0;  ///< left out after it, since another keyframe makes the point of their place

@@ -15,7 +15,7 @@ using namespace pmsp::eval;
 TEST_CASE("the nearest point is the nearest of all") {
   std::mt19937 random(5);
   std::uniform_real_distribution<float> uniform(-1.0F, 1.0F);
-  const auto draw = [&] { return Eigen::Vector3f(uniform(random), uniform(random), 0.1F * uniform(random)); };
+  const auto draw = [&] { return Eigen::Vector3f{uniform(random), uniform(random), 0.1F * uniform(random)}; };
   std::vector<Eigen::Vector3f> points;
   for (int i = 0; i < 3000; ++i) points.push_back(draw());
   for (int i = 0; i < 100; ++i) points.push_back(points.front());  // many in one place

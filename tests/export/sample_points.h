@@ -24,7 +24,7 @@ inline std::vector<pmsp::OutputPoint> sample_points(std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
     pmsp::OutputPoint& p = points[i];
     p.position = {1000.0 + 20.0 * draw() - 10.0, -500.0 + 10.0 * draw() - 5.0, 30.0 + 4.0 * draw() - 2.0};
-    p.normal = Eigen::Vector3d(draw() - 0.5, draw() - 0.5, draw() - 0.5).normalized().cast<float>();
+    p.normal = Eigen::Vector3d{draw() - 0.5, draw() - 0.5, draw() - 0.5}.normalized().cast<float>();
     p.confidence = static_cast<float>(draw());
     p.keyframe_id = static_cast<std::int64_t>(i / 500);
     p.pixel = static_cast<std::uint32_t>(3 * (i % 500));

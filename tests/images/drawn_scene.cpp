@@ -115,7 +115,7 @@ SlamMap room_map(const std::vector<Shot>& shots) {
   std::mt19937 random(7);
   std::normal_distribution<double> gauss;
   for (int i = 0; i < kLandmarks; ++i) {
-    const Eigen::Vector3d direction(gauss(random), gauss(random), gauss(random));
+    const Eigen::Vector3d direction{gauss(random), gauss(random), gauss(random)};
     map.landmarks.push_back({10 + 3 * i, hit_wall(Eigen::Vector3d::Zero(), direction.normalized())});
   }
   for (MapKeyframe& keyframe : map.keyframes)

