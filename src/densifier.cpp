@@ -326,7 +326,6 @@ void Pipeline::match(const View& reference, int pass) {
   task.reference = reference.frame.get();
   task.keyframe = &reference.keyframe;
   for (const std::int64_t id : entry.near) task.neighbours.push_back(frame_of(id));
-  for (const std::int64_t id : entry.far) task.neighbours.push_back(frame_of(id));
   const PassRange passes = passes_of(reference);
   const bool images_alone = part_ && part_->shortcut(reference.place) &&
                             part_->shortcut(reference.place)->images_first && pass == passes.first;

@@ -129,17 +129,10 @@ void patchmatch(Table& table) {
       .normal(2)
       .high(2)
       .paper(4);
-  PMSP_OPTION(patchmatch.neighbours, "Keyframes to match with; time grows in proportion; with revisits at most 8")
+  PMSP_OPTION(patchmatch.neighbours, "Keyframes to match with; time grows in proportion")
       .range(1, kernels::kMaxViews)
       .normal(4)
       .high(6);
-  PMSP_OPTION(patchmatch.revisits,
-              "Source keyframes from earlier in the mission in addition, where the same place is passed again")
-      .range(0, 4);
-  PMSP_OPTION(patchmatch.history, "How many keyframes' images are remembered for that")
-      .unit("keyframes")
-      .range(1, 100000)
-      .high(30);  // at 5760 x 2880 a keyframe takes 0.2 GiB
   PMSP_OPTION(patchmatch.refinements, "Random draws per pixel and iteration").range(0, 32).paper(6);
   PMSP_OPTION(patchmatch.fine_patch, "Size of the patch of textured pixels")
       .unit("share of the patch")

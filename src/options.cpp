@@ -44,14 +44,7 @@ void ViewFilterOptions::validate() const {
 
 void InitOptions::validate() const { check(&DensifierOptions::init, *this, "init."); }
 
-void PatchMatchOptions::validate() const {
-  check(&DensifierOptions::patchmatch, *this, "patchmatch.");
-  if (neighbours + revisits > kernels::kMaxViews) {
-    throw InvalidOption("patchmatch.neighbours is " + std::to_string(neighbours) + " and patchmatch.revisits " +
-                        std::to_string(revisits) + "; expected no more than " + std::to_string(kernels::kMaxViews) +
-                        " together");
-  }
-}
+void PatchMatchOptions::validate() const { check(&DensifierOptions::patchmatch, *this, "patchmatch."); }
 
 void MedianFilterOptions::validate() const { check(&DensifierOptions::median, *this, "median."); }
 

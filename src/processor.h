@@ -15,7 +15,6 @@
 //   Cubes                          an image to be matched with; `gray` in it is empty where there is none
 //   Prepared                       a keyframe's image: cubes, and of the depth map's pixels colours and mask
 //   kPriorShares                   threads that look for a prior cell's plane
-//   kPacks                         whether packed cubes take less memory
 //   kMaskInColor                   whether the mask lies in the colours
 //   Planes                         an array of planes and scores, as a map or in checkerboard order
 //   Counts                         numbers of pixels that a stage counts

@@ -34,7 +34,6 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   }
   const std::size_t filtered = add(Kind::kFilter, 0, {{matched, reach.consistency}}, reach.near + reach.windows);
   keep(Artefact::kImage, 0, {{matched, reach.near}});
-  keep(Artefact::kFarImage, 0, {{matched, reach.images_before}});
   keep(Artefact::kLandmarks, 0, {{0, 0}});
   keep(Artefact::kPlanes, stages_.front().lead, {{matched, reach.near}});
   const std::int64_t last_match = stages_[matched].lead;

@@ -11,8 +11,7 @@ namespace pmsp {
 
 /// What a stage leaves for a keyframe, and what of it others read.
 enum class Artefact {
-  kImage,      ///< prepared, for matching with near neighbours
-  kFarImage,   ///< the same, for keyframes that pass the place again
+  kImage,      ///< prepared, for matching
   kColor,      ///< of the depth map's size, with the mask
   kLandmarks,  ///< of the keyframe
   kPlanes,     ///< of the passes of PatchMatch

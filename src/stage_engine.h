@@ -267,9 +267,6 @@ class StageEngine final : public Engine {
     StageFrame& done = own(frame);
     switch (artefact) {
       case Artefact::kImage:
-        if (context_.options.patchmatch.revisits > 0 && done.cubes[done.home].gray) put_away(done);
-        break;
-      case Artefact::kFarImage:
         for (Cubes& cubes : done.cubes) cubes = {};
         done.packed.reset();
         break;
@@ -463,14 +460,13 @@ class StageEngine final : public Engine {
     return on.prepare(again, context_.stats.seconds_prepare).cubes;
   }
 
-  /// Lets a keyframe's cubes go where they take less memory, or none.
+  /// Lets a keyframe's cubes go: packed into the file, or to be made again of the image.
   void put_away(StageFrame& frame) {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
     const Cubes& cubes = frame.cubes[frame.home];
-    const bool packs = scratch_ || (Processor::kPacks && !context_.image_again);
-    if (packs) frame.packed.put(on.pack(cubes), on.packed_size(cubes));
-    if (packs || context_.image_again) frame.cubes.assign(processors_.size(), {});
+    if (scratch_) frame.packed.put(on.pack(cubes), on.packed_size(cubes));
+    frame.cubes.assign(processors_.size(), {});
   }
 
   /// The keyframe's image on a processor, and on the frame's own what else is made of it.

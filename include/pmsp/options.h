@@ -46,11 +46,7 @@ struct PMSP_API PatchMatchOptions {
   /// Of the first pass, 1 to 100; each visits every pixel once. More of them find what has texture more exactly, the
   /// geometric passes what has none.
   int iterations = 3;
-  int neighbours = 2;  ///< source keyframes per depth map, 1 to 8; cost grows in proportion
-  /// Source keyframes from earlier in the mission in addition, where the same place is passed again, 0 to 4; with
-  /// `neighbours` 8 at most. Only where they show much under another parallax than the neighbours do.
-  int revisits = 0;
-  int history = 100;    ///< keyframes whose images are remembered for that, 1 to 100000
+  int neighbours = 2;   ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   int refinements = 3;  ///< random draws per pixel and iteration, 0 to 32
   /// Size of the patch of textured pixels, relative to that of others, 0.1 to 1; 1: all pixels count as textured.
   double fine_patch = 0.6;

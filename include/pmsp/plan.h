@@ -60,7 +60,6 @@ struct PlanEntry {
   std::int64_t id = 0;
   KeyframeUse use = KeyframeUse::kNoLandmarks;
   std::vector<std::int64_t> near;            ///< matched with; lend planes and images; the most useful first
-  std::vector<std::int64_t> far;             ///< matched with besides; lend images and range maps only
   std::optional<std::int64_t> first_planes;  ///< keyframe whose planes of the first pass are warped into this one
   DepthRange range;                          ///< [scene units]; {0, 0} without landmarks
   std::vector<std::int64_t> consistency;     ///< whose planes the consistency filter compares
@@ -90,7 +89,6 @@ inline bool operator!=(const Plan& a, const Plan& b) { return !(a == b); }
 ///   little new against the newest of them (or is blurred). So a keyframe has a say in its own block and on the first
 ///   of the next one.
 /// - Near neighbours: the most useful parallax among the used keyframes a few before and after.
-/// - Far neighbours: `patchmatch.revisits` of the `patchmatch.history` used ones before, where a place is passed again.
 /// - First planes: those of the used keyframe before, unless floor(id / init.chain_keyframes) has changed.
 /// - Windows: used keyframes before and after.
 /// - Viewers: the fusion window, and `free_space.views` besides (32 at most in all), spread evenly over those among
@@ -118,8 +116,8 @@ constexpr std::int64_t kViewBlock = 64;
 ///
 /// points(i) need round R of i; round r those before of i and of its owners; round 0, the eligible points, filtered
 /// planes of i and its fusion window, and the range maps of its viewers; ranges(i) filtered(i); filtered(i) planes P of
-/// the consistency window; planes p those of pass p - 1 of itself and its near neighbours, and images of all
-/// neighbours; planes 0 those images and planes 0 of `first_planes`.
+/// the consistency window; planes p those of pass p - 1 of itself and its near neighbours, and images of these; planes
+/// 0 those images and planes 0 of `first_planes`.
 ///
 /// So each of these sets is part of the next one: clouds, rounds from R to 0, filtered, planes from P to 0, images.
 struct Halo {

@@ -57,7 +57,6 @@ class CpuProcessor {
     Array<std::uint8_t> mask;
   };
   static constexpr int kPriorShares = 1;
-  static constexpr bool kPacks = true;
   static constexpr bool kMaskInColor = false;
 
   using Mark = std::nullptr_t;

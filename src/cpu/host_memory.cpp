@@ -100,8 +100,7 @@ HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used
   HostMemory needed;
   // One stage's own: planes of a pass and keys, or what it looks at of others where that is in the file, and points on
   // their way out.
-  const double matching =
-      (4.0 * kPlanes + 2.0 * 8.0) * pixels + (waits_in_file ? 8.0 * texels * options.patchmatch.revisits : 0.0);
+  const double matching = (4.0 * kPlanes + 2.0 * 8.0) * pixels;
   const double asking = (waits_in_file ? 5.0 * options.free_space.views : 0.0) * pixels;
   constexpr double kMirrors = 2.0;  // two words for each cell of four pixels
   needed.memory = std::max(matching, asking + (20.0 + kMirrors) * pixels);
@@ -116,7 +115,6 @@ HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used
   flight.run(std::min(used, enough), [&] {
     const std::int64_t matched = flight.through(Kind::kMatch, passes);
     const double images = flight.left(Artefact::kImage, flight.come());
-    const double far_images = flight.left(Artefact::kFarImage, flight.come()) - images;
     // Planes of the last two passes; those of the last one are the median filter's.
     const double between = passes > 0 ? flight.left(Artefact::kPlanes, flight.through(Kind::kMatch, 1)) -
                                             flight.left(Artefact::kPlanes, matched)
@@ -125,8 +123,7 @@ HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used
     const double evidence = options.patchmatch.plane_priors ? 8.0 * between : 0.0;
     const std::int64_t filtered = flight.through(Kind::kFilter);
     const double waiting = pixels * (2.0 * flight.left(Artefact::kRangeMap, filtered) +
-                                     surfel * flight.left(Artefact::kSurfels, flight.through(Kind::kFuse))) +
-                           2.0 * texels * std::max(0.0, far_images);
+                                     surfel * flight.left(Artefact::kSurfels, flight.through(Kind::kFuse)));
     const double held =
         8.0 * texels * images +
         pixels * (4.0 * flight.left(Artefact::kColor, flight.come()) + kPlanes * planes + evidence +

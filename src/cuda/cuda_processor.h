@@ -61,7 +61,6 @@ class CudaProcessor {
     Array<std::uint8_t> mask;  ///< none
   };
   static constexpr int kPriorShares = 10;
-  static constexpr bool kPacks = false;
   static constexpr bool kMaskInColor = true;
 
   using Mark = std::shared_ptr<Event>;

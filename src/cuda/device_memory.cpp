@@ -19,8 +19,6 @@ constexpr std::size_t kCameraPixels = std::size_t{5760} * 2880;
 std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::size_t pixels, std::size_t cube_side) {
   switch (artefact) {
     case Artefact::kImage:
-      return 0;  // it is the far one
-    case Artefact::kFarImage:
       return 18 * cube_side * cube_side;
     case Artefact::kColor:
       return 4 * pixels;
@@ -55,10 +53,6 @@ std::size_t device_memory_needed(const DensifierOptions& options) {
     for (const Artefact artefact : {Artefact::kRangeMap, Artefact::kSurfels}) {
       bytes -= static_cast<std::size_t>(schedule.keyframes_with(artefact)) * bytes_of(artefact, options, pixels, side);
     }
-    const std::int64_t far_only =
-        schedule.keyframes_with(Artefact::kFarImage) - schedule.keyframes_with(Artefact::kImage);
-    const std::int64_t unpacked = std::min<std::int64_t>(far_only, kernels::kMaxViews);
-    bytes -= static_cast<std::size_t>(far_only - unpacked) * bytes_of(Artefact::kFarImage, options, pixels, side);
     constexpr std::size_t kOfMost = 6;  // of a viewer: range map, surfels and standings; a pool keeps each size apart
     bytes += (kernels::kMaxViewers * kOfMost + bytes_of(Artefact::kSurfels, options, 1, 0)) * pixels;
   }

@@ -19,7 +19,6 @@ Json to_json(const PlanEntry& entry) {
   Json json{{"id", entry.id},
             {"use", name_of(entry.use)},
             {"near", entry.near},
-            {"far", entry.far},
             {"first_planes", nullptr},
             {"range", {entry.range.min, entry.range.max}},
             {"consistency", entry.consistency},
@@ -48,7 +47,6 @@ class EntryReader {
       throw InvalidInput(where_ + ": " + error.what());
     }
     entry.near = ids("near");
-    entry.far = ids("far");
     if (!at("first_planes").is_null()) entry.first_planes = id_of(at("first_planes"), "first_planes");
     entry.range = range();
     entry.consistency = ids("consistency");

@@ -35,7 +35,6 @@ DensifierOptions suitable(DensifierOptions options) {
   options.unordered = false;
   options.pipelined = false;
   options.scratch_folder.clear();
-  options.patchmatch.revisits = 0;
   options.free_space.whole_mission = false;
   return options;
 }
@@ -479,7 +478,7 @@ void LiveBuilder::make_room() {
   for (const auto& [distance, node] : order) {
     if (now <= most) return;
     if (!node->has_image) continue;
-    engine_->release(*node->frame, Artefact::kFarImage);
+    engine_->release(*node->frame, Artefact::kImage);
     node->has_image = false;
     ++stats_.images_dropped;
     now -= bytes_of_image();

@@ -97,7 +97,7 @@ void LiveBuilder::ask_around(LiveNode& node) {
   known.id = node.id;
   known.cam_from_world = node.pose.cam_from_world;
   known.landmarks = node.keyframe().landmarks;
-  const PlanNode plan_node(std::move(known), 0, false);
+  const PlanNode plan_node(std::move(known), 0);
   const auto choose = [&](const std::vector<std::int64_t>& before) {
     return choose_viewers(plan_node, window, candidates, densifier_.free_space.views, &before);
   };

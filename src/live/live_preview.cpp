@@ -30,7 +30,6 @@ DensifierOptions preview_options(const DensifierOptions& final) {
   options.pipelined = false;
   options.scratch_folder.clear();
   options.patchmatch.neighbours = kNeighbours;
-  options.patchmatch.revisits = 0;
   options.patchmatch.iterations = 1;
   options.patchmatch.geometric_passes = 0;
   options.patchmatch.plane_priors = false;

@@ -89,7 +89,7 @@ Iterations iterations_of(const PatchMatchOptions& options, int pass) {
 int planes_tried(const PatchMatchOptions& options) {
   constexpr int kFirst = 3, kAgain = 2;
   const int visit = kernels::kNeighbours + options.refinements;
-  const int own = options.neighbours + options.revisits >= kernels::kLeastWeighedViews ? 1 : 0;
+  const int own = options.neighbours >= kernels::kLeastWeighedViews ? 1 : 0;
   return kFirst + options.iterations * (own + visit) +
          options.geometric_passes * (kAgain + kGeometricIterations * visit);
 }

@@ -35,7 +35,6 @@ std::vector<List> lists_of(const DensifierOptions& options) {
   const int asked = std::min(kernels::kMaxViewers, window + options.free_space.views);
   return {
       {"near", &PlanEntry::near, options.patchmatch.neighbours, reach.near, reach.near, true},
-      {"far", &PlanEntry::far, options.patchmatch.revisits, reach.images_before, 0, true},
       {"consistency", &PlanEntry::consistency, options.consistency.enabled ? options.consistency.window - 1 : 0,
        reach.consistency, reach.consistency, false},
       {"fusion", &PlanEntry::fusion, window, reach.fusion, reach.fusion, false},

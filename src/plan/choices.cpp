@@ -14,8 +14,6 @@ namespace {
 
 constexpr double kReach = 2.0;          ///< times the 90th percentile of the ranges of a keyframe's landmarks
 constexpr double kRangeMargin = 1.1;    ///< factor by which both ends of a depth range may differ
-constexpr double kGainMargin = 0.05;    ///< of usefulness, by which far neighbours may be worse than new ones
-constexpr double kGainToStay = 0.005;   ///< least gain in usefulness for which a far neighbour stays
 constexpr double kSpreadToStay = 0.75;  ///< share of the stretches, and of the viewers that there could be
 
 double reach_of(const Keyframe& keyframe) {
@@ -58,13 +56,12 @@ bool still_spread(const std::vector<std::int64_t>& viewers, const std::vector<Vi
 
 }  // namespace
 
-PlanNode::PlanNode(PlanKeyframe&& given, std::size_t index, bool looks_around) : entry(index) {
+PlanNode::PlanNode(PlanKeyframe&& given, std::size_t index) : entry(index) {
   keyframe.id = given.id;
   keyframe.cam_from_world = given.cam_from_world;
   keyframe.landmarks = std::move(given.landmarks);
   center = keyframe.cam_from_world.center();
   reach = reach_of(keyframe);
-  if (looks_around) covisibility = Covisibility(keyframe);
 }
 
 PreviousPlan::PreviousPlan(const Plan* plan) {
@@ -156,28 +153,6 @@ std::vector<std::size_t> choose_near(const std::vector<const Keyframe*>& sequenc
     return sum;
   };
   return value(before) >= kNearlyAsGood * value(chosen) ? before : chosen;
-}
-
-std::vector<std::size_t> choose_far(const PlanNode& node, const std::vector<Eigen::Vector3d>& centers,
-                                    const std::vector<const PlanNode*>& candidates, int count,
-                                    const PlanEntry* previous) {
-  if (count == 0 || candidates.empty()) return {};
-  std::vector<const Covisibility*> covisibilities;
-  for (const PlanNode* candidate : candidates) covisibilities.push_back(&candidate->covisibility);
-  const std::vector<std::size_t> chosen = choose_revisits(node.covisibility, centers, covisibilities, count);
-  if (previous == nullptr || previous->far.size() > static_cast<std::size_t>(count)) return chosen;
-  Places places;
-  for (std::size_t i = 0; i < candidates.size(); ++i) places.emplace(candidates[i]->keyframe.id, i);
-  const std::vector<std::size_t> before = places_of(previous->far, places);
-  if (before.size() != previous->far.size()) return chosen;
-  const auto value = [&](const std::vector<std::size_t>& list) {
-    std::vector<const Covisibility*> others;
-    for (const std::size_t i : list) others.push_back(covisibilities[i]);
-    return covisible_usefulness(node.covisibility, centers, others);
-  };
-  const double kept = value(before);
-  const bool worth = kept >= value({}) + kGainToStay * static_cast<double>(before.size());
-  return worth && kept + kGainMargin >= value(chosen) ? before : chosen;
 }
 
 void settle(PlanEntry& entry, const DepthRange& range) {

@@ -7,7 +7,6 @@
 
 #include <Eigen/Core>
 
-#include "patchmatch/revisits.h"
 #include "pmsp/plan.h"
 #include "view_filter/view_chain.h"
 
@@ -15,13 +14,12 @@ namespace pmsp {
 
 /// A used keyframe while the entries that look at it are decided.
 struct PlanNode {
-  PlanNode(PlanKeyframe&& given, std::size_t index, bool looks_around);
+  PlanNode(PlanKeyframe&& given, std::size_t index);
 
   Keyframe keyframe;
   Eigen::Vector3d center;
-  double reach;               ///< keyframes farther away than this are not asked about its points [scene units]
-  Covisibility covisibility;  ///< empty where far neighbours are not looked for
-  std::size_t entry;          ///< index of its entry
+  double reach;       ///< keyframes farther away than this are not asked about its points [scene units]
+  std::size_t entry;  ///< index of its entry
   bool has_depth_map = false;
 };
 
@@ -68,11 +66,6 @@ constexpr double kNearlyAsGood = 0.9;
 /// Near neighbours in a flight: places in `sequence`, the keyframes around and the reference itself, in order.
 std::vector<std::size_t> choose_near(const std::vector<const Keyframe*>& sequence, std::size_t reference, int count,
                                      const PlanEntry* previous);
-
-/// Far neighbours: `node`'s best among `candidates` besides the near ones at `centers`.
-std::vector<std::size_t> choose_far(const PlanNode& node, const std::vector<Eigen::Vector3d>& centers,
-                                    const std::vector<const PlanNode*>& candidates, int count,
-                                    const PlanEntry* previous);
 
 /// `use` and `range` of an entry whose `near` is decided.
 void settle(PlanEntry& entry, const DepthRange& range);

@@ -162,7 +162,6 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
   result.earlier = find.ids(there);
   Set images = matched;
   find.follow(matched, &PlanEntry::near, images);
-  find.follow(matched, &PlanEntry::far, images);
   HaloFinder::add(images, filtered);
   HaloFinder::add(images, there);
   result.images = find.ids(images);

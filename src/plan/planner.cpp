@@ -38,7 +38,7 @@ bool Planner::add(PlanKeyframe keyframe) {
   const bool used = entry.used();
   entries_.push_back(std::move(entry));
   if (!used) return false;
-  nodes_.emplace_back(std::move(keyframe), index, options_.patchmatch.revisits > 0);
+  nodes_.emplace_back(std::move(keyframe), index);
   advance(false);
   return true;
 }
@@ -121,18 +121,7 @@ void Planner::choose_neighbours_of(std::int64_t i) {
   for (std::int64_t k = from; k < to; ++k) sequence.push_back(&node(k).keyframe);
   const std::vector<std::size_t> near =
       choose_near(sequence, static_cast<std::size_t>(i - from), options_.patchmatch.neighbours, before);
-  std::vector<Eigen::Vector3d> centers;
-  for (const std::size_t k : near) {
-    entry.near.push_back(sequence[k]->id);
-    centers.push_back(node(from + static_cast<std::int64_t>(k)).center);
-  }
-  std::vector<const PlanNode*> past;
-  for (std::int64_t k = std::max(first_, i - options_.patchmatch.history); k < i - reach_.near; ++k) {
-    past.push_back(&node(k));
-  }
-  for (const std::size_t k : choose_far(reference, centers, past, options_.patchmatch.revisits, before)) {
-    entry.far.push_back(past[k]->keyframe.id);
-  }
+  for (const std::size_t k : near) entry.near.push_back(sequence[k]->id);
   settle(entry, choose_range(reference.keyframe, options_.init, before));
   reference.has_depth_map = entry.has_depth_map();
   const std::int64_t chain = options_.init.chain_keyframes;
@@ -184,7 +173,7 @@ void Planner::forget() {
     std::vector<Landmark>().swap(node(next_clear_).keyframe.landmarks);
   }
   const std::int64_t windows = std::max(reach_.viewers_before, reach_.windows);
-  const std::int64_t keep = std::min({next_clear_, next_viewers_ - windows, next_match_ - reach_.images_before});
+  const std::int64_t keep = std::min({next_clear_, next_viewers_ - windows, next_match_ - reach_.near});
   for (; first_ < keep; ++first_) nodes_.pop_front();
 }
 

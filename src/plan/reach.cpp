@@ -14,8 +14,6 @@ bool asks_whole_mission(const DensifierOptions& options) {
 PlanReach plan_reach(const DensifierOptions& options) {
   PlanReach reach{};
   reach.near = neighbour_reach(options.patchmatch.neighbours);
-  reach.images_before =
-      std::max<std::int64_t>(reach.near, options.patchmatch.revisits > 0 ? options.patchmatch.history : 0);
   reach.consistency = options.consistency.enabled ? options.consistency.window / 2 : 0;
   reach.fusion = options.fusion.window / 2;
   reach.windows = std::max(reach.consistency, reach.fusion);

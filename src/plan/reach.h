@@ -13,7 +13,6 @@ namespace pmsp {
 /// How many used keyframes before and after its own an entry of a flight's plan names at most.
 struct PlanReach {
   std::int64_t near;            ///< neighbours, on either side
-  std::int64_t images_before;   ///< neighbours, far ones too
   std::int64_t consistency;     ///< consistency window, on either side
   std::int64_t fusion;          ///< fusion window, on either side
   std::int64_t windows;         ///< the wider one

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "patchmatch/neighbours.h"
+#include "plan/covisibility.h"
 #include "plan/reach.h"
 #include "util/median_of.h"
 #include "view_filter/sharpness.h"
@@ -14,7 +15,6 @@ namespace pmsp {
 namespace {
 
 constexpr std::size_t kMostSharers = 32;   ///< keyframes that near neighbours and windows are chosen from
-constexpr std::size_t kMostNearest = 16;   ///< keyframes that far neighbours are chosen from besides
 constexpr std::size_t kSharpnessOf = 3;    ///< keyframes that sharpness is compared with
 constexpr double kSharedToSkip = 0.5;      ///< of a blurred keyframe's landmarks, and
 constexpr double kParallaxToSkipDeg = 15;  ///< with less parallax: then it can be done without
@@ -50,13 +50,13 @@ class UnorderedPlan {
   void leave_out();
   void choose_neighbours_of(std::size_t i);
   std::vector<std::size_t> choose_near_of(std::size_t i) const;
-  std::vector<std::size_t> far_candidates(std::size_t i, const std::vector<std::size_t>& near);
   std::vector<std::int64_t> window_of(std::size_t i, int size, const std::vector<std::int64_t>* before);
   void choose_windows_of(std::size_t i);
 
   const DensifierOptions& options_;
   const PreviousPlan& previous_;
   std::vector<PlanNode> nodes_;               ///< ascending id, so that the order given means nothing
+  std::vector<Covisibility> covisibilities_;  ///< of each node
   std::vector<SharpnessRecord> sharpness_;    ///< of each node
   std::vector<std::vector<Sharer>> sharers_;  ///< of each node, most landmarks first
   std::vector<PlanEntry> entries_;            ///< in the order given
@@ -70,10 +70,12 @@ UnorderedPlan::UnorderedPlan(std::vector<PlanKeyframe> keyframes, const Densifie
   std::sort(order.begin(), order.end(),
             [&](std::size_t a, std::size_t b) { return keyframes[a].id < keyframes[b].id; });
   nodes_.reserve(order.size());
+  covisibilities_.reserve(order.size());
   for (const std::size_t i : order) {
     entries_[i].id = keyframes[i].id;
     sharpness_.push_back(std::move(keyframes[i].sharpness));
-    nodes_.emplace_back(std::move(keyframes[i]), i, true);
+    nodes_.emplace_back(std::move(keyframes[i]), i);
+    covisibilities_.emplace_back(nodes_.back().keyframe);
   }
 }
 
@@ -151,9 +153,9 @@ std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
     if (!(distance(i, sharer.node) > 0.0)) continue;
     places.emplace(nodes_[sharer.node].keyframe.id, candidates.size());
     candidates.push_back(sharer.node);
-    covisibilities.push_back(&nodes_[sharer.node].covisibility);
+    covisibilities.push_back(&covisibilities_[sharer.node]);
   }
-  std::vector<std::size_t> chosen = choose_revisits(reference.covisibility, {}, covisibilities, count);
+  std::vector<std::size_t> chosen = choose_covisible(covisibilities_[i], covisibilities, count);
   std::vector<std::pair<double, std::size_t>> others;  // minus usefulness, place
   for (std::size_t k = 0; k < candidates.size(); ++k) {
     if (std::find(chosen.begin(), chosen.end(), k) != chosen.end()) continue;
@@ -169,7 +171,7 @@ std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
     const auto value = [&](const std::vector<std::size_t>& list) {
       std::vector<const Covisibility*> views;
       for (const std::size_t k : list) views.push_back(covisibilities[k]);
-      return covisible_usefulness(reference.covisibility, {}, views);
+      return covisible_usefulness(covisibilities_[i], views);
     };
     if (kept.size() == chosen.size() && value(kept) >= kNearlyAsGood * value(chosen)) chosen = kept;
   }
@@ -177,43 +179,11 @@ std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
   return chosen;
 }
 
-/// Keyframes that share landmarks, and the nearest ones within reach, which may see the same without.
-std::vector<std::size_t> UnorderedPlan::far_candidates(std::size_t i, const std::vector<std::size_t>& near) {
-  std::vector<std::size_t> result;
-  for (const Sharer& sharer : sharers_[i]) result.push_back(sharer.node);
-  std::vector<std::pair<double, std::size_t>> around;
-  for (std::size_t k = 0; k < nodes_.size(); ++k) {
-    if (k == i || !entry(k).used()) continue;
-    const double away = distance(i, k);
-    if (away <= nodes_[i].reach) around.emplace_back(away, k);
-  }
-  const auto last = around.begin() + static_cast<std::ptrdiff_t>(std::min(kMostNearest, around.size()));
-  std::partial_sort(around.begin(), last, around.end());
-  for (auto it = around.begin(); it != last; ++it) result.push_back(it->second);
-  std::sort(result.begin(), result.end());
-  result.erase(std::unique(result.begin(), result.end()), result.end());
-  const auto is_near = [&](std::size_t k) { return std::find(near.begin(), near.end(), k) != near.end(); };
-  result.erase(std::remove_if(result.begin(), result.end(), is_near), result.end());
-  return result;
-}
-
 void UnorderedPlan::choose_neighbours_of(std::size_t i) {
   PlanNode& reference = nodes_[i];
   PlanEntry& decided = entry(i);
   const PlanEntry* before = previous_.find(decided.id);
-  const std::vector<std::size_t> near = choose_near_of(i);
-  std::vector<Eigen::Vector3d> centers;
-  for (const std::size_t k : near) {
-    decided.near.push_back(nodes_[k].keyframe.id);
-    centers.push_back(nodes_[k].center);
-  }
-  if (options_.patchmatch.revisits > 0) {
-    std::vector<const PlanNode*> candidates;
-    for (const std::size_t k : far_candidates(i, near)) candidates.push_back(&nodes_[k]);
-    for (const std::size_t k : choose_far(reference, centers, candidates, options_.patchmatch.revisits, before)) {
-      decided.far.push_back(candidates[k]->keyframe.id);
-    }
-  }
+  for (const std::size_t k : choose_near_of(i)) decided.near.push_back(nodes_[k].keyframe.id);
   settle(decided, choose_range(reference.keyframe, options_.init, before));
   reference.has_depth_map = decided.has_depth_map();
 }

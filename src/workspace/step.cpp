@@ -75,13 +75,6 @@ std::vector<RecordedRange> ranges_of(const PlanKeyframe& keyframe) {
   return ranges;
 }
 
-/// Of those that a keyframe is matched with.
-std::vector<std::int64_t> sources_of(const PlanEntry& entry) {
-  std::vector<std::int64_t> ids = entry.near;
-  ids.insert(ids.end(), entry.far.begin(), entry.far.end());
-  return ids;
-}
-
 class StepPlanner {
  public:
   StepPlanner(const Record& record, const StepInputs& inputs) : record_(record), inputs_(inputs) {
@@ -206,8 +199,7 @@ class StepPlanner {
       return had < full ? anew("moved") : further("moved", kMovedPasses, true);
     }
     if (had < due) return further("had too few passes", due - had, false);
-    const std::vector<std::int64_t> sources = sources_of(entry);
-    const bool has_others = std::set<std::int64_t>(sources.begin(), sources.end()) != then;
+    const bool has_others = std::set<std::int64_t>(entry.near.begin(), entry.near.end()) != then;
     if (had >= full && ripe && has_others) return further("other neighbours", 1, false);
     it.has_planes = true;
   }
@@ -320,7 +312,7 @@ Record record_of(const Step& step, const StepInputs& inputs, const Record& recor
     if (it.passes > 0) {
       RecordedPlanes planes{
           it.planes_file, it.own, it.passes + (it.has_planes ? keyframe.planes->passes : 0), it.pose, {}};
-      for (const std::int64_t id : sources_of(entry)) {
+      for (const std::int64_t id : entry.near) {
         const auto source = step.keyframes.find(id);
         const StepKeyframe& its = *now.at(id);
         const KeyframePose pose =

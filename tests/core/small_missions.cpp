@@ -74,8 +74,6 @@ DensifierOptions small_preset(Quality quality, std::uint64_t seed) {
   options.simd = kAnySimd;
   options.seed = seed;
   options.patchmatch.refinements = 1;
-  options.patchmatch.revisits = quality == Quality::kOnline ? 0 : 1;  // no preset asks for them
-  options.patchmatch.history = 9;
   options.fusion.history = 4;
   options.free_space.history = 8;
   options.free_space.views = 3;

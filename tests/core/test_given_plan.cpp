@@ -60,7 +60,6 @@ const std::vector<Mistake>& mistakes() {
   static const std::vector<Mistake> kMistakes = {
       {"an id twice", [](Plan& p, std::size_t i) { p.entries[i].id = p.entries[i + 1].id; }, "twice"},
       {"a neighbour that is not there", [](Plan& p, std::size_t i) { p.entries[i].near[0] = 9999; }, "9999"},
-      {"a far neighbour that is not there", [](Plan& p, std::size_t i) { p.entries[i].far = {9999}; }, "far"},
       {"itself", [](Plan& p, std::size_t i) { p.entries[i].viewers[0] = p.entries[i].id; }, "itself"},
       {"a viewer twice", [](Plan& p, std::size_t i) { p.entries[i].viewers[0] = p.entries[i].viewers[1]; }, "twice"},
       {"no neighbours", [](Plan& p, std::size_t i) { p.entries[i].near.clear(); }, "near"},
@@ -71,8 +70,6 @@ const std::vector<Mistake>& mistakes() {
       {"too wide a window", [](Plan& p, std::size_t i) { p.entries[i].consistency.resize(31, 9999); }, "consistency"},
       {"a keyframe too far away", [](Plan& p, std::size_t i) { p.entries[i].fusion[0] = p.entries.back().id; },
        "used keyframes after it"},
-      {"a far neighbour to come", [](Plan& p, std::size_t i) { p.entries[i].far = {p.entries[i + 1].id}; },
-       "at most 0"},
       {"first planes of the next one", [](Plan& p, std::size_t i) { p.entries[i].first_planes = p.entries[i + 1].id; },
        "first_planes"},
       {"one that gets no depth map", [](Plan& p, std::size_t i) { p.entries[i + 1].use = KeyframeUse::kNoRange; },
@@ -142,7 +139,6 @@ TEST_CASE("a plan made with other options is refused where that shows", "[densif
   const Ids ids = ids_of(mission.keyframes);
   const std::function<void(DensifierOptions&)> changes[] = {
       [](DensifierOptions& o) { o.patchmatch.neighbours = 2; },
-      [](DensifierOptions& o) { o.patchmatch.revisits = 0; },
       [](DensifierOptions& o) { o.consistency.enabled = false; },
       [](DensifierOptions& o) { o.consistency.window = 3; },
       [](DensifierOptions& o) { o.fusion.window = 3; },

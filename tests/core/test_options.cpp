@@ -214,15 +214,6 @@ TEST_CASE("windows are odd: as many keyframes before as after", "[options]") {
   }
 }
 
-TEST_CASE("neighbours and revisits share eight places", "[options]") {
-  PatchMatchOptions options;
-  options.neighbours = 7;
-  options.revisits = 1;
-  CHECK_NOTHROW(options.validate());
-  options.revisits = 2;
-  CHECK_THROWS_WITH(options.validate(), Catch::Contains("neighbours is 7") && Catch::Contains("revisits 2"));
-}
-
 TEST_CASE("the parallax angles must be in order", "[options]") {
   ViewFilterOptions options;
   options.min_parallax_deg = 60.0;
@@ -240,7 +231,6 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   CHECK(paper.patchmatch.iterations == 4);
   CHECK(paper.patchmatch.neighbours == 2);
   CHECK(paper.init.chain_keyframes == 0);
-  CHECK(paper.patchmatch.revisits == 0);
   CHECK(paper.patchmatch.fine_patch == 1.0);
   CHECK(paper.consistency.window == 5);
   CHECK(paper.consistency.min_views == 3);
@@ -248,7 +238,6 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   const DensifierOptions online = preset(Quality::kOnline);
   CHECK(online.width == 640);
   CHECK(online.height == 320);
-  CHECK(online.patchmatch.revisits == 0);
   CHECK(online.patchmatch.neighbours == 2);
   const DensifierOptions normal = preset(Quality::kNormal);
   CHECK(normal.width == 1440);

@@ -115,8 +115,6 @@ TEST_CASE("a long flight takes no more memory than a short one", "[schedule][den
     options.patchmatch.geometric_passes = 1;
     options.free_space.whole_mission = true;
     options.free_space.history = 4;
-    options.patchmatch.revisits = 1;  // images wait for those who pass the place again
-    options.patchmatch.history = 8;
     if (scratch) options.scratch_folder = dir.path().string();
     std::size_t points = 0;
     DensifierCallbacks callbacks;

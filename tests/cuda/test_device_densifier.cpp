@@ -183,7 +183,6 @@ TEST_CASE("several processors that share the work give what one gives", "[cuda][
 TEST_CASE("several processors share out what waits for the whole mission, too", "[cuda][densifier]") {
   DensifierOptions options = cuda_options(kFlightWidth, true);
   options.free_space.whole_mission = true;
-  options.patchmatch.revisits = 2;
   const Recording one = densify(test_flight(), options);
   options.devices = {0, 0};
   CHECK(same(densify(test_flight(), options), one));

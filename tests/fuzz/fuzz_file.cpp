@@ -100,7 +100,7 @@ std::vector<Reader> make_readers(const fs::path& folder) {
   const std::string ply_head = "ply\nformat ascii 1.0\ncomment x\nelement vertex 2\nproperty float x\n";
   const std::string ply_tail = "property float y\nproperty float z\nproperty uchar red\nend_header\n1 2 3 4\n5 6 7 8\n";
   const std::string entry =
-      "{\"id\": 3, \"use\": \"depth map\", \"near\": [4], \"far\": [], \"range\": [0.5, 20], \"first_planes\": null, "
+      "{\"id\": 3, \"use\": \"depth map\", \"near\": [4], \"range\": [0.5, 20], \"first_planes\": null, "
       "\"consistency\": [4], \"fusion\": [4], \"viewers\": [], \"owners\": []}";
   return {
       {"a.ply", [](const fs::path& path) { read_ply(path); }, {ply_head + ply_tail}},

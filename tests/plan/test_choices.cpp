@@ -78,7 +78,7 @@ TEST_CASE("viewers of before stay while they are spread over those that there ar
   PlanKeyframe given;
   given.id = 20;
   given.landmarks = ring(4.0);
-  const PlanNode node(std::move(given), 0, false);
+  const PlanNode node(std::move(given), 0);
   const std::vector<std::int64_t> window = {19, 21};
   std::vector<ViewerCandidate> candidates;
   for (std::int64_t id = 0; id < 40; ++id) {

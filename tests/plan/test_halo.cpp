@@ -72,7 +72,6 @@ class Naive {
     if (!at(i).has_depth_map() || seen("planes" + std::to_string(pass), i)) return;
     image(i);
     for (const std::int64_t k : at(i).near) image(k);
-    for (const std::int64_t k : at(i).far) image(k);
     if (pass == 0) {
       if (at(i).first_planes) planes(*at(i).first_planes, 0);
       return;
@@ -110,7 +109,6 @@ TEST_CASE("a halo is what the points need, nothing less and nothing more", "[pla
   for (recipe.seed = 0; recipe.seed < 6; ++recipe.seed) {
     for (const Quality quality : {Quality::kOnline, Quality::kNormal}) {
       DensifierOptions options = preset(quality);
-      options.patchmatch.revisits = quality == Quality::kOnline ? 0 : 1;
       options.free_space.history = 40;
       options.free_space.views = 6;
       options.consistency.enabled = recipe.seed % 3 != 0;
@@ -190,7 +188,7 @@ TEST_CASE("a pass over images alone needs no planes of neighbours", "[plan][halo
   CHECK(matched == 1);
   CHECK(alone.planes.back() == std::vector<std::int64_t>{entry.id});
   CHECK(alone.earlier == std::vector<std::int64_t>{entry.id});
-  CHECK(alone.images.size() == 1 + entry.near.size() + entry.far.size());
+  CHECK(alone.images.size() == 1 + entry.near.size());
   CHECK(needs(1, false).images.size() > alone.images.size());
   CHECK(needs(2, true).images.size() > alone.images.size());  // the second one looks at maps
 }

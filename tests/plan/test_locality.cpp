@@ -81,9 +81,7 @@ TEST_CASE("changing one keyframe of a flight changes entries near it only", "[pl
     Keyframes keyframes = seed % 4 < 2 ? walk(recipe) : corridor(recipe, 4);
     for (PlanKeyframe& keyframe : keyframes) keyframe.sharpness = sharpness(keyframe, 1.0F);
     DensifierOptions options = preset(seed % 3 == 0 ? Quality::kOnline : Quality::kNormal);
-    options.patchmatch.revisits = seed % 3 == 0 ? 0 : 1;
     options.free_space.history = 30;
-    options.patchmatch.history = 12;
     const Plan plan = make_plan(keyframes, options);
     const auto places_before = places(plan);
     Planner planner(options);
@@ -126,7 +124,6 @@ TEST_CASE("changing one keyframe of a flight changes entries near it only", "[pl
           if (entry.range.min != before.range.min || entry.range.max != before.range.max) {
             CHECK(sources.count(entry.id) == 1);
           }
-          if (entry.far != before.far) CHECK(far <= options.patchmatch.history + reach + 1);
           if (entry.viewers == before.viewers || far <= reach + window + 1) continue;
           CHECK(far <= options.free_space.history / 2 + reach + 1);
           if (sources.size() > 1) continue;
@@ -156,7 +153,6 @@ TEST_CASE("changing one keyframe of a set changes entries near it or sharing lan
     Keyframes keyframes = photos(recipe);
     for (PlanKeyframe& keyframe : keyframes) keyframe.sharpness = sharpness(keyframe, 1.0F);
     DensifierOptions options = preset(Quality::kNormal);
-    options.patchmatch.revisits = 1;
     options.unordered = true;
     const Plan plan = make_plan(keyframes, options);
     std::map<std::int64_t, std::set<std::int64_t>> seen;  // landmarks of each keyframe

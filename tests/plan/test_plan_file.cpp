@@ -18,7 +18,6 @@ TEST_CASE("a plan read from its file is the same", "[plan][io]") {
   recipe.first_id = -30;
   for (recipe.seed = 0; recipe.seed < 4; ++recipe.seed) {
     DensifierOptions options = preset(Quality::kNormal);
-    options.patchmatch.revisits = 1;
     Plan plan = make_plan(walk(recipe), options);
     plan.entries[3].range = {0.1, 1.0 / 3.0 * 1e6};
     plan.entries[4].id = INT64_MAX;
@@ -32,7 +31,7 @@ TEST_CASE("a plan read from its file is the same", "[plan][io]") {
 
 TEST_CASE("a broken plan is refused with what is wrong", "[plan][io]") {
   const std::string entry =
-      R"({"id":1,"use":"depth map","near":[2],"far":[],"first_planes":null,"range":[1,2],"consistency":[],)"
+      R"({"id":1,"use":"depth map","near":[2],"first_planes":null,"range":[1,2],"consistency":[],)"
       R"("fusion":[],"viewers":[],"owners":[]})";
   const auto text = [](const std::string& entries) {
     return R"({"format":"pmsp plan","version":1,"entries":[)" + entries + "]}";

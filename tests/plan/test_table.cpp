@@ -68,14 +68,11 @@ TEST_CASE("the table of docs/plan.md", "[.table]") {
       const Plan plan = make_plan(sample.keyframes, options);
       const double seconds = cpu_seconds() - start;
       std::vector<std::int64_t> with_maps;
-      std::size_t far = 0;
       for (const PlanEntry& entry : plan.entries) {
         if (entry.has_depth_map()) with_maps.push_back(entry.id);
-        far += entry.far.size();
       }
-      std::printf("| %s, %s | %zu of %zu, %.2f far | %.1f s |\n", sample.name,
-                  quality == Quality::kOnline ? "online" : "normal", with_maps.size(), plan.entries.size(),
-                  static_cast<double>(far) / static_cast<double>(plan.entries.size()), seconds);
+      std::printf("| %s, %s | %zu of %zu | %.1f s |\n", sample.name, quality == Quality::kOnline ? "online" : "normal",
+                  with_maps.size(), plan.entries.size(), seconds);
       for (const std::size_t count : {1, 16}) {
         if (sample.unordered) sort_by_distance(with_maps, sample.keyframes);
         const auto from = sample.unordered ? with_maps.begin()

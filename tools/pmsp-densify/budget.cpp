@@ -135,7 +135,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
     b.used += entry.used();
     if (!entry.has_depth_map()) continue;
     ++b.depth_maps;
-    views.add(static_cast<double>(entry.near.size() + entry.far.size()));
+    views.add(static_cast<double>(entry.near.size()));
     owners.add(static_cast<double>(entry.owners.size()));
     share.add(own_share.of(entry));
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "patchmatch/revisits.h"
+#include "plan/covisibility.h"
 
 #include <algorithm>
 #include <cmath>
@@ -29,15 +29,11 @@ double solid_angle(std::size_t cell) {
   return std::cos((0.5 - (row + 0.5) / kRows) * kernels::kPi);
 }
 
-double parallax_deg(const Eigen::Vector3d& point, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return angle_deg(point - a, point - b);
-}
-
 /// How useful a candidate is for matching a point of the reference; 0 where it does not see it.
 double usefulness(const Covisibility& candidate, const Eigen::Vector3d& point, const Eigen::Vector3d& center) {
   const Eigen::Vector3f p = (candidate.cam_from_world * point).cast<float>();
   if (!(p.squaredNorm() > 0.0F) || p.norm() > kMaxBeyond * candidate.farthest[cell_of(p)]) return 0.0;
-  return parallax_usefulness(parallax_deg(point, center, candidate.cam_from_world.center()));
+  return parallax_usefulness(angle_deg(point - center, point - candidate.cam_from_world.center()));
 }
 
 }  // namespace
@@ -67,32 +63,23 @@ Covisibility::Covisibility(const Keyframe& keyframe)
   for (Sample& sample : samples) sample.solid_angle /= total;
 }
 
-double covisible_usefulness(const Covisibility& reference, const std::vector<Eigen::Vector3d>& chosen,
-                            const std::vector<const Covisibility*>& others) {
+double covisible_usefulness(const Covisibility& reference, const std::vector<const Covisibility*>& sources) {
   const Eigen::Vector3d center = reference.cam_from_world.center();
   double result = 0.0;
   for (const Covisibility::Sample& sample : reference.samples) {
     double best = 0.0;
-    for (const Eigen::Vector3d& other : chosen) {
-      best = std::max(best, parallax_usefulness(parallax_deg(sample.position_world, center, other)));
-    }
-    for (const Covisibility* other : others) best = std::max(best, usefulness(*other, sample.position_world, center));
+    for (const Covisibility* source : sources)
+      best = std::max(best, usefulness(*source, sample.position_world, center));
     result += sample.solid_angle * best;
   }
   return result;
 }
 
-std::vector<std::size_t> choose_revisits(const Covisibility& reference, const std::vector<Eigen::Vector3d>& chosen,
-                                         const std::vector<const Covisibility*>& candidates, int count) {
+std::vector<std::size_t> choose_covisible(const Covisibility& reference,
+                                          const std::vector<const Covisibility*>& candidates, int count) {
   const Eigen::Vector3d center = reference.cam_from_world.center();
   const std::size_t samples = reference.samples.size();
-  std::vector<double> best(samples, 0.0);  // usefulness for each sample so far
-  for (std::size_t i = 0; i < samples; ++i) {
-    for (const Eigen::Vector3d& other : chosen) {
-      const double parallax = parallax_deg(reference.samples[i].position_world, center, other);
-      best[i] = std::max(best[i], parallax_usefulness(parallax));
-    }
-  }
+  std::vector<double> best(samples, 0.0);                   // usefulness for each sample so far
   std::vector<double> useful(candidates.size() * samples);  // a row for each candidate
   double* value = useful.data();
   for (const Covisibility* candidate : candidates) {
