@@ -6,7 +6,6 @@
 #include <string>
 #include <type_traits>
 
-#include "patch.h"
 #include "pmsp/error.h"
 #include "pmsp/option_table.h"
 

@@ -340,7 +340,7 @@ class StageEngine final : public Engine {
     std::size_t home;                         ///< number of the processor that works on it
     float noise = 0.0F;                       ///< of the image, see image_noise
     std::vector<Cubes> cubes;                 ///< matched with, on each processor; none while they are put away
-    Waiting<std::uint16_t> packed;            ///< those that are, where they cannot be asked for again
+    Waiting<std::uint16_t> packed;            ///< those that are, in the file
     Waiting<Color> color;                     ///< of the depth map's pixels
     Waiting<std::uint8_t> mask;               ///< there, too; none: see Processor::mask
     PictureEvidence evidence;                 ///< while its passes with plane priors go on

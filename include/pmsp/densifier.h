@@ -151,12 +151,11 @@ class PMSP_API Densifier {
   void flush();
 
   /// Runs a given plan to its end: asks for the keyframes that it needs, one at a time and in the order of the plan, in
-  /// place of `add`, and flushes. Without a scratch folder it asks again for images that are looked at later, so that
-  /// they take no memory meanwhile: in each pass over who passes the place again, and in unordered sets in each pass
-  /// over the keyframe itself and over each that is matched with it. An id stands for the same keyframe each time.
-  /// Throws InvalidInput when there is no given plan, and all is as it was; else what `add`, `flush` and `keyframes`
-  /// throw, and InvalidInput when another keyframe comes than was asked for: after any of these the Densifier is as
-  /// after `cancel`.
+  /// place of `add`, and flushes. Without a scratch folder it asks again for images of unordered sets, so that they
+  /// take no memory meanwhile: in each pass over the keyframe itself and over each that is matched with it. An id
+  /// stands for the same keyframe each time. Throws InvalidInput when there is no given plan, and all is as it was;
+  /// else what `add`, `flush` and `keyframes` throw, and InvalidInput when another keyframe comes than was asked for:
+  /// after any of these the Densifier is as after `cancel`.
   void run(const KeyframeSource& keyframes);
 
   /// Makes `add`, `flush` or `run` return early at the next safe point (between two iterations); may be called from any

@@ -5,7 +5,6 @@
 
 #include "fusion/fusion_setup.h"
 #include "ownership.h"
-#include "patch.h"
 #include "schedule.h"
 #include "sphere/cube_map.h"
 

@@ -76,7 +76,7 @@ TEST_CASE("keyframes that are asked for give what those give that are handed ove
     INFO(mission.name);
     int again = 0;
     CHECK(difference(run_by_asking(mission, plan, ids, again), by_id(whole_run(mission))) == "");
-    CHECK((again > 0) == (mission.options.unordered));
+    CHECK((again > 0) == mission.options.unordered);
     const Ids part(ids.begin() + 2, ids.begin() + 5);
     CHECK(difference(run_by_asking(mission, plan, part, again), by_id(run_part(mission, plan, part))) == "");
   }

@@ -25,8 +25,9 @@ std::vector<Vector3d> points_along(const std::vector<Vector3d>& path, double len
   for (int i = 0; i < count; ++i) {
     const Vector3d& at = path[random() % path.size()];
     const double around = uniform(random, 0.0, 2.0 * kPi);
-    points.push_back(at + Vector3d(uniform(random, -3.0, 3.0), 1.25 * std::sin(around),
-                                   1.6 * std::cos(around) + uniform(random, -1.0, 1.0)));
+    const double across = uniform(random, -1.0, 1.0);
+    points.push_back(at +
+                     Vector3d(uniform(random, -3.0, 3.0), 1.25 * std::sin(around), 1.6 * std::cos(around) + across));
   }
   return points;
 }
