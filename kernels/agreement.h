@@ -33,6 +33,16 @@ PMSP_HD F score_at(const PlaneMapView& map, const IntOf<F>& index) {
   return gather<F>(map.score, index);
 }
 
+/// How much another keyframe's word on a point counts, beside that of the keyframe whose point it is: the inverse
+/// fourth power of their distances from it. How wide errors at edges are grows with the distance, and what is thin is
+/// missed from afar: many far keyframes must not outvote the near one that sees a cable. Squared distances in one unit.
+template <class F>
+PMSP_HD F weight_of_word(const F& own_square, const F& other_square) {
+  constexpr float kMost = 1e6F;  // a keyframe may stand where the point is
+  const F nearer = min(own_square / max(other_square, F(1e-30F)), F(kMost));
+  return nearer * nearer;
+}
+
 template <class F>
 struct Agreement {
   F depth_ratio;  ///< range of the point over the range of the other map's surface in its direction; 0 = nothing there
@@ -40,6 +50,7 @@ struct Agreement {
   /// By how much the other camera's direction to the point turns, over the relative change of depth [rad]: small where
   /// there is little parallax.
   F parallax_gain;
+  F weight;        ///< of what that map says
   IntOf<F> index;  ///< of that pixel
 };
 
@@ -58,8 +69,11 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map
   const F rest = F(1) - dot(plane, t);
   const auto valid = (depth_ratio > F(0)) & (along_ray > F(0)) & (rest > F(0));
   const Vec3<F> turn = cross(turned, t);
-  const F gain = depth * sqrt(dot(turn, turn)) / max(dot(p, p), F(1e-30F));
-  return {select(valid, depth_ratio, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), gain, index};
+  const F square = dot(p, p);
+  const F gain = depth * sqrt(dot(turn, turn)) / max(square, F(1e-30F));
+  const F weight = weight_of_word(F(depth * depth * dot(turned, turned)), square);
+  return {select(valid, depth_ratio, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), gain, weight,
+          index};
 }
 
 /// Where another map's surface lies behind the point by more than this many tolerances, that keyframe has looked
@@ -69,24 +83,26 @@ constexpr float kSeenThrough = 2.0F;
 /// What the other maps say of a pixel.
 template <class F>
 struct Votes {
-  F agree = F(0);          ///< number of maps
-  F contradict = F(0);     ///< likewise
-  F square_spread = F(0);  ///< sum of squared deviations of the maps that agree
-  F square_gain = F(0);    ///< sum of their squared parallax gains
+  F agree = F(0);           ///< number of maps
+  F weight_for = F(0);      ///< of the maps that agree
+  F weight_against = F(0);  ///< of those that have looked through it
+  F square_spread = F(0);   ///< sum of squared deviations of the maps that agree
+  F square_gain = F(0);     ///< sum of their squared parallax gains
 
-  PMSP_HD void add(const F& depth_ratio, const F& parallax_gain, float tolerance) {
-    const F deviation = depth_ratio - F(1);
+  PMSP_HD void add(const Agreement<F>& seen, float tolerance) {
+    const F deviation = seen.depth_ratio - F(1);
     const MaskOf<F> near = abs(deviation) <= F(tolerance);
-    const MaskOf<F> through = (depth_ratio > F(0)) & (depth_ratio < F(1.0F - kSeenThrough * tolerance));
+    const MaskOf<F> through = (seen.depth_ratio > F(0)) & (seen.depth_ratio < F(1.0F - kSeenThrough * tolerance));
     agree = agree + select(near, F(1), F(0));
+    weight_for = weight_for + select(near, seen.weight, F(0));
+    weight_against = weight_against + select(through, seen.weight, F(0));
     square_spread = square_spread + select(near, deviation * deviation, F(0));
-    square_gain = square_gain + select(near, parallax_gain * parallax_gain, F(0));
-    contradict = contradict + select(through, F(1), F(0));
+    square_gain = square_gain + select(near, seen.parallax_gain * seen.parallax_gain, F(0));
   }
   /// `wanted`: maps that must agree.
   PMSP_HD MaskOf<F> keep(int wanted) const {
     const MaskOf<F> enough = agree >= F(static_cast<float>(wanted));
-    return wanted == 0 ? enough : enough & (agree > contradict);
+    return wanted == 0 ? enough : enough & (weight_for > weight_against);
   }
 };
 

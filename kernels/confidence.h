@@ -111,8 +111,7 @@ struct ConsistencyFilter {
     if (count > 0 && any(kept)) {
       Votes<F> votes;
       for (int k = 0; k < count; ++k) {
-        const auto seen = agreement(bearing, surface.depth, others[k].planes, others[k].other_from_first);
-        votes.add(seen.depth_ratio, seen.parallax_gain, tolerance);
+        votes.add(agreement(bearing, surface.depth, others[k].planes, others[k].other_from_first), tolerance);
       }
       kept = kept & votes.keep(wanted);
       if (any(kept)) {

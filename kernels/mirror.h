@@ -71,8 +71,8 @@ struct FindMirrored {
       F deny(0);
       for (int k = 0; k < count; ++k) {
         const RangeVote<F> seen = range_vote(image, viewers[k].ranges, viewers[k].other_from_first, limits);
-        confirm = confirm + select(seen.on_surface > F(0), F(1), F(0));
-        deny = deny + select(seen.through > F(0), F(1), F(0));
+        confirm = confirm + select(seen.on_surface, F(1), F(0));
+        deny = deny + select(seen.through, F(1), F(0));
       }
       const MaskOf<F> mirrored = behind & (confirm > F(1.5F)) & (confirm > deny);
       word = word | select_bits<F>(behind, U(behind_bit(p))) | select_bits<F>(mirrored, U(mirrored_bit(p)));

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "agreement.h"
 #include "confidence.h"
 #include "fusion_weight.h"
 #include "mirror.h"
@@ -207,9 +208,9 @@ struct OwnershipRound {
   }
 };
 
-/// Whether a pixel's point is eligible; a stage. Viewers speak for and against it, each with the inverse square of its
-/// distance, the keyframe itself for it. The confidence becomes that of the map times the share that speaks for it.
-/// What a mirror shows is not eligible. Counts what is eligible.
+/// Whether a pixel's point is eligible; a stage. Viewers speak for and against it, the keyframe itself for it, each
+/// with its weight (weight_of_word). The confidence becomes that of the map times the share that speaks for it. What a
+/// mirror shows is not eligible. Counts what is eligible.
 struct Eligibility {
   static constexpr int kCounts = 1;
 
@@ -233,13 +234,15 @@ struct Eligibility {
     counted[0] = known;
     if (!any(known)) return store_bytes<F>(UIntOf<F>(0U), standings + at.first, 1, at.count);
     const Vec3<F> point = select(known, depth, F(1)) * bearing_at(grid, at);
-    F on_surface = F(1) / dot(point, point);
+    const F own = dot(point, point);
+    F on_surface(1);  // the keyframe's own word
     F through(0);
     for (int k = 0; k < count; ++k) {
       const Viewer& viewer = viewers[k];
       const RangeVote<F> seen = range_vote(point, viewer.ranges, viewer.other_from_first, limits);
-      on_surface = fma(F(viewer.zoom * viewer.zoom), seen.on_surface, on_surface);
-      through = fma(F(viewer.zoom * viewer.zoom), seen.through, through);
+      const F weight = weight_of_word(F(F(viewer.zoom * viewer.zoom) * own), seen.square);
+      on_surface = on_surface + select(seen.on_surface, weight, F(0));
+      through = through + select(seen.through, weight, F(0));
     }
     MaskOf<F> stays = known & (through <= F(max_contradiction) * on_surface);
     if (mirrors.mirrors != nullptr) stays = stays & !is_mirrored(mirrors, grid, at, point);

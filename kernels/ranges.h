@@ -23,12 +23,11 @@ struct FreeSpaceLimits {
   float max_far;      ///< up to this range over farthest depth
 };
 
-/// A view's say: the inverse square of its distance, because errors at edges are as wide as a patch and so grow with
-/// distance. At most one of the two is not zero.
+/// What a keyframe says of a point; at most one of the two.
 template <class F>
 struct RangeVote {
-  F on_surface;
-  F through;
+  MaskOf<F> on_surface, through;
+  F square;  ///< of its distance from the point, in its unit
 };
 
 /// `point` in the first keyframe, not the place of the other camera.
@@ -41,10 +40,9 @@ PMSP_HD RangeVote<F> range_vote(const Vec3<F>& point, const RangeMapView& other,
   const IntOf<F> index = pixel_index(p, other.width, other.height);
   const F nearest = gather<F>(other.nearest, index);
   const F farthest = gather<F>(other.farthest, index);
-  const auto on_surface = (range >= nearest * F(limits.min_near)) & (range <= farthest * F(limits.max_far));
-  const auto through = range < nearest * F(limits.min_through);  // false where nothing is known
-  const F weight = F(1) / max(square, F(1e-30F));
-  return {select(on_surface, weight, F(0)), select(through, weight, F(0))};
+  const MaskOf<F> on_surface = (range >= nearest * F(limits.min_near)) & (range <= farthest * F(limits.max_far));
+  const MaskOf<F> through = range < nearest * F(limits.min_through);  // false where nothing is known
+  return {on_surface, through, square};
 }
 
 /// Keyframes that can be asked: one bit each.

@@ -59,9 +59,9 @@ struct RangeMapFrom {
 
 /// Removes floaters: points that other keyframes have looked through. Each viewer has the point on its surface (within
 /// `max_relative_depth`), or has seen a surface behind it (farther than `min_relative_gap` behind), or has no say. Both
-/// sides are added up, each keyframe with the inverse square of its distance from the point, the point's own one among
-/// those that confirm; a point stays while what speaks against it is at most `max_contradiction` of what speaks for it.
-/// What stays has its confidence scaled by the share that speaks for it. What mirrors show goes as well
+/// sides are added up, each keyframe with the inverse fourth power of its distance from the point, the point's own one
+/// among those that confirm; a point stays while what speaks against it is at most `max_contradiction` of what speaks
+/// for it. What stays has its confidence scaled by the share that speaks for it. What mirrors show goes as well
 /// (kernels/mirror.h).
 ///
 /// Returns the standings: points that stay are open, the others make no point. May be asked again at any time, with

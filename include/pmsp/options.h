@@ -118,7 +118,7 @@ struct PMSP_API FreeSpaceOptions {
   double max_relative_depth = 0.02;  ///< deviation that still confirms a point, 0 to 1
   double min_relative_gap = 0.05;    ///< a surface this much farther away has been seen through the point, 0 to 1
   /// What may speak against a point, relative to what speaks for it, 0 to 100. Smaller removes more.
-  double max_contradiction = 0.5;
+  double max_contradiction = 0.75;
   /// Leave out what mirrors show, such as polished floors: a wide plane of the keyframe is one where other keyframes
   /// have its surface in front of what lies behind it, and much of that is a mirror image of what they see before it.
   bool mirrors = true;

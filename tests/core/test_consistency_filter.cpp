@@ -143,6 +143,21 @@ TEST_CASE("more maps must agree than have looked through", "[consistency]") {
   CHECK(filled(filtered(truth, {&truth, &truth, &nearer, &nearer}).depth) > 0.995);  // hidden, that is all
 }
 
+TEST_CASE("many far keyframes that miss a thing do not make those drop it that see it from near", "[consistency]") {
+  DepthMap near = truth_maps(room())[2];
+  for (float& depth : near.depth.pixels()) depth = 1.0F;
+  const auto kept_against = [&](double away) {  // from so far beside, twelve have seen the wall behind
+    DepthMap far = near;
+    for (float& depth : far.depth.pixels()) depth = 10.0F;
+    far.cam_from_world.translation -= far.cam_from_world.rotation * Eigen::Vector3d(away, 0.0, 0.0);
+    std::vector<const DepthMap*> others(12, &far);
+    others.insert(others.end(), 2, &near);
+    return filled(filtered(near, others).depth);
+  };
+  CHECK(kept_against(3.0) == 1.0);
+  CHECK(kept_against(0.1) == 0.0);
+}
+
 TEST_CASE("holes are no agreement", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const DepthMap hole1 = without_depths(maps[1]);

@@ -138,6 +138,20 @@ TEST_CASE("one keyframe against many does not remove what they confirm", "[free 
   CHECK(kept(maps[2], alone, 1.0F, tolerant) > 0.999);
 }
 
+TEST_CASE("many far keyframes that miss a thing do not outvote the near one that sees it", "[free space]") {
+  DepthMap near = truth_maps(room())[2];
+  for (float& depth : near.depth.pixels()) depth = 1.0F;
+  const auto kept_against = [&](double away) {  // from so far beside, each of them has seen the wall behind
+    DepthMap map = near;
+    for (float& depth : map.depth.pixels()) depth = 10.0F;
+    map.cam_from_world.translation -= map.cam_from_world.rotation * Eigen::Vector3d(away, 0.0, 0.0);
+    const RangeMap ranges = range_map(map, Executor(2));
+    return kept(near, std::vector<RangeMapFrom>(12, {&ranges, {ranges.cam_from_world}}));
+  };
+  CHECK(kept_against(3.0) == 1.0);
+  CHECK(kept_against(0.1) == 0.0);
+}
+
 TEST_CASE("what a floor mirrors goes where others have the floor", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);

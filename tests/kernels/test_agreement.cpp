@@ -157,6 +157,24 @@ TEST_CASE("agreement: the parallax gain is the turn of the direction over the re
   }
 }
 
+TEST_CASE("agreement: a word weighs the inverse fourth power of distance, in any unit of length") {
+  const PlaneMap map = wall_map();
+  Draws draws(4);
+  for (int i = 0; i < 1000; ++i) {
+    const RigidTransform other_from_first = draws.transform(kernels::kPi, 0.5);
+    const Vec3<double> bearing = draws.direction();
+    const double depth = draws.uniform(1.5, 4.0);
+    const double away = test::length(apply(other_from_first, depth * bearing));
+    k::Rigid transform = to_rigid(other_from_first);
+    const double weight = k::agreement(bearing, depth, map.view(), transform).weight;
+    REQUIRE(weight == Approx(std::pow(depth / away, 4.0)).epsilon(1e-4));
+    for (float& r : transform.r) r *= 2.0F;  // the other's unit is half as long
+    for (float& t : transform.t) t *= 2.0F;
+    REQUIRE(k::agreement(bearing, depth, map.view(), transform).weight == Approx(weight).epsilon(1e-9));
+  }
+  CHECK(k::weight_of_word(1.0, 0.0) <= 1e12);  // the other one stands where the point is
+}
+
 TEST_CASE("expected error: grows with spread, roughness and missing maps, falls with parallax and score") {
   const auto error = [](double spread, double gain, double roughness, double agree, double score = 1.0) {
     const k::Evidence<double> evidence{agree * spread * spread, agree * gain * gain, roughness, agree, 4.0, score};
