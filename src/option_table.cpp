@@ -137,6 +137,8 @@ void patchmatch(Table& table) {
   PMSP_OPTION(patchmatch.fine_patch, "Size of the patch of textured pixels")
       .unit("share of the patch")
       .range(0.1, 1)
+      .normal(0.5)
+      .high(0.5)
       .paper(1);
   PMSP_OPTION(patchmatch.sigma_color, "Bilateral weight: difference in brightness")
       .unit("gray levels")
@@ -147,10 +149,6 @@ void patchmatch(Table& table) {
       .unit("gray levels")
       .range(1, 1000)
       .paper(50);
-  PMSP_OPTION(patchmatch.fine_sigma_space_px, "Bilateral weight of textured pixels: distance")
-      .unit("px of the depth map")
-      .range(0.5, 100)
-      .paper(5);
   PMSP_OPTION(patchmatch.plane_priors, "Prefer planes through the reliable surface around where there is no texture")
       .paper(0);
   PMSP_OPTION(patchmatch.geometric_passes, "Further passes that prefer what neighbouring depth maps agree with")

@@ -49,13 +49,11 @@ struct PMSP_API PatchMatchOptions {
   int neighbours = 2;   ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   int refinements = 3;  ///< random draws per pixel and iteration, 0 to 32
   /// Size of the patch of textured pixels, relative to that of others, 0.1 to 1; 1: all pixels count as textured.
-  double fine_patch = 0.6;
+  double fine_patch = 0.4;
   double sigma_color = 20.0;  ///< bilateral weight: gray levels (0 to 255), 1 to 1000
   /// Where the surface around the pixel is smoother, sigma_color shrinks down to this, so that the edge of a near thing
   /// does not decide for the wall behind it, 1 to 1000; sigma_color or more: never.
   double min_sigma_color = 4.0;
-  /// Bilateral weight of textured pixels: pixels of the depth map, 0.5 to 100. That of others is 5.
-  double fine_sigma_space_px = 2.1;
   /// Before each geometric pass, planes through the reliable surface around are proposed to pixels without texture, and
   /// preferred there; see pmsp/plane_priors.h.
   bool plane_priors = true;

@@ -30,7 +30,7 @@ constexpr float kTexturedVariance = 1.5F * 1.5F;
 constexpr float kTexturedPerNoise = 2.6F;
 constexpr float kMaxTexturedVariance = 3.0F * 3.0F;
 
-/// Bilateral weight: distance [px of the depth map], about half a patch.
+/// Bilateral weight: distance [px of the depth map], about half a coarse patch.
 constexpr double kSigmaSpace_px = 5.0;
 
 /// Largest angle between a plane's normal and the ray [deg]: beyond it a pixel's patch covers many times its own area.
@@ -59,15 +59,16 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width, f
   layout.min_variance = kNoiseVariance;
   layout.disagreement_cost = kDisagreementCost;
   layout.disagreement_tolerance = kDisagreementTolerance;
-  const auto weigh = [](float* weights, double steps) {
+  const auto weigh = [](float* weights, double size) {
+    const double steps = kSigmaSpace_px / (kPatchSpacing_px * size);
     for (int k = 0; k < kernels::kPatchSamples; ++k) {
       const double dx = kernels::patch_offset(k % kernels::kPatchSide);
       const double dy = kernels::patch_offset(k / kernels::kPatchSide);
       weights[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (steps * steps)));
     }
   };
-  weigh(layout.space_weight, kSigmaSpace_px / kPatchSpacing_px);
-  weigh(layout.fine_space_weight, options.fine_sigma_space_px / (kPatchSpacing_px * options.fine_patch));
+  weigh(layout.space_weight, 1.0);
+  weigh(layout.fine_space_weight, options.fine_patch);
   return layout;
 }
 

@@ -109,7 +109,7 @@ TEST_CASE("the result turns with the camera", "[patchmatch]" PMSP_ACCURACY) {
     const double agreeing = agreement(turned_back(map.depth, columns), original.depth, 0.02);
     const double after = synth::share_within(map.depth, turned.frames[1].depth, 0.02);
     CAPTURE(agreeing, before, after);
-    CHECK(agreeing > (columns % 2 == 0 ? 0.95 : 0.88));  // an odd turn swaps red and black pixels
+    CHECK(agreeing > (columns % 2 == 0 ? 0.95 : 0.86));  // an odd turn swaps red and black pixels
     CHECK(std::abs(after - before) < 0.015);
   }
 }

@@ -61,25 +61,25 @@ void check_scene(const std::string& name, const synth::Mission& mission, const S
 
 }  // namespace
 
-// Normals come from fine patches here, which buy sharp depth edges with noisier normals.
+// Normals come from fine patches here, which buy sharp depth edges and thin things with noisier normals.
 TEST_CASE("PatchMatch finds a sphere from inside", "[patchmatch]" PMSP_ACCURACY) {
-  check_scene("sphere_inside", synth::sphere_inside(small_recipe(320)), {0.94, 0.95, 0.94, 0.96, 0.72});
+  check_scene("sphere_inside", synth::sphere_inside(small_recipe(320)), {0.94, 0.95, 0.94, 0.96, 0.58});
 }
 
 TEST_CASE("PatchMatch finds an empty room", "[patchmatch]" PMSP_ACCURACY) {
-  check_scene("empty_room", synth::empty_room(small_recipe(320)), {0.85, 0.86, 0.85, 0.97, 0.68});
+  check_scene("empty_room", synth::empty_room(small_recipe(320)), {0.84, 0.85, 0.85, 0.97, 0.56});
 }
 
 TEST_CASE("PatchMatch finds a slanted plane", "[patchmatch]" PMSP_ACCURACY) {
-  check_scene("slanted_plane", synth::slanted_plane(small_recipe(320)), {0.89, 0.90, 0.93, 0.78, 0.63});
+  check_scene("slanted_plane", synth::slanted_plane(small_recipe(320)), {0.89, 0.90, 0.93, 0.78, 0.50});
 }
 
 TEST_CASE("PatchMatch finds a wall across the seam", "[patchmatch]" PMSP_ACCURACY) {
-  check_scene("corridor_across_seam", synth::corridor_across_seam(small_recipe(320)), {0.82, 0.84, 0.91, 0.96, 0.66});
+  check_scene("corridor_across_seam", synth::corridor_across_seam(small_recipe(320)), {0.82, 0.84, 0.91, 0.96, 0.50});
 }
 
 TEST_CASE("PatchMatch finds the floor at the nadir", "[patchmatch]" PMSP_ACCURACY) {
-  check_scene("floor_at_nadir", synth::floor_at_nadir(small_recipe(320)), {0.90, 0.91, 0.86, 0.94, 0.66});
+  check_scene("floor_at_nadir", synth::floor_at_nadir(small_recipe(320)), {0.90, 0.91, 0.86, 0.94, 0.56});
 }
 
 TEST_CASE("normals and confidences of a raw map are what the header says", "[patchmatch]") {
