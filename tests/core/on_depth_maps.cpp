@@ -11,6 +11,13 @@ PlaneImage image_of(const PlaneMap& planes) {
   return image;
 }
 
+DepthMap beside_at_depth(const DepthMap& map, double beside, float depth) {
+  DepthMap result = map;
+  for (float& value : result.depth.pixels()) value = depth;
+  result.cam_from_world.translation -= result.cam_from_world.rotation * Eigen::Vector3d(beside, 0.0, 0.0);
+  return result;
+}
+
 void clear_where_no_depth(DepthMap& map) {
   for (std::size_t i = 0; i < map.depth.size(); ++i) {
     if (map.depth.pixels()[i] > 0.0F) continue;

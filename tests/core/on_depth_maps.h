@@ -43,6 +43,9 @@ struct FusedDepth {
 SurfelMap fuse_pixels(const std::vector<FusedDepth>& window, std::size_t current, const FusionOptions& options,
                       const Executor& executor);
 
+/// `map` as a camera so far beside it, along its x axis, that has everything at one depth.
+DepthMap beside_at_depth(const DepthMap& map, double beside, float depth);
+
 /// Restores the rule that normal and confidence are 0 where depth is.
 void clear_where_no_depth(DepthMap& map);
 

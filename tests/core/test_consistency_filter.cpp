@@ -144,12 +144,9 @@ TEST_CASE("more maps must agree than have looked through", "[consistency]") {
 }
 
 TEST_CASE("many far keyframes that miss a thing do not make those drop it that see it from near", "[consistency]") {
-  DepthMap near = truth_maps(room())[2];
-  for (float& depth : near.depth.pixels()) depth = 1.0F;
+  const DepthMap near = beside_at_depth(truth_maps(room())[2], 0.0, 1.0F);
   const auto kept_against = [&](double away) {  // from so far beside, twelve have seen the wall behind
-    DepthMap far = near;
-    for (float& depth : far.depth.pixels()) depth = 10.0F;
-    far.cam_from_world.translation -= far.cam_from_world.rotation * Eigen::Vector3d(away, 0.0, 0.0);
+    const DepthMap far = beside_at_depth(near, away, 10.0F);
     std::vector<const DepthMap*> others(12, &far);
     others.insert(others.end(), 2, &near);
     return filled(filtered(near, others).depth);

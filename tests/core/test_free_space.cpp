@@ -139,13 +139,9 @@ TEST_CASE("one keyframe against many does not remove what they confirm", "[free 
 }
 
 TEST_CASE("many far keyframes that miss a thing do not outvote the near one that sees it", "[free space]") {
-  DepthMap near = truth_maps(room())[2];
-  for (float& depth : near.depth.pixels()) depth = 1.0F;
+  const DepthMap near = beside_at_depth(truth_maps(room())[2], 0.0, 1.0F);
   const auto kept_against = [&](double away) {  // from so far beside, each of them has seen the wall behind
-    DepthMap map = near;
-    for (float& depth : map.depth.pixels()) depth = 10.0F;
-    map.cam_from_world.translation -= map.cam_from_world.rotation * Eigen::Vector3d(away, 0.0, 0.0);
-    const RangeMap ranges = range_map(map, Executor(2));
+    const RangeMap ranges = range_map(beside_at_depth(near, away, 10.0F), Executor(2));
     return kept(near, std::vector<RangeMapFrom>(12, {&ranges, {ranges.cam_from_world}}));
   };
   CHECK(kept_against(3.0) == 1.0);
