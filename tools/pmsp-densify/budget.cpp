@@ -35,8 +35,8 @@ constexpr double kRecordBytes = 12e3;  // of a keyframe in a workspace's record 
 
 // Measured on one core: an image's pixel decoded, its sharpness looked at, its landmarks compared [s].
 constexpr double kImagePixelSeconds = 14e-9;
-// The box that the pace is measured in has texture everywhere; bare walls take plane priors a longer search.
-constexpr double kBareWalls = 1.5;
+// What is not matching takes less a pixel the larger a map is. Measured on a drone's flight, a bare and a glossy room.
+constexpr double kRestFalls = 0.42;      // exponent of the width
 constexpr double kPointSeconds = 20e-9;  // encoded and written
 
 /// Mean of what decides over places.
@@ -139,8 +139,6 @@ Budget estimate_budget(const BudgetQuestion& question) {
     owners.add(static_cast<double>(entry.owners.size()));
     share.add(own_share.of(entry));
   }
-  // Larger maps find less of what they compare in the caches than those of the pace's small panoramas do.
-  const double cache_misses = 1.0 + 0.06 * std::max(0.0, std::log2(b.width / 80.0));
   const double all_pixels = pixels * static_cast<double>(b.depth_maps);
   b.views = views.value();
   b.points_per_pixel = kKept * (options.fusion.suppression > 0.0 ? 1.0 - kGiveWay : 1.0) * share.value();
@@ -165,9 +163,9 @@ Budget estimate_budget(const BudgetQuestion& question) {
 
   const double image_pixels = one_image * static_cast<double>(b.keyframes);
   const CpuPace& pace = question.pace;
-  b.cpu_seconds =
-      all_pixels * (pace.matching * cache_misses * b.views + kBareWalls * pace.rest + pace.ownership * owners.value()) +
-      kImagePixelSeconds * image_pixels + kPointSeconds * b.points;
+  const double rest = pace.rest * std::pow(static_cast<double>(b.width) / kPaceWidth, -kRestFalls);
+  b.cpu_seconds = all_pixels * (pace.matching * b.views + rest + pace.ownership * owners.value()) +
+                  kImagePixelSeconds * image_pixels + kPointSeconds * b.points;
   // Fits what pmsp-bench and whole runs take on that machine, from 640 x 320 to 5760 x 2880, to 10 %.
   const double matching = planes_tried(options.patchmatch) * (1.15e-10 + 0.37e-10 * b.views);
   b.reference_seconds = all_pixels * (matching + 3e-9) + 1.3e-9 * image_pixels + 5.7e-9 * b.points;

@@ -15,7 +15,7 @@ namespace pmsp::tool {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr int kWidth = 80;  // of depth maps and images
+constexpr int kWidth = kPaceWidth;
 constexpr int kHeight = kWidth / 2;
 constexpr int kKeyframes = 8;
 constexpr double kStep = 0.4;                   // between keyframes, of which each sees all of the box

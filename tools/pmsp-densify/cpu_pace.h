@@ -5,10 +5,12 @@
 
 namespace pmsp::tool {
 
+constexpr int kPaceWidth = 80;  ///< of the depth maps and images that the pace is measured with
+
 /// How fast one thread of this machine's CPU works with some options [s].
 struct CpuPace {
   double matching = 0.0;   ///< for a pixel and a view that it is matched with: PatchMatch, all passes
-  double rest = 0.0;       ///< for a pixel of a depth map: all other stages but ownership
+  double rest = 0.0;       ///< for a pixel of a depth map: all other stages but ownership; larger maps take less
   double ownership = 0.0;  ///< for a pixel and a keyframe that is asked who makes the point of a place
 };
 
