@@ -21,11 +21,12 @@ PMSP_HD F fusion_weight(const F& confidence, const F& depth) {
   return F(1) / ((error * error + F(kCommonError * kCommonError)) * (depth * depth));
 }
 
-/// Calls mark(index) for the pixels of a map whose centre lies within `spacing` pixels (at the equator) of an image
-/// point. Near the poles these are many, since columns crowd there.
-template <class Mark>
-PMSP_HD void for_each_within(const Pixel<float>& at, float spacing, const float* cos_lat, int width, int height,
-                             const Mark& mark) {
+/// Calls is_it(index) for the pixels of a map whose centre lies within `spacing` pixels (at the equator) of an image
+/// point, until it returns true. Near the poles these are many, since columns crowd there. Where several threads search
+/// together, one in `threads` of a row's pixels is `thread`'s.
+template <class IsIt>
+PMSP_HD void find_within(const Pixel<float>& at, float spacing, const float* cos_lat, int width, int height,
+                         const IsIt& is_it, int thread = 0, int threads = 1) {
   const int first_row = static_cast<int>(max(0.0F, ::floorf(at.y - spacing)));
   const int last_row = static_cast<int>(min(static_cast<float>(height - 1), ::floorf(at.y + spacing)));
   for (int row = first_row; row <= last_row; ++row) {
@@ -33,10 +34,21 @@ PMSP_HD void for_each_within(const Pixel<float>& at, float spacing, const float*
     if (abs(dy) > spacing) continue;
     const float reach = min(sqrt(spacing * spacing - dy * dy) / cos_lat[row], 0.5F * static_cast<float>(width) - 1.0F);
     const int last = static_cast<int>(::floorf(at.x + reach - 0.5F));
-    for (int column = static_cast<int>(::ceilf(at.x - reach - 0.5F)); column <= last; ++column) {
-      mark(row * width + (column + width) % width);
+    const int first = static_cast<int>(::ceilf(at.x - reach - 0.5F));
+    for (int column = first + thread; column <= last; column += threads) {
+      if (is_it(row * width + (column + width) % width)) return;
     }
   }
+}
+
+/// The same for all of them.
+template <class Mark>
+PMSP_HD void for_each_within(const Pixel<float>& at, float spacing, const float* cos_lat, int width, int height,
+                             const Mark& mark) {
+  find_within(at, spacing, cos_lat, width, height, [&](int pixel) {
+    mark(pixel);
+    return false;
+  });
 }
 
 }  // namespace pmsp::kernels

@@ -139,13 +139,16 @@ struct ConfirmMirrors {
   }
 };
 
-/// How much of a field lies behind each plane, is a mirror image, and is one behind the mirror's surface; by solid
-/// angle, in whole numbers.
+/// How much lies behind each plane, is a mirror image, and is one behind the mirror's surface; by solid angle, in whole
+/// numbers.
 struct MirrorCounts {
   int behind[kWidePlanes], mirrored[kWidePlanes], confirmed[kWidePlanes];
 };
 
-/// A stage over the fields.
+constexpr int kCountColumns = 16;  ///< parts of a row of cells that are counted apart
+constexpr int kMirrorSums = 128;   ///< that the counts are summed to
+
+/// Of a part of a row; a stage over them.
 struct CountMirrored {
   static constexpr int kCounts = 0;
 
@@ -154,39 +157,60 @@ struct CountMirrored {
   const std::uint32_t* confirmed;
   MirrorCounts* counts;
 
-  PMSP_HD int width() const { return kFieldColumns; }
-  PMSP_HD int height() const { return kFieldRows; }
+  PMSP_HD int width() const { return kCountColumns; }
+  PMSP_HD int height() const { return grid.height / kRangeCell; }
 
   PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
     const int columns = grid.width / kRangeCell;
-    const int rows = grid.height / kRangeCell;
-    MirrorCounts sums{};
-    for (int row = at.row * rows / kFieldRows; row < (at.row + 1) * rows / kFieldRows; ++row) {
-      const int weight = static_cast<int>(kWeight * grid.cos_lat[row * kRangeCell]);
-      for (int column = at.column * columns / kFieldColumns; column < (at.column + 1) * columns / kFieldColumns;
-           ++column) {
-        const std::uint32_t word = evidence[row * columns + column];
-        const std::uint32_t in_front = confirmed[row * columns + column];
-        for (int p = 0; p < kWidePlanes && word != 0; ++p) {
-          const bool mirrored = (word & mirrored_bit(p)) != 0;
-          sums.behind[p] += (word & behind_bit(p)) != 0 ? weight : 0;
-          sums.mirrored[p] += mirrored ? weight : 0;
-          sums.confirmed[p] += mirrored && (in_front & behind_bit(p)) != 0 ? weight : 0;
-        }
+    const int weight = static_cast<int>(kWeight * grid.cos_lat[at.row * kRangeCell]);
+    MirrorCounts own{};
+    for (int column = at.column * columns / kCountColumns; column < (at.column + 1) * columns / kCountColumns;
+         ++column) {
+      const std::uint32_t word = evidence[at.row * columns + column];
+      const std::uint32_t in_front = confirmed[at.row * columns + column];
+      for (int p = 0; p < kWidePlanes && word != 0; ++p) {
+        const bool mirrored = (word & mirrored_bit(p)) != 0;
+        own.behind[p] += (word & behind_bit(p)) != 0 ? weight : 0;
+        own.mirrored[p] += mirrored ? weight : 0;
+        own.confirmed[p] += mirrored && (in_front & behind_bit(p)) != 0 ? weight : 0;
       }
     }
-    counts[at.index] = sums;
+    counts[at.index] = own;
   }
 
   /// Of a cell at the equator.
   static constexpr float kWeight = 64.0F;
 };
 
+/// Sums counts of parts; a stage over the sums.
+struct SumMirrored {
+  static constexpr int kCounts = 0;
+
+  const MirrorCounts* counts;
+  int count;
+  MirrorCounts* sums;
+
+  PMSP_HD int width() const { return kMirrorSums; }
+  PMSP_HD int height() const { return 1; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    MirrorCounts all{};
+    for (int i = at.index; i < count; i += kMirrorSums) {
+      for (int p = 0; p < kWidePlanes; ++p) {
+        all.behind[p] += counts[i].behind[p];
+        all.mirrored[p] += counts[i].mirrored[p];
+        all.confirmed[p] += counts[i].confirmed[p];
+      }
+    }
+    sums[at.index] = all;
+  }
+};
+
 /// Leaves the planes that are mirrors; a stage over the planes. Behind a mirror no camera has been.
 struct ChooseMirrors {
   static constexpr int kCounts = 0;
 
-  const MirrorCounts* counts;
+  const MirrorCounts* sums;          ///< of SumMirrored
   int cells;                         ///< of the sphere
   Vec3<float> viewers[kMaxViewers];  ///< where they are, in the keyframe's frame
   int viewer_count;
@@ -199,10 +223,10 @@ struct ChooseMirrors {
     float behind = 0.0F;
     float mirrored = 0.0F;
     float confirmed = 0.0F;
-    for (int i = 0; i < kFields; ++i) {
-      behind += static_cast<float>(counts[i].behind[at.index]);
-      mirrored += static_cast<float>(counts[i].mirrored[at.index]);
-      confirmed += static_cast<float>(counts[i].confirmed[at.index]);
+    for (int i = 0; i < kMirrorSums; ++i) {
+      behind += static_cast<float>(sums[i].behind[at.index]);
+      mirrored += static_cast<float>(sums[i].mirrored[at.index]);
+      confirmed += static_cast<float>(sums[i].confirmed[at.index]);
     }
     bool visited = false;
     for (int k = 0; k < viewer_count; ++k) visited = visited || dot(planes[at.index].plane, viewers[k]) > 1.0F;

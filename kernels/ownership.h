@@ -121,7 +121,7 @@ template <class F>
 struct Within {
   IntOf<F> column, row;  ///< of the pixel that the point falls into
   MaskOf<F> this_one;    ///< it is the only one
-  MaskOf<F> several;     ///< others may be: for_each_within finds them
+  MaskOf<F> several;     ///< others may be: find_within finds them
 };
 template <class F>
 PMSP_HD Within<F> within(const Approach<F>& there, const GridView& grid, int width, int height) {
@@ -158,54 +158,19 @@ PMSP_HD MaskOf<F> stands_for(const UIntOf<F>& surfel, const UIntOf<F>& standing,
          (min(abs(dot(apart, there)), abs(dot(apart, normal))) <= tolerance);
 }
 
-/// A round for the open pixels of a keyframe; a stage. The CPU's rows take the same steps for many pixels at a time,
-/// and remember whose say still matters (src/cpu/own_row.h).
+/// A round for the open pixels of a keyframe. Of those that are asked, only those matter in later rounds that have a
+/// pixel which would stand for this one if it were an owner. Rows of the CPU (src/cpu/own_row.h) and warps of a GPU
+/// (src/cuda/own.cu) share the work in ways of their own.
 struct OwnershipRound {
-  static constexpr int kCounts = 0;
-
   SurfelView map;  ///< what the round before left, as `others` are
   GridView grid;   ///< of all maps
   OwnershipView others[kMaxViewers];
   int count;
-  bool first;  ///< nobody is an owner yet: one pixel that may become one is enough
   OwnershipLimits limits;
   std::uint8_t* standings;  ///< after the round; not those of `map`
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
-
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
-    const std::uint8_t before = map.standings[at.index];
-    standings[at.index] = standing_of(before) == Standing::kOpen ? with_standing(before, decided(at)) : before;
-  }
-
- private:
-  PMSP_HD Standing decided(const Place<float>& at) const {
-    const Claim<float> claim =
-        claim_of<float>(map.surfels[at.index], map.standings[at.index], bearing_at(grid, at), map, limits);
-    bool open = false;
-    for (int k = 0; k < count; ++k) {
-      const OwnershipView& other = others[k];
-      const Vec3<float> p = transform(other.other_from_first, claim.point);
-      if (!may_rank_higher(p, claim.rank, other)) continue;
-      const Approach<float> there = approach(p, claim.reach, other);
-      bool owned = false;
-      for_each_within(there.at, there.spacing, grid.cos_lat, other.map.width, other.map.height, [&](int pixel) {
-        const std::uint8_t standing = other.map.standings[pixel];
-        if (owned || !makes_point(standing)) return;
-        const Vec3<float> bearing = bearing_at<float>(grid, pixel % other.map.width, pixel / other.map.width);
-        if (!stands_for<float>(other.map.surfels[pixel], standing, bearing, p, claim.normal, claim.off, claim.rank,
-                               other, limits)) {
-          return;
-        }
-        owned = standing_of(standing) == Standing::kOwner;
-        open = true;
-      });
-      if (owned) return Standing::kDropped;
-      if (open && first) break;
-    }
-    return open ? Standing::kOpen : Standing::kOwner;
-  }
 };
 
 /// Whether a pixel's point is eligible; a stage. Viewers speak for and against it, the keyframe itself for it, each

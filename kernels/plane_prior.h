@@ -58,6 +58,16 @@ struct PriorPlane {
   float cost;    ///< how far all are off: sum of distances, in tolerances, each at most 1
 };
 
+/// No plane: what any other one is better than.
+PMSP_HD PriorPlane no_plane() { return {{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)}; }
+
+/// Of a share of a cell's pixels, the one that matches best among those that are sure enough.
+struct SupportPixel {
+  float cost;
+  int index;    ///< of the map; -1 = there is none
+  bool unsure;  ///< whether the share has unsure pixels
+};
+
 /// All cells, in row order, and what they are made from.
 template <class Machine>
 struct PriorCells {
@@ -79,8 +89,9 @@ struct PriorCells {
   Surroundings* around;
   const PriorPlane* before;  ///< planes so far, of which those are chosen that are to be written
   PriorPlane* found;         ///< to be written
-  PriorPlane* candidates;    ///< of the planes through three supports, the best of each share: [share][cell]
-  int shares;                ///< that a cell's planes are tried in, for as many threads
+  SupportPixel* pixels;      ///< the best of each share: [cell][share]
+  PriorPlane* candidates;    ///< of the planes that a cell may take, the best of each share: [cell][share]
+  int shares;                ///< that a cell's pixels and planes are looked at in, for as many threads
   int stride;                ///< from a cell to those whose planes it may choose
 
   PMSP_HD Vec3<float> bearing_at(int x, int y) const { return kernels::bearing_at<float>(grid, x, y); }
@@ -126,39 +137,57 @@ PMSP_HD Vec3<float> best_known(const PriorCells<Machine>& cells, int x, int y) {
   return inverse > 0.0F ? (1.0F / inverse) * ray : Vec3<float>{0.0F, 0.0F, 0.0F};
 }
 
-/// Writes `supports`, `errors` and `unsure` of a cell. Of pixels that are sure enough, the one that matches best gives
-/// the support.
+/// Writes `pixels` of a cell: of a share of its pixels, in row order.
+template <class Machine>
+PMSP_HD void look_at_pixels(const PriorCells<Machine>& cells, int column, int row, int share) {
+  SupportPixel best{2.0F * kSupportMaxError, -1, false};
+  const int x0 = column * cells.map.width / cells.columns;
+  const int y0 = row * cells.map.height / cells.rows;
+  const int columns = (column + 1) * cells.map.width / cells.columns - x0;
+  const int count = columns * ((row + 1) * cells.map.height / cells.rows - y0);
+  for (int i = share; i < count; i += cells.shares) {
+    const int x = x0 + i % columns;
+    const int y = y0 + i / columns;
+    const int index = y * cells.map.width + x;
+    const Vec3<float> plane = plane_at<float>(cells.map, index);
+    const float inverse_depth = dot(plane, cells.bearing_at(x, y));
+    if (!(inverse_depth > 0.0F)) continue;
+    best.unsure = best.unsure || is_unsure(cells, index, inverse_depth);
+    const float score = score_at<float>(cells.map, index);
+    const float error = matching_error(cells, index, inverse_depth);
+    if (!(score > kSupportMinScore) || !(error < kSupportMaxError)) continue;
+    if (score * cells.variance[index] < kSupportTexture * cells.min_variance) continue;
+    const float cost = max(error, kSupportSure) * (2.0F - score);
+    if (!(cost < best.cost) || neighbours_on_plane(cells, x, y, plane) < kSupportMinNeighbours) continue;
+    best.cost = cost;
+    best.index = index;
+  }
+  cells.pixels[(row * cells.columns + column) * cells.shares + share] = best;
+}
+
+/// Writes `supports`, `errors` and `unsure` of a cell. The best of the pixels gives the support; of equal ones the
+/// first.
 template <class Machine>
 PMSP_HD void find_support(const PriorCells<Machine>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
-  bool unsure = false;
-  int best_x = -1;
-  int best_y = 0;
-  float best = 2.0F * kSupportMaxError;
-  cells.errors[cell] = kSupportMaxError;
-  const int y1 = (row + 1) * cells.map.height / cells.rows;
-  const int x1 = (column + 1) * cells.map.width / cells.columns;
-  for (int y = row * cells.map.height / cells.rows; y < y1; ++y) {
-    for (int x = column * cells.map.width / cells.columns; x < x1; ++x) {
-      const int index = y * cells.map.width + x;
-      const Vec3<float> plane = plane_at<float>(cells.map, index);
-      const float inverse_depth = dot(plane, cells.bearing_at(x, y));
-      if (!(inverse_depth > 0.0F)) continue;
-      unsure = unsure || is_unsure(cells, index, inverse_depth);
-      const float score = score_at<float>(cells.map, index);
-      const float error = matching_error(cells, index, inverse_depth);
-      if (!(score > kSupportMinScore) || !(error < kSupportMaxError)) continue;
-      if (score * cells.variance[index] < kSupportTexture * cells.min_variance) continue;
-      const float cost = max(error, kSupportSure) * (2.0F - score);
-      if (!(cost < best) || neighbours_on_plane(cells, x, y, plane) < kSupportMinNeighbours) continue;
-      best = cost;
-      best_x = x;
-      best_y = y;
-      cells.errors[cell] = error;
-    }
+  const SupportPixel* const pixels = cells.pixels + cell * cells.shares;
+  SupportPixel best = pixels[0];
+  for (int share = 1; share < cells.shares; ++share) {
+    const SupportPixel& other = pixels[share];
+    const bool unsure = best.unsure || other.unsure;
+    const bool is_first = other.cost == best.cost && other.index < best.index;
+    if (other.index >= 0 && (other.cost < best.cost || is_first)) best = other;
+    best.unsure = unsure;
   }
-  cells.supports[cell] = best_x < 0 ? Vec3<float>{0.0F, 0.0F, 0.0F} : best_known(cells, best_x, best_y);
-  cells.unsure[cell] = unsure ? 1 : 0;
+  cells.unsure[cell] = best.unsure ? 1 : 0;
+  cells.errors[cell] = kSupportMaxError;
+  cells.supports[cell] = {0.0F, 0.0F, 0.0F};
+  if (best.index < 0) return;
+  const int x = best.index % cells.map.width;
+  const int y = best.index / cells.map.width;
+  const float inverse_depth = dot(plane_at<float>(cells.map, best.index), cells.bearing_at(x, y));
+  cells.errors[cell] = matching_error(cells, best.index, inverse_depth);
+  cells.supports[cell] = best_known(cells, x, y);
 }
 
 /// How many steps of one row of cells one looks along a great circle.
@@ -205,6 +234,7 @@ PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const Surround
   if (!is_allowed(plane, bearing, limits)) return;
   PriorPlane candidate{plane, 0, 0.0F};
   std::uint32_t on_it = 0;
+  PMSP_UNROLL
   for (int d = 0; d < kPriorDirections; ++d) {
     if (!is_point(around.points[d])) continue;
     const float behind = (dot(plane, around.points[d]) - 1.0F) * around.tightness[d];
@@ -231,6 +261,7 @@ PMSP_HD Vec3<float> plane_through(const Vec3<float>& a, const Vec3<float>& b, co
 PMSP_HD Vec3<float> refitted(const Surroundings& around, const Vec3<float>& plane) {
   Vec3<float> rows[3] = {};
   Vec3<float> sum{};
+  PMSP_UNROLL
   for (int d = 0; d < kPriorDirections; ++d) {
     const Vec3<float>& p = around.points[d];
     if (!is_point(p)) continue;
@@ -271,28 +302,42 @@ template <class Machine>
 PMSP_HD void try_planes(const PriorCells<Machine>& cells, int column, int row, int share) {
   constexpr int kWide = kPriorDirections / 2;  // a wider gap, and the cell would lie outside the triangle
   constexpr int kNarrow = 3;                   // a narrower one makes no good triangle
+  constexpr int kGaps = kWide - kNarrow + 1;
   const int cell = row * cells.columns + column;
-  PriorPlane best{{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)};
+  PriorPlane best = no_plane();
   const Surroundings& around = cells.around[cell];
   // Every other cell takes over what its neighbours find (choose_plane): half the work, and no worse.
   const bool own = cells.unsure[cell] != 0 && ((column + row) & 1) == 0;
   if (own && supports_around(around) >= kPriorMinSupports) {
     const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
-    for (int i = share; i + 2 * kNarrow < kPriorDirections; i += cells.shares) {
-      for (int j = i + kNarrow; j <= i + kWide && j + kNarrow < kPriorDirections; ++j) {
-        for (int k = j + kNarrow; k <= j + kWide && k < kPriorDirections; ++k) {
-          const int rest = kPriorDirections + i - k;
-          if (rest < kNarrow || rest > kWide) continue;
-          const Vec3<float>& a = around.points[i];
-          const Vec3<float>& b = around.points[j];
-          const Vec3<float>& c = around.points[k];
-          if (!is_point(a) || !is_point(b) || !is_point(c)) continue;
-          consider(best, plane_through(a, b, c), around, center, cells.limits);
-        }
-      }
+    for (int triangle = share; triangle < kGaps * kGaps * kWide; triangle += cells.shares) {
+      const int i = triangle % kWide;  // less than `rest`
+      const int j = i + kNarrow + triangle / (kWide * kGaps);
+      const int k = j + kNarrow + triangle / kWide % kGaps;
+      const int rest = kPriorDirections + i - k;
+      if (k >= kPriorDirections || rest < kNarrow || rest > kWide) continue;
+      const Vec3<float>& a = around.points[i];
+      const Vec3<float>& b = around.points[j];
+      const Vec3<float>& c = around.points[k];
+      if (!is_point(a) || !is_point(b) || !is_point(c)) continue;
+      consider(best, plane_through(a, b, c), around, center, cells.limits);
     }
   }
-  cells.candidates[share * cells.columns * cells.rows + cell] = best;
+  cells.candidates[cell * cells.shares + share] = best;
+}
+
+/// Takes the best of a cell's candidates if it explains the surroundings better, and refits what is the best then.
+template <class Machine>
+PMSP_HD void take_candidate(const PriorCells<Machine>& cells, int column, int row, PriorPlane& best) {
+  const int cell = row * cells.columns + column;
+  for (int share = 0; share < cells.shares; ++share) {
+    const PriorPlane& other = cells.candidates[cell * cells.shares + share];
+    if (other.cost < best.cost) best = other;
+  }
+  if (best.supports == 0) return;
+  const Surroundings around = cells.around[cell];  // read at once
+  const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
+  consider(best, refitted(around, best.plane), around, center, cells.limits);
 }
 
 /// Writes `found` of a cell, the best of its candidates, and the number of supports around.
@@ -301,15 +346,8 @@ PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
   Surroundings& around = cells.around[cell];
   around.count = cells.unsure[cell] != 0 ? supports_around(around) : 0;
-  PriorPlane best = cells.candidates[cell];
-  for (int share = 1; share < cells.shares; ++share) {
-    const PriorPlane& other = cells.candidates[share * cells.columns * cells.rows + cell];
-    if (other.cost < best.cost) best = other;
-  }
-  if (best.supports > 0) {
-    const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
-    consider(best, refitted(around, best.plane), around, center, cells.limits);
-  }
+  PriorPlane best = no_plane();
+  take_candidate(cells, column, row, best);
   cells.found[cell] = best;
 }
 
@@ -405,7 +443,7 @@ template <class Machine>
 PMSP_HD Vec3<float> told_plane(const PriorCells<Machine>& cells, int column, int row, const Vec3<float>& told) {
   const Surroundings& around = cells.around[row * cells.columns + column];
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
-  PriorPlane best{{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)};
+  PriorPlane best = no_plane();
   const float there = dot(told, center);
   const auto agrees = [&](const Vec3<float>& plane) {
     const float along = dot(plane, told);
@@ -429,25 +467,37 @@ PMSP_HD Vec3<float> told_plane(const PriorCells<Machine>& cells, int column, int
   return agrees(plane) && is_allowed(plane, center, cells.limits) ? plane : best.plane;
 }
 
-/// Writes `found` of a cell: its plane of before, or that of a cell `stride` away if that explains the surroundings
-/// better. Where there is none in the end: one that agrees with the given one, or else that.
+/// Whether a cell asks others for their planes.
+template <class Machine>
+PMSP_HD bool asks_others(const PriorCells<Machine>& cells, int cell) {
+  return cells.around[cell].count >= kPriorMinSupports;
+}
+
+/// Writes `candidates` of a cell: of a share of the planes of cells `stride` away, the one that explains the
+/// surroundings best.
+template <class Machine>
+PMSP_HD void ask_others(const PriorCells<Machine>& cells, int column, int row, int share) {
+  const int cell = row * cells.columns + column;
+  if (!asks_others(cells, cell)) return;
+  PriorPlane best = no_plane();
+  const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
+  for (int i = share; i < 9; i += cells.shares) {
+    const int other_row = row + (i / 3 - 1) * cells.stride;
+    const int other_column = (column + (i % 3 - 1) * cells.stride + cells.columns) % cells.columns;
+    if (i == 4 || other_row < 0 || other_row >= cells.rows) continue;
+    const PriorPlane& other = cells.before[other_row * cells.columns + other_column];
+    if (other.supports > 0) consider(best, other.plane, cells.around[cell], center, cells.limits);
+  }
+  cells.candidates[cell * cells.shares + share] = best;
+}
+
+/// Writes `found` of a cell: its plane of before, or that of another cell if that explains the surroundings better.
+/// Where there is none in the end: one that agrees with the given one, or else that.
 template <class Machine>
 PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
   PriorPlane best = cells.before[cell];
-  if (cells.around[cell].count >= kPriorMinSupports) {
-    const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
-    for (int i = 0; i < 9; ++i) {
-      const int other_row = row + (i / 3 - 1) * cells.stride;
-      const int other_column = (column + (i % 3 - 1) * cells.stride + cells.columns) % cells.columns;
-      if (other_row < 0 || other_row >= cells.rows) continue;
-      const PriorPlane& other = cells.before[other_row * cells.columns + other_column];
-      if (other.supports > 0) consider(best, other.plane, cells.around[cell], center, cells.limits);
-    }
-    if (best.supports > 0) {
-      consider(best, refitted(cells.around[cell], best.plane), cells.around[cell], center, cells.limits);
-    }
-  }
+  if (asks_others(cells, cell)) take_candidate(cells, column, row, best);
   if (best.supports == 0 && cells.given != nullptr && cells.stride == 1) {
     const Vec3<float> told = corrected_given(cells, column, row);
     best.plane = is_point(told) ? told_plane(cells, column, row, told) : told;
@@ -457,32 +507,36 @@ PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row)
 }
 
 /// What is found for all cells, one after the other.
-enum class PriorStep { kSupports, kSurroundings, kCandidates, kPlanes, kChoice };
+enum class PriorStep { kPixels, kSupports, kSurroundings, kCandidates, kPlanes, kOffers, kChoice };
 
 /// One of the steps; a stage over the cells, over the directions from each of them, or over the shares of each.
 template <class Machine, PriorStep step>
 struct PriorCellStep {
   static constexpr int kCounts = 0;
+  static constexpr bool kShared =
+      step == PriorStep::kPixels || step == PriorStep::kCandidates || step == PriorStep::kOffers;
 
   PriorCells<Machine> cells;
 
   PMSP_HD int width() const {
-    return cells.columns * (step == PriorStep::kSurroundings ? kPriorDirections
-                            : step == PriorStep::kCandidates ? cells.shares
-                                                             : 1);
+    return cells.columns * (step == PriorStep::kSurroundings ? kPriorDirections : kShared ? cells.shares : 1);
   }
   PMSP_HD int height() const { return cells.rows; }
 
   PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
-    if constexpr (step == PriorStep::kSupports) find_support(cells, at.column, at.row);
     if constexpr (step == PriorStep::kSurroundings) {
       look_around(cells, at.column % cells.columns, at.row, at.column / cells.columns);
+    } else if constexpr (kShared) {
+      const int column = at.column / cells.shares;
+      const int share = at.column % cells.shares;
+      if constexpr (step == PriorStep::kPixels) look_at_pixels(cells, column, at.row, share);
+      if constexpr (step == PriorStep::kCandidates) try_planes(cells, column, at.row, share);
+      if constexpr (step == PriorStep::kOffers) ask_others(cells, column, at.row, share);
+    } else {
+      if constexpr (step == PriorStep::kSupports) find_support(cells, at.column, at.row);
+      if constexpr (step == PriorStep::kPlanes) find_plane(cells, at.column, at.row);
+      if constexpr (step == PriorStep::kChoice) choose_plane(cells, at.column, at.row);
     }
-    if constexpr (step == PriorStep::kCandidates) {
-      try_planes(cells, at.column % cells.columns, at.row, at.column / cells.columns);
-    }
-    if constexpr (step == PriorStep::kPlanes) find_plane(cells, at.column, at.row);
-    if constexpr (step == PriorStep::kChoice) choose_plane(cells, at.column, at.row);
   }
 };
 

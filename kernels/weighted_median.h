@@ -22,11 +22,8 @@ constexpr float kMedianSigmaColor = 8.0F;  ///< of the distance between colours 
 constexpr float kMedianChange = 0.005F;    ///< relative change of depth below which a pixel keeps its plane
 constexpr int kMedianHalvings = 14;        ///< of the interval that holds the median
 
-/// Offset of sample k from the middle [px of the equator].
-PMSP_HD void median_offset(int k, int& dx, int& dy) {
-  dx = kMedianStep * (k % kMedianSide - kMedianSide / 2);
-  dy = kMedianStep * (k / kMedianSide - kMedianSide / 2);
-}
+/// Offset of the k-th sample of a side from the middle [px of the equator].
+PMSP_HD int median_offset(int k) { return kMedianStep * (k - kMedianSide / 2); }
 
 /// Moves planes to the weighted median around; a stage. Pixels without a plane get one, where a depth is wanted.
 template <class Machine>
@@ -44,96 +41,106 @@ struct WeightedMedian {
 
   template <class F>
   PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+    F inverse_depth[kMedianSamples];
+    F weight[kMedianSamples];
+    filter(at, inverse_depth, weight);
+  }
+
+  /// `inverse_depth`, `weight`: room for kMedianSamples numbers, wherever the machine has it.
+  template <class F, class Room>
+  PMSP_HD void filter(const Place<F>& at, Room inverse_depth, Room weight) const {
     const Vec3<F> bearing = bearing_at(grid, at);
     Hypothesis<F> found{plane_at<F>(map, at.index), score_at<F>(map, at.index)};
     const F own = dot(found.plane, bearing);
     const MaskOf<F> wanted = is_usable<F>(mask, at.index);
-    F inverse_depth[kMedianSamples];
     MaskOf<F> differs = wanted & (own <= F(0));
-    PMSP_UNROLL
-    for (int k = 0; k < kMedianSamples; ++k) {
-      inverse_depth[k] = dot(plane_at<F>(map, index_of(at, k)), bearing);
-      differs = differs | (wanted & (abs(inverse_depth[k] - own) > F(kMedianChange) * own));
-    }
+    for_each_sample(at, [&](int k, const IntOf<F>& there, int /*square*/) {
+      const F inverse = dot(plane_at<F>(map, there), bearing);
+      inverse_depth[k] = inverse;
+      differs = differs | (wanted & (abs(inverse - own) > F(kMedianChange) * own));
+    });
     if (any(differs)) {
-      const F median = weighted_median(at, inverse_depth);
+      const F median = weighted_median(at, inverse_depth, weight);
       const MaskOf<F> moves = wanted & (median > F(0)) & (abs(median - own) > F(kMedianChange) * own);
       if (any(moves)) {
         F nearest = median;
-        PMSP_ROLL
-        for (int k = 0; k < kMedianSamples; ++k) {
-          const IntOf<F> there = index_of(at, k);
-          const Vec3<F> plane = plane_at<F>(map, there);
-          const F apart = abs(dot(plane, bearing) - median);
+        for_each_sample(at, [&](int k, const IntOf<F>& there, int /*square*/) {
+          const F apart = abs(inverse_depth[k] - median);
           const MaskOf<F> this_one = moves & (apart < nearest);
+          if (!any(this_one)) return;
           nearest = select(this_one, apart, nearest);
-          found = {select(this_one, plane, found.plane), select(this_one, score_at<F>(map, there), found.score)};
-        }
+          found = {select(this_one, plane_at<F>(map, there), found.plane),
+                   select(this_one, score_at<F>(map, there), found.score)};
+        });
       }
     }
     put(to, static_cast<std::size_t>(at.first), at.count, found);
   }
 
  private:
-  template <class F>
-  PMSP_HD IntOf<F> index_of(const Place<F>& at, int k) const {
+  /// Calls visit(number, index of the pixel, squared distance from the middle [px]).
+  template <class F, class Visit>
+  PMSP_HD void for_each_sample(const Place<F>& at, const Visit& visit) const {
+    const F width(static_cast<float>(grid.width));
     const float stretch = column_stretch(grid, at.row, kMedianReach);
-    int dx = 0;
-    int dy = 0;
-    median_offset(k, dx, dy);
-    return index_beside(grid, at, static_cast<int>(stretch * static_cast<float>(dx)), dy);
+    PMSP_ROLL
+    for (int j = 0; j < kMedianSide; ++j) {
+      const int dy = median_offset(j);
+      const Beside<F> middle = beside<F>(grid, at.column, at.row, 0, dy);
+      const F column = from_int<F>(middle.column);
+      const IntOf<F> first = middle.row * IntOf<F>(grid.width);
+      PMSP_UNROLL
+      for (int i = 0; i < kMedianSide; ++i) {
+        const int dx = median_offset(i);
+        const F x = column + F(static_cast<float>(static_cast<int>(stretch * static_cast<float>(dx))));
+        const F around = select(x < F(0), x + width, select(x >= width, x - width, x));
+        visit(j * kMedianSide + i, first + to_int(around), dx * dx + dy * dy);
+      }
+    }
   }
 
   /// The smallest of the values that has half of the weight at or below it; 0 where there is none.
-  template <class F>
-  PMSP_HD F weighted_median(const Place<F>& at, const F* inverse_depth) const {
+  template <class F, class Room>
+  PMSP_HD F weighted_median(const Place<F>& at, const Room& inverse_depth, Room weight) const {
+    constexpr float kInSpace = 0.5F / (kMedianSigmaSpace * kMedianSigmaSpace);
+    constexpr float kInColor = 0.5F / (kMedianSigmaColor * kMedianSigmaColor);
     const Vec3<F> own = color_of<F>(gather_words<F>(color, at.index));
-    F weight[kMedianSamples];
     F total(0);
     F low(1e30F);
     F high(0);
-    PMSP_UNROLL
-    for (int k = 0; k < kMedianSamples; ++k) {
-      const IntOf<F> there = index_of(at, k);
+    for_each_sample(at, [&](int k, const IntOf<F>& there, int square) {
       const Vec3<F> apart = color_of<F>(gather_words<F>(color, there)) - own;
       const F score = min(max(score_at<F>(map, there), F(0.05F)), F(1));
-      const F square = score * score;
-      const F unlike = fma(F(0.5F / (kMedianSigmaColor * kMedianSigmaColor)), dot(apart, apart), F(distance(k)));
+      const F twice = score * score;
+      const F unlike = fma(F(kInColor), dot(apart, apart), F(kInSpace * static_cast<float>(square)));
       const F likeness = kernels::exp(F(0) - min(unlike, F(60)));
-      weight[k] = select(inverse_depth[k] > F(0), likeness * square * square, F(0));
-      total = total + weight[k];
-      low = select(inverse_depth[k] > F(0), min(low, inverse_depth[k]), low);
-      high = max(high, inverse_depth[k]);
-    }
+      const F inverse = inverse_depth[k];
+      const F counts = select(inverse > F(0), likeness * twice * twice, F(0));
+      weight[k] = counts;
+      total = total + counts;
+      low = select(inverse > F(0), min(low, inverse), low);
+      high = max(high, inverse);
+    });
     const F half = F(0.5F) * total;
     low = F(0.99F) * low;
     PMSP_ROLL
     for (int i = 0; i < kMedianHalvings; ++i) {
       const F middle = sqrt(low * high);  // planes seen edge-on may have any depth
       F below(0);
-      PMSP_UNROLL
       for (int k = 0; k < kMedianSamples; ++k) {
-        below = below + select(inverse_depth[k] <= middle, weight[k], F(0));
+        below = below + select(inverse_depth[k] <= middle, F(weight[k]), F(0));
       }
       const MaskOf<F> enough = below >= half;
       high = select(enough, middle, high);
       low = select(enough, low, middle);
     }
     F median = F(0);
-    PMSP_UNROLL
     for (int k = 0; k < kMedianSamples; ++k) {
-      const MaskOf<F> nearer = (weight[k] > F(0)) & (inverse_depth[k] > low);
-      median = select(nearer & ((median <= F(0)) | (inverse_depth[k] < median)), inverse_depth[k], median);
+      const F inverse = inverse_depth[k];
+      const MaskOf<F> nearer = (weight[k] > F(0)) & (inverse > low);
+      median = select(nearer & ((median <= F(0)) | (inverse < median)), inverse, median);
     }
     return median;
-  }
-
-  /// In standard deviations, squared and halved.
-  static PMSP_HD float distance(int k) {
-    int dx = 0;
-    int dy = 0;
-    median_offset(k, dx, dy);
-    return 0.5F / (kMedianSigmaSpace * kMedianSigmaSpace) * static_cast<float>(dx * dx + dy * dy);
   }
 };
 

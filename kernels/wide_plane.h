@@ -36,93 +36,163 @@ PMSP_HD Vec3<float> surfel_point(const std::uint32_t* surfels, const GridView& g
 
 PMSP_HD float off_plane(const Vec3<float>& plane, const Vec3<float>& point) { return abs(dot(plane, point) - 1.0F); }
 
-/// A plane for each field; a stage over the fields. Least squares of what is not too far from the plane before.
-struct FindWidePlanes {
+constexpr float kWantedOfField = kLeastOfField * kFieldSide * kFieldSide;
+
+/// Sums over points of a field. Many threads share a field's work: each takes a column of its lattice.
+struct FieldSums {
+  float xx, xy, xz, yy, yz, zz;  ///< of the products of coordinates, in units of `unit`
+  Vec3<float> sum;               ///< likewise
+  float count, unit;
+};
+
+/// A share of a field.
+struct FieldShare {
+  int column, row;  ///< of the field
+  int number;
+};
+
+/// Where a stage over all shares of all fields is at work.
+PMSP_HD FieldShare field_share(const Place<float>& at) {
+  return {at.column / kFieldSide, at.row, at.column % kFieldSide};
+}
+
+/// Point i of a share, of kFieldSide.
+PMSP_HD Vec3<float> field_point(const std::uint32_t* surfels, const GridView& grid, const FieldShare& share, int i) {
+  const int column = (share.column * kFieldSide + share.number) * grid.width / (kFieldColumns * kFieldSide);
+  const int row = (share.row * kFieldSide + i) * grid.height / (kFieldRows * kFieldSide);
+  return surfel_point(surfels, grid, column, row);
+}
+
+/// The least-squares plane of a field by the sums of its shares; zero where there are too few points.
+PMSP_HD Vec3<float> plane_of_sums(const FieldSums* shares) {
+  const Vec3<float> none{0.0F, 0.0F, 0.0F};
+  FieldSums all{};
+  for (int i = 0; i < kFieldSide; ++i) {
+    const FieldSums& one = shares[i];
+    if (one.count == 0.0F) continue;
+    if (all.count == 0.0F) all.unit = one.unit;
+    const float scale = one.unit / all.unit;
+    const float square = scale * scale;
+    all.xx = fma(square, one.xx, all.xx);
+    all.xy = fma(square, one.xy, all.xy);
+    all.xz = fma(square, one.xz, all.xz);
+    all.yy = fma(square, one.yy, all.yy);
+    all.yz = fma(square, one.yz, all.yz);
+    all.zz = fma(square, one.zz, all.zz);
+    all.sum = fma(scale, one.sum, all.sum);
+    all.count += one.count;
+  }
+  if (all.count < kWantedOfField) return none;
+  const Vec3<float> x{all.xx, all.xy, all.xz};
+  const Vec3<float> y{all.xy, all.yy, all.yz};
+  const Vec3<float> z{all.xz, all.yz, all.zz};
+  const Vec3<float> yz = cross(y, z);
+  const float determinant = dot(x, yz) * all.unit;
+  if (!(determinant > 0.0F)) return none;
+  return (1.0F / determinant) * (all.sum.x * yz + all.sum.y * cross(z, x) + all.sum.z * cross(x, y));
+}
+
+/// How far points may be off the plane of the fit before, to take part in a fit; of the first one all do.
+constexpr float kFieldReach[] = {1e30F, 0.2F, 0.05F, 0.02F};
+
+/// One fit of the planes of the fields; a stage over the shares.
+struct FitFields {
   static constexpr int kCounts = 0;
 
   const std::uint32_t* surfels;
   GridView grid;
+  const FieldSums* before;  ///< of the fit before; nullptr = there is none
+  float reach;
+  FieldSums* sums;
+
+  PMSP_HD int width() const { return kFieldColumns * kFieldSide; }
+  PMSP_HD int height() const { return kFieldRows; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    const FieldShare share = field_share(at);
+    Vec3<float> plane{0.0F, 0.0F, 0.0F};
+    if (before != nullptr) plane = plane_of_sums(before + (at.index - share.number));
+    FieldSums own{};
+    for (int i = 0; i < kFieldSide; ++i) {
+      Vec3<float> point = field_point(surfels, grid, share, i);
+      const float square = dot(point, point);
+      if (!(square > 0.0F) || !(off_plane(plane, point) < reach)) continue;
+      if (own.count == 0.0F) own.unit = sqrt(square);
+      point = (1.0F / own.unit) * point;
+      own.xx = fma(point.x, point.x, own.xx);
+      own.xy = fma(point.x, point.y, own.xy);
+      own.xz = fma(point.x, point.z, own.xz);
+      own.yy = fma(point.y, point.y, own.yy);
+      own.yz = fma(point.y, point.z, own.yz);
+      own.zz = fma(point.z, point.z, own.zz);
+      own.sum = own.sum + point;
+      own.count += 1.0F;
+    }
+    sums[at.index] = own;
+  }
+};
+
+/// What lies on a field's plane, by one of its shares.
+struct FieldSupport {
+  float points;  ///< of the share
+  float sphere;  ///< of a part of the lattice on the sphere, each point with its weight
+};
+
+/// A stage over the shares.
+struct MeasureFields {
+  static constexpr int kCounts = 0;
+
+  const std::uint32_t* surfels;
+  GridView grid;
+  const FieldSums* sums;  ///< of the last fit
+  FieldSupport* supports;
+
+  PMSP_HD int width() const { return kFieldColumns * kFieldSide; }
+  PMSP_HD int height() const { return kFieldRows; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    const FieldShare share = field_share(at);
+    const Vec3<float> plane = plane_of_sums(sums + (at.index - share.number));
+    FieldSupport own{0.0F, 0.0F};
+    const bool is_there = dot(plane, plane) > 0.0F;
+    for (int i = 0; i < kFieldSide && is_there; ++i) {
+      const Vec3<float> point = field_point(surfels, grid, share, i);
+      own.points += off_plane(plane, point) < kOnPlane ? 1.0F : 0.0F;
+    }
+    for (int i = share.number; i < 2 * kSphereRows * kSphereRows && is_there; i += kFieldSide) {
+      const int row = (2 * (i / (2 * kSphereRows)) + 1) * grid.height / (2 * kSphereRows);
+      const int column = (2 * (i % (2 * kSphereRows)) + 1) * grid.width / (4 * kSphereRows);
+      const Vec3<float> point = surfel_point(surfels, grid, column, row);
+      own.sphere += off_plane(plane, point) < kOnPlane ? grid.cos_lat[row] : 0.0F;
+    }
+    supports[at.index] = own;
+  }
+};
+
+/// The plane of each field; a stage over the fields.
+struct FindWidePlanes {
+  static constexpr int kCounts = 0;
+
+  GridView grid;
+  const FieldSums* sums;
+  const FieldSupport* supports;
   WidePlane* found;
 
   PMSP_HD int width() const { return kFieldColumns; }
   PMSP_HD int height() const { return kFieldRows; }
 
   PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
-    constexpr float kFar[] = {1e30F, 0.2F, 0.05F, 0.02F};
-    constexpr float kWanted = kLeastOfField * kFieldSide * kFieldSide;
-    Vec3<float> plane{0.0F, 0.0F, 0.0F};
-    float on = 0.0F;
-    for (const float far : kFar) {
-      const Fit fit = fit_of(at, plane, far);
-      if (fit.count < kWanted) return put(at, {{0.0F, 0.0F, 0.0F}, 0.0F});
-      plane = solved(fit);
+    const int first = at.index * kFieldSide;
+    FieldSupport all{0.0F, 0.0F};
+    for (int i = first; i < first + kFieldSide; ++i) {
+      all.points += supports[i].points;
+      all.sphere += supports[i].sphere;
     }
-    for (int i = 0; i < kFieldSide * kFieldSide; ++i) {
-      const Vec3<float> point = field_point(at, i);
-      on += dot(point, point) > 0.0F && off_plane(plane, point) < kOnPlane ? 1.0F : 0.0F;
-    }
-    put(at, on < kWanted ? WidePlane{{0.0F, 0.0F, 0.0F}, 0.0F} : WidePlane{plane, share_on(plane)});
-  }
-
- private:
-  /// Sums of the products of coordinates, and of coordinates, in units of `unit`.
-  struct Fit {
-    float xx, xy, xz, yy, yz, zz;
-    Vec3<float> sum;
-    float count, unit;
-  };
-
-  PMSP_HD void put(const Place<float>& at, const WidePlane& plane) const { found[at.index] = plane; }
-
-  PMSP_HD Vec3<float> field_point(const Place<float>& at, int i) const {
-    const int column = (at.column * kFieldSide + i % kFieldSide) * grid.width / (kFieldColumns * kFieldSide);
-    const int row = (at.row * kFieldSide + i / kFieldSide) * grid.height / (kFieldRows * kFieldSide);
-    return surfel_point(surfels, grid, column, row);
-  }
-
-  PMSP_HD Fit fit_of(const Place<float>& at, const Vec3<float>& before, float far) const {
-    Fit fit{};
-    for (int i = 0; i < kFieldSide * kFieldSide; ++i) {
-      Vec3<float> point = field_point(at, i);
-      const float square = dot(point, point);
-      if (!(square > 0.0F) || !(off_plane(before, point) < far)) continue;
-      if (fit.count == 0.0F) fit.unit = sqrt(square);
-      point = (1.0F / fit.unit) * point;
-      fit.xx = fma(point.x, point.x, fit.xx);
-      fit.xy = fma(point.x, point.y, fit.xy);
-      fit.xz = fma(point.x, point.z, fit.xz);
-      fit.yy = fma(point.y, point.y, fit.yy);
-      fit.yz = fma(point.y, point.z, fit.yz);
-      fit.zz = fma(point.z, point.z, fit.zz);
-      fit.sum = fit.sum + point;
-      fit.count += 1.0F;
-    }
-    return fit;
-  }
-
-  PMSP_HD static Vec3<float> solved(const Fit& fit) {
-    const Vec3<float> x{fit.xx, fit.xy, fit.xz};
-    const Vec3<float> y{fit.xy, fit.yy, fit.yz};
-    const Vec3<float> z{fit.xz, fit.yz, fit.zz};
-    const Vec3<float> yz = cross(y, z);
-    const float determinant = dot(x, yz) * fit.unit;
-    if (!(determinant > 0.0F)) return {0.0F, 0.0F, 0.0F};
-    return (1.0F / determinant) * (fit.sum.x * yz + fit.sum.y * cross(z, x) + fit.sum.z * cross(x, y));
-  }
-
-  PMSP_HD float share_on(const Vec3<float>& plane) const {
-    float on = 0.0F;
-    float all = 0.0F;
-    for (int i = 0; i < kSphereRows; ++i) {
-      const int row = (2 * i + 1) * grid.height / (2 * kSphereRows);
-      const float weight = grid.cos_lat[row];
-      for (int k = 0; k < 2 * kSphereRows; ++k) {
-        const Vec3<float> point = surfel_point(surfels, grid, (2 * k + 1) * grid.width / (4 * kSphereRows), row);
-        on += off_plane(plane, point) < kOnPlane ? weight : 0.0F;
-        all += weight;
-      }
-    }
-    return on / all;
+    float sphere = 0.0F;
+    for (int i = 0; i < kSphereRows; ++i) sphere += grid.cos_lat[(2 * i + 1) * grid.height / (2 * kSphereRows)];
+    found[at.index] = all.points < kWantedOfField
+                          ? WidePlane{{0.0F, 0.0F, 0.0F}, 0.0F}
+                          : WidePlane{plane_of_sums(sums + first), all.sphere / (2.0F * kSphereRows * sphere)};
   }
 };
 
@@ -144,15 +214,18 @@ struct ChooseWidePlanes {
   PMSP_HD int height() const { return 1; }
 
   PMSP_HD void operator()(const Place<float>& /*at*/, bool* /*counted*/) const {
+    WidePlane best[kWidePlanes];
+    PMSP_UNROLL
     for (int m = 0; m < kWidePlanes; ++m) {
-      WidePlane best{{0.0F, 0.0F, 0.0F}, kLeastOfSphere};
+      best[m] = {{0.0F, 0.0F, 0.0F}, kLeastOfSphere};
       for (int i = 0; i < kFields; ++i) {
-        bool is_new = found[i].support > best.support;
-        for (int other = 0; other < m && is_new; ++other) is_new = !is_one_plane(found[i].plane, chosen[other].plane);
-        if (is_new) best = found[i];
+        const WidePlane field = found[i];
+        bool is_new = field.support > best[m].support;
+        for (int other = 0; other < m && is_new; ++other) is_new = !is_one_plane(field.plane, best[other].plane);
+        if (is_new) best[m] = field;
       }
-      chosen[m] = best;
     }
+    for (int m = 0; m < kWidePlanes; ++m) chosen[m] = best[m];
   }
 };
 

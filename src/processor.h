@@ -14,7 +14,7 @@
 //   Keys                           keys of pixels, for the stages of kernels/init.h
 //   Cubes                          an image to be matched with; `gray` in it is empty where there is none
 //   Prepared                       a keyframe's image: cubes, and of the depth map's pixels colours and mask
-//   kPriorShares                   threads that look for a prior cell's plane
+//   kPriorShares                   threads that share the work on a prior cell
 //   kMaskInColor                   whether the mask lies in the colours
 //   Planes                         an array of planes and scores, as a map or in checkerboard order
 //   Counts                         numbers of pixels that a stage counts
@@ -52,8 +52,8 @@ namespace pmsp {
 template <class T>
 using Array = std::shared_ptr<T[]>;
 
-/// Which keyframes each open pixel still has to ask in a round of ownership, in order; where the processor keeps
-/// account of it.
+/// Which keyframes each open pixel still has to ask in a round of ownership: of all open ones in order, or of all
+/// pixels, as the processor likes it. None before the first round.
 struct Asked {
   Array<std::uint32_t> bits;
   std::size_t count = 0;

@@ -230,12 +230,12 @@ class StageEngine final : public Engine {
       const Relation to = relation(viewer.pose, reference.pose, lens());
       stage.others[stage.count++] = {view(viewer), to.other_from_first, to.zoom, viewer.id < reference.id};
     }
-    stage.first = round == 1;
     stage.limits = ownership_limits(context_.options.fusion);
     stage.standings = standings.get();
     Asked asked{reference.asked.get(), reference.asked.count()};
     on.timed(context_.stats.seconds_ownership, [&] { on.own(stage, asked); });
     reference.standings[round % 2].put(std::move(standings), pixels());
+    if (round == ownership_rounds(context_.options)) return reference.asked.reset();
     reference.asked.put(std::move(asked.bits), asked.count, pixels());
   }
 

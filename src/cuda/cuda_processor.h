@@ -60,7 +60,7 @@ class CudaProcessor {
     Array<Color> color;
     Array<std::uint8_t> mask;  ///< none
   };
-  static constexpr int kPriorShares = 10;
+  static constexpr int kPriorShares = 16;
   static constexpr bool kMaskInColor = true;
 
   using Mark = std::shared_ptr<Event>;
@@ -132,7 +132,11 @@ class CudaProcessor {
   void iterate(const PatchMatchPass& pass, int colour, int iteration, bool rescore) const {
     iterate_pixels(pass, colour, iteration, rescore, compute_.get());
   }
-  void own(const kernels::OwnershipRound& stage, Asked& /*asked*/) const { launch(stage, nullptr); }
+  void own(const kernels::OwnershipRound& round, Asked& asked) {
+    const bool first = asked.count == 0;
+    if (first) asked = {array<std::uint32_t>(pixels()), pixels()};
+    cuda::own({round, asked.bits.get(), first}, compute_.get());
+  }
 
   template <class Work>
   void timed(double& seconds, const Work& work) {

@@ -16,9 +16,9 @@ inline int blocks(int count, int block) { return (count + block - 1) / block; }
 
 /// Launch shape of kernels with a thread for each pixel of an image, or of `depth` images.
 const dim3 kImageBlock(32, 8);
-inline dim3 image_grid(int width, int height, int depth = 1) {
-  return dim3(static_cast<unsigned>(blocks(width, static_cast<int>(kImageBlock.x))),
-              static_cast<unsigned>(blocks(height, static_cast<int>(kImageBlock.y))), static_cast<unsigned>(depth));
+inline dim3 image_grid(int width, int height, int depth = 1, dim3 block = kImageBlock) {
+  return dim3(static_cast<unsigned>(blocks(width, static_cast<int>(block.x))),
+              static_cast<unsigned>(blocks(height, static_cast<int>(block.y))), static_cast<unsigned>(depth));
 }
 
 /// After a launch: throws if it was refused.

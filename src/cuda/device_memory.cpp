@@ -33,7 +33,7 @@ std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::si
     case Artefact::kRangeMap:
       return 2 * pixels;
     case Artefact::kSurfels:
-      return (2 * 4 + 2 + static_cast<std::size_t>(agree_bytes(options.fusion))) * pixels;
+      return (3 * 4 + 2 + static_cast<std::size_t>(agree_bytes(options.fusion))) * pixels;
   }
   return 0;
 }

@@ -103,6 +103,13 @@ struct DevicePoint {
   float confidence;
 };
 
+/// A round of ownership.
+struct OwnershipArgs {
+  kernels::OwnershipRound round;
+  std::uint32_t* asked;  ///< of open pixels a bit for each keyframe whose say matters, before the round and after it
+  bool first;            ///< `asked` holds nothing yet
+};
+
 /// The points that a keyframe makes.
 struct OwnedArgs {
   kernels::GridView grid;

@@ -6,14 +6,51 @@
 namespace pmsp::cuda {
 namespace {
 
+constexpr unsigned int kBlockWidth = 32;
+constexpr unsigned int kBlockHeight = 2;
+constexpr int kBlockThreads = kBlockWidth * kBlockHeight;
+
+/// Small blocks: some stages need many registers. Even smaller ones where there are few pixels, so that all
+/// multiprocessors have some.
+dim3 block_for(int width, int height) { return dim3(kBlockWidth, width * height < 1 << 17 ? 1 : kBlockHeight); }
+
+/// A thread's pixel. The poles' rows of blocks come first: pixels crowd there, so that some stages have most to do
+/// with them.
+__device__ void pixel_of_thread(int& x, int& y) {
+  const unsigned int row = (blockIdx.y & 1U) == 0 ? blockIdx.y / 2 : gridDim.y - 1 - blockIdx.y / 2;
+  x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  y = static_cast<int>(row * blockDim.y + threadIdx.y);
+}
+
 template <class Stage>
 __global__ void stage_kernel(const __grid_constant__ Stage stage, unsigned int* counts) {
-  const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
-  const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
+  int x = 0;
+  int y = 0;
+  pixel_of_thread(x, y);
   bool counted[Stage::kCounts + 1] = {};
   if (x < stage.width() && y < stage.height()) stage(kernels::place_of(x, y, stage.width()), counted);
   if (counts == nullptr) return;
   for (int i = 0; i < Stage::kCounts; ++i) count_if(counted[i], counts + i);
+}
+
+using WeightedMedian = kernels::WeightedMedian<DeviceMachine>;
+
+/// Numbers of a thread in shared memory, those of its block's other threads between them.
+struct SharedNumbers {
+  float* first;
+  PMSP_HD float& operator[](int k) const { return first[k * kBlockThreads]; }
+};
+
+__global__ void weighted_median_kernel(const __grid_constant__ WeightedMedian stage) {
+  __shared__ float inverse_depth[kernels::kMedianSamples * kBlockThreads];
+  __shared__ float weight[kernels::kMedianSamples * kBlockThreads];
+  int x = 0;
+  int y = 0;
+  pixel_of_thread(x, y);
+  if (x >= stage.width() || y >= stage.height()) return;
+  const unsigned int thread = threadIdx.x + blockDim.x * threadIdx.y;
+  stage.filter(kernels::place_of(x, y, stage.width()), SharedNumbers{inverse_depth + thread},
+               SharedNumbers{weight + thread});
 }
 
 /// A block a landmark; the threads share its rows' pixels.
@@ -27,32 +64,44 @@ template <class Stage>
 void launch(const Stage& stage, Counts* counts, cudaStream_t stream) {
   static_assert(Stage::kCounts <= Counts::kMost, "room for what is counted");
   unsigned int* const of = counts == nullptr ? nullptr : counts->of;
-  stage_kernel<Stage><<<image_grid(stage.width(), stage.height()), kImageBlock, 0, stream>>>(stage, of);
+  const dim3 block = block_for(stage.width(), stage.height());
+  stage_kernel<Stage><<<image_grid(stage.width(), stage.height(), 1, block), block, 0, stream>>>(stage, of);
+  PMSP_CUDA_LAUNCHED();
+}
+
+/// Its numbers would not fit into registers but in a loop that is written out, which is longer than what a
+/// multiprocessor keeps of a program.
+template <>
+void launch(const WeightedMedian& stage, Counts* /*counts*/, cudaStream_t stream) {
+  const dim3 block(kBlockWidth, kBlockHeight);
+  weighted_median_kernel<<<image_grid(stage.width(), stage.height(), 1, block), block, 0, stream>>>(stage);
   PMSP_CUDA_LAUNCHED();
 }
 
 template void launch(const kernels::MedianFilter<DeviceMachine>&, Counts*, cudaStream_t);
-template void launch(const kernels::WeightedMedian<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::ConsistencyFilter<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::FindRanges<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::FusePixels<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::Eligibility&, Counts*, cudaStream_t);
+template void launch(const kernels::FitFields&, Counts*, cudaStream_t);
+template void launch(const kernels::MeasureFields&, Counts*, cudaStream_t);
 template void launch(const kernels::FindWidePlanes&, Counts*, cudaStream_t);
 template void launch(const kernels::ChooseWidePlanes&, Counts*, cudaStream_t);
 template void launch(const kernels::FindMirrored&, Counts*, cudaStream_t);
 template void launch(const kernels::ConfirmMirrors&, Counts*, cudaStream_t);
 template void launch(const kernels::CountMirrored&, Counts*, cudaStream_t);
+template void launch(const kernels::SumMirrored&, Counts*, cudaStream_t);
 template void launch(const kernels::ChooseMirrors&, Counts*, cudaStream_t);
-template void launch(const kernels::OwnershipRound&, Counts*, cudaStream_t);
 template void launch(const kernels::FindEvidence<DeviceMachine>&, Counts*, cudaStream_t);
-template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kSupports>&, Counts*,
-                     cudaStream_t);
-template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kSurroundings>&, Counts*,
-                     cudaStream_t);
-template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kCandidates>&, Counts*,
-                     cudaStream_t);
-template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kPlanes>&, Counts*, cudaStream_t);
-template void launch(const kernels::PriorCellStep<DeviceMachine, kernels::PriorStep::kChoice>&, Counts*, cudaStream_t);
+template <kernels::PriorStep step>
+using PriorStage = kernels::PriorCellStep<DeviceMachine, step>;
+template void launch(const PriorStage<kernels::PriorStep::kPixels>&, Counts*, cudaStream_t);
+template void launch(const PriorStage<kernels::PriorStep::kSupports>&, Counts*, cudaStream_t);
+template void launch(const PriorStage<kernels::PriorStep::kSurroundings>&, Counts*, cudaStream_t);
+template void launch(const PriorStage<kernels::PriorStep::kCandidates>&, Counts*, cudaStream_t);
+template void launch(const PriorStage<kernels::PriorStep::kPlanes>&, Counts*, cudaStream_t);
+template void launch(const PriorStage<kernels::PriorStep::kOffers>&, Counts*, cudaStream_t);
+template void launch(const PriorStage<kernels::PriorStep::kChoice>&, Counts*, cudaStream_t);
 template void launch(const kernels::PixelPriors<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::ReorderPlanes<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::WarpPixels<DeviceMachine, DeviceKeys>&, Counts*, cudaStream_t);

@@ -143,7 +143,6 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
   kernels::OwnershipRound stage{};
   stage.map = view_of(reference);
   stage.grid = grid.view();
-  stage.first = asked.empty();
   stage.limits = ownership_limits(options);
   stage.standings = standings.pixels().data();
   for (std::size_t k = 0; k < viewers.size(); ++k) {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "ownership.h"
@@ -15,6 +17,25 @@ struct Mirrors {
   Array<std::uint32_t> evidence, confirmed;
 };
 
+/// The plane of each field of a keyframe's points (kernels/wide_plane.h).
+template <class Processor>
+Array<kernels::WidePlane> wide_planes(Processor& on, const std::uint32_t* surfels) {
+  constexpr std::size_t kShares = std::size_t{kernels::kFields} * kernels::kFieldSide;
+  const kernels::GridView grid = on.grid();
+  const auto found = on.template array<kernels::WidePlane>(kernels::kFields);
+  const auto supports = on.template array<kernels::FieldSupport>(kShares);
+  auto before = on.template array<kernels::FieldSums>(kShares);
+  auto sums = on.template array<kernels::FieldSums>(kShares);
+  for (const float& reach : kernels::kFieldReach) {
+    std::swap(before, sums);
+    const bool is_first = &reach == kernels::kFieldReach;
+    on.launch(kernels::FitFields{surfels, grid, is_first ? nullptr : before.get(), reach, sums.get()}, nullptr);
+  }
+  on.launch(kernels::MeasureFields{surfels, grid, sums.get(), supports.get()}, nullptr);
+  on.launch(kernels::FindWidePlanes{grid, sums.get(), supports.get(), found.get()}, nullptr);
+  return found;
+}
+
 /// Finds the mirrors that a keyframe sees (kernels/mirror.h), and lets `judge` know of them, which has the keyframe's
 /// points and its viewers by now. `from_viewers`: from each viewer's frame into the keyframe's.
 template <class Processor>
@@ -22,14 +43,15 @@ Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_view
   if (judge.count < 2) return {};  // a mirror image wants two witnesses
   const kernels::GridView grid = on.grid();
   const int cells = grid.width / kernels::kRangeCell * (grid.height / kernels::kRangeCell);
-  const auto found = on.template array<kernels::WidePlane>(kernels::kFields);
-  const auto counts = on.template array<kernels::MirrorCounts>(kernels::kFields);
+  const int parts = kernels::kCountColumns * (grid.height / kernels::kRangeCell);
+  const auto found = wide_planes(on, judge.surfels);
+  const auto counts = on.template array<kernels::MirrorCounts>(static_cast<std::size_t>(parts));
+  const auto sums = on.template array<kernels::MirrorCounts>(kernels::kMirrorSums);
   const auto words = [&] { return on.template array<std::uint32_t>(static_cast<std::size_t>(cells)); };
   Mirrors mirrors{on.template array<kernels::WidePlane>(kernels::kWidePlanes), words(), words()};
   kernels::WidePlane* const planes = mirrors.planes.get();
   std::uint32_t* const evidence = mirrors.evidence.get();
   std::uint32_t* const confirmed = mirrors.confirmed.get();
-  on.launch(kernels::FindWidePlanes{judge.surfels, grid, found.get()}, nullptr);
   on.launch(kernels::ChooseWidePlanes{found.get(), planes}, nullptr);
   kernels::FindMirrored behind{};
   kernels::ConfirmMirrors front{};
@@ -42,7 +64,7 @@ Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_view
   front.evidence = evidence;
   behind.confirmed = front.confirmed = confirmed;
   kernels::ChooseMirrors choice{};
-  choice.counts = counts.get();
+  choice.sums = sums.get();
   choice.cells = cells;
   choice.planes = planes;
   choice.viewer_count = judge.count;
@@ -55,6 +77,7 @@ Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_view
   on.launch(behind, nullptr);
   on.launch(front, nullptr);
   on.launch(kernels::CountMirrored{grid, evidence, confirmed, counts.get()}, nullptr);
+  on.launch(kernels::SumMirrored{counts.get(), parts, sums.get()}, nullptr);
   on.launch(choice, nullptr);
   judge.mirrors = {planes, evidence, confirmed};
   return mirrors;

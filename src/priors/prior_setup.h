@@ -90,6 +90,7 @@ void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kerne
   const auto errors = on.template array<float>(size.cells());
   const auto unsure = on.template array<unsigned char>(size.cells());
   const auto around = on.template array<kernels::Surroundings>(size.cells());
+  const auto pixels = on.template array<kernels::SupportPixel>(size.cells() * Processor::kPriorShares);
   const auto candidates = on.template array<kernels::PriorPlane>(size.cells() * Processor::kPriorShares);
   auto before = on.template array<kernels::PriorPlane>(size.cells());
   auto found = on.template array<kernels::PriorPlane>(size.cells());
@@ -112,8 +113,10 @@ void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kerne
   cells.unsure = unsure.get();
   cells.around = around.get();
   cells.found = found.get();
+  cells.pixels = pixels.get();
   cells.candidates = candidates.get();
   cells.shares = Processor::kPriorShares;
+  on.launch(kernels::PriorCellStep<Machine, PriorStep::kPixels>{cells}, nullptr);
   on.launch(kernels::PriorCellStep<Machine, PriorStep::kSupports>{cells}, nullptr);
   on.launch(kernels::PriorCellStep<Machine, PriorStep::kSurroundings>{cells}, nullptr);
   on.launch(kernels::PriorCellStep<Machine, PriorStep::kCandidates>{cells}, nullptr);
@@ -123,6 +126,7 @@ void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kerne
     cells.before = before.get();
     cells.found = found.get();
     cells.stride = stride;
+    on.launch(kernels::PriorCellStep<Machine, PriorStep::kOffers>{cells}, nullptr);
     on.launch(kernels::PriorCellStep<Machine, PriorStep::kChoice>{cells}, nullptr);
   }
   on.launch(kernels::PixelPriors<Machine>{cells, to}, nullptr);

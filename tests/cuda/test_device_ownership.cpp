@@ -99,7 +99,7 @@ struct OnDevice {
   cuda::DeviceArray<float4> planes;
   cuda::DeviceArray<float> confidence;
   cuda::DeviceArray<std::uint32_t> color;
-  cuda::DeviceArray<std::uint32_t> surfels, details;
+  cuda::DeviceArray<std::uint32_t> surfels, details, asked;
   cuda::DeviceArray<std::uint8_t> agree, standings, next;
   cuda::DeviceArray<float> nearest, farthest;
 };
@@ -133,6 +133,7 @@ OnDevice uploaded_map(const Flight& flight, std::size_t k) {
   arrays.color = uploaded(color);
   arrays.surfels = cuda::DeviceArray<std::uint32_t>(pixels);
   arrays.details = cuda::DeviceArray<std::uint32_t>(pixels);
+  arrays.asked = cuda::DeviceArray<std::uint32_t>(pixels);
   arrays.agree = cuda::DeviceArray<std::uint8_t>(pixels * kAgreeBytes);
   arrays.standings = cuda::DeviceArray<std::uint8_t>(pixels);
   arrays.next = cuda::DeviceArray<std::uint8_t>(pixels);
@@ -207,10 +208,9 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
         stage.others[stage.count++] = {view(k), from(k, i).other_from_first, from(k, i).zoom,
                                        flight.maps[k].keyframe_id < flight.maps[i].keyframe_id};
       }
-      stage.first = round == 0;
       stage.limits = ownership_limits(flight.fusion);
       stage.standings = frames[i].next.get();
-      cuda::launch(stage, nullptr, nullptr);
+      cuda::own({stage, frames[i].asked.get(), round == 0}, nullptr);
     }
     for (OnDevice& frame : frames) std::swap(frame.standings, frame.next);
   }

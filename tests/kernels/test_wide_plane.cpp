@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "cpu/cpu_processor.h"
+#include "fusion/mirrors.h"
 #include "kernels/kernel_helpers.h"
 #include "sphere/grid.h"
 #include "wide_plane.h"
@@ -35,15 +37,11 @@ std::vector<std::uint32_t> inside_box(const k::GridView& grid, const Vec3<float>
   return surfels;
 }
 
-std::vector<k::WidePlane> found_in(const std::vector<std::uint32_t>& surfels, const k::GridView& grid) {
-  std::vector<k::WidePlane> found(k::kFields);
-  const k::FindWidePlanes stage{surfels.data(), grid, found.data()};
-  for (int row = 0; row < stage.height(); ++row) {
-    for (int column = 0; column < stage.width(); ++column) {
-      stage(k::place_of(column, row, stage.width()), nullptr);
-    }
-  }
-  return found;
+std::vector<k::WidePlane> found_in(const std::vector<std::uint32_t>& surfels) {
+  const Executor executor(1);
+  const CpuProcessor on(executor, kWidth, kHeight);
+  const Array<k::WidePlane> found = wide_planes(on, surfels.data());
+  return {found.get(), found.get() + k::kFields};
 }
 
 }  // namespace
@@ -52,7 +50,7 @@ TEST_CASE("wide planes: each side of a cube takes a sixth of the sphere, at the 
   const SphereGrid grid(kWidth, kHeight);
   int upward = 0;
   int level = 0;
-  for (const k::WidePlane& each : found_in(inside_box(grid.view(), {2.0F, 2.0F, 2.0F}), grid.view())) {
+  for (const k::WidePlane& each : found_in(inside_box(grid.view(), {2.0F, 2.0F, 2.0F}))) {
     if (each.support < 0.1F) continue;  // of a field that two sides meet in
     const Vec3<double> plane = test::cast<double>(each.plane);
     CHECK(test::length(plane) == Approx(0.5).epsilon(0.02));
@@ -66,7 +64,7 @@ TEST_CASE("wide planes: each side of a cube takes a sixth of the sphere, at the 
 TEST_CASE("wide planes: of a long room the widest sides are chosen, each once") {
   const SphereGrid grid(kWidth, kHeight);
   // Floor and ceiling take most of the sphere, then the long walls.
-  const std::vector<k::WidePlane> found = found_in(inside_box(grid.view(), {2.0F, 1.0F, 6.0F}), grid.view());
+  const std::vector<k::WidePlane> found = found_in(inside_box(grid.view(), {2.0F, 1.0F, 6.0F}));
   k::WidePlane chosen[k::kWidePlanes];
   k::ChooseWidePlanes{found.data(), chosen}(k::place_of(0, 0, 1), nullptr);
   for (int m = 1; m < k::kWidePlanes; ++m) CHECK(chosen[m].support <= chosen[m - 1].support);

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "cuda/device_code.h"
+#include "cuda/launch.h"
+
+// Rounds of ownership, a pixel a thread. What src/cpu/own_row.h does for a row.
+namespace pmsp::cuda {
+namespace {
+
+using kernels::Standing;
+
+constexpr int kWarp = 32;
+constexpr unsigned int kAll = 0xffffffffU;  ///< threads of a warp
+constexpr float kMany = 8.0F;               ///< pixels in half of a row from which on a warp searches together
+
+/// What a thread asks of another keyframe, in its frame.
+struct Search {
+  Vec3<float> point, normal;
+  kernels::OffSurface<float> off;
+  float rank;
+  kernels::Approach<float> there;
+};
+
+/// Whether pixels of the other map stand for a point, and whether one of them is an owner.
+struct Answer {
+  bool stands, owned;
+};
+
+__device__ void ask_pixel(const OwnershipArgs& args, const kernels::OwnershipView& other, const Search& search,
+                          int pixel, Answer& answer) {
+  const std::uint8_t standing = other.map.standings[pixel];
+  if (!kernels::makes_point(standing)) return;
+  const Vec3<float> bearing =
+      kernels::bearing_at<float>(args.round.grid, pixel % other.map.width, pixel / other.map.width);
+  if (!kernels::stands_for<float>(other.map.surfels[pixel], standing, bearing, search.point, search.normal, search.off,
+                                  search.rank, other, args.round.limits)) {
+    return;
+  }
+  answer.stands = true;
+  answer.owned = answer.owned || kernels::standing_of(standing) == Standing::kOwner;
+}
+
+/// Asks the pixels within reach, until it is clear what the answer is: nobody is an owner before the first round.
+__device__ Answer ask_within(const OwnershipArgs& args, const kernels::OwnershipView& other, const Search& search,
+                             int thread, int threads) {
+  Answer answer{false, false};
+  kernels::find_within(
+      search.there.at, search.there.spacing, args.round.grid.cos_lat, other.map.width, other.map.height,
+      [&](int pixel) {
+        ask_pixel(args, other, search, pixel, answer);
+        return answer.owned || (args.first && answer.stands);
+      },
+      thread, threads);
+  return answer;
+}
+
+__device__ Vec3<float> of_thread(const Vec3<float>& v, int thread) {
+  return {__shfl_sync(kAll, v.x, thread), __shfl_sync(kAll, v.y, thread), __shfl_sync(kAll, v.z, thread)};
+}
+__device__ Search of_thread(const Search& search, int thread) {
+  return {of_thread(search.point, thread),
+          of_thread(search.normal, thread),
+          {__shfl_sync(kAll, search.off.error, thread), __shfl_sync(kAll, search.off.most, thread)},
+          __shfl_sync(kAll, search.rank, thread),
+          {{__shfl_sync(kAll, search.there.at.x, thread), __shfl_sync(kAll, search.there.at.y, thread)},
+           __shfl_sync(kAll, search.there.spacing, thread)}};
+}
+
+/// Each thread asks keyframe `k` if it has something to ask. Pixels crowd near keyframes' poles: the few points that
+/// lie there would keep their warps waiting, so that all threads search for each of them. Called by all threads of a
+/// warp.
+__device__ Answer ask(const OwnershipArgs& args, bool asks, int k, const kernels::Claim<float>& claim) {
+  const int thread = static_cast<int>(threadIdx.x);
+  const kernels::OwnershipView& other = args.round.others[k];
+  Answer answer{false, false};
+  Search search{{}, claim.normal, claim.off, claim.rank, {}};
+  bool many = false;
+  search.point = kernels::transform(other.other_from_first, claim.point);
+  if (asks && kernels::may_rank_higher(search.point, claim.rank, other)) {
+    search.there = kernels::approach(search.point, claim.reach, other);
+    const kernels::Within<float> reached =
+        kernels::within(search.there, args.round.grid, other.map.width, other.map.height);
+    if (reached.this_one) ask_pixel(args, other, search, reached.row * other.map.width + reached.column, answer);
+    many = reached.several && search.there.spacing > kMany * args.round.grid.cos_lat[reached.row];
+    if (reached.several && !many) answer = ask_within(args, other, search, 0, 1);
+  }
+  for (unsigned int left = __ballot_sync(kAll, many); left != 0; left &= left - 1) {
+    const int whose = __ffs(static_cast<int>(left)) - 1;
+    const kernels::OwnershipView& its_other = args.round.others[__shfl_sync(kAll, k, whose)];
+    const Answer part = ask_within(args, its_other, of_thread(search, whose), thread, kWarp);
+    const bool stands = __any_sync(kAll, part.stands) != 0;
+    const bool owned = __any_sync(kAll, part.owned) != 0;
+    if (thread == whose) answer = {stands, owned};
+  }
+  return answer;
+}
+
+__device__ std::uint32_t everyone(int count) { return count < 32 ? (1U << static_cast<unsigned>(count)) - 1U : ~0U; }
+
+__global__ void own_kernel(const __grid_constant__ OwnershipArgs args) {
+  const kernels::OwnershipRound& round = args.round;
+  const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
+  const bool inside = x < round.width() && y < round.height();
+  const int pixel = inside ? y * round.width() + x : 0;
+  const std::uint8_t before = inside ? round.map.standings[pixel] : 0;
+  const bool decides = inside && kernels::standing_of(before) == Standing::kOpen;
+  if (inside && !decides) round.standings[pixel] = before;
+  if (__any_sync(kAll, decides) == 0) return;
+  kernels::Claim<float> claim{};
+  std::uint32_t asks = 0;
+  if (decides) {
+    claim = kernels::claim_of<float>(round.map.surfels[pixel], before, kernels::bearing_at<float>(round.grid, x, y),
+                                     round.map, round.limits);
+    asks = args.first ? everyone(round.count) : args.asked[pixel];
+  }
+  std::uint32_t open = 0;
+  bool dropped = false;
+  while (__any_sync(kAll, asks != 0) != 0) {
+    const std::uint32_t bit = asks & (0U - asks);  // the next one, or 0
+    const Answer answer = ask(args, asks != 0, max(__ffs(static_cast<int>(asks)) - 1, 0), claim);
+    if (answer.stands) open |= bit;
+    dropped = dropped || answer.owned;
+    asks = dropped ? 0 : asks ^ bit;
+  }
+  if (!decides) return;
+  args.asked[pixel] = open;
+  round.standings[pixel] = kernels::with_standing(before, dropped     ? Standing::kDropped
+                                                          : open != 0 ? Standing::kOpen
+                                                                      : Standing::kOwner);
+}
+
+}  // namespace
+
+void own(const OwnershipArgs& args, cudaStream_t stream) {
+  const dim3 block(kWarp, 2);
+  own_kernel<<<image_grid(args.round.width(), args.round.height(), 1, block), block, 0, stream>>>(args);
+  PMSP_CUDA_LAUNCHED();
+}
+
+}  // namespace pmsp::cuda
