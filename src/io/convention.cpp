@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::size_t kFewest = 100;
 constexpr std::size_t kMostOfKeyframe = 200;
+constexpr std::size_t kMost = 20000;  ///< more tell nothing new
 constexpr double kClearlyBetter = 0.4;  ///< of the median error: the other convention's at most
 constexpr double kStillFits = 0.01;     ///< of the width: what fits worse fits by chance
 constexpr double kHalf = 0.5;
@@ -42,9 +43,10 @@ struct Sample {
 /// Some of each keyframe, evenly spread over its list.
 std::vector<Sample> samples_of(const SlamMap& map) {
   std::vector<Sample> samples;
+  const std::size_t most = std::min(kMostOfKeyframe, kMost / std::max<std::size_t>(map.keyframes.size(), 1) + 1);
   for (const MapKeyframe& keyframe : map.keyframes) {
     const std::vector<MapObservation>& all = keyframe.observations;
-    const std::size_t step = all.size() / kMostOfKeyframe + 1;
+    const std::size_t step = all.size() / most + 1;
     for (std::size_t i = 0; i < all.size(); i += step) {
       const MapLandmark* const landmark = map.find_landmark(all[i].landmark_id);
       if (landmark == nullptr) continue;

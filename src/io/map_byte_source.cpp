@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "map_byte_source.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <string>
@@ -14,11 +15,11 @@ constexpr std::size_t kChunkBytes = std::size_t{1} << 20;
 
 }  // namespace
 
-ByteSource::ByteSource(const std::filesystem::path& path) : path_(path), chunk_(kChunkBytes) {
+ByteSource::ByteSource(const std::filesystem::path& path) : path_(path), chunk_(1 + kChunkBytes) {
   file_.rdbuf()->pubsetbuf(nullptr, 0);  // chunks are large: a second buffer would only copy them
   file_.open(path, std::ios::binary);
   if (!file_) throw IoError(path.string() + ": cannot be opened: " + std::strerror(errno));
-  current_ = end_ = chunk_.data();
+  current_ = end_ = chunk_.data() + 1;
   refill();
 }
 
@@ -30,13 +31,74 @@ void ByteSource::refill() {
                        ": a string or binary block of more than a mebibyte, expected no such thing in a map");
   }
   token_seen_ = false;
-  file_.read(chunk_.data(), static_cast<std::streamsize>(chunk_.size()));
+  file_.read(chunk_.data() + 1, static_cast<std::streamsize>(kChunkBytes));
   if (file_.bad()) {
     throw IoError(path_.string() + ": cannot be read beyond byte " + std::to_string(chunk_offset_) + ": " +
                   std::strerror(errno));
   }
-  current_ = chunk_.data();
+  current_ = chunk_.data() + 1;
   end_ = current_ + file_.gcount();
+}
+
+/// False if the file ends before so many are past.
+bool ByteSource::skip(std::uint64_t bytes) {
+  while (bytes > 0 && !at_end()) {
+    const auto step = std::min(bytes, static_cast<std::uint64_t>(end_ - current_));
+    current_ += step;
+    bytes -= step;
+    if (current_ == end_) refill();
+  }
+  return bytes == 0;
+}
+
+/// A big-endian number; one that no file can hold where the file ends in the middle of it.
+std::uint64_t ByteSource::size_of_value(int bytes) {
+  std::uint64_t value = 0;
+  for (; bytes > 0 && !at_end(); --bytes, advance()) value = value << 8U | static_cast<unsigned char>(peek());
+  return bytes == 0 ? value : std::uint64_t{1} << 62U;
+}
+
+void ByteSource::replace_value_by_nil() {
+  constexpr char kNil = '\xC0';
+  std::uint64_t values = 1;  // that are left; arrays and maps add theirs
+  for (; values > 0; --values) {
+    if (at_end()) return;
+    token_seen();
+    const auto first = static_cast<unsigned char>(peek());
+    constexpr unsigned char kNever = 0xC1;
+    if (first == kNever) return;
+    advance();
+    const auto wide = [first](unsigned char base) { return 1 << (first - base); };
+    std::uint64_t bytes = 0;
+    if (first >= 0x80 && first < 0x90) {
+      values += 2 * (first & 0x0FU);
+    } else if (first >= 0x90 && first < 0xA0) {
+      values += first & 0x0FU;
+    } else if (first >= 0xA0 && first < 0xC0) {
+      bytes = first & 0x1FU;
+    } else if (first >= 0xC4 && first <= 0xC6) {  // binary
+      bytes = size_of_value(wide(0xC4));
+    } else if (first >= 0xC7 && first <= 0xC9) {  // other types, with a byte for which
+      bytes = 1 + size_of_value(wide(0xC7));
+    } else if (first >= 0xCA && first <= 0xCB) {
+      bytes = static_cast<std::uint64_t>(4 * wide(0xCA));
+    } else if (first >= 0xCC && first <= 0xCF) {
+      bytes = static_cast<std::uint64_t>(wide(0xCC));
+    } else if (first >= 0xD0 && first <= 0xD3) {
+      bytes = static_cast<std::uint64_t>(wide(0xD0));
+    } else if (first >= 0xD4 && first <= 0xD8) {  // other types again
+      bytes = static_cast<std::uint64_t>(1 + wide(0xD4));
+    } else if (first >= 0xD9 && first <= 0xDB) {  // strings
+      bytes = size_of_value(wide(0xD9));
+    } else if (first >= 0xDC && first <= 0xDD) {
+      values += size_of_value(2 * wide(0xDC));
+    } else if (first >= 0xDE && first <= 0xDF) {
+      values += 2 * size_of_value(2 * wide(0xDE));
+    }  // else a small number, a boolean, or nil
+    if (!skip(bytes)) return;
+  }
+  --current_;
+  chunk_[static_cast<std::size_t>(current_ - chunk_.data())] = kNil;
 }
 
 }  // namespace pmsp::map_detail

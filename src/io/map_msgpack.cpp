@@ -92,15 +92,16 @@ void MapHandler::wrong_type(const char* found) const {
   fail(map_.path, where(), std::string("expected ") + expected() + ", found " + found);
 }
 
-bool MapHandler::parse_error(std::size_t position, const std::string& /*last_token*/, const json::exception& error) {
+bool MapHandler::parse_error(std::size_t /*position*/, const std::string& /*last_token*/,
+                             const json::exception& error) {
   const std::string inside = where().empty() ? "" : " inside " + where();
-  const std::string byte = "byte " + std::to_string(position);
-  if (state_ == State::done) fail(map_.path, byte, "more data after the end of the map, expected none");
+  const auto byte = [this](std::uint64_t more) { return "byte " + std::to_string(source_.offset() + more); };
+  if (state_ == State::done) fail(map_.path, byte(0), "more data after the end of the map, expected none");
   constexpr int kUnexpectedEnd = 110;
   if (error.id == kUnexpectedEnd) {
-    fail(map_.path, byte, "the file ends" + inside + " before the map is complete: it is truncated; copy it again");
+    fail(map_.path, byte(1), "the file ends" + inside + " before the map is complete: it is truncated; copy it again");
   }
-  fail(map_.path, byte, "broken MessagePack data" + inside + " (" + in_quotes(error.what()) + ")");
+  fail(map_.path, byte(0), "broken MessagePack data" + inside + " (" + in_quotes(error.what()) + ")");
 }
 
 // ---- the file as a whole

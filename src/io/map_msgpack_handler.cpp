@@ -174,12 +174,14 @@ bool MapHandler::key(std::string& value) {
   switch (state_) {
     case State::root:
       key_in_root(value);
+      if (section_ == Section::other) source_.replace_value_by_nil();
       break;
     case State::section:
       key_in_section(value);
       break;
     case State::entry:
       key_in_entry(value);
+      if (field_ == Field::other) source_.replace_value_by_nil();
       break;
     default:
       at_pt_ = value == "pt";

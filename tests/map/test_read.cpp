@@ -229,6 +229,64 @@ TEST_CASE("odd but harmless maps are read") {
     write_file(path, msgpack_bytes(tree));
     check_sample(read_map(path));
   }
+  SECTION("values of any type under unknown keys") {
+    const auto zeros = [](std::size_t count) { return std::string(count, '\0'); };
+    const std::string type = "\x05";
+    const std::vector<std::string> values{
+        "\x7F",
+        "\xE0",
+        "\xC0",
+        "\xC2",
+        "\xC3",  // small ones
+        "\x82\x01\xA1x\x02\x91\x03",
+        "\x93\x01\x92\x01\x02\xC3",
+        "\xA3xyz",  // short ones
+        "\xC4\x02" + zeros(2),
+        "\xC5" + zeros(1) + "\x02" + zeros(2),
+        "\xC6" + zeros(3) + "\x02" + zeros(2),
+        "\xC7\x02" + type + zeros(2),
+        "\xC8" + zeros(1) + "\x02" + type + zeros(2),
+        "\xC9" + zeros(3) + "\x02" + type + zeros(2),
+        "\xCA" + zeros(4),
+        "\xCB" + zeros(8),
+        "\xCC" + zeros(1),
+        "\xCD" + zeros(2),
+        "\xCE" + zeros(4),
+        "\xCF" + zeros(8),
+        "\xD0" + zeros(1),
+        "\xD1" + zeros(2),
+        "\xD2" + zeros(4),
+        "\xD3" + zeros(8),
+        "\xD4" + type + zeros(1),
+        "\xD5" + type + zeros(2),
+        "\xD6" + type + zeros(4),
+        "\xD7" + type + zeros(8),
+        "\xD8" + type + zeros(16),
+        "\xD9\x02xy",
+        "\xDA" + zeros(1) + "\x02xy",
+        "\xDB" + zeros(3) + "\x02xy",
+        "\xDC" + zeros(1) + "\x02\x01\xA1x",
+        "\xDD" + zeros(3) + "\x02\x01\xA1x",
+        "\xDE" + zeros(1) + "\x01\x01\xA1x",
+        "\xDF" + zeros(3) + "\x01\x01\xA1x",
+        std::string(1000000, '\x91') + "\xC0",                                   // deep
+        "\xDD" + zeros(1) + "\x20" + zeros(2) + std::string(0x200000, '\x07')};  // long
+    const std::string place =
+        "\xA7"
+        "a value";
+    tree["zzz"] = "a value";
+    keyframe["descs"] = "a value";
+    const std::string bytes = msgpack_bytes(tree);
+    for (const std::string& value : values) {
+      CAPTURE(static_cast<int>(static_cast<unsigned char>(value[0])));
+      std::string with = bytes;
+      for (std::size_t at = with.find(place); at != std::string::npos; at = with.find(place)) {
+        with.replace(at, place.size(), value);
+      }
+      write_file(path, with);
+      check_sample(read_map(path));
+    }
+  }
   SECTION("keypoints as the camera had them beside undistorted ones, which count") {
     for (auto& [id, each] : tree["keyframes"].items()) {
       each["keypts"] = each["undist_keypts"];
