@@ -296,8 +296,12 @@ PMSP_HD int supports_around(const Surroundings& around) {
   return count;
 }
 
-/// Writes `candidates` of a cell: of a share of the planes through three supports that surround it, the one that
-/// explains the surroundings best.
+/// Whether a cell looks for a plane of its own. Every other one takes over what its neighbours find (choose_plane):
+/// half the work, and no worse.
+PMSP_HD bool has_candidates(int column, int row) { return ((column + row) & 1) == 0; }
+
+/// Writes `candidates` of a cell that has some: of a share of the planes through three supports that surround it, the
+/// one that explains the surroundings best.
 template <class Machine>
 PMSP_HD void try_planes(const PriorCells<Machine>& cells, int column, int row, int share) {
   constexpr int kWide = kPriorDirections / 2;  // a wider gap, and the cell would lie outside the triangle
@@ -306,9 +310,7 @@ PMSP_HD void try_planes(const PriorCells<Machine>& cells, int column, int row, i
   const int cell = row * cells.columns + column;
   PriorPlane best = no_plane();
   const Surroundings& around = cells.around[cell];
-  // Every other cell takes over what its neighbours find (choose_plane): half the work, and no worse.
-  const bool own = cells.unsure[cell] != 0 && ((column + row) & 1) == 0;
-  if (own && supports_around(around) >= kPriorMinSupports) {
+  if (cells.unsure[cell] != 0 && supports_around(around) >= kPriorMinSupports) {
     const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
     for (int triangle = share; triangle < kGaps * kGaps * kWide; triangle += cells.shares) {
       const int i = triangle % kWide;  // less than `rest`
@@ -347,7 +349,7 @@ PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
   Surroundings& around = cells.around[cell];
   around.count = cells.unsure[cell] != 0 ? supports_around(around) : 0;
   PriorPlane best = no_plane();
-  take_candidate(cells, column, row, best);
+  if (has_candidates(column, row)) take_candidate(cells, column, row, best);
   cells.found[cell] = best;
 }
 
@@ -519,6 +521,7 @@ struct PriorCellStep {
   PriorCells<Machine> cells;
 
   PMSP_HD int width() const {
+    if (step == PriorStep::kCandidates) return (cells.columns + 1) / 2 * cells.shares;
     return cells.columns * (step == PriorStep::kSurroundings ? kPriorDirections : kShared ? cells.shares : 1);
   }
   PMSP_HD int height() const { return cells.rows; }
@@ -527,7 +530,9 @@ struct PriorCellStep {
     if constexpr (step == PriorStep::kSurroundings) {
       look_around(cells, at.column % cells.columns, at.row, at.column / cells.columns);
     } else if constexpr (kShared) {
-      const int column = at.column / cells.shares;
+      const int cell = at.column / cells.shares;
+      const int column = step == PriorStep::kCandidates ? 2 * cell + (at.row & 1) : cell;  // see has_candidates
+      if (column >= cells.columns) return;
       const int share = at.column % cells.shares;
       if constexpr (step == PriorStep::kPixels) look_at_pixels(cells, column, at.row, share);
       if constexpr (step == PriorStep::kCandidates) try_planes(cells, column, at.row, share);

@@ -6,9 +6,11 @@
 
 #include "pmsp-eval/depth_measures.h"
 #include "pmsp-eval/image_compare.h"
+#include "pmsp/error.h"
 
 using namespace pmsp::eval;
 using pmsp::Image;
+using pmsp::InvalidInput;
 
 namespace {
 
@@ -114,4 +116,40 @@ TEST_CASE("the truth of a pixel is the value at its centre") {
   const Image<float> estimate(4, 2, 1.0F);  // three pixels of the truth for each: the middle one
   const Image<float> error = relative_error(estimate, known, 0);
   CHECK(error(1, 1) == Approx((known(4, 4) - 1.0F) / known(4, 4)));
+}
+
+TEST_CASE("a depth map's own scale is the one that most of it has") {
+  Image<float> depth = truth();
+  for (float& value : depth.pixels()) value *= 0.5F;
+  CHECK(own_scale(depth, truth()) == Approx(2.0));
+  for (int x = 0; x < kWidth; ++x) depth(x, 0) = 100.0F;  // far off
+  for (int x = 0; x < kWidth; ++x) depth(x, 1) = 0.0F;    // unknown
+  CHECK(own_scale(depth, truth()) == Approx(2.0));
+  CHECK_THROWS_AS(own_scale(Image<float>(kWidth, kHeight), truth()), InvalidInput);
+}
+
+TEST_CASE("between pixels of one surface the truth is interpolated, at an edge it is the nearest pixel's") {
+  // Inverse range grows evenly from column to column, but for an edge and a hole.
+  Image<float> known(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) known(x, y) = 1.0F / (0.2F + 0.001F * static_cast<float>(x));
+    known(40, y) = 1.0F;
+    known(60, y) = 0.0F;
+  }
+  CHECK(range_at(known, 10.5, 20.5) == Approx(1.0 / 0.210));
+  CHECK(range_at(known, 10.75, 20.1) == Approx(1.0 / 0.21025));
+  CHECK(range_at(known, 10.75, 0.0) == Approx(1.0 / 0.21025));
+  CHECK(range_at(known, 40.1, 20.0) == 1.0F);
+  CHECK(range_at(known, 39.9, 20.0) == Approx(1.0 / 0.239));
+  CHECK(range_at(known, 60.1, 20.0) == 0.0F);
+  CHECK(range_at(known, kWidth - 0.1, 20.0) == known(kWidth - 1, 20));  // beside an edge at the seam
+  CHECK(range_at(known, 0.1, 20.0) == known(0, 20));
+  Image<float> estimate(kWidth / 4 * 3, kHeight / 4 * 3);  // centres lie between those of the truth
+  for (int y = 0; y < estimate.height(); ++y) {
+    for (int x = 0; x < estimate.width(); ++x) {
+      estimate(x, y) = 1.0F / (0.2F + 0.001F * ((static_cast<float>(x) + 0.5F) * 4.0F / 3.0F - 0.5F));
+    }
+  }
+  const Image<float> error = relative_error(estimate, known, 0);
+  for (int x = 1; x < 29; ++x) CHECK(error(x, 10) < 1e-5F);
 }

@@ -96,6 +96,13 @@ TEST_CASE("plane priors: a cell takes the plane of another one where it explains
   k::PriorCells<k::HostMachine> cells = cells_with(kColumns, kRows, around);
   cells.before = before.data();
   cells.found = found.data();
+  cells.shares = GENERATE(1, 4, 16);
+  std::vector<k::PriorPlane> candidates(static_cast<std::size_t>(cells.shares * kColumns * kRows));
+  cells.candidates = candidates.data();
+  const auto choose = [&](int column, int row) {
+    for (int share = 0; share < cells.shares; ++share) k::ask_others(cells, column, row, share);
+    k::choose_plane(cells, column, row);
+  };
   const auto at = [](int column, int row) { return static_cast<std::size_t>(row * kColumns + column); };
   for (const bool backward : {false, true}) {
     const int column = backward ? 0 : 4;
@@ -110,14 +117,46 @@ TEST_CASE("plane priors: a cell takes the plane of another one where it explains
       const int from = backward && stride == 2 ? 6 : beside + 1 - stride;
       before[at(column, 2)] = {{0.0F, 0.0F, 0.0F}, 0, 16.0F};
       before[at(from, 2)] = {{0.0F, 0.0F, sign / 4.05F}, 9, 3.0F};
-      k::choose_plane(cells, column, 2);
+      choose(column, 2);
       CHECK(found[at(column, 2)].supports == k::kPriorDirections);
       CHECK(found[at(column, 2)].plane.z == Approx(sign / 4.0F).epsilon(1e-3));  // and fits it to its own supports
       before[at(column, 2)] = {{0.0F, 0.0F, sign / 4.0F}, 16, 0.0F};
-      k::choose_plane(cells, column, 2);
+      choose(column, 2);
       CHECK(found[at(column, 2)].plane.z == sign / 4.0F);  // none is better
       before[at(from, 2)] = {{0.0F, 0.0F, 0.0F}, 0, 16.0F};
     }
+  }
+}
+
+TEST_CASE("plane priors: of all planes through three supports the best is found, however many share the work") {
+  std::vector<k::Surroundings> around{
+      around_ahead([](int d) { return 3.0F + 0.02F * static_cast<float>(d * 7 % 16); })};
+  for (int d = 9; d < 15; ++d) around[0].points[d] = (4.0F / around[0].points[d].z) * around[0].points[d];
+  unsigned char unsure = 1;
+  k::PriorCells<k::HostMachine> cells = cells_with(1, 1, around);
+  cells.unsure = &unsure;
+  k::PriorPlane best = k::no_plane();  // by trying all
+  const Vec3<float> center = k::cell_bearing(0, 0, 1, 1);
+  for (int i = 0; i < k::kPriorDirections; ++i) {
+    for (int j = i + 3; j < k::kPriorDirections; ++j) {
+      for (int l = j + 3; l < k::kPriorDirections; ++l) {
+        if (j - i > 8 || l - j > 8 || i + 16 - l < 3 || i + 16 - l > 8) continue;
+        const auto& points = around[0].points;
+        k::consider(best, k::plane_through(points[i], points[j], points[l]), around[0], center, kLimits);
+      }
+    }
+  }
+  REQUIRE(best.supports >= k::kPriorMinSupports);
+  for (const int shares : {1, 5, 16}) {
+    CAPTURE(shares);
+    std::vector<k::PriorPlane> candidates(static_cast<std::size_t>(shares));
+    cells.shares = shares;
+    cells.candidates = candidates.data();
+    for (int share = 0; share < shares; ++share) k::try_planes(cells, 0, 0, share);
+    const auto found = std::min_element(candidates.begin(), candidates.end(),
+                                        [](const auto& a, const auto& b) { return a.cost < b.cost; });
+    CHECK(found->cost == best.cost);
+    CHECK(found->supports == best.supports);
   }
 }
 

@@ -167,8 +167,11 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
     const Image<float> depth = load_depth(pairs[i].file.path, arguments.png_scale);
     Image<float> error;
     const Image<float> range = GroundTruth::load(*pairs[i].truth);
-    maps[i] = {id, depth.width(), depth.height(), measure_depth(depth, range, arguments.measures, &error), {}};
-    maps[i].labels = measure_labels(depth, error, range, GroundTruth::load_labels(*pairs[i].truth), arguments.labels);
+    DepthMeasureOptions measures = arguments.measures;
+    LabelOptions labels = arguments.labels;
+    if (arguments.own_scales) measures.scale = labels.scale = own_scale(depth, range);
+    maps[i] = {id, depth.width(), depth.height(), measure_depth(depth, range, measures, &error), {}};
+    maps[i].labels = measure_labels(depth, error, range, GroundTruth::load_labels(*pairs[i].truth), labels);
     samples[i] = samples_of(pairs[i], error, pairs.size());
     if (wanted.count(id) > 0) {
       write_depth_error_image(picture_path(arguments.render.folder, "depth_error", id), error, 720);

@@ -4,8 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "pmsp-eval/ground_truth.h"
 #include "pmsp-eval/image_compare.h"
 #include "pmsp-eval/statistics.h"
+#include "pmsp/error.h"
 
 namespace pmsp::eval {
 namespace {
@@ -68,6 +70,18 @@ DepthMeasures measure_depth(const Image<float>& depth, const Image<float>& truth
   result.error_p90 = percentile(errors, 90.0);
   if (error != nullptr) *error = std::move(relative);
   return result;
+}
+
+double own_scale(const Image<float>& depth, const Image<float>& truth) {
+  const Image<float> there = resampled(truth, depth.width(), depth.height());
+  std::vector<float> ratios;
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    const float estimate = depth.pixels()[i];
+    const float range = there.pixels()[i];
+    if (std::isfinite(estimate) && estimate > 0.0F && is_range(range)) ratios.push_back(range / estimate);
+  }
+  if (ratios.empty()) throw InvalidInput("no pixel has an estimate and a true range, which a scale could be fitted to");
+  return percentile(ratios, 50.0);
 }
 
 DepthMeasures mean_of(const std::vector<DepthMeasures>& maps) {

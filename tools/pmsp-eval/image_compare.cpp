@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "pmsp-eval/ground_truth.h"
@@ -25,6 +26,28 @@ float best_error(float estimate, const Image<float>& truth, int x, int y, int sl
 
 }  // namespace
 
+float range_at(const Image<float>& truth, double x, double y) {
+  constexpr float kOneSurface = 1.05F;  // ranges of four pixels, at most
+  const auto left = static_cast<int>(std::floor(x - 0.5));
+  const auto above = static_cast<int>(std::floor(y - 0.5));
+  const double right_share = x - 0.5 - left;
+  const double below_share = y - 0.5 - above;
+  float range[4];
+  for (int i = 0; i < 4; ++i) {
+    const int column = left + i % 2;
+    range[i] = truth((column + truth.width()) % truth.width(), std::clamp(above + i / 2, 0, truth.height() - 1));
+  }
+  const auto [nearest, farthest] = std::minmax_element(std::begin(range), std::end(range));
+  if (!std::all_of(std::begin(range), std::end(range), is_range) || *farthest > kOneSurface * *nearest) {
+    return range[(right_share < 0.5 ? 0 : 1) + (below_share < 0.5 ? 0 : 2)];
+  }
+  const auto between = [](double share, double a, double b) { return (1.0 - share) * a + share * b; };
+  const double inverse = between(
+      below_share, between(right_share, 1.0 / static_cast<double>(range[0]), 1.0 / static_cast<double>(range[1])),
+      between(right_share, 1.0 / static_cast<double>(range[2]), 1.0 / static_cast<double>(range[3])));
+  return static_cast<float>(1.0 / inverse);
+}
+
 Image<float> relative_error(const Image<float>& estimate, const Image<float>& truth, int slack_px) {
   Image<float> error(estimate.width(), estimate.height(), std::numeric_limits<float>::quiet_NaN());
   for (int y = 0; y < estimate.height(); ++y) {
@@ -32,7 +55,13 @@ Image<float> relative_error(const Image<float>& estimate, const Image<float>& tr
     for (int x = 0; x < estimate.width(); ++x) {
       const int truth_x = centre_index(x, estimate.width(), truth.width());
       if (!is_range(truth(truth_x, truth_y))) continue;
-      error(x, y) = best_error(estimate(x, y), truth, truth_x, truth_y, slack_px);
+      if (slack_px > 0) {
+        error(x, y) = best_error(estimate(x, y), truth, truth_x, truth_y, slack_px);
+      } else {
+        const float range = range_at(truth, (x + 0.5) * truth.width() / estimate.width(),
+                                     (y + 0.5) * truth.height() / estimate.height());
+        if (is_range(range)) error(x, y) = std::abs(estimate(x, y) - range) / range;
+      }
     }
   }
   return error;

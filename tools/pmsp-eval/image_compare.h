@@ -23,8 +23,13 @@ Image<T> resampled(const Image<T>& image, int width, int height) {
   return result;
 }
 
+/// The true range at an image point, measured in pixels of `truth`: between pixels of one surface it is interpolated
+/// (linearly in inverse range, which is exact for planes up to second order; a pixel aside, a floor seen at a grazing
+/// angle is half a percent farther), elsewhere that of the nearest pixel.
+float range_at(const Image<float>& truth, double x, double y);
+
 /// |estimate - truth| / truth of each pixel of `estimate`, NaN where the truth is unknown. Both images cover the whole
-/// sphere in any size; the truth of a pixel is the value at its centre. With `slack_px` > 0 the best of the
+/// sphere in any size; the truth of a pixel is range_at its centre. With `slack_px` > 0 the best of the
 /// (2 * slack_px + 1)^2 true values about the centre counts, so that half a pixel at an edge is no error.
 /// Unknown estimates (0) have error 1; the caller leaves them out.
 Image<float> relative_error(const Image<float>& estimate, const Image<float>& truth, int slack_px);

@@ -156,6 +156,10 @@ CLI::App* add_depth(CLI::App& app, Arguments& a) {
                    "Length of one gray level of a 16-bit PNG [units of the map]; no default")
       ->check(CLI::Range(1e-12, 1e12))
       ->type_name("UNITS");
+  depth->add_flag(
+      "--own-scales", a.depth.own_scales,
+      "Fit each depth map's scale to its own truth (the median), not one scale to all: leaves out the drift "
+      "of a SLAM's scale");
   add_number(*depth, "--slack", a.depth.measures.slack_px,
              "Pixels of the range map about the true one that also count [px]", 0, 100);
   add_number(*depth, "--correct", a.correct_percent,
