@@ -48,9 +48,9 @@ constexpr float kTrustedScore = 0.9F;
 template <class F>
 PMSP_HD F expected_error(const Evidence<F>& evidence, float pixel_angle) {
   constexpr float kFloor = 3e-4F;  // what a figure may be by chance
-  constexpr float kCalibration = 0.28F;
+  constexpr float kCalibration = 0.2F;
   constexpr float kOfSpread = 0.7F;
-  constexpr float kLeast = 2e-4F;  // no map knows better where its camera was
+  constexpr float kLeast = 1e-4F;  // no map knows better where its camera was
   const F agree = max(evidence.agree, F(0.1F));
   const F differs = sqrt(evidence.square_spread / agree);
   const F spread = differs + F(kFloor);

@@ -219,7 +219,7 @@ void fusion(Table& table) {
               "sparser")
       .unit("expected errors")
       .range(0, 10)
-      .high(1.5);
+      .high(2.0);
   PMSP_OPTION(fusion.history,
               "With free_space.whole_mission: keyframes that may make the point of a place in place of this one")
       .unit("keyframes")

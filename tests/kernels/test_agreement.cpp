@@ -180,17 +180,17 @@ TEST_CASE("expected error: grows with spread, roughness and missing maps, falls 
     const k::Evidence<double> evidence{agree * spread * spread, agree * gain * gain, roughness, agree, 4.0, score};
     return k::expected_error(evidence, 0.01F);
   };
-  const double usual = error(0.003, 0.3, 0.003, 4.0);
-  CHECK(usual > 0.001);
-  CHECK(usual < 0.01);
-  CHECK(error(0.006, 0.3, 0.003, 4.0) > 1.1 * usual);
-  CHECK(error(0.003, 0.3, 0.006, 4.0) > 1.1 * usual);
-  CHECK(error(0.003, 0.1, 0.003, 4.0) > 1.05 * usual);
-  CHECK(error(0.003, 0.3, 0.003, 2.0) > 1.3 * usual);
-  CHECK(error(0.003, 0.3, 0.003, 4.0, 0.95) == Approx(usual));
-  CHECK(error(0.003, 0.3, 0.003, 4.0, 0.6) > 1.1 * usual);
-  CHECK(error(0.003, 0.3, 0.003, 4.0, -1.0) > 1.3 * usual);
-  CHECK(error(0.003, 0.3, 0.003, 4.0, -1.0) == Approx(error(0.003, 0.3, 0.003, 4.0, 0.45)));  // twice at most
+  const double usual = error(0.001, 0.3, 0.003, 4.0);
+  CHECK(usual > 0.0003);
+  CHECK(usual < 0.003);
+  CHECK(error(0.002, 0.3, 0.003, 4.0) > 1.1 * usual);
+  CHECK(error(0.001, 0.3, 0.006, 4.0) > 1.1 * usual);
+  CHECK(error(0.001, 0.1, 0.003, 4.0) > 1.05 * usual);
+  CHECK(error(0.001, 0.3, 0.003, 2.0) > 1.3 * usual);
+  CHECK(error(0.001, 0.3, 0.003, 4.0, 0.95) == Approx(usual));
+  CHECK(error(0.001, 0.3, 0.003, 4.0, 0.6) > 1.1 * usual);
+  CHECK(error(0.001, 0.3, 0.003, 4.0, -1.0) > 1.3 * usual);
+  CHECK(error(0.001, 0.3, 0.003, 4.0, -1.0) == Approx(error(0.001, 0.3, 0.003, 4.0, 0.45)));  // twice at most
   CHECK(error(0.003, 0.3, 0.003, 4.0) > 0.7 * 0.003);  // maps that differ so much are off by about as much
   CHECK(std::isfinite(error(0.0, 0.0, 0.0, 0.0)));
   CHECK(error(0.0, 0.0, 0.0, 0.0) > usual);
