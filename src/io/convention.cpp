@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::size_t kFewest = 100;
 constexpr std::size_t kMostOfKeyframe = 200;
-constexpr std::size_t kMost = 20000;  ///< more tell nothing new
+constexpr std::size_t kMost = 20000;    ///< more tell nothing new
 constexpr double kClearlyBetter = 0.4;  ///< of the median error: the other convention's at most
 constexpr double kStillFits = 0.01;     ///< of the width: what fits worse fits by chance
 constexpr double kHalf = 0.5;
