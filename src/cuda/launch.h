@@ -37,6 +37,7 @@ void start_pixels(const PatchMatchPass& pass, cudaStream_t stream);
 /// `rescore`: planes are there, but not their scores.
 void iterate_pixels(const PatchMatchPass& pass, int colour, int iteration, bool rescore, cudaStream_t stream);
 
+/// A round of ownership for all pixels of a keyframe.
 void own(const OwnershipArgs& args, cudaStream_t stream);
 
 /// The points that a keyframe makes, in row order (pmsp::owned_points). `scratch`: at least owned_scratch_bytes.
