@@ -148,7 +148,7 @@ struct MirrorCounts {
 constexpr int kCountColumns = 16;  ///< parts of a row of cells that are counted apart
 constexpr int kMirrorSums = 128;   ///< that the counts are summed to
 
-/// Of a part of a row; a stage over them.
+/// Counts each part of each row of cells; a stage over the parts.
 struct CountMirrored {
   static constexpr int kCounts = 0;
 

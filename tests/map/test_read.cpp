@@ -237,10 +237,10 @@ TEST_CASE("odd but harmless maps are read") {
         "\xE0",
         "\xC0",
         "\xC2",
-        "\xC3",  // small ones
+        "\xC3",
         "\x82\x01\xA1x\x02\x91\x03",
         "\x93\x01\x92\x01\x02\xC3",
-        "\xA3xyz",  // short ones
+        "\xA3xyz",
         "\xC4\x02" + zeros(2),
         "\xC5" + zeros(1) + "\x02" + zeros(2),
         "\xC6" + zeros(3) + "\x02" + zeros(2),

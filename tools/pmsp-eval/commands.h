@@ -47,7 +47,7 @@ struct DepthArguments {
   DepthMeasureOptions measures;
   LabelOptions labels;
   RenderArguments render;
-  bool own_scales = false;  ///< each map's scale by itself, see own_scale
+  bool own_scales = false;            ///< each map's scale by itself, see own_scale
   std::filesystem::path calibration;  ///< plot; empty = none
 };
 

@@ -33,8 +33,8 @@ struct DepthMeasures {
 DepthMeasures measure_depth(const Image<float>& depth, const Image<float>& truth,
                             const DepthMeasureOptions& options = {}, Image<float>* error = nullptr);
 
-/// Metres per unit of a depth map by itself: the median of its pixels' true ranges over their depths. Throws InvalidInput
-/// where no pixel has both.
+/// Metres per unit of a depth map by itself: the median of its pixels' true ranges over their depths. Throws
+/// InvalidInput where no pixel has both.
 double own_scale(const Image<float>& depth, const Image<float>& truth);
 
 /// Each figure's mean over all depth maps; medians without a value are left out. `maps` must not be empty.
