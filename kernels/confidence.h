@@ -46,15 +46,17 @@ constexpr float kTrustedScore = 0.9F;
 /// The relative error to be expected (its median, fitted to the ground truth of four missions, two qualities, noise of
 /// 1 to 5 gray levels); large where no map agrees. What maps differ by in spite of it is that of their poses, say.
 template <class F>
-PMSP_HD F expected_error(const Evidence<F>& evidence, float pixel_angle) {
+PMSP_HD F expected_error(const Evidence<F>& evidence) {
   constexpr float kFloor = 3e-4F;  // what a figure may be by chance
   constexpr float kCalibration = 0.2F;
+  // A pixel of a map of 1440 [rad]: coarser maps have finer images, and are as exact; finer ones see the same poses.
+  constexpr float kResolved = 0.00436F;
   constexpr float kOfSpread = 0.7F;
   constexpr float kLeast = 1e-4F;  // no map knows better where its camera was
   const F agree = max(evidence.agree, F(0.1F));
   const F differs = sqrt(evidence.square_spread / agree);
   const F spread = differs + F(kFloor);
-  const F resolution = F(pixel_angle) / sqrt(evidence.square_gain + F(1e-8F));
+  const F resolution = F(kResolved) / sqrt(evidence.square_gain + F(1e-8F));
   const F mean = sqrt((evidence.roughness + F(kFloor)) * sqrt(spread * resolution));
   const F doubt = F(kTrustedScore) / min(max(evidence.score, F(0.5F * kTrustedScore)), F(kTrustedScore));
   const F error = F(kCalibration) * mean * doubt * evidence.maps / agree;
@@ -95,7 +97,6 @@ struct ConsistencyFilter {
   int count;  ///< of `others`; 0 = the filter does nothing
   int wanted;
   float tolerance;
-  float pixel_angle;  ///< at the equator [rad]
   float* confidence;  ///< 0 = no depth
 
   PMSP_HD int width() const { return grid.width; }
@@ -121,7 +122,7 @@ struct ConsistencyFilter {
                                    votes.agree,
                                    F(static_cast<float>(count)),
                                    score};
-        found = confidence_of_error(expected_error(evidence, pixel_angle));
+        found = confidence_of_error(expected_error(evidence));
       }
     }
     store<F>(select(kept, found, F(0)), confidence + at.first, at.count);

@@ -15,6 +15,7 @@ namespace {
 
 /// Native resolution stops here; beyond it a depth map no longer gains from pixels.
 constexpr int kLargestWidth = 5760;
+constexpr int kEnlargedUpTo = 1440;
 
 std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
@@ -22,6 +23,12 @@ std::string size_text(int width, int height) { return std::to_string(width) + " 
 bool is_reasonable(const Eigen::Vector3d& position) { return position.norm() <= kMaxPosition; }
 
 int even(int value) { return std::max(2, value / 2 * 2); }
+
+/// Small images say more in larger depth maps: patches of theirs are smaller, and planes lie between pixels anyway.
+int width_for(int image_width) {
+  const int enlarged = std::min(image_width + image_width / 2, kEnlargedUpTo);
+  return even(std::min(std::max(image_width, enlarged), kLargestWidth));
+}
 
 }  // namespace
 
@@ -81,7 +88,7 @@ void check_scale(const std::string& where, double scale) {
 void fill_in_size(DensifierOptions& options, int image_width, int image_height) {
   if (options.width != 0 && options.height != 0) return;
   if (options.width == 0) {
-    options.width = options.height != 0 ? 2 * options.height : even(std::min(image_width, kLargestWidth));
+    options.width = options.height != 0 ? 2 * options.height : width_for(image_width);
   }
   if (options.height == 0) {
     const double height = static_cast<double>(options.width) * image_height / image_width;

@@ -59,7 +59,9 @@ class Table {
 
 void machine(Table& table) {
   table.stage("Size and machine");
-  PMSP_OPTION(width, "Width of the depth maps; 0 = that of the images, up to 5760")
+  PMSP_OPTION(
+      width,
+      "Width of the depth maps; 0 = that of the images, up to 5760; of small ones, 1.5 times as much, up to 1440")
       .unit("px")
       .range(32, 16384)
       .even()
@@ -137,8 +139,12 @@ void patchmatch(Table& table) {
   PMSP_OPTION(patchmatch.fine_patch, "Size of the patch of textured pixels")
       .unit("share of the patch")
       .range(0.1, 1)
-      .normal(0.5)
+      .normal(0.4)
       .high(0.5)
+      .paper(1);
+  PMSP_OPTION(patchmatch.image_scale, "Width of the images that are compared, at most; finer ones keep edges sharper")
+      .unit("widths of the depth map")
+      .range(0.25, 8)
       .paper(1);
   PMSP_OPTION(patchmatch.sigma_color, "Bilateral weight: difference in brightness")
       .unit("gray levels")
@@ -160,7 +166,7 @@ void patchmatch(Table& table) {
 
 void filters(Table& table) {
   table.stage("Median filter");
-  PMSP_OPTION(median.enabled, "Remove single outliers").normal(0).high(0);  // more views leave none to it
+  PMSP_OPTION(median.enabled, "Remove single outliers").paper(1);
   PMSP_OPTION(median.max_relative_deviation,
               "Deviation from the neighbourhood's median beyond which a pixel is dropped")
       .unit("share of the depth")

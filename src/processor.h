@@ -35,7 +35,7 @@
 //   upload(values)                             of a vector, once for all
 //   prepare(keyframe, seconds)                 the keyframe's image
 //   gray(cubes), usable(cubes), color(colors), mask(colors, mask)   views of it
-//   pack(cubes), packed_size(cubes), unpack(packed, size)           cubes as one array, and back
+//   pack(cubes), packing(cubes), unpack(packed, packing)            cubes as one array, how they lie there, and back
 //   landmarks(keyframe, lens)       the landmarks that make planes, and their number
 //   first_planes(source, planes)   view of the planes that keys stand for; they may be put into `planes`
 //   launch(stage, counts)          runs a stage over all its pixels; `counts`: nullptr = not wanted
@@ -47,6 +47,13 @@
 //   planes_of(plane_map)           what was handed out so
 //   save(array, count, scratch, at), load<T>(count, scratch, at)
 namespace pmsp {
+
+/// A keyframe's cubes in one array of 16-bit words.
+struct CubePacking {
+  std::size_t count = 0;  ///< words
+  int side = 0;           ///< of the image's faces
+  int usable_side = 0;    ///< of the mask's, which come behind; 0 = there is none
+};
 
 /// Memory of a processor, given back when nobody holds it any more. Uninitialised.
 template <class T>

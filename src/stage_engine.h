@@ -341,6 +341,7 @@ class StageEngine final : public Engine {
     float noise = 0.0F;                       ///< of the image, see image_noise
     std::vector<Cubes> cubes;                 ///< matched with, on each processor; none while they are put away
     Waiting<std::uint16_t> packed;            ///< those that are, in the file
+    CubePacking packing;                      ///< how they lie there
     Waiting<Color> color;                     ///< of the depth map's pixels
     Waiting<std::uint8_t> mask;               ///< there, too; none: see Processor::mask
     PictureEvidence evidence;                 ///< while its passes with plane priors go on
@@ -448,7 +449,7 @@ class StageEngine final : public Engine {
     if (prepared.gray) return prepared;
     if (frame.packed.count() > 0) {
       Cubes cubes;
-      on.timed(context_.stats.seconds_prepare, [&] { cubes = on.unpack(frame.packed.get(on), frame.packed.count()); });
+      on.timed(context_.stats.seconds_prepare, [&] { cubes = on.unpack(frame.packed.get(on), frame.packing); });
       return cubes;
     }
     const auto ask = [&] {
@@ -465,7 +466,10 @@ class StageEngine final : public Engine {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
     const Cubes& cubes = frame.cubes[frame.home];
-    if (scratch_) frame.packed.put(on.pack(cubes), on.packed_size(cubes));
+    if (scratch_) {
+      frame.packing = on.packing(cubes);
+      frame.packed.put(on.pack(cubes), frame.packing.count);
+    }
     frame.cubes.assign(processors_.size(), {});
   }
 

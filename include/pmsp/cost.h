@@ -16,11 +16,15 @@ struct HostMemory {
   double scratch = 0.0;  ///< of the scratch file; 0 = there is none
 };
 
+/// Width of images that are not known: memory is that for images as fine as options may ask for.
+constexpr int kAnyImageWidth = 1 << 20;
+
 /// What a Densifier on the CPU takes that makes points of `used` keyframes, without a mask.
-PMSP_API HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used);
+PMSP_API HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used,
+                                       int image_width = kAnyImageWidth);
 
 /// Device memory that a Densifier takes at most [bytes]. Builds without CUDA know it, too.
-PMSP_API std::size_t device_memory_needed(const DensifierOptions& options);
+PMSP_API std::size_t device_memory_needed(const DensifierOptions& options, int image_width = kAnyImageWidth);
 
 /// Planes that a pixel tries in all passes: what the time of PatchMatch grows with.
 PMSP_API int planes_tried(const PatchMatchOptions& options);

@@ -49,7 +49,10 @@ struct PMSP_API PatchMatchOptions {
   int neighbours = 2;   ///< source keyframes per depth map, 1 to 8; cost grows in proportion
   int refinements = 3;  ///< random draws per pixel and iteration, 0 to 32
   /// Size of the patch of textured pixels, relative to that of others, 0.1 to 1; 1: all pixels count as textured.
-  double fine_patch = 0.4;
+  double fine_patch = 0.3;
+  /// Images are compared at their own width, at most this many times that of the depth maps, 0.25 to 8. Finer images
+  /// keep edges and thin things that a pixel of the depth map would average away; it averages strong noise away, too.
+  double image_scale = 2.0;
   double sigma_color = 20.0;  ///< bilateral weight: gray levels (0 to 255), 1 to 1000
   /// Where the surface around the pixel is smoother, sigma_color shrinks down to this, so that the edge of a near thing
   /// does not decide for the wall behind it, 1 to 1000; sigma_color or more: never.
@@ -68,7 +71,7 @@ struct PMSP_API PatchMatchOptions {
 
 /// Removes single outliers from a depth map, and sets its edges right.
 struct PMSP_API MedianFilterOptions {
-  bool enabled = true;
+  bool enabled = false;
   double max_relative_deviation = 0.05;  ///< from the median of the 3 x 3 neighbourhood, 0 to 1; more is dropped
   /// Photometric score (NCC, what is negative taken for 0) below which a pixel is dropped, -1 to 1. 0 drops none: on
   /// bare walls it is low however right the plane is, and what is wrong the consistency filter finds.
@@ -147,7 +150,7 @@ enum class Quality {
   kPaper,   ///< Surmann et al. 2022 as published, none of what was added since; to compare with, not to use
   kOnline,  ///< 640 x 320, 2 neighbours; keeps up with a flying drone on a CPU
   kNormal,  ///< 1440 x 720, 4 neighbours
-  kHigh,    ///< the video's own size up to 5760 x 2880, 6 neighbours
+  kHigh,    ///< the images' own size, 1440 x 720 (of small images: half as much again) to 5760 x 2880, 6 neighbours
 };
 
 constexpr int kMostDevices = 16;  ///< that may share the work
@@ -155,8 +158,8 @@ constexpr int kMostDevices = 16;  ///< that may share the work
 /// Everything that a Densifier can be told. pmsp/option_table.h has the fields as a table, with what `validate` checks
 /// and what `preset` sets.
 struct PMSP_API DensifierOptions {
-  int width = 640;         ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images, at most 5760, or
-                           ///< twice the height if one is given
+  int width = 640;         ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images, at most 5760; below
+                           ///< 1440, half as much again, up to that; or twice the height if one is given
   int height = 320;        ///< of the depth maps [px], even, 16 to 8192; 0 = as the images' shape asks
   std::uint64_t seed = 1;  ///< of the random planes; same input, seed and backend (see Simd, too), same bytes
   Backend backend = Backend::kAuto;

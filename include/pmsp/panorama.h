@@ -15,16 +15,16 @@ struct PanoramaData;
 /// Resizes a mask: 255 where all that a target pixel covers is usable (nonzero), else 0.
 PMSP_API Image<std::uint8_t> shrink_mask(ImageView<const std::uint8_t> mask, int width, int height);
 
-/// A keyframe's image made ready for matching at one resolution: colours on the grid of the depth map, and gray values
-/// on the six faces of a cube, which is how neighbours are looked up (one division instead of two arcus functions a
-/// sample). Resampling averages over each pixel's area; near the poles, where columns crowd, over an area as wide as at
-/// the equator.
+/// A keyframe's image made ready for matching: colours on the grid of the depth map, and gray values, which may be
+/// finer, on the six faces of a cube, which is how neighbours are looked up (one division instead of two arcus
+/// functions a sample). Resampling averages over each pixel's area; near the poles, where columns crowd, over an area
+/// as wide as at the equator.
 class PMSP_API Panorama {
  public:
   /// `image`: equirectangular, any even size. `mask`: same size or empty; 0 = ignore. `width`, `height`: of the depth
-  /// map, even. Throws InvalidInput.
+  /// map, even. `image_scale`: see PatchMatchOptions. Throws InvalidInput.
   Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
-           const Executor& executor);
+           const Executor& executor, double image_scale = 2.0);
   ~Panorama();
   Panorama(Panorama&&) noexcept;
   Panorama& operator=(Panorama&&) noexcept;

@@ -68,7 +68,8 @@ kernels::PlaneArrays CpuProcessor::to(const Planes& planes) const {
 
 CpuProcessor::Prepared CpuProcessor::prepare(const Keyframe& keyframe, double& seconds) const {
   const Stopwatch watch(seconds);
-  PanoramaData data = prepare_panorama(keyframe.image, keyframe.mask, grid_->width(), grid_->height(), executor_);
+  PanoramaData data =
+      prepare_panorama(keyframe.image, keyframe.mask, grid_->width(), grid_->height(), image_scale_, executor_);
   Prepared image;
   image.cubes.gray = std::make_shared<CubeMap>(std::move(data.gray));
   image.color = color_words(data.color, executor_);
@@ -78,24 +79,25 @@ CpuProcessor::Prepared CpuProcessor::prepare(const Keyframe& keyframe, double& s
   return image;
 }
 
-std::size_t CpuProcessor::packed_size(const Cubes& cubes) const {
-  return (cubes.usable ? 2 : 1) * node_count(cubes.gray->size);
+CubePacking CpuProcessor::packing(const Cubes& cubes) const {
+  const std::size_t nodes = node_count(cubes.gray->size);
+  if (!cubes.usable) return {nodes, cubes.gray->size, 0};
+  return {nodes + node_count(cubes.usable->size), cubes.gray->size, cubes.usable->size};
 }
 
 Array<std::uint16_t> CpuProcessor::pack(const Cubes& cubes) const {
-  Array<std::uint16_t> packed = array<std::uint16_t>(packed_size(cubes));
+  Array<std::uint16_t> packed = array<std::uint16_t>(packing(cubes).count);
   write_nodes(*cubes.gray, packed.get());
   if (cubes.usable) write_nodes(*cubes.usable, packed.get() + node_count(cubes.gray->size));
   return packed;
 }
 
-CpuProcessor::Cubes CpuProcessor::unpack(const Array<std::uint16_t>& packed, std::size_t size) const {
-  const int side = cube_size_for(grid_->width());
-  const auto unpacked = [&](const std::uint16_t* nodes) {
+CpuProcessor::Cubes CpuProcessor::unpack(const Array<std::uint16_t>& packed, const CubePacking& packing) const {
+  const auto unpacked = [&](const std::uint16_t* nodes, int side) {
     return std::make_shared<CubeMap>(cube_of_nodes(nodes, side, pool_of(executor_)));
   };
-  Cubes cubes{unpacked(packed.get()), nullptr};
-  if (size > node_count(side)) cubes.usable = unpacked(packed.get() + node_count(side));
+  Cubes cubes{unpacked(packed.get(), packing.side), nullptr};
+  if (packing.usable_side > 0) cubes.usable = unpacked(packed.get() + node_count(packing.side), packing.usable_side);
   return cubes;
 }
 

@@ -67,7 +67,7 @@ class CpuProcessor {
 
   static int number_of(const EngineContext& /*context*/) { return 1; }
   CpuProcessor(const EngineContext& context, const Executor& executor, int /*number*/, Queue& /*queue*/)
-      : cancel_(&context.cancel), executor_(executor) {}
+      : cancel_(&context.cancel), image_scale_(context.options.patchmatch.image_scale), executor_(executor) {}
   /// For stages alone.
   CpuProcessor(const Executor& executor, int width, int height) : executor_(executor) { set_size(width, height); }
 
@@ -107,9 +107,9 @@ class CpuProcessor {
   kernels::CubeView usable(const Cubes& cubes) const {
     return cubes.usable ? cubes.usable->view() : kernels::CubeView{};
   }
-  std::size_t packed_size(const Cubes& cubes) const;
+  CubePacking packing(const Cubes& cubes) const;
   Array<std::uint16_t> pack(const Cubes& cubes) const;
-  Cubes unpack(const Array<std::uint16_t>& packed, std::size_t size) const;
+  Cubes unpack(const Array<std::uint16_t>& packed, const CubePacking& packing) const;
   const std::uint32_t* color(const Array<Color>& color) const { return color.get(); }
   kernels::ByteMask mask(const Array<Color>& /*color*/, const Array<std::uint8_t>& mask) const { return {mask.get()}; }
 
@@ -172,6 +172,7 @@ class CpuProcessor {
 
  private:
   const std::atomic<bool>* cancel_ = nullptr;
+  double image_scale_ = PatchMatchOptions().image_scale;
   const Executor& executor_;
   std::optional<SphereGrid> grid_;
 };

@@ -86,9 +86,10 @@ class Rehearsal {
 
 }  // namespace
 
-HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used) {
+HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used, int image_width) {
   const double pixels = static_cast<double>(options.width) * options.height;
-  const double side = cube_size_for(options.width);
+  const double side =
+      cube_size_for(compared_size(image_width, options.width, options.height, options.patchmatch.image_scale).width);
   const double texels = 6.0 * side * side;  // 8 bytes each in a cube map that is matched with, 2 in one put away
   const int passes = options.patchmatch.geometric_passes;
   const double surfel = 2.0 * 4.0 + 2.0 + agree_bytes(options.fusion) + 4.0;  // and who is still to be asked

@@ -67,8 +67,6 @@ void CudaProcessor::settle() {
 void CudaProcessor::set_size(int width, int height) {
   if (grid_) return;
   grid_.emplace(width, height, compute_);
-  gray_ = DeviceArray<float>(pixels());
-  equalized_ = DeviceArray<float>(pixels());
 }
 
 void CudaProcessor::set_image_size(int width, int height) {
@@ -76,6 +74,14 @@ void CudaProcessor::set_image_size(int width, int height) {
   PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));  // kernels may still read the old tables
   columns_.emplace(width, grid().width, compute_);
   rows_.emplace(height, grid().height, compute_);
+  compared_ = compared_size(width, grid().width, grid().height, context_.options.patchmatch.image_scale);
+  gray_columns_.emplace(width, compared_.width, compute_);
+  gray_rows_.emplace(height, compared_.height, compute_);
+  const std::size_t compared = static_cast<std::size_t>(compared_.width) * static_cast<std::size_t>(compared_.height);
+  if (gray_.size() < compared) {
+    gray_ = DeviceArray<float>(compared);
+    equalized_ = DeviceArray<float>(compared);
+  }
   image_width_ = width;
   image_height_ = height;
 }
@@ -93,20 +99,23 @@ Array<std::uint64_t> CudaProcessor::keys() {
   return keys;
 }
 
+std::shared_ptr<CubeTexture> CudaProcessor::gray_cube(int size) { return grays_[size].get(size, kGrayBits); }
+
 CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double& seconds) {
   const auto& image = keyframe.image;
   const auto& mask = keyframe.mask;
   set_image_size(image.width, image.height);
   ThreadPool& pool = pool_of(executor_);
-  const int size = cube_size_for(grid().width);
-  Prepared prepared{{grays_.get(size, kGrayBits), nullptr}, array<Color>(pixels()), nullptr};
+  const int size = cube_size_for(compared_.width);
+  const int usable_size = cube_size_for(grid().width);
+  Prepared prepared{{gray_cube(size), nullptr}, array<Color>(pixels()), nullptr};
   ResizeArgs args{};
   args.image = images_.upload(image.data, 3 * static_cast<std::size_t>(image.width),
                               3 * static_cast<std::size_t>(image.stride), image.height, up_, compute_, pool);
   if (!mask.empty()) {
     args.mask = masks_.upload(mask.data, static_cast<std::size_t>(mask.width), static_cast<std::size_t>(mask.stride),
                               mask.height, up_, compute_, pool);
-    prepared.cubes.usable = usables_.get(size, kUsableBits);
+    prepared.cubes.usable = usables_.get(usable_size, kUsableBits);
     if (eroded_.empty()) eroded_ = DeviceArray<unsigned char>(pixels());
   }
   args.source_width = image.width;
@@ -116,15 +125,26 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
   args.columns = columns_->view();
   args.rows = rows_->view();
   args.color = prepared.color.get();
-  args.gray = gray_.get();
+  const bool at_once = compared_.width == args.width && compared_.height == args.height;
+  if (at_once) args.gray = gray_.get();
   timed(seconds, [&] {
     const cudaStream_t stream = compute_.get();
     resize(args, stream);
-    equalize_rows(gray_.get(), equalized_.get(), args.width, args.height, stream);
-    fill_cube(equalized_.get(), args.width, args.height, {size, prepared.cubes.gray->surface()}, stream);
+    if (!at_once) {
+      ResizeArgs finer = args;
+      finer.width = compared_.width;
+      finer.height = compared_.height;
+      finer.columns = gray_columns_->view();
+      finer.rows = gray_rows_->view();
+      finer.color = nullptr;
+      finer.gray = gray_.get();
+      resize(finer, stream);
+    }
+    equalize_rows(gray_.get(), equalized_.get(), compared_.width, compared_.height, stream);
+    fill_cube(equalized_.get(), compared_.width, compared_.height, {size, prepared.cubes.gray->surface()}, stream);
     if (mask.empty()) return;
     fill_usable_cube(args.color, args.width, args.height, kPatchReachPx, eroded_.get(),
-                     {size, prepared.cubes.usable->surface()}, stream);
+                     {usable_size, prepared.cubes.usable->surface()}, stream);
   });
   images_.consumed(compute_);
   if (!mask.empty()) masks_.consumed(compute_);
@@ -132,24 +152,24 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
 }
 
 /// Two bytes a texel of the image, one of the mask.
-std::size_t CudaProcessor::packed_size(const Cubes& cubes) const {
+CubePacking CudaProcessor::packing(const Cubes& cubes) const {
   const std::size_t texels = cubes.gray->texels();
-  return cubes.usable ? texels + texels / 2 : texels;
+  if (!cubes.usable) return {texels, cubes.gray->side(), 0};
+  return {texels + cubes.usable->texels() / 2, cubes.gray->side(), cubes.usable->side()};
 }
 
 Array<std::uint16_t> CudaProcessor::pack(const Cubes& cubes) {
-  const Array<std::uint16_t> packed = array<std::uint16_t>(packed_size(cubes));
+  const Array<std::uint16_t> packed = array<std::uint16_t>(packing(cubes).count);
   cubes.gray->copy_to(packed.get(), compute_);
   if (cubes.usable) cubes.usable->copy_to(packed.get() + cubes.gray->texels(), compute_);
   return packed;
 }
 
-CudaProcessor::Cubes CudaProcessor::unpack(const Array<std::uint16_t>& packed, std::size_t size) {
-  const int side = cube_size_for(grid().width);
-  Cubes cubes{grays_.get(side, kGrayBits), nullptr};
+CudaProcessor::Cubes CudaProcessor::unpack(const Array<std::uint16_t>& packed, const CubePacking& packing) {
+  Cubes cubes{gray_cube(packing.side), nullptr};
   cubes.gray->copy_from(packed.get(), compute_);
-  if (size == cubes.gray->texels()) return cubes;
-  cubes.usable = usables_.get(side, kUsableBits);
+  if (packing.usable_side == 0) return cubes;
+  cubes.usable = usables_.get(packing.usable_side, kUsableBits);
   cubes.usable->copy_from(packed.get() + cubes.gray->texels(), compute_);
   return cubes;
 }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -15,6 +16,7 @@
 #include "cuda/transfers.h"
 #include "engine.h"
 #include "processor.h"
+#include "sphere/cube_map.h"
 #include "util/scratch_file.h"
 
 namespace pmsp::cuda {
@@ -106,9 +108,9 @@ class CudaProcessor {
   Prepared prepare(const Keyframe& keyframe, double& seconds);
   TextureCube gray(const Cubes& cubes) const { return {cubes.gray->texture()}; }
   TextureCube usable(const Cubes& cubes) const { return {cubes.usable ? cubes.usable->texture() : 0}; }
-  std::size_t packed_size(const Cubes& cubes) const;
+  CubePacking packing(const Cubes& cubes) const;
   Array<std::uint16_t> pack(const Cubes& cubes);
-  Cubes unpack(const Array<std::uint16_t>& packed, std::size_t size);
+  Cubes unpack(const Array<std::uint16_t>& packed, const CubePacking& packing);
   const std::uint32_t* color(const Array<Color>& color) const {
     return reinterpret_cast<const std::uint32_t*>(color.get());
   }
@@ -208,6 +210,7 @@ class CudaProcessor {
     DeviceArray<std::uint32_t> agree;
   };
   void set_image_size(int width, int height);
+  std::shared_ptr<CubeTexture> gray_cube(int size);
   void expect(std::function<void()> hand_out) { queue_.push(device_number_, std::move(hand_out)); }
   void bring_bytes(void* to, std::shared_ptr<const void> from, std::size_t bytes, const CudaProcessor& home,
                    const Mark& made);
@@ -230,14 +233,17 @@ class CudaProcessor {
   DevicePool memory_;
   int image_width_ = 0;
   int image_height_ = 0;
+  ImageSize compared_{};  ///< what images of that size are compared at
   Uploader images_, masks_;
   DeviceArray<float> gray_, equalized_;
   DeviceArray<unsigned char> eroded_;
   PinnedArray<kernels::SparsePoint> points_host_;
   Event points_arrived_;
   std::optional<DeviceGrid> grid_;
-  std::optional<DeviceSpanTable> columns_, rows_;  ///< from the images' size
-  Pool<CubeTexture> grays_, usables_;
+  std::optional<DeviceSpanTable> columns_, rows_;            ///< from the images' size to that of the depth maps,
+  std::optional<DeviceSpanTable> gray_columns_, gray_rows_;  ///< and to that at which they are compared
+  std::map<int, Pool<CubeTexture>> grays_;                   ///< by size
+  Pool<CubeTexture> usables_;
   Pool<PointsDownload> clouds_;
   DeviceArray<unsigned char> select_scratch_;
   Pool<Record> records_;

@@ -14,11 +14,16 @@ namespace {
 /// Of the largest images that are usual; those to come are not known when memory is asked for.
 constexpr std::size_t kCameraPixels = std::size_t{5760} * 2880;
 
-/// Of one keyframe (see StageEngine); a cube map has 2 + 1 bytes a texel.
-std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::size_t pixels, std::size_t cube_side) {
+std::size_t cube_texels(int width) {
+  const std::size_t side = static_cast<std::size_t>(cube_size_for(width));
+  return 6 * side * side;
+}
+
+/// Of one keyframe (see StageEngine). `texels`: of the image as it is compared; the mask's have the size of the pixels.
+std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::size_t pixels, std::size_t texels) {
   switch (artefact) {
     case Artefact::kImage:
-      return 18 * cube_side * cube_side;
+      return 2 * texels + cube_texels(options.width);
     case Artefact::kColor:
       return 4 * pixels;
     case Artefact::kLandmarks:
@@ -40,23 +45,26 @@ std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::si
 
 }  // namespace
 
-std::size_t device_memory_needed(const DensifierOptions& options) {
+std::size_t device_memory_needed(const DensifierOptions& options, int image_width) {
   const std::size_t pixels = static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);
-  const std::size_t side = static_cast<std::size_t>(cube_size_for(options.width));
+  const ImageSize compared = compared_size(image_width, options.width, options.height, options.patchmatch.image_scale);
+  const std::size_t texels = cube_texels(compared.width);
   const Schedule schedule(options, true);
   std::size_t bytes = 0;
   for (const Lifetime& lifetime : schedule.lifetimes()) {
-    bytes += static_cast<std::size_t>(lifetime.keyframes) * bytes_of(lifetime.artefact, options, pixels, side);
+    bytes += static_cast<std::size_t>(lifetime.keyframes) * bytes_of(lifetime.artefact, options, pixels, texels);
   }
   if (!options.scratch_folder.empty()) {  // what waits is there, but for copies of what a stage looks at
     for (const Artefact artefact : {Artefact::kRangeMap, Artefact::kSurfels}) {
-      bytes -= static_cast<std::size_t>(schedule.keyframes_with(artefact)) * bytes_of(artefact, options, pixels, side);
+      bytes -=
+          static_cast<std::size_t>(schedule.keyframes_with(artefact)) * bytes_of(artefact, options, pixels, texels);
     }
     constexpr std::size_t kOfMost = 6;  // of a viewer: range map, surfels and standings; a pool keeps each size apart
     bytes += (kernels::kMaxViewers * kOfMost + bytes_of(Artefact::kSurfels, options, 1, 0)) * pixels;
   }
-  // State, warped planes, keys, gray, masks; what is known of mirrors.
-  const std::size_t working = (2 * 16 + 2 * 8 + 2 * 4 + 1 + 2) * pixels;
+  // State, warped planes, keys, masks; what is known of mirrors; gray values.
+  const std::size_t working = (2 * 16 + 2 * 8 + 1 + 2) * pixels + 2 * 4 * static_cast<std::size_t>(compared.width) *
+                                                                      static_cast<std::size_t>(compared.height);
   const std::size_t priors =
       options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 16 * pixels : 0;
   const std::size_t copies = (2 * 20 + 2 * 40 + 2) * pixels;  // depth maps and points on their way down

@@ -79,8 +79,8 @@ struct ResizeArgs {
   int source_width, source_height;
   int width, height;
   DeviceSpans columns, rows;
-  uchar4* color;  ///< w = 255 where a depth is wanted, else 0
-  float* gray;
+  uchar4* color;  ///< w = 255 where a depth is wanted, else 0; nullptr = not asked for
+  float* gray;    ///< nullptr = not asked for
 };
 
 struct CubeArgs {

@@ -11,7 +11,7 @@ using PatchMatchPass = kernels::PatchMatchPass<DeviceMachine>;
 /// Whether this build holds code for the current device.
 bool runs_here();
 
-/// Colours, gray values and the mask at the size of the depth maps.
+/// Colours with the mask, gray values, or both.
 void resize(const ResizeArgs& args, cudaStream_t stream);
 
 /// Averages each row over as many pixels as one equatorial pixel is wide there.

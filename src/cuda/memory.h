@@ -135,6 +135,7 @@ class CubeTexture {
   CubeTexture& operator=(const CubeTexture&) = delete;
   cudaTextureObject_t texture() const { return texture_; }
   cudaSurfaceObject_t surface() const { return surface_; }
+  int side() const { return static_cast<int>(side_); }
   std::size_t texels() const { return 6 * side_ * side_; }
 
   /// All texels, row by row and face by face, to or from other device memory.

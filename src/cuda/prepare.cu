@@ -47,11 +47,13 @@ __global__ void resize_kernel(const __grid_constant__ ResizeArgs args) {
       blue += weight * static_cast<float>(line[3 * column + 2]);
     }
   }
-  const bool usable = args.mask == nullptr || is_usable(args, x, y);
   const std::size_t at =
       static_cast<std::size_t>(y) * static_cast<std::size_t>(args.width) + static_cast<std::size_t>(x);
-  args.color[at] = make_uchar4(to_byte(red), to_byte(green), to_byte(blue), usable ? 255 : 0);
-  args.gray[at] = 0.299F * red + 0.587F * green + 0.114F * blue;  // ITU-R BT.601
+  if (args.color != nullptr) {
+    const bool usable = args.mask == nullptr || is_usable(args, x, y);
+    args.color[at] = make_uchar4(to_byte(red), to_byte(green), to_byte(blue), usable ? 255 : 0);
+  }
+  if (args.gray != nullptr) args.gray[at] = 0.299F * red + 0.587F * green + 0.114F * blue;  // ITU-R BT.601
 }
 
 __global__ void equalize_kernel(const float* gray, float* equalized, int width, int height) {

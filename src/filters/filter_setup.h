@@ -42,8 +42,8 @@ kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Ma
   stage.grid = grid;
   stage.count = options.enabled ? static_cast<int>(count) : 0;
   stage.wanted = agreeing_maps_wanted(options, count);
-  stage.pixel_angle = static_cast<float>(2.0 * kernels::kPi / grid.width);
-  stage.tolerance = std::max(static_cast<float>(options.max_relative_depth), stage.pixel_angle);  // no map knows better
+  const float pixel_angle = static_cast<float>(2.0 * kernels::kPi / grid.width);
+  stage.tolerance = std::max(static_cast<float>(options.max_relative_depth), pixel_angle);  // no map knows better
   stage.confidence = confidence;
   return stage;
 }

@@ -21,7 +21,25 @@ void join_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::vector
   }
 }
 
+/// The same of gray values, a float a pixel.
+void join_gray_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::vector<float>& sum) {
+  std::fill(sum.begin(), sum.end(), 0.0F);
+  for (std::size_t i = 0; i < rows.weights.size(); ++i) {
+    const Rgb* const pixels = image.row(std::clamp(rows.first + static_cast<int>(i), 0, image.height - 1));
+    const float weight = rows.weights[i];
+    for (std::size_t k = 0; k < sum.size(); ++k) {
+      sum[k] += weight * luma({static_cast<float>(pixels[k].r), static_cast<float>(pixels[k].g),
+                               static_cast<float>(pixels[k].b)});
+    }
+  }
+}
+
+/// Rows that share one buffer.
+constexpr int kRowsPerTask = 16;
+
 }  // namespace
+
+float luma(const Eigen::Vector3f& color) { return color.dot(Eigen::Vector3f(0.299F, 0.587F, 0.114F)); }
 
 std::vector<ResampleSpan> resample_spans(int source, int target) {
   std::vector<ResampleSpan> spans(static_cast<std::size_t>(target));
@@ -50,7 +68,6 @@ Image<Eigen::Vector3f> area_resize(ImageView<const Rgb> image, int width, int he
   const std::vector<ResampleSpan> columns = resample_spans(image.width, width);
   const std::vector<ResampleSpan> rows = resample_spans(image.height, height);
   Image<Eigen::Vector3f> result(width, height, Eigen::Vector3f::Zero());
-  constexpr int kRowsPerTask = 16;  // rows share one buffer
   pool.for_each((height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
     std::vector<float> sum(static_cast<std::size_t>(image.width) * 3);
     for (int y = task * kRowsPerTask; y < std::min(height, (task + 1) * kRowsPerTask); ++y) {
@@ -61,6 +78,28 @@ Image<Eigen::Vector3f> area_resize(ImageView<const Rgb> image, int width, int he
         for (std::size_t i = 0; i < span.weights.size(); ++i) {
           const int column = (span.first + static_cast<int>(i) + image.width) % image.width;
           value += span.weights[i] * Eigen::Map<const Eigen::Vector3f>(&sum[static_cast<std::size_t>(column) * 3]);
+        }
+        result(x, y) = value;
+      }
+    }
+  });
+  return result;
+}
+
+Image<float> area_resize_gray(ImageView<const Rgb> image, int width, int height, ThreadPool& pool) {
+  const std::vector<ResampleSpan> columns = resample_spans(image.width, width);
+  const std::vector<ResampleSpan> rows = resample_spans(image.height, height);
+  Image<float> result(width, height);
+  pool.for_each((height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
+    std::vector<float> sum(static_cast<std::size_t>(image.width));
+    for (int y = task * kRowsPerTask; y < std::min(height, (task + 1) * kRowsPerTask); ++y) {
+      join_gray_rows(image, rows[static_cast<std::size_t>(y)], sum);
+      for (int x = 0; x < width; ++x) {
+        const ResampleSpan& span = columns[static_cast<std::size_t>(x)];
+        float value = 0.0F;
+        for (std::size_t i = 0; i < span.weights.size(); ++i) {
+          const int column = (span.first + static_cast<int>(i) + image.width) % image.width;
+          value += span.weights[i] * sum[static_cast<std::size_t>(column)];
         }
         result(x, y) = value;
       }

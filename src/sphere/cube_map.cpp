@@ -124,6 +124,13 @@ CubeMap cube_of_nodes(const std::uint16_t* all, int size, ThreadPool& pool) {
   return cube;
 }
 
+ImageSize compared_size(int image_width, int width, int height, double scale) {
+  const auto even = [](double size) { return 2 * std::max(1, static_cast<int>(std::lround(0.5 * size))); };
+  const int compared = std::min(image_width, even(scale * width));
+  if (compared == width) return {width, height};
+  return {compared, even(static_cast<double>(compared) * height / width)};
+}
+
 int cube_size_for(int width) { return std::max(8, 2 * static_cast<int>(std::lround(width / (2.0 * kernels::kPi)))); }
 
 CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool) {

@@ -26,6 +26,13 @@ CubeMap cube_of_nodes(const std::uint16_t* nodes, int size, ThreadPool& pool);
 /// Faces as fine at their centres as an equirectangular image of this width is at the equator.
 int cube_size_for(int width);
 
+/// Size at which an image is compared with others: its own width, at most `scale` times that of the depth map, and the
+/// depth map's shape; even.
+struct ImageSize {
+  int width, height;
+};
+ImageSize compared_size(int image_width, int width, int height, double scale);
+
 /// Resamples a gray equirectangular image (values 0 to 255) by cubic convolution (Catmull-Rom; Keys 1981), rounded to
 /// 16 bits.
 CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool);

@@ -33,6 +33,12 @@ void check(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int w
   }
 }
 
+Image<float> gray_of(const Image<Eigen::Vector3f>& color) {
+  Image<float> gray(color.width(), color.height());
+  for (std::size_t i = 0; i < gray.pixels().size(); ++i) gray.pixels()[i] = luma(color.pixels()[i]);
+  return gray;
+}
+
 /// Averages each row over as many pixels as one equatorial pixel is wide there, by sliding sums.
 void equalize_rows(Image<float>& gray, ThreadPool& pool) {
   const int width = gray.width();
@@ -57,7 +63,7 @@ void equalize_rows(Image<float>& gray, ThreadPool& pool) {
 }  // namespace
 
 PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
-                              const Executor& executor) {
+                              double image_scale, const Executor& executor) {
   check(image, mask, width, height);
   ThreadPool& pool = pool_of(executor);
   const Image<Eigen::Vector3f> resized = area_resize(image, width, height, pool);
@@ -65,28 +71,27 @@ PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::u
   data.width = width;
   data.height = height;
   data.color = Image<Rgb>(width, height);
-  Image<float> gray(width, height);
-  const Eigen::Vector3f luma(0.299F, 0.587F, 0.114F);  // ITU-R BT.601
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const Eigen::Vector3f& value = resized(x, y);
       const auto byte = [](float v) { return static_cast<std::uint8_t>(std::min(v + 0.5F, 255.0F)); };
       data.color(x, y) = {byte(value.x()), byte(value.y()), byte(value.z())};
-      gray(x, y) = luma.dot(value);
     }
   }
+  const ImageSize compared = compared_size(image.width, width, height, image_scale);
+  Image<float> gray =
+      compared.width == width ? gray_of(resized) : area_resize_gray(image, compared.width, compared.height, pool);
   equalize_rows(gray, pool);
-  const int size = cube_size_for(width);
-  data.gray = make_cube_map(gray, size, pool);
+  data.gray = make_cube_map(gray, cube_size_for(compared.width), pool);
   if (mask.empty()) return data;
   data.usable = shrink_mask(mask, width, height);
-  data.matchable = make_usable_cube(data.usable, size, kPatchReachPx, pool);
+  data.matchable = make_usable_cube(data.usable, cube_size_for(width), kPatchReachPx, pool);
   return data;
 }
 
 Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
-                   const Executor& executor)
-    : data_(std::make_unique<PanoramaData>(prepare_panorama(image, mask, width, height, executor))) {
+                   const Executor& executor, double image_scale)
+    : data_(std::make_unique<PanoramaData>(prepare_panorama(image, mask, width, height, image_scale, executor))) {
   data_->noise = image_noise(image, mask, width, pool_of(executor));
 }
 Panorama::~Panorama() = default;

@@ -26,6 +26,6 @@ struct PanoramaData {
 
 /// As Panorama's constructor, but for the noise.
 PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
-                              const Executor& executor);
+                              double image_scale, const Executor& executor);
 
 }  // namespace pmsp

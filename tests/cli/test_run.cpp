@@ -175,7 +175,8 @@ TEST_CASE("an empty result gives 5, the stage and the option to try, and no file
   const std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> cases{
       {{"--view-filter-min-parallax-deg", "170", "--view-filter-max-parallax-deg", "180"},
        {"view filter", "--view-filter-"}},
-      {{"--median-min-score", "1", "--no-patchmatch-plane-priors"}, {"median filter", "--median-min-score"}},
+      {{"--median-enabled", "--median-min-score", "1", "--no-patchmatch-plane-priors"},
+       {"median filter", "--median-min-score"}},
       {{"--fusion-min-confidence", "1"}, {"fusion", "--fusion-min-confidence"}},
   };
   for (const auto& [arguments, expected] : cases) {

@@ -39,10 +39,19 @@ constexpr int width_of_any(int usual) { return kSanitized ? 48 : usual; }
 /// Three keyframes of a ready-made mission, small enough for many runs.
 synth::Recipe small_recipe(int width, int keyframes = 3);
 
-/// For tests of one pass alone, which needs two iterations where no geometric pass follows.
+/// For tests of one pass alone, which needs two iterations where no geometric pass follows. Their images are no finer
+/// than the depth maps: so small a patch as the default's would hold too few of their pixels.
 inline PatchMatchOptions single_pass() {
   PatchMatchOptions options;
   options.iterations = 2;
+  options.fine_patch = 0.4;
+  return options;
+}
+
+/// The filter of single outliers, which presets other than `paper` leave out.
+inline MedianFilterOptions median_on() {
+  MedianFilterOptions options;
+  options.enabled = true;
   return options;
 }
 

@@ -10,17 +10,20 @@ namespace pmsp::test {
 namespace {
 
 constexpr int kWidth = 32;
+constexpr int kImageWidth = 2 * kWidth;  // images are compared at their own size
 constexpr std::size_t kPlaces = 10;
 
 const synth::Mission& room() {
-  static const synth::Mission kRoom = synth::empty_room(small_recipe(kWidth, static_cast<int>(kPlaces)));
+  static const synth::Mission kRoom = synth::empty_room(small_recipe(kImageWidth, static_cast<int>(kPlaces)));
   return kRoom;
 }
 
 const Image<std::uint8_t>& mask() {
   static const Image<std::uint8_t> kMask = [] {
-    Image<std::uint8_t> result(kWidth, kWidth / 2, 255);
-    for (int y = kWidth / 4; y < kWidth / 2; ++y) std::fill(result.row(y), result.row(y) + kWidth / 4, 0);
+    Image<std::uint8_t> result(kImageWidth, kImageWidth / 2, 255);
+    for (int y = kImageWidth / 4; y < kImageWidth / 2; ++y) {
+      std::fill(result.row(y), result.row(y) + kImageWidth / 4, 0);
+    }
     return result;
   }();
   return kMask;

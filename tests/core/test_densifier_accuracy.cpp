@@ -74,6 +74,19 @@ TEST_CASE("the online preset finds a textured room, whichever way the camera loo
   CHECK(std::abs(forward.all - backward.all) < 0.005);
 }
 
+TEST_CASE("images that are finer than the depth maps make clouds more exact", "[densifier]" PMSP_ACCURACY) {
+  const synth::Mission mission = synth::textured_room(small_recipe(640, 5));
+  const auto good = [&](double image_scale) {
+    DensifierOptions options = fast_options(320);
+    options.patchmatch.image_scale = image_scale;
+    return points_on_surface(mission.scene, densify(mission, options).clouds, 0.002);
+  };
+  const double coarse = good(1.0);
+  const double fine = good(2.0);
+  CAPTURE(coarse, fine);
+  CHECK(fine > coarse + 0.02);
+}
+
 TEST_CASE("away from the line of flight it finds 98 % of it", "[densifier]" PMSP_ACCURACY) {
   CHECK(empty_room().forward.off_axis >= 0.98);
   CHECK(empty_room().backward.off_axis >= 0.98);

@@ -289,7 +289,7 @@ TEST_CASE("depth maps have the size that was asked for, or that of the images", 
     CHECK(densifier.options().height == depth.height());
     return std::pair{depth.width(), depth.height()};
   };
-  CHECK(size_with(0, 0) == std::pair{kFlightWidth, kFlightHeight});
+  CHECK(size_with(0, 0) == std::pair{kFlightWidth * 3 / 2, kFlightHeight * 3 / 2});  // small ones are enlarged
   CHECK(size_with(64, 0) == std::pair{64, 32});
   CHECK(size_with(0, 40) == std::pair{80, 40});
   CHECK(size_with(96, 52) == std::pair{96, 52});

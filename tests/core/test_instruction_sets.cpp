@@ -82,8 +82,7 @@ Results run_all(const synth::Mission& mission, const Executor& executor) {
   const std::vector<KeyframePose> around = {{mission.frames[0].cam_from_world}, {mission.frames[2].cam_from_world}};
   results.priors = plane_priors(maps[1], panoramas[1], around, range, executor);
   maps.push_back(second_pass(maps, panoramas, results.priors, range, executor));
-  maps.push_back(
-      weighted_median_filter(median_filter(maps[3], MedianFilterOptions{}, executor), panoramas[1], executor));
+  maps.push_back(weighted_median_filter(median_filter(maps[3], median_on(), executor), panoramas[1], executor));
   ConsistencyFilterOptions consistency;
   results.confidence = consistency_filter(maps[4], {&maps[0], &maps[2]}, consistency, executor);
   const PlaneMap* const filtered[3] = {&maps[0], &maps[4], &maps[2]};

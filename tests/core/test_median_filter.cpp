@@ -28,7 +28,7 @@ void erase(DepthMap& map, int x, int y) {
   map.confidence(x, y) = 0.0F;
 }
 
-FilterStats run(DepthMap& map, const MedianFilterOptions& options = {}, int threads = 2) {
+FilterStats run(DepthMap& map, const MedianFilterOptions& options = median_on(), int threads = 2) {
   FilterStats stats;
   median_filter(map, options, Executor(threads), &stats);
   return stats;
@@ -96,7 +96,7 @@ TEST_CASE("the median filter drops low scores, if it is to", "[median]") {
   DepthMap all = map;
   run(all);
   CHECK(all.depth(30, 30) > 0.0F);
-  MedianFilterOptions options;
+  MedianFilterOptions options = median_on();
   options.min_score = 0.1;
   run(map, options);
   CHECK(map.depth(30, 30) == 0.0F);
@@ -121,7 +121,7 @@ TEST_CASE("the median filter's tolerance is the option's", "[median]") {
   DepthMap base = truth_map(room().frames[0]);
   base.depth = Image<float>(kWidth, kHeight, 2.0F);
   base.depth(60, 40) = 2.0F * 1.08F;
-  MedianFilterOptions options;
+  MedianFilterOptions options = median_on();
   for (const auto& [tolerance, kept] : {std::pair{0.07, false}, {0.09, true}}) {
     DepthMap map = base;
     options.max_relative_deviation = tolerance;
@@ -133,7 +133,7 @@ TEST_CASE("the median filter's tolerance is the option's", "[median]") {
 TEST_CASE("a median filter that is switched off changes nothing, bad options are refused", "[median]") {
   DepthMap map = truth_map(room().frames[0], 0.01F);
   const DepthMap before = map;
-  MedianFilterOptions options;
+  MedianFilterOptions options = median_on();
   options.enabled = false;
   const FilterStats stats = run(map, options);
   CHECK(same(map, before));
@@ -147,13 +147,13 @@ TEST_CASE("the median filter gives the same bytes for any threads and instructio
   for (std::size_t i = 0; i < noisy.depth.size(); ++i)
     noisy.depth.pixels()[i] *= static_cast<float>(1.0 + 0.05 * synth::gaussian(3, i));
   DepthMap expected = noisy;
-  median_filter(expected, {}, Executor(1, Simd::kScalar));
+  median_filter(expected, median_on(), Executor(1, Simd::kScalar));
   CHECK(filled(expected.depth) > 0.3);
   CHECK(filled(expected.depth) < 0.95);
   for (const Simd simd : available_simd()) {
     for (const int threads : {1, 3}) {
       DepthMap map = noisy;
-      median_filter(map, {}, Executor(threads, simd));
+      median_filter(map, median_on(), Executor(threads, simd));
       INFO(name_of(simd) << ", " << threads << " threads");
       CHECK(same(map, expected));
     }

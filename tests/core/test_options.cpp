@@ -253,6 +253,24 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   CHECK_FALSE(paper.free_space.enabled);
 }
 
+TEST_CASE("sizes that are left open are those of the images, small ones enlarged", "[options]") {
+  const auto size = [](int image_width, int image_height, int width = 0, int height = 0) {
+    DensifierOptions options = preset(Quality::kHigh);
+    options.width = width;
+    options.height = height;
+    fill_in_size(options, image_width, image_height);
+    return std::pair(options.width, options.height);
+  };
+  CHECK(size(1920, 960) == std::pair(1920, 960));
+  CHECK(size(7680, 3840) == std::pair(5760, 2880));
+  CHECK(size(960, 480) == std::pair(1440, 720));  // no less than `normal` has
+  CHECK(size(1280, 640) == std::pair(1440, 720));
+  CHECK(size(1440, 720) == std::pair(1440, 720));
+  CHECK(size(100, 50) == std::pair(150, 74));
+  CHECK(size(960, 480, 320) == std::pair(320, 160));
+  CHECK(size(960, 480, 0, 100) == std::pair(200, 100));
+}
+
 TEST_CASE("no more depth maps must agree than are compared", "[options]") {
   ConsistencyFilterOptions options;
   options.min_views = options.window;

@@ -51,7 +51,7 @@ TEST_CASE("depth maps and planes hand their unit on", "[scale]") {
   CHECK(planes.scale == 4.0);
   CHECK(depth_map_of(planes, nullptr, executor).scale == 4.0);
   CHECK(depth_map_of(PlaneMap(), nullptr, executor).scale == 1.0);
-  CHECK(median_filter(planes, {}, executor).scale == 4.0);
+  CHECK(median_filter(planes, median_on(), executor).scale == 4.0);
   const Image<float> sure(kWidth, kWidth / 2, 1.0F);
   const RangeMap ranges = range_map(planes, sure, executor);
   CHECK(ranges.scale == 4.0);

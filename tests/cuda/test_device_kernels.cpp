@@ -38,7 +38,7 @@ struct Match {
     const Executor executor;
     for (std::size_t i = 0; i < mission.frames.size(); ++i) {
       const Keyframe keyframe = synth::keyframe_of(mission, i);
-      panoramas.emplace_back(keyframe.image, keyframe.mask, mission.width, mission.height, executor);
+      panoramas.emplace_back(keyframe.image, keyframe.mask, mission.width, mission.height, executor, 1.0);
     }
   }
 

@@ -7,6 +7,7 @@
 #include "cuda/on_device.h"
 #include "cuda/prepared.h"
 #include "pmsp/panorama.h"
+#include "sphere/area_resize.h"
 #include "sphere/panorama_data.h"
 #include "synth/rng.h"
 
@@ -83,7 +84,7 @@ TEST_CASE("colours are the CPU's", "[cuda][prepare][small]") {
     const synth::Mission mission = synth::textured_room(recipe);
     const Image<Rgb>& image = mission.frames[0].image;
     const Image<std::uint8_t> mask = blotchy_mask(image.width(), image.height());
-    const Panorama cpu(image.view(), mask.view(), size.width, size.height, Executor());
+    const Panorama cpu(image.view(), mask.view(), size.width, size.height, Executor(), 1.0);
     const PreparedOnDevice device = prepare_on_device(image.view(), mask.view(), size.width, size.height);
     std::size_t different = 0;
     int worst = 0;
@@ -106,8 +107,15 @@ TEST_CASE("colours are the CPU's", "[cuda][prepare][small]") {
 TEST_CASE("gray values on the cube are the CPU's", "[cuda][prepare][small]") {
   // Enlarged, so that it hardly matters that texels lie elsewhere.
   const synth::Mission mission = synth::sphere_inside(small_recipe(128));
-  const ImageView<const Rgb> image = mission.frames[0].image.view();
-  const Panorama cpu(image, {}, 512, 256, Executor());
+  ThreadPool pool(1);
+  const Image<Eigen::Vector3f> smooth = area_resize(mission.frames[0].image.view(), 512, 256, pool);
+  Image<Rgb> enlarged(512, 256);
+  for (std::size_t i = 0; i < enlarged.pixels().size(); ++i) {
+    const auto byte = [&](int channel) { return static_cast<std::uint8_t>(smooth.pixels()[i][channel] + 0.5F); };
+    enlarged.pixels()[i] = {byte(0), byte(1), byte(2)};
+  }
+  const ImageView<const Rgb> image = enlarged.view();
+  const Panorama cpu(image, {}, 512, 256, Executor(), 1.0);
   const PreparedOnDevice device = prepare_on_device(image, {}, 512, 256);
   const std::vector<float> directions = random_directions(20000);
   const std::vector<float> found = texture_samples({device.cube->texture()}, directions);
@@ -134,7 +142,7 @@ TEST_CASE("patches stay away from the mask as on the CPU", "[cuda][prepare][smal
   const synth::Mission mission = synth::sphere_inside(small_recipe(512));
   const ImageView<const Rgb> image = mission.frames[0].image.view();
   const Image<std::uint8_t> mask = blotchy_mask(512, 256);
-  const Panorama cpu(image, mask.view(), 256, 128, Executor());
+  const Panorama cpu(image, mask.view(), 256, 128, Executor(), 1.0);
   const PreparedOnDevice device = prepare_on_device(image, mask.view(), 256, 128);
   const std::vector<float> directions = random_directions(20000);
   const std::vector<float> found = texture_samples({device.usable->texture()}, directions);

@@ -178,7 +178,7 @@ TEST_CASE("agreement: a word weighs the inverse fourth power of distance, in any
 TEST_CASE("expected error: grows with spread, roughness and missing maps, falls with parallax and score") {
   const auto error = [](double spread, double gain, double roughness, double agree, double score = 1.0) {
     const k::Evidence<double> evidence{agree * spread * spread, agree * gain * gain, roughness, agree, 4.0, score};
-    return k::expected_error(evidence, 0.01F);
+    return k::expected_error(evidence);
   };
   const double usual = error(0.001, 0.3, 0.003, 4.0);
   CHECK(usual > 0.0003);

@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "kernels/kernel_helpers.h"
+#include "pmsp/executor.h"
 #include "sphere/cube_map.h"
+#include "sphere/panorama_data.h"
 
 using namespace pmsp;
 using pmsp::kernels::Vec3;
@@ -297,6 +299,44 @@ TEST_CASE("an empty cube map has a view without quads: usable everywhere") {
   CHECK(CubeMap().view().quads == nullptr);
   CHECK(cube_size_for(640) == 204);
   CHECK(cube_size_for(2) == 8);
+}
+
+TEST_CASE("images are compared at their own width, up to what is asked for, in the depth map's shape") {
+  const auto size = [](int image_width, int width, int height, double scale) {
+    const ImageSize found = compared_size(image_width, width, height, scale);
+    return std::pair(found.width, found.height);
+  };
+  CHECK(size(1920, 640, 320, 2.0) == std::pair(1280, 640));
+  CHECK(size(1920, 640, 320, 1.0) == std::pair(640, 320));
+  CHECK(size(1920, 1440, 720, 2.0) == std::pair(1920, 960));
+  CHECK(size(960, 1440, 720, 2.0) == std::pair(960, 480));
+  CHECK(size(1920, 640, 322, 1.0) == std::pair(640, 322));
+  CHECK(size(1000, 640, 320, 0.301) == std::pair(192, 96));
+  CHECK(size(16, 16384, 2, 2.0) == std::pair(16, 2));
+}
+
+TEST_CASE("a panorama keeps what is finer than the depth map's pixels, as far as it is asked to") {
+  const Executor executor(1);
+  Image<Rgb> image(256, 128);
+  for (int y = 0; y < 128; ++y) {
+    for (int x = 0; x < 256; ++x) image(x, y) = (x / 2) % 2 == 0 ? Rgb{80, 80, 80} : Rgb{120, 120, 120};
+  }
+  const auto contrast = [&](double scale) {  // at the equator, ahead: two image pixels are half a pixel of the map
+    const PanoramaData data = prepare_panorama(image.view(), {}, 64, 32, scale, executor);
+    float least = 255.0F;
+    float most = 0.0F;
+    for (int i = 0; i < 64; ++i) {
+      const float lon = 0.01F * static_cast<float>(i);
+      const float gray = k::sample(data.gray.view(), Vec3<float>{std::sin(lon), 0.0F, std::cos(lon)});
+      least = std::min(least, gray);
+      most = std::max(most, gray);
+    }
+    CHECK(data.color.width() == 64);
+    return most - least;
+  };
+  CHECK(contrast(1.0) < 4.0F);
+  CHECK(contrast(4.0) > 30.0F);
+  CHECK(contrast(8.0) == contrast(4.0));  // there are no finer images
 }
 
 TEST_CASE("a cube comes back from its nodes as it was") {

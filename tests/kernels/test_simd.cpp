@@ -157,7 +157,6 @@ std::vector<float> compare(Simd simd, const CompareInput& input) {
   stage.count = 1;
   stage.wanted = 1;
   stage.tolerance = 0.5F;
-  stage.pixel_angle = 0.01F;
   stage.confidence = confidence.data();
   run_rows(simd, stage);
   return confidence;

@@ -148,7 +148,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
       kPlanesBytes * all_pixels + kPointBytes * b.points + kRecordBytes * static_cast<double>(b.keyframes);
 
   options.scratch_folder = options.free_space.whole_mission ? "beside the cloud" : "";
-  const HostMemory memory = host_memory_needed(options, b.used);
+  const HostMemory memory = host_memory_needed(options, b.used, sized.image_width);
   b.scratch_bytes = memory.scratch;
   constexpr double kProcess = 72.0 * kMiB, kGpuProcess = 100.0 * kMiB;  // libraries, a driver's context, threads
   const double image = 3.0 * one_image;
@@ -157,9 +157,9 @@ Budget estimate_budget(const BudgetQuestion& question) {
   b.memory_bytes = kProcess + map + image * (ahead + 3) + memory.memory;
   b.gpu_host_bytes = kGpuProcess + map + 2.0 * image * ahead;  // each twice, while it is decoded
   options.scratch_folder.clear();
-  b.gpu_bytes = static_cast<double>(device_memory_needed(options));
+  b.gpu_bytes = static_cast<double>(device_memory_needed(options, sized.image_width));
   options.scratch_folder = "beside the cloud";
-  b.gpu_least_bytes = std::min(b.gpu_bytes, static_cast<double>(device_memory_needed(options)));
+  b.gpu_least_bytes = std::min(b.gpu_bytes, static_cast<double>(device_memory_needed(options, sized.image_width)));
 
   const double image_pixels = one_image * static_cast<double>(b.keyframes);
   const CpuPace& pace = question.pace;
