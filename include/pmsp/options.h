@@ -51,7 +51,7 @@ struct PMSP_API PatchMatchOptions {
   /// Size of the patch of textured pixels, relative to that of others, 0.1 to 1; 1: all pixels count as textured.
   double fine_patch = 0.3;
   /// Images are compared at their own width, at most this many times that of the depth maps, 0.25 to 8. Finer images
-  /// keep edges and thin things that a pixel of the depth map would average away; it averages strong noise away, too.
+  /// keep edges and thin things that a pixel of the depth map would average away, but noise as well.
   double image_scale = 2.0;
   double sigma_color = 20.0;  ///< bilateral weight: gray levels (0 to 255), 1 to 1000
   /// Where the surface around the pixel is smoother, sigma_color shrinks down to this, so that the edge of a near thing
