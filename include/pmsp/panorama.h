@@ -7,6 +7,7 @@
 #include "pmsp/api.h"
 #include "pmsp/executor.h"
 #include "pmsp/image.h"
+#include "pmsp/options.h"
 
 namespace pmsp {
 
@@ -24,7 +25,7 @@ class PMSP_API Panorama {
   /// `image`: equirectangular, any even size. `mask`: same size or empty; 0 = ignore. `width`, `height`: of the depth
   /// map, even. `image_scale`: see PatchMatchOptions. Throws InvalidInput.
   Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
-           const Executor& executor, double image_scale = 2.0);
+           const Executor& executor, double image_scale = PatchMatchOptions().image_scale);
   ~Panorama();
   Panorama(Panorama&&) noexcept;
   Panorama& operator=(Panorama&&) noexcept;

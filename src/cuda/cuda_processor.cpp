@@ -125,7 +125,7 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
   args.columns = columns_->view();
   args.rows = rows_->view();
   args.color = prepared.color.get();
-  const bool at_once = compared_.width == args.width && compared_.height == args.height;
+  const bool at_once = compared_.width == args.width;
   if (at_once) args.gray = gray_.get();
   timed(seconds, [&] {
     const cudaStream_t stream = compute_.get();

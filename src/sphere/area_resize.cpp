@@ -10,19 +10,20 @@
 namespace pmsp {
 namespace {
 
-/// One target row before its columns are joined: the weighted sum of source rows, three floats a pixel.
-void join_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::vector<float>& sum) {
-  std::fill(sum.begin(), sum.end(), 0.0F);
+/// One target row before its columns are joined: the weighted sum of source rows.
+void join_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::vector<Eigen::Vector3f>& sum) {
+  std::fill(sum.begin(), sum.end(), Eigen::Vector3f::Zero());
+  float* const channels = sum[0].data();
   for (std::size_t i = 0; i < rows.weights.size(); ++i) {
     const int y = std::clamp(rows.first + static_cast<int>(i), 0, image.height - 1);
     const float weight = rows.weights[i];
     const std::uint8_t* bytes = &image.row(y)->r;
-    for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += weight * static_cast<float>(bytes[k]);
+    for (std::size_t k = 0; k < 3 * sum.size(); ++k) channels[k] += weight * static_cast<float>(bytes[k]);
   }
 }
 
-/// The same of gray values, a float a pixel.
-void join_gray_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::vector<float>& sum) {
+/// The same of gray values.
+void join_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::vector<float>& sum) {
   std::fill(sum.begin(), sum.end(), 0.0F);
   for (std::size_t i = 0; i < rows.weights.size(); ++i) {
     const Rgb* const pixels = image.row(std::clamp(rows.first + static_cast<int>(i), 0, image.height - 1));
@@ -34,12 +35,31 @@ void join_gray_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::v
   }
 }
 
-/// Rows that share one buffer.
-constexpr int kRowsPerTask = 16;
+template <class Value>
+Image<Value> resize(ImageView<const Rgb> image, int width, int height, const Value& zero, ThreadPool& pool) {
+  const std::vector<ResampleSpan> columns = resample_spans(image.width, width);
+  const std::vector<ResampleSpan> rows = resample_spans(image.height, height);
+  Image<Value> result(width, height, zero);
+  constexpr int kRowsPerTask = 16;  // rows share one buffer
+  pool.for_each((height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
+    std::vector<Value> sum(static_cast<std::size_t>(image.width), zero);
+    for (int y = task * kRowsPerTask; y < std::min(height, (task + 1) * kRowsPerTask); ++y) {
+      join_rows(image, rows[static_cast<std::size_t>(y)], sum);
+      for (int x = 0; x < width; ++x) {
+        const ResampleSpan& span = columns[static_cast<std::size_t>(x)];
+        Value value = zero;
+        for (std::size_t i = 0; i < span.weights.size(); ++i) {
+          const int column = (span.first + static_cast<int>(i) + image.width) % image.width;
+          value += span.weights[i] * sum[static_cast<std::size_t>(column)];
+        }
+        result(x, y) = value;
+      }
+    }
+  });
+  return result;
+}
 
 }  // namespace
-
-float luma(const Eigen::Vector3f& color) { return color.dot(Eigen::Vector3f(0.299F, 0.587F, 0.114F)); }
 
 std::vector<ResampleSpan> resample_spans(int source, int target) {
   std::vector<ResampleSpan> spans(static_cast<std::size_t>(target));
@@ -65,47 +85,11 @@ std::vector<ResampleSpan> resample_spans(int source, int target) {
 }
 
 Image<Eigen::Vector3f> area_resize(ImageView<const Rgb> image, int width, int height, ThreadPool& pool) {
-  const std::vector<ResampleSpan> columns = resample_spans(image.width, width);
-  const std::vector<ResampleSpan> rows = resample_spans(image.height, height);
-  Image<Eigen::Vector3f> result(width, height, Eigen::Vector3f::Zero());
-  pool.for_each((height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
-    std::vector<float> sum(static_cast<std::size_t>(image.width) * 3);
-    for (int y = task * kRowsPerTask; y < std::min(height, (task + 1) * kRowsPerTask); ++y) {
-      join_rows(image, rows[static_cast<std::size_t>(y)], sum);
-      for (int x = 0; x < width; ++x) {
-        const ResampleSpan& span = columns[static_cast<std::size_t>(x)];
-        Eigen::Vector3f value = Eigen::Vector3f::Zero();
-        for (std::size_t i = 0; i < span.weights.size(); ++i) {
-          const int column = (span.first + static_cast<int>(i) + image.width) % image.width;
-          value += span.weights[i] * Eigen::Map<const Eigen::Vector3f>(&sum[static_cast<std::size_t>(column) * 3]);
-        }
-        result(x, y) = value;
-      }
-    }
-  });
-  return result;
+  return resize<Eigen::Vector3f>(image, width, height, Eigen::Vector3f::Zero(), pool);
 }
 
 Image<float> area_resize_gray(ImageView<const Rgb> image, int width, int height, ThreadPool& pool) {
-  const std::vector<ResampleSpan> columns = resample_spans(image.width, width);
-  const std::vector<ResampleSpan> rows = resample_spans(image.height, height);
-  Image<float> result(width, height);
-  pool.for_each((height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
-    std::vector<float> sum(static_cast<std::size_t>(image.width));
-    for (int y = task * kRowsPerTask; y < std::min(height, (task + 1) * kRowsPerTask); ++y) {
-      join_gray_rows(image, rows[static_cast<std::size_t>(y)], sum);
-      for (int x = 0; x < width; ++x) {
-        const ResampleSpan& span = columns[static_cast<std::size_t>(x)];
-        float value = 0.0F;
-        for (std::size_t i = 0; i < span.weights.size(); ++i) {
-          const int column = (span.first + static_cast<int>(i) + image.width) % image.width;
-          value += span.weights[i] * sum[static_cast<std::size_t>(column)];
-        }
-        result(x, y) = value;
-      }
-    }
-  });
-  return result;
+  return resize<float>(image, width, height, 0.0F, pool);
 }
 
 Image<std::uint8_t> shrink_mask(ImageView<const std::uint8_t> mask, int width, int height) {

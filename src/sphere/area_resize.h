@@ -21,14 +21,14 @@ struct ResampleSpan {
 std::vector<ResampleSpan> resample_spans(int source, int target);
 
 /// Gray value of a colour (ITU-R BT.601).
-float luma(const Eigen::Vector3f& color);
+inline float luma(const Eigen::Vector3f& color) { return color.dot(Eigen::Vector3f(0.299F, 0.587F, 0.114F)); }
 
 /// Resizes an equirectangular image: each target pixel is the mean over the area that it covers (partial pixels by
 /// their share), or, when enlarging, linear interpolation between pixel centres. x wraps. Values stay on the scale 0 to
 /// 255.
 Image<Eigen::Vector3f> area_resize(ImageView<const Rgb> image, int width, int height, ThreadPool& pool);
 
-/// The same of the gray values (luma, ITU-R BT.601) alone.
+/// The same of the gray values (luma) alone.
 Image<float> area_resize_gray(ImageView<const Rgb> image, int width, int height, ThreadPool& pool);
 
 }  // namespace pmsp
