@@ -108,7 +108,7 @@ void write_one(const Arguments& arguments, const CloudFormat& format, const fs::
   rusage before{}, after{};
   getrusage(RUSAGE_SELF, &before);
   const auto start = std::chrono::steady_clock::now();
-  CloudOutput output(header, arguments.amount, {{&format, path}}, usable_cpus());
+  CloudOutput output(header, arguments.amount, {{&format, path}});
   for (std::int64_t i = 0; i < keyframes; ++i) {
     cloud.keyframe_id = i;
     cloud.cam_from_world.translation.z() = -kStep * static_cast<double>(i);

@@ -2,6 +2,7 @@
 #include "pmsp/io/cloud_output.h"
 
 #include <algorithm>
+#include <optional>
 
 #include "export/placed_points.h"
 #include "export/thinning.h"
@@ -27,15 +28,22 @@ CloudHeader cloud_header_of(const SlamMap& map, const Similarity& file_from_map,
 }
 
 struct CloudOutput::Impl {
-  Impl(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& to, int threads)
-      : file_from_map(header.file_from_map), crop(amount.crop), targets(to), placed(threads) {
+  Impl(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& to)
+      : file_from_map(header.file_from_map), crop(amount.crop), targets(to), threads(header.threads) {
     for (const Target& target : targets) writers.push_back(target.format->open(target.path, header));
     if (amount.thinning.is_needed()) thinning = std::make_unique<Thinning>(amount.thinning, header.scratch.string());
   }
 
-  void write(const OutputPoint* points, std::size_t count) {
-    for (const auto& writer : writers) writer->add(points, count);
-    for (CloudWriter* writer : others) writer->add(points, count);
+  /// All that the points go to.
+  std::vector<CloudWriter*> all_writers() const {
+    std::vector<CloudWriter*> all;
+    for (const auto& writer : writers) all.push_back(writer.get());
+    all.insert(all.end(), others.begin(), others.end());
+    return all;
+  }
+
+  void write(const std::vector<CloudWriter*>& to, const OutputPoint* points, std::size_t count) {
+    for (CloudWriter* writer : to) writer->add(points, count);
     written += static_cast<std::int64_t>(count);
   }
 
@@ -45,7 +53,8 @@ struct CloudOutput::Impl {
   std::vector<std::unique_ptr<CloudWriter>> writers;
   std::vector<CloudWriter*> others;
   std::unique_ptr<Thinning> thinning;  ///< nullptr = none
-  PlacedPoints placed;
+  int threads;
+  std::optional<PlacedPoints> placed;  ///< for points that writers do not take themselves
   std::int64_t come = 0, written = 0;
   bool committed = false;
 };
@@ -63,9 +72,8 @@ std::vector<CloudOutput::Target> target_of(const std::filesystem::path& path) {
 
 }  // namespace
 
-CloudOutput::CloudOutput(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& targets,
-                         int threads)
-    : impl_(std::make_unique<Impl>(header, amount, targets, threads)) {}
+CloudOutput::CloudOutput(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& targets)
+    : impl_(std::make_unique<Impl>(header, amount, targets)) {}
 
 CloudOutput::CloudOutput(const std::filesystem::path& path, const CloudHeader& header)
     : CloudOutput(header, {}, target_of(path)) {}
@@ -83,17 +91,31 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
                       ": points added after the file was finished");
   }
   for (const auto& writer : impl.writers) writer->set_window(cloud.keyframe_id, cloud.window_ids);
-  impl.placed.for_each_piece(cloud, pose, impl.file_from_map, [&impl](OutputPoint* points, std::size_t count) {
+  const std::size_t size = cloud.points.size();
+  impl.come += static_cast<std::int64_t>(size);
+  std::vector<CloudWriter*> writers = impl.all_writers();
+  if (!impl.crop && !impl.thinning) {
+    const auto place = [&](std::size_t first, std::size_t last, OutputPoint* to) {
+      place_points(cloud, pose, impl.file_from_map, first, last, to);
+    };
+    const auto takes = [&](CloudWriter* writer) { return writer->take(size, place); };
+    writers.erase(std::remove_if(writers.begin(), writers.end(), takes), writers.end());
+    if (writers.empty()) {
+      impl.written += static_cast<std::int64_t>(size);
+      return;
+    }
+  }
+  if (!impl.placed) impl.placed.emplace(impl.threads);
+  impl.placed->for_each_piece(cloud, pose, impl.file_from_map, [&](OutputPoint* points, std::size_t count) {
     OutputPoint* end = points + count;
     if (impl.crop) {
       end = std::remove_if(points, end, [&impl](const OutputPoint& p) { return !impl.crop->contains(p.position); });
     }
     const auto left = static_cast<std::size_t>(end - points);
-    impl.come += static_cast<std::int64_t>(count);
     if (impl.thinning) {
       impl.thinning->add(points, left);
     } else {
-      impl.write(points, left);
+      impl.write(writers, points, left);
     }
   });
 }
@@ -103,7 +125,8 @@ std::int64_t CloudOutput::points() const { return impl_->written; }
 
 void CloudOutput::complete() {
   if (!impl_->thinning) return;
-  impl_->thinning->finish([this](const OutputPoint* points, std::size_t count) { impl_->write(points, count); });
+  const std::vector<CloudWriter*> writers = impl_->all_writers();
+  impl_->thinning->finish([&](const OutputPoint* points, std::size_t count) { impl_->write(writers, points, count); });
   impl_->thinning.reset();
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <limits>
 #include <mutex>
 #include <string>
@@ -88,20 +89,15 @@ std::string text_of(double value) {
 class Las final : public CloudWriter {
  public:
   Las(const std::filesystem::path& path, const CloudHeader& header)
-      : name_(path.string()), frame_(integer_frame(header)), file_(path, first_bytes(path, header), kRecordBytes) {}
+      : name_(path.string()),
+        frame_(integer_frame(header)),
+        file_(path, first_bytes(path, header), kRecordBytes, header.threads) {}
 
-  void add(const OutputPoint* points, std::size_t count) override {
-    file_.add(points, count, [this](const OutputPoint* first, std::size_t number, char* to) {
-      Integers low, high;
-      low.fill(std::numeric_limits<std::int32_t>::max());
-      high.fill(std::numeric_limits<std::int32_t>::min());
-      for (const OutputPoint* point = first; point != first + number; ++point) to = put(*point, to, low, high);
-      const std::lock_guard<std::mutex> lock(mutex_);
-      for (std::size_t i = 0; i < 3; ++i) {
-        low_[i] = std::min(low_[i], low[i]);
-        high_[i] = std::max(high_[i], high[i]);
-      }
-    });
+  void add(const OutputPoint* points, std::size_t count) override { file_.add(points, count, encoder()); }
+
+  bool take(std::size_t count, const PlacePoints& place) override {
+    file_.add(count, place, encoder());
+    return true;
   }
 
   void finish() override {
@@ -153,6 +149,20 @@ class Las final : public CloudWriter {
     append_little(text, static_cast<std::uint64_t>(points));  // first returns; there are no others
     for (std::size_t i = 1; i < kReturns; ++i) append_little(text, std::uint64_t{0});
     return text;
+  }
+
+  std::function<void(const OutputPoint*, std::size_t, char*)> encoder() {
+    return [this](const OutputPoint* first, std::size_t number, char* to) {
+      Integers low, high;
+      low.fill(std::numeric_limits<std::int32_t>::max());
+      high.fill(std::numeric_limits<std::int32_t>::min());
+      for (const OutputPoint* point = first; point != first + number; ++point) to = put(*point, to, low, high);
+      const std::lock_guard<std::mutex> lock(mutex_);
+      for (std::size_t i = 0; i < 3; ++i) {
+        low_[i] = std::min(low_[i], low[i]);
+        high_[i] = std::max(high_[i], high[i]);
+      }
+    };
   }
 
   char* put(const OutputPoint& point, char* to, Integers& low, Integers& high) const {

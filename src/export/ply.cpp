@@ -77,11 +77,16 @@ void encode(const OutputPoint* points, std::size_t count, char* to) {
 
 class Ply final : public CloudWriter {
  public:
-  Ply(const std::filesystem::path& path, const std::vector<std::string>& comments, bool double_positions)
-      : Ply(path, first_lines(comments), double_positions) {}
+  Ply(const std::filesystem::path& path, const CloudHeader& header)
+      : Ply(path, first_lines(header.comments), header.double_positions || needs_double(header), header.threads) {}
 
   void add(const OutputPoint* points, std::size_t count) override {
     file_.add(points, count, double_positions_ ? encode<double> : encode<float>);
+  }
+
+  bool take(std::size_t count, const PlacePoints& place) override {
+    file_.add(count, place, double_positions_ ? encode<double> : encode<float>);
+    return true;
   }
 
   void finish() override {
@@ -90,12 +95,12 @@ class Ply final : public CloudWriter {
   }
 
  private:
-  Ply(const std::filesystem::path& path, const std::string& first, bool double_positions)
+  Ply(const std::filesystem::path& path, const std::string& first, bool double_positions, int threads)
       : double_positions_(double_positions),
         count_offset_(static_cast<std::int64_t>(first.size())),
         file_(path, first + vertex_lines(0) + last_lines(double_positions),
-              (double_positions ? 3 * sizeof(double) : 3 * sizeof(float)) + 3 * sizeof(float) + 3 + sizeof(float) + 1) {
-  }
+              (double_positions ? 3 * sizeof(double) : 3 * sizeof(float)) + 3 * sizeof(float) + 3 + sizeof(float) + 1,
+              threads) {}
 
   bool double_positions_;
   std::int64_t count_offset_;
@@ -105,7 +110,7 @@ class Ply final : public CloudWriter {
 }  // namespace
 
 std::unique_ptr<CloudWriter> open_ply(const std::filesystem::path& path, const CloudHeader& header) {
-  return std::make_unique<Ply>(path, header.comments, header.double_positions || needs_double(header));
+  return std::make_unique<Ply>(path, header);
 }
 
 }  // namespace pmsp

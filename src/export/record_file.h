@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -19,29 +20,29 @@ namespace pmsp {
 /// A file of points as records of one size behind a header, whose bytes several threads make.
 class RecordFile {
  public:
-  RecordFile(const std::filesystem::path& path, const std::string& header, std::size_t record_bytes)
-      : file_(path), record_bytes_(record_bytes) {
+  /// `threads`: 0 = one for each CPU.
+  RecordFile(const std::filesystem::path& path, const std::string& header, std::size_t record_bytes, int threads)
+      : file_(path), pool_(std::min(threads > 0 ? threads : usable_cpus(), kMostThreads)), record_bytes_(record_bytes) {
     file_.write(BackgroundFile::Block(header.begin(), header.end()));
   }
 
   /// `encode(points, count, to)` makes records of some of them; it is called by several threads at a time.
   template <class Encode>
   void add(const OutputPoint* points, std::size_t count, const Encode& encode) {
-    const std::size_t each = kBlockBytes / record_bytes_;
-    const std::size_t blocks = (count + each - 1) / each;
-    for (std::size_t begin = 0; begin < blocks; begin += kBlocksAtOnce) {
-      std::vector<BackgroundFile::Block> made(std::min(kBlocksAtOnce, blocks - begin));
-      for (BackgroundFile::Block& block : made) block = file_.block();
-      pool_.for_each(static_cast<int>(made.size()), [&](int at) {
-        const std::size_t first = (begin + static_cast<std::size_t>(at)) * each;
-        const std::size_t number = std::min(each, count - first);
-        BackgroundFile::Block& block = made[static_cast<std::size_t>(at)];
-        block.resize(number * record_bytes_);
-        encode(points + first, number, block.data());
-      });
-      for (BackgroundFile::Block& block : made) file_.write(std::move(block));
-    }
-    points_ += static_cast<std::int64_t>(count);
+    each_share(count, [&](std::size_t first, std::size_t number, char* to) { encode(points + first, number, to); });
+  }
+
+  /// The same with points that are placed just before they are encoded, while they are in the cache.
+  template <class Encode>
+  void add(std::size_t count, const PlacePoints& place, const Encode& encode) {
+    each_share(count, [&](std::size_t first, std::size_t number, char* to) {
+      std::array<OutputPoint, kPlaced> placed;
+      for (std::size_t done = 0; done < number; done += kPlaced) {
+        const std::size_t some = std::min(kPlaced, number - done);
+        place(first + done, first + done + some, placed.data());
+        encode(placed.data(), some, to + done * record_bytes_);
+      }
+    });
   }
 
   std::int64_t points() const { return points_; }
@@ -51,11 +52,34 @@ class RecordFile {
 
  private:
   static constexpr std::size_t kBlockBytes = std::size_t{1} << 20;
-  static constexpr std::size_t kBlocksAtOnce = 8;
-  static constexpr int kMostThreads = 4;  // as fast as any disk
+  static constexpr std::size_t kBlocksAtOnce = 16;
+  static constexpr std::size_t kShare = 4096;  ///< points that a thread encodes at a time
+  static constexpr std::size_t kPlaced = 512;  ///< and places
+  static constexpr int kMostThreads = 16;
+
+  /// Threads share a keyframe in smaller pieces than blocks: those of a small map have few.
+  template <class Fill>
+  void each_share(std::size_t count, const Fill& fill) {
+    const std::size_t of_block = kBlockBytes / (kShare * record_bytes_) * kShare;
+    for (std::size_t begin = 0; begin < count; begin += kBlocksAtOnce * of_block) {
+      const std::size_t points = std::min(count - begin, kBlocksAtOnce * of_block);
+      std::vector<BackgroundFile::Block> blocks;
+      for (std::size_t first = 0; first < points; first += of_block) {
+        blocks.push_back(file_.block());
+        blocks.back().resize(std::min(of_block, points - first) * record_bytes_);
+      }
+      pool_.for_each(static_cast<int>((points + kShare - 1) / kShare), [&](int share) {
+        const std::size_t first = static_cast<std::size_t>(share) * kShare;
+        char* const to = blocks[first / of_block].data() + first % of_block * record_bytes_;
+        fill(begin + first, std::min(kShare, points - first), to);
+      });
+      for (BackgroundFile::Block& block : blocks) file_.write(std::move(block));
+    }
+    points_ += static_cast<std::int64_t>(count);
+  }
 
   BackgroundFile file_;
-  ThreadPool pool_{std::min(kMostThreads, usable_cpus())};
+  ThreadPool pool_;
   std::size_t record_bytes_;
   std::int64_t points_ = 0;
 };

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -30,11 +31,26 @@ namespace {
 
 using namespace map_detail;
 
+/// Ids mostly are spread evenly: the search begins where this one would be, and is bounded by steps that double.
 template <class T>
 const T* find_by_id(const std::vector<T>& sorted, std::int64_t id) {
-  const auto it =
-      std::lower_bound(sorted.begin(), sorted.end(), id, [](const T& item, std::int64_t key) { return item.id < key; });
-  return it != sorted.end() && it->id == id ? &*it : nullptr;
+  if (sorted.empty() || id < sorted.front().id || id > sorted.back().id) return nullptr;
+  const auto size = static_cast<std::ptrdiff_t>(sorted.size());
+  const double first = static_cast<double>(sorted.front().id);
+  const double share = (static_cast<double>(id) - first) / (static_cast<double>(sorted.back().id) - first + 1.0);
+  const std::ptrdiff_t guess = std::clamp<std::ptrdiff_t>(std::lround(share * static_cast<double>(size)), 0, size - 1);
+  std::ptrdiff_t low = guess, high = guess + 1;  // the id is from low to before high, if it is there
+  for (std::ptrdiff_t step = 4; low > 0 && sorted[static_cast<std::size_t>(low)].id > id; step *= 2) {
+    high = low;
+    low = std::max<std::ptrdiff_t>(low - step, 0);
+  }
+  for (std::ptrdiff_t step = 4; high < size && sorted[static_cast<std::size_t>(high - 1)].id < id; step *= 2) {
+    low = high;
+    high = std::min(high + step, size);
+  }
+  const auto it = std::lower_bound(sorted.begin() + low, sorted.begin() + high, id,
+                                   [](const T& item, std::int64_t key) { return item.id < key; });
+  return it != sorted.begin() + high && it->id == id ? &*it : nullptr;
 }
 
 bool starts_with(const std::string& text, const char* prefix) { return text.rfind(prefix, 0) == 0; }

@@ -23,7 +23,16 @@ ByteSource::ByteSource(const std::filesystem::path& path) : path_(path), chunk_(
   refill();
 }
 
+ByteSource::ByteSource(const std::filesystem::path& path, const std::string& bytes)
+    : path_(path), chunk_(1 + bytes.size()) {
+  std::copy(bytes.begin(), bytes.end(), chunk_.begin() + 1);
+  current_ = chunk_.data() + 1;
+  end_ = current_ + bytes.size();
+}
+
 void ByteSource::refill() {
+  copy_up_to_here();
+  if (!file_.is_open()) return;
   chunk_offset_ = offset();
   const bool full = end_ == chunk_.data() + chunk_.size();  // the last chunk may well be the end of a token
   if (full && !token_seen_) {
@@ -36,8 +45,39 @@ void ByteSource::refill() {
     throw IoError(path_.string() + ": cannot be read beyond byte " + std::to_string(chunk_offset_) + ": " +
                   std::strerror(errno));
   }
-  current_ = chunk_.data() + 1;
+  current_ = copied_ = chunk_.data() + 1;
   end_ = current_ + file_.gcount();
+}
+
+void ByteSource::copy_up_to_here() {
+  if (copy_ == nullptr) return;
+  if (copy_->size() + static_cast<std::size_t>(current_ - copied_) > most_copied_) {
+    copy_ = nullptr;
+    return;
+  }
+  copy_->append(copied_, current_);
+  copied_ = current_;
+}
+
+bool ByteSource::copy_value(std::string& to, std::size_t most) {
+  copy_ = &to;
+  copied_ = current_;
+  most_copied_ = most;
+  const bool whole = skip_value();
+  copy_up_to_here();
+  const bool copied = copy_ != nullptr;
+  copy_ = nullptr;
+  return whole && copied;
+}
+
+std::optional<std::uint64_t> ByteSource::enter_map() {
+  if (at_end()) return {};
+  const auto first = static_cast<unsigned char>(peek());
+  const bool is_small = first >= 0x80 && first < 0x90;
+  if (!is_small && first != 0xDE && first != 0xDF) return {};
+  token_seen();
+  advance();
+  return is_small ? first & 0x0FU : size_of_value(first == 0xDE ? 2 : 4);
 }
 
 /// False if the file ends before so many are past.
@@ -58,15 +98,24 @@ std::uint64_t ByteSource::size_of_value(int bytes) {
   return bytes == 0 ? value : std::uint64_t{1} << 62U;
 }
 
-void ByteSource::replace_value_by_nil() {
+void ByteSource::put_nil() {
   constexpr char kNil = '\xC0';
+  --current_;
+  chunk_[static_cast<std::size_t>(current_ - chunk_.data())] = kNil;
+}
+
+void ByteSource::replace_value_by_nil() {
+  if (skip_value()) put_nil();
+}
+
+bool ByteSource::skip_value() {
   std::uint64_t values = 1;  // that are left; arrays and maps add theirs
   for (; values > 0; --values) {
-    if (at_end()) return;
+    if (at_end()) return false;
     token_seen();
     const auto first = static_cast<unsigned char>(peek());
     constexpr unsigned char kNever = 0xC1;
-    if (first == kNever) return;
+    if (first == kNever) return false;
     advance();
     const auto wide = [first](unsigned char base) { return 1 << (first - base); };
     std::uint64_t bytes = 0;
@@ -95,10 +144,13 @@ void ByteSource::replace_value_by_nil() {
     } else if (first >= 0xDE && first <= 0xDF) {
       values += 2 * size_of_value(2 * wide(0xDE));
     }  // else a small number, a boolean, or nil
-    if (!skip(bytes)) return;
+    if (bytes < static_cast<std::uint64_t>(end_ - current_)) {
+      current_ += bytes;
+    } else if (!skip(bytes)) {
+      return false;
+    }
   }
-  --current_;
-  chunk_[static_cast<std::size_t>(current_ - chunk_.data())] = kNil;
+  return true;
 }
 
 }  // namespace pmsp::map_detail

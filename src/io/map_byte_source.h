@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
+#include <string>
 #include <vector>
 
 namespace pmsp::map_detail {
@@ -16,6 +18,8 @@ class ByteSource {
  public:
   /// Throws IoError.
   explicit ByteSource(const std::filesystem::path& path);
+  /// Of a part of the file that is in memory.
+  ByteSource(const std::filesystem::path& path, const std::string& bytes);
 
   bool at_end() const { return current_ == end_; }
   char peek() const { return *current_; }
@@ -26,6 +30,15 @@ class ByteSource {
   /// Advances past a value of MessagePack, whatever it holds, and puts a nil before what follows it: much faster than a
   /// parser that takes each number of it. Stops early at the end of the file, and at what is no MessagePack.
   void replace_value_by_nil();
+
+  /// Appends a value as it stands to `to`. False where it is broken, or `to` would get longer than `most` bytes.
+  bool copy_value(std::string& to, std::size_t most);
+  /// Advances past a value. False where it is broken.
+  bool skip_value();
+  /// Advances past the head of a map and returns how many pairs follow; none where there is no map.
+  std::optional<std::uint64_t> enter_map();
+  /// Puts a nil before what follows.
+  void put_nil();
 
   /// Offset of the next character.
   std::uint64_t offset() const { return chunk_offset_ + static_cast<std::uint64_t>(current_ - chunk_.data() - 1); }
@@ -38,6 +51,7 @@ class ByteSource {
   void refill();
   bool skip(std::uint64_t bytes);
   std::uint64_t size_of_value(int bytes);
+  void copy_up_to_here();
 
   std::filesystem::path path_;
   std::ifstream file_;
@@ -46,6 +60,9 @@ class ByteSource {
   const char* end_ = nullptr;
   std::uint64_t chunk_offset_ = 0;
   bool token_seen_ = true;
+  std::string* copy_ = nullptr;   ///< where a value is copied to
+  const char* copied_ = nullptr;  ///< up to here
+  std::size_t most_copied_ = 0;
 };
 
 /// What nlohmann::json reads from: an input iterator over a ByteSource; without one, the end.

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <exception>
 #include <string>
 #include <utility>
 
+#include "map_msgpack_entries.h"
 #include "map_msgpack_handler.h"
+#include "pmsp/executor.h"
 
 namespace pmsp::map_detail {
 
@@ -10,8 +13,8 @@ using nlohmann::json;
 
 // ---- messages
 
-const char* MapHandler::section_name() const {
-  switch (section_) {
+const char* name_of(Section section) {
+  switch (section) {
     case Section::cameras:
       return "cameras";
     case Section::keyframes:
@@ -32,11 +35,11 @@ std::string MapHandler::where() const {
     case State::root:
       return root_key_.empty() ? "" : in_quotes(root_key_);
     case State::section:
-      return place(Dialect::msgpack, section_name(), entry_key_, "");
+      return place(Dialect::msgpack, name_of(section_), entry_key_, "");
     default:
       break;
   }
-  std::string result = place(Dialect::msgpack, section_name(), entry_key_, field_key_);
+  std::string result = place(Dialect::msgpack, name_of(section_), entry_key_, field_key_);
   if (state_ == State::keypoints || state_ == State::keypoint_object || state_ == State::point) {
     result += "[" + std::to_string(keypoints_.size()) + "]";
   }
@@ -119,32 +122,50 @@ void MapHandler::require_sections() const {
 
 std::string MapHandler::format() const {
   const char* version = "OpenVSLAM";
-  if (dense_points_seen_) {
+  if (seen_.dense_points) {
     version = "stella_vslam_dense";
-  } else if (undist_keypts_seen_) {
-    version = keypoint_arrays_seen_ ? "stella_vslam 0.3.2 to 0.3.3"
-              : frame_next_id_seen_ ? "stella_vslam 0.3.4 to 0.3.5"
+  } else if (seen_.undist_keypts) {
+    version = seen_.keypoint_arrays ? "stella_vslam 0.3.2 to 0.3.3"
+              : seen_.frame_next_id ? "stella_vslam 0.3.4 to 0.3.5"
                                     : "stella_vslam >= 0.3.6";
-  } else if (orb_params_seen_) {
+  } else if (seen_.orb_params) {
     version = "stella_vslam 0.3.0 to 0.3.1";
-  } else if (color_seen_) {
-    version = next_id_seen_ ? "PatchMatch-Stereo-Panorama" : "PatchMatch-Stereo-Panorama, dense points";
+  } else if (seen_.color) {
+    version = seen_.next_id ? "PatchMatch-Stereo-Panorama" : "PatchMatch-Stereo-Panorama, dense points";
   }
   return std::string(version) + ", MessagePack";
 }
 
-RawMap read_msgpack(const std::filesystem::path& path) {
+namespace {
+
+/// `threads`: several read, which give up where the file is not sound.
+RawMap read_file(const std::filesystem::path& path, bool threads) {
   RawMap map;
   map.path = path;
   map.dialect = Dialect::msgpack;
   ByteSource source(path);
   MapHandler handler(map, source);
+  EntryReaders readers(map, handler);
+  if (threads) handler.take_section = [&](Section section) { readers.read(section, source); };
   json::sax_parse(ByteIterator(&source), ByteIterator(), &handler, json::input_format_t::msgpack);
+  readers.wait();
   handler.require_sections();
   map.format = handler.format();
   map.keypoint_field = handler.keypoint_field();
   map.pixels_in_another_grid = handler.is_dense_cloud();
   return map;
+}
+
+}  // namespace
+
+RawMap read_msgpack(const std::filesystem::path& path) {
+  if (usable_cpus() > 1) {
+    try {
+      return read_file(path, true);
+    } catch (const std::exception&) {  // what is wrong with it is found out and told below
+    }
+  }
+  return read_file(path, false);
 }
 
 }  // namespace pmsp::map_detail

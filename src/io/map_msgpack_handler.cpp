@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "map_msgpack_handler.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -39,6 +40,21 @@ std::optional<std::int64_t> parse_id(const std::string& text) {
 constexpr unsigned bit(Field field) { return 1U << static_cast<unsigned>(field); }
 
 }  // namespace
+
+bool is_read(Section section, const std::string& key) {
+  return std::any_of(kFields.begin(), kFields.end(),
+                     [&](const FieldName& name) { return name.section == section && key == name.key; });
+}
+
+void MapHandler::add(const MapFlags& flags) {
+  seen_.frame_next_id |= flags.frame_next_id;
+  seen_.next_id |= flags.next_id;
+  seen_.orb_params |= flags.orb_params;
+  seen_.dense_points |= flags.dense_points;
+  seen_.color |= flags.color;
+  seen_.undist_keypts |= flags.undist_keypts;
+  seen_.keypoint_arrays |= flags.keypoint_arrays;
+}
 
 // ---- values
 
@@ -174,7 +190,11 @@ bool MapHandler::key(std::string& value) {
   switch (state_) {
     case State::root:
       key_in_root(value);
-      if (section_ == Section::other) source_.replace_value_by_nil();
+      if (section_ == Section::other) {
+        source_.replace_value_by_nil();
+      } else if (section_ != Section::cameras && take_section) {
+        take_section(section_);
+      }
       break;
     case State::section:
       key_in_section(value);
@@ -197,13 +217,13 @@ void MapHandler::key_in_root(const std::string& value) {
              : value == "keyframes" ? Section::keyframes
              : value == "landmarks" ? Section::landmarks
                                     : Section::other;
-  frame_next_id_seen_ |= value == "frame_next_id";
-  next_id_seen_ |= value == "keyframe_next_id" || value == "landmark_next_id";
-  orb_params_seen_ |= value == "orb_params";
-  dense_points_seen_ |= value == "dense_points";
+  seen_.frame_next_id |= value == "frame_next_id";
+  seen_.next_id |= value == "keyframe_next_id" || value == "landmark_next_id";
+  seen_.orb_params |= value == "orb_params";
+  seen_.dense_points |= value == "dense_points";
   if (section_ == Section::other) return;
   const unsigned mask = 1U << static_cast<unsigned>(section_);
-  if ((seen_sections_ & mask) != 0) fail(map_.path, section_name(), "appears twice, expected once");
+  if ((seen_sections_ & mask) != 0) fail(map_.path, name_of(section_), "appears twice, expected once");
   seen_sections_ |= mask;
 }
 
@@ -223,11 +243,11 @@ void MapHandler::key_in_entry(const std::string& value) {
   if (field_ == Field::other) return;
   if ((seen_fields_ & bit(field_)) != 0) fail(map_.path, where(), "appears twice, expected once");
   seen_fields_ |= bit(field_);
-  color_seen_ |= field_ == Field::color;
+  seen_.color |= field_ == Field::color;
   // Undistorted keypoints, where there are both: they are what the SLAM's poses were made from.
   if (field_ == Field::keypts && (seen_fields_ & bit(Field::undist_keypts)) != 0) field_ = Field::other;
   if (field_ == Field::undist_keypts) {
-    undist_keypts_seen_ = true;
+    seen_.undist_keypts = true;
     keypoints_.clear();
   }
 }
@@ -303,7 +323,7 @@ bool MapHandler::start_array(std::size_t size) {
   if (skip_depth_ > 0) return skip();
   const bool pt = state_ == State::keypoint_object && at_pt_;
   if (state_ == State::keypoints || pt) {
-    keypoint_arrays_seen_ |= !pt;
+    seen_.keypoint_arrays |= !pt;
     after_point_ = state_;
     numbers_count_ = 0;
     numbers_expected_ = 2;

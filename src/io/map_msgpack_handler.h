@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,6 +19,7 @@ namespace pmsp::map_detail {
 
 /// The sections of a map that are read.
 enum class Section { other, cameras, keyframes, landmarks };
+const char* name_of(Section section);  ///< its key; "" for others
 
 /// The fields of a section's entries that are read; `other` ones are skipped, whatever they hold.
 enum class Field {
@@ -52,6 +54,20 @@ enum class State {
   done,
 };
 
+/// Whether a field of a section's entries is read.
+bool is_read(Section section, const std::string& key);
+
+/// Keys and values that were there: they tell which program has written a file.
+struct MapFlags {
+  bool frame_next_id = false;
+  bool next_id = false;
+  bool orb_params = false;
+  bool dense_points = false;
+  bool color = false;
+  bool undist_keypts = false;
+  bool keypoint_arrays = false;
+};
+
 struct Number {
   double value = 0.0;
   std::optional<std::int64_t> integer;  ///< if it is one
@@ -62,6 +78,10 @@ struct Number {
 class MapHandler {
  public:
   MapHandler(RawMap& map, ByteSource& source) : map_(map), source_(source) {}
+
+  /// Called where the source stands at the keyframes or landmarks, to take them and leave a nil. Not set: the handler
+  /// takes them itself.
+  std::function<void(Section)> take_section;
 
   bool null();
   bool boolean(bool /*value*/) { return other_value("a boolean"); }
@@ -88,8 +108,10 @@ class MapHandler {
 
   /// The version, told by which keys there were.
   std::string format() const;
-  std::string keypoint_field() const { return undist_keypts_seen_ ? "undist_keypts" : "keypts"; }
-  bool is_dense_cloud() const { return color_seen_ && !next_id_seen_; }
+  std::string keypoint_field() const { return seen_.undist_keypts ? "undist_keypts" : "keypts"; }
+  bool is_dense_cloud() const { return seen_.color && !seen_.next_id; }
+  const MapFlags& flags() const { return seen_; }
+  void add(const MapFlags& flags);
   /// Throws InvalidInput if one of the sections was missing.
   void require_sections() const;
 
@@ -116,7 +138,6 @@ class MapHandler {
   std::int64_t integer(const Number& value) const;
   std::size_t keypoint_count(std::size_t size) const;
 
-  const char* section_name() const;
   std::string where() const;
   const char* expected() const;
   [[noreturn]] void wrong_type(const char* found) const;
@@ -147,13 +168,7 @@ class MapHandler {
   std::vector<std::int64_t> landmark_ids_;
   std::vector<Eigen::Vector2f> keypoints_;
 
-  bool frame_next_id_seen_ = false;
-  bool next_id_seen_ = false;
-  bool orb_params_seen_ = false;
-  bool dense_points_seen_ = false;
-  bool color_seen_ = false;
-  bool undist_keypts_seen_ = false;
-  bool keypoint_arrays_seen_ = false;
+  MapFlags seen_;
 };
 
 }  // namespace pmsp::map_detail

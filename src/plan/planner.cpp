@@ -31,6 +31,9 @@ bool Planner::add(PlanKeyframe keyframe) {
     set_.push_back(std::move(keyframe));
     return !set_.back().landmarks.empty();
   }
+  // Sorted once: each keyframe is compared with several others.
+  std::stable_sort(keyframe.landmarks.begin(), keyframe.landmarks.end(),
+                   [](const Landmark& a, const Landmark& b) { return a.id < b.id; });
   PlanEntry entry;
   entry.id = keyframe.id;
   entry.use = judge(keyframe);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <utility>
 
 #include "util/eigen_kernels.h"
@@ -10,6 +12,20 @@
 #include "view_filter/view_chain.h"
 
 namespace pmsp {
+namespace {
+
+/// The first id that is not less. It mostly is one of the next few.
+std::vector<std::int64_t>::const_iterator from_id(std::vector<std::int64_t>::const_iterator next,
+                                                  std::vector<std::int64_t>::const_iterator end, std::int64_t id) {
+  constexpr int kFew = 8;
+  for (int i = 0; i < kFew; ++i, ++next) {
+    if (next == end || *next >= id) return next;
+  }
+  return std::lower_bound(next, end, id);
+}
+
+}  // namespace
+
 CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vector3d& center_a,
                                const std::vector<Landmark>& b, const Eigen::Vector3d& center_b, double min_deg,
                                double max_deg) {
@@ -28,11 +44,13 @@ CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vect
   const double most = std::cos(min_deg * kernels::kPi / 180.0) + kRounding;
   const double least = std::cos(max_deg * kernels::kPi / 180.0) - kRounding;
   CommonParallax result;
-  auto next = in_a.begin();  // ids mostly come in order: then it only moves on
+  auto next = in_a.cbegin();
+  std::int64_t before = std::numeric_limits<std::int64_t>::min();
   for (const Landmark& landmark : b) {
-    if (next == in_a.end() || *next > landmark.id) next = in_a.begin();
-    if (next != in_a.end() && *next < landmark.id) next = std::lower_bound(next, in_a.end(), landmark.id);
-    if (next == in_a.end() || *next != landmark.id) continue;
+    if (landmark.id < before) next = in_a.cbegin();  // ids mostly come in order: then it only moves on
+    before = landmark.id;
+    next = from_id(next, in_a.cend(), landmark.id);
+    if (next == in_a.cend() || *next != landmark.id) continue;
     const Eigen::Vector3d from_a = landmark.position_world - center_a;
     const Eigen::Vector3d from_b = landmark.position_world - center_b;
     double cosine = from_a.dot(from_b) / std::sqrt(from_a.squaredNorm() * from_b.squaredNorm());

@@ -119,6 +119,26 @@ TEST_CASE("a large cloud is written in blocks, and none of its points is lost or
   CHECK(wrong == 0);
 }
 
+TEST_CASE("a cloud has the same bytes by any number of threads, and where a box holds all of it") {
+  const TempDir dir;
+  const std::string name = GENERATE("ply", "las");
+  const KeyframeCloud cloud = sample_cloud(123457);
+  const auto write = [&](const std::string& file, int threads, const std::optional<Box>& crop) {
+    CloudHeader header;
+    header.reach = 1e4;
+    header.threads = threads;
+    CloudOutput output(header, {crop, {}}, {{find_cloud_format(name), dir / file}});
+    for (const double scale : {1.0, 2.5}) output.add(cloud, {cloud.cam_from_world, scale});
+    output.commit();
+    CHECK(output.points_in() == 2 * 123457);
+    CHECK(output.points() == 2 * 123457);
+    return read_text(dir / file);
+  };
+  const std::string one = write("one", 1, {});
+  CHECK(write("five", 5, {}) == one);
+  CHECK(write("boxed", 5, Box{Eigen::Vector3d::Constant(-1e9), Eigen::Vector3d::Constant(1e9)}) == one);
+}
+
 TEST_CASE("the PLY header is plain for the strictest of readers") {
   const TempDir dir;
   CloudOutput writer(dir / "c.ply");

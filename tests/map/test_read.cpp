@@ -1,10 +1,17 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#if defined(__linux__)
+#include <sched.h>
+#endif
+
 #include <cstring>
+#include <filesystem>
+#include <limits>
 
 #include <catch2/catch.hpp>
 
 #include "map_files.h"
 #include "pmsp/camera.h"
+#include "pmsp/executor.h"
 #include "pmsp/io/map.h"
 
 namespace pmsp::test {
@@ -86,6 +93,29 @@ void check_sample(const SlamMap& map, bool pixels_from_file = true) {
   }
 }
 
+#if defined(__linux__)
+/// While it lives, the calling thread may use one CPU alone, and takes it that there is no other.
+class OneCpu {
+ public:
+  OneCpu() {
+    REQUIRE(sched_getaffinity(0, sizeof all_, &all_) == 0);
+    int first = 0;
+    while (!CPU_ISSET(first, &all_)) ++first;
+    cpu_set_t one;
+    CPU_ZERO(&one);
+    CPU_SET(first, &one);
+    REQUIRE(sched_setaffinity(0, sizeof one, &one) == 0);
+    REQUIRE(usable_cpus() == 1);
+  }
+  ~OneCpu() { sched_setaffinity(0, sizeof all_, &all_); }
+  OneCpu(const OneCpu&) = delete;
+  OneCpu& operator=(const OneCpu&) = delete;
+
+ private:
+  cpu_set_t all_{};
+};
+#endif
+
 }  // namespace
 
 TEST_CASE("every version of MessagePack map reads the same") {
@@ -163,6 +193,31 @@ TEST_CASE("MessagePack and SQLite of one map give the same bits") {
   }
 }
 
+#if defined(__linux__)
+TEST_CASE("a large map reads the same by one thread and by several") {
+  const TempDir folder;
+  const auto path = folder / "map.msg";
+  nlohmann::json tree = msgpack_tree(random_map(6000, 900, 3), MsgpackVersion::stella_0_3_6);
+  write_file(path, msgpack_bytes(tree));
+  REQUIRE(std::filesystem::file_size(path) > 4'000'000);
+  const auto by_one_thread = [&] {
+    const OneCpu one;
+    return read_map(path);
+  };
+  check_same_bits(read_map(path), by_one_thread());
+
+  SECTION("and so does what is wrong with it") {
+    tree["keyframes"]["7"]["trans_cw"] = {1, 2};  // not the first one that is wrong, in the file's order
+    tree["keyframes"]["6666"]["ts"] = "now";
+    write_file(path, msgpack_bytes(tree));
+    const std::string error = error_of(path);
+    CHECK(error.find("keyframes[\"6666\"].ts: expected a number, found a string") != std::string::npos);
+    const OneCpu one;
+    CHECK(error_of(path) == error);
+  }
+}
+#endif
+
 TEST_CASE("a pose is turned by half a pixel, so that landmarks land on their keypoints") {
   // A landmark that the SLAM sees exactly at pixel index (1440, 480): a quarter turn to the right.
   SampleMap map;
@@ -202,6 +257,25 @@ TEST_CASE("landmarks and keyframes are found by id") {
   CHECK(map.find_landmark(77) == nullptr);
   CHECK(map.find_landmark(101) == nullptr);
   CHECK(map.find_keyframe(-1) == nullptr);
+
+  SECTION("however unevenly the ids are spread") {
+    SlamMap uneven;
+    CHECK(uneven.find_landmark(0) == nullptr);
+    std::int64_t id = -7;
+    for (int i = 0; i < 200; ++i) {
+      uneven.landmarks.push_back({id, Eigen::Vector3d::Zero()});
+      id += i % 50 == 49 ? std::int64_t{1} << (i / 4) : 1 + i % 3;
+    }
+    uneven.landmarks.push_back({std::numeric_limits<std::int64_t>::max(), Eigen::Vector3d::Zero()});
+    std::size_t wrong = 0;
+    for (const MapLandmark& landmark : uneven.landmarks) {
+      const bool followed = &landmark != &uneven.landmarks.back() && (&landmark)[1].id == landmark.id + 1;
+      wrong += uneven.find_landmark(landmark.id) == &landmark ? 0 : 1;
+      if (followed || landmark.id == std::numeric_limits<std::int64_t>::max()) continue;
+      wrong += uneven.find_landmark(landmark.id + 1) == nullptr ? 0 : 1;
+    }
+    CHECK(wrong == 0);
+  }
 }
 
 TEST_CASE("odd but harmless maps are read") {

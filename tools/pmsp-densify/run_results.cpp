@@ -9,7 +9,8 @@ RunResults::RunResults(const Setup& setup, TimeAccount& time)
     : arguments_(setup.arguments), time_(time), live_(setup.live) {
   CloudHeader header = cloud_header(arguments_, setup.options, setup.map, setup.frame);
   header.export_views = setup.export_views;
-  output_ = std::make_unique<CloudOutput>(header, arguments_.cloud.amount, arguments_.cloud.targets(), setup.threads);
+  header.threads = setup.threads;
+  output_ = std::make_unique<CloudOutput>(header, arguments_.cloud.amount, arguments_.cloud.targets());
   const double scale = png_depth_scale(setup.map, setup.options.init.range_margin);
   const double lens_distance = setup.options.lens_distance;
   const auto open = [&](std::optional<DepthMapFolder>& folder, const std::filesystem::path& path, const char* kind) {

@@ -53,10 +53,8 @@ class PMSP_API CloudOutput {
     std::filesystem::path path;
   };
 
-  /// `threads`: that place points; 0 = one for each CPU that the process may use. Throws OutputError when a target
-  /// cannot be made.
-  CloudOutput(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& targets,
-              int threads = 0);
+  /// Throws OutputError when a target cannot be made.
+  CloudOutput(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& targets);
   /// All points in one file or folder. Its format follows from the extension, see cloud_formats; without one it is a
   /// PLY. Throws InvalidOption where no format has it; OutputError.
   explicit CloudOutput(const std::filesystem::path& path, const CloudHeader& header = {});

@@ -56,11 +56,15 @@ struct CloudHeader {
   std::string wkt;                      ///< coordinate reference system of the file's frame, as WKT; "" = none
   int year = 0, day_of_year = 0;        ///< of the data; 0 = not told
   std::filesystem::path scratch = ".";  ///< folder for what memory should not hold
+  int threads = 0;                      ///< that place points and make a file's bytes; 0 = one for each CPU
   /// For datasets: puts the mission's images into `images` in a folder that is there, and masks, all or none, into
   /// `masks`; says which cameras saw them, by ascending keyframe id. Called when all points have come.
   std::function<std::vector<OutputView>(const std::filesystem::path& folder)> export_views;
   std::int64_t dataset_points = 1'000'000;  ///< of a dataset, at most: its points are thinned to that
 };
+
+/// Makes some points, those from `first` to before `last`, at `to`. Several threads may call it at a time.
+using PlacePoints = std::function<void(std::size_t first, std::size_t last, OutputPoint* to)>;
 
 /// Writes a cloud into a file or folder, point by point, in memory that does not grow with it. What it writes appears
 /// under its name when `finish` is called; a writer that is destroyed before leaves what was there before.
@@ -72,6 +76,9 @@ class PMSP_API CloudWriter {
   virtual void set_window(std::int64_t keyframe_id, const std::vector<std::int64_t>& window_ids);
   /// Throws OutputError (disk full; a position that the format cannot hold).
   virtual void add(const OutputPoint* points, std::size_t count) = 0;
+  /// As `add` with the `count` points that `place` makes, for writers that place and encode them in one go, by several
+  /// threads. False where the writer has taken none of them and expects them by `add`.
+  virtual bool take(std::size_t count, const PlacePoints& place);
   /// Puts what was written under its name. Throws OutputError.
   virtual void finish() = 0;
 };
