@@ -18,6 +18,7 @@
 #include "priors/prior_setup.h"
 #include "processor.h"
 #include "shelved.h"
+#include "sphere/cube_map.h"
 #include "sphere/image_noise.h"
 #include "util/eigen_kernels.h"
 #include "util/inside.h"
@@ -54,7 +55,9 @@ class StageEngine final : public Engine {
                                               options.unordered ? scratch_.get() : nullptr);
     {
       const Stopwatch watch(context_.stats.seconds_prepare);
-      frame->noise = image_noise(keyframe.image, keyframe.mask, options.width, pool_of(executor_));
+      const double scale = options.patchmatch.image_scale;
+      const int compared = compared_size(keyframe.image.width, options.width, options.height, scale).width;
+      frame->noise = image_noise(keyframe.image, keyframe.mask, options.width, compared, pool_of(executor_));
     }
     for (const auto& on : processors_) frame->cubes.push_back(prepare(keyframe, *on, *frame));
     if (options.unordered && (scratch_ || context_.image_again)) put_away(*frame);

@@ -72,36 +72,40 @@ std::optional<float> variance_in(const std::array<float, kernels::kPatchSamples>
   return std::max(square - of_ramp, 0.0F) / static_cast<float>(kernels::kPatchSamples);
 }
 
-}  // namespace
+/// How patches of an image lie that is seen in pixels of another width.
+struct PatchGrid {
+  PatchGrid(const ImageView<const Rgb>& image, int width) {
+    const double ratio = static_cast<double>(image.width) / width;
+    step = kernels::kTexturePixels * ratio;
+    // Samples are linear between those pixels: that averages over more than one of them.
+    side = std::clamp(static_cast<int>(std::lround(1.25 * ratio)), 1, std::min(image.width, image.height));
+  }
 
-float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, ThreadPool& pool) {
-  const double ratio = static_cast<double>(image.width) / width;
-  const double step = kernels::kTexturePixels * ratio;
-  // Samples are linear between the map's pixels: that averages over more than one of them.
-  const int side = std::clamp(static_cast<int>(std::lround(1.25 * ratio)), 1, std::min(image.width, image.height));
-  const auto variance_of = [&](int i) -> std::optional<float> {  // on a Fibonacci lattice
-    const double sin_lat = 1.0 - (2.0 * i + 1.0) / kPatches;
-    if (std::abs(sin_lat) > kMaxSinLat) return std::nullopt;
-    const double turns = i * 0.6180339887498949;
-    const double x = (turns - std::floor(turns)) * image.width;
-    const double y = (0.5 - std::asin(sin_lat) / kernels::kPi) * image.height;
-    const double across = step / std::sqrt(1.0 - sin_lat * sin_lat);
-    std::array<float, kernels::kPatchSamples> grays{};
-    for (int count = 0; count < kernels::kPatchSamples; ++count) {
-      const double right = kernels::patch_offset(count % kernels::kPatchSide);
-      const double down = kernels::patch_offset(count / kernels::kPatchSide);
-      const auto gray = mean_gray(image, mask, x + across * right, y + step * down, side);
-      if (!gray) return std::nullopt;
-      grays[static_cast<std::size_t>(count)] = *gray;
-    }
-    return variance_in(grays);
-  };
-  std::array<std::optional<float>, kPatches> found;
-  constexpr int kTogether = 24;
-  pool.for_each(kPatches / kTogether, [&](int share) {
-    for (int i = share * kTogether; i < (share + 1) * kTogether; ++i)
-      found[static_cast<std::size_t>(i)] = variance_of(i);
-  });
+  double step;  ///< between samples [px of the image]
+  int side;     ///< of a sample [px of the image]
+};
+
+/// Of a patch, one of those on a Fibonacci lattice.
+std::optional<float> variance_at(int i, const PatchGrid& grid, const ImageView<const Rgb>& image,
+                                 const ImageView<const std::uint8_t>& mask) {
+  const double sin_lat = 1.0 - (2.0 * i + 1.0) / kPatches;
+  if (std::abs(sin_lat) > kMaxSinLat) return std::nullopt;
+  const double turns = i * 0.6180339887498949;
+  const double x = (turns - std::floor(turns)) * image.width;
+  const double y = (0.5 - std::asin(sin_lat) / kernels::kPi) * image.height;
+  const double across = grid.step / std::sqrt(1.0 - sin_lat * sin_lat);
+  std::array<float, kernels::kPatchSamples> grays{};
+  for (int count = 0; count < kernels::kPatchSamples; ++count) {
+    const double right = kernels::patch_offset(count % kernels::kPatchSide);
+    const double down = kernels::patch_offset(count / kernels::kPatchSide);
+    const auto gray = mean_gray(image, mask, x + across * right, y + grid.step * down, grid.side);
+    if (!gray) return std::nullopt;
+    grays[static_cast<std::size_t>(count)] = *gray;
+  }
+  return variance_in(grays);
+}
+
+float of_the_barest(const std::array<std::optional<float>, kPatches>& found) {
   std::vector<float> variances;
   for (const std::optional<float>& variance : found) {
     if (variance) variances.push_back(*variance);
@@ -110,6 +114,26 @@ float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask
   const auto barest = variances.begin() + static_cast<std::ptrdiff_t>(kBarest * static_cast<double>(variances.size()));
   std::nth_element(variances.begin(), barest, variances.end());
   return *barest;
+}
+
+}  // namespace
+
+float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int compared_width,
+                  ThreadPool& pool) {
+  const std::array<PatchGrid, 2> grids{PatchGrid(image, width), PatchGrid(image, compared_width)};
+  const std::size_t count = compared_width == width ? 1 : grids.size();
+  std::array<std::array<std::optional<float>, kPatches>, grids.size()> found;
+  constexpr int kTogether = 24;
+  constexpr int kShares = kPatches / kTogether;
+  pool.for_each(static_cast<int>(count) * kShares, [&](int task) {
+    const std::size_t of = static_cast<std::size_t>(task / kShares);
+    const int first = task % kShares * kTogether;
+    for (int i = first; i < first + kTogether; ++i)
+      found[of][static_cast<std::size_t>(i)] = variance_at(i, grids[of], image, mask);
+  });
+  float noise = 0.0F;
+  for (std::size_t of = 0; of < count; ++of) noise = std::max(noise, of_the_barest(found[of]));
+  return noise;
 }
 
 }  // namespace pmsp

@@ -11,6 +11,7 @@
 #include "elementary.h"
 #include "pmsp/error.h"
 #include "sphere/area_resize.h"
+#include "sphere/cube_map.h"
 #include "sphere/image_noise.h"
 #include "sphere/panorama_data.h"
 
@@ -92,7 +93,8 @@ PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::u
 Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
                    const Executor& executor, double image_scale)
     : data_(std::make_unique<PanoramaData>(prepare_panorama(image, mask, width, height, image_scale, executor))) {
-  data_->noise = image_noise(image, mask, width, pool_of(executor));
+  const int compared = compared_size(image.width, width, height, image_scale).width;
+  data_->noise = image_noise(image, mask, width, compared, pool_of(executor));
 }
 Panorama::~Panorama() = default;
 Panorama::Panorama(Panorama&&) noexcept = default;

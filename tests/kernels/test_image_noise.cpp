@@ -37,7 +37,9 @@ Image<Rgb> picture(double noise, double textured_from = 4.0, double brightness =
   return image;
 }
 
-float noise_of(const Image<Rgb>& image, int width = kWidth) { return image_noise(image.view(), {}, width, pool()); }
+float noise_of(const Image<Rgb>& image, int width = kWidth) {
+  return image_noise(image.view(), {}, width, width, pool());
+}
 
 }  // namespace
 
@@ -58,6 +60,12 @@ TEST_CASE("a smaller depth map averages noise away", "[noise]") {
   CHECK(noise_of(image, kWidth / 3) < 0.25F * noise_of(image));
 }
 
+TEST_CASE("noise is that of the pixels that are compared, where these have more than those of the map", "[noise]") {
+  const Image<Rgb> image = picture(4.0);
+  CHECK(image_noise(image.view(), {}, kWidth / 3, kWidth, pool()) == noise_of(image));
+  CHECK(image_noise(image.view(), {}, kWidth, kWidth / 3, pool()) == noise_of(image));
+}
+
 TEST_CASE("what is masked or clipped tells nothing of noise", "[noise]") {
   Image<Rgb> image = picture(3.0);
   const float noise = noise_of(image);
@@ -69,7 +77,7 @@ TEST_CASE("what is masked or clipped tells nothing of noise", "[noise]") {
     }
   }
   CHECK(noise_of(image) < 1e-6F);
-  CHECK(image_noise(image.view(), mask.view(), kWidth, pool()) == Approx(noise).epsilon(0.3));
+  CHECK(image_noise(image.view(), mask.view(), kWidth, kWidth, pool()) == Approx(noise).epsilon(0.3));
   for (int y = 0; y < kHeight; ++y) std::fill(image.row(y), image.row(y) + kWidth / 3, Rgb{255, 255, 255});
   CHECK(noise_of(image) == Approx(noise).epsilon(0.3));
   CHECK(noise_of(Image<Rgb>(kWidth, kHeight)) == 0.0F);
@@ -80,6 +88,6 @@ TEST_CASE("noise is measured in images of any size", "[noise]") {
        {std::pair(16, 8), std::pair(64, 30), std::pair(2, 2), std::pair(960, 480), std::pair(6000, 3000)}) {
     CAPTURE(width, height);
     Image<Rgb> image(width, height, {100, 100, 100});
-    CHECK(image_noise(image.view(), {}, 64, pool()) < 1e-6F);
+    CHECK(image_noise(image.view(), {}, 64, 128, pool()) < 1e-6F);
   }
 }
