@@ -55,12 +55,12 @@ class RecordFile {
   static constexpr std::size_t kBlocksAtOnce = 16;
   static constexpr std::size_t kShare = 4096;  ///< points that a thread encodes at a time
   static constexpr std::size_t kPlaced = 512;  ///< and places
-  static constexpr int kMostThreads = 16;
+  static constexpr int kMostThreads = 16;      ///< more than the fastest disk that was met can follow
 
   /// Threads share a keyframe in smaller pieces than blocks: those of a small map have few.
   template <class Fill>
   void each_share(std::size_t count, const Fill& fill) {
-    const std::size_t of_block = kBlockBytes / (kShare * record_bytes_) * kShare;
+    const std::size_t of_block = std::max(kBlockBytes / (kShare * record_bytes_), std::size_t{1}) * kShare;
     for (std::size_t begin = 0; begin < count; begin += kBlocksAtOnce * of_block) {
       const std::size_t points = std::min(count - begin, kBlocksAtOnce * of_block);
       std::vector<BackgroundFile::Block> blocks;
