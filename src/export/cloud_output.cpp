@@ -94,10 +94,10 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   const std::size_t size = cloud.points.size();
   impl.come += static_cast<std::int64_t>(size);
   std::vector<CloudWriter*> writers = impl.all_writers();
+  const PlacePoints place = [&](std::size_t first, std::size_t last, OutputPoint* to) {
+    place_points(cloud, pose, impl.file_from_map, first, last, to);
+  };
   if (!impl.crop && !impl.thinning) {
-    const auto place = [&](std::size_t first, std::size_t last, OutputPoint* to) {
-      place_points(cloud, pose, impl.file_from_map, first, last, to);
-    };
     const auto takes = [&](CloudWriter* writer) { return writer->take(size, place); };
     writers.erase(std::remove_if(writers.begin(), writers.end(), takes), writers.end());
     if (writers.empty()) {
@@ -106,7 +106,7 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
     }
   }
   if (!impl.placed) impl.placed.emplace(impl.threads);
-  impl.placed->for_each_piece(cloud, pose, impl.file_from_map, [&](OutputPoint* points, std::size_t count) {
+  impl.placed->for_each_piece(size, place, [&](OutputPoint* points, std::size_t count) {
     OutputPoint* end = points + count;
     if (impl.crop) {
       end = std::remove_if(points, end, [&impl](const OutputPoint& p) { return !impl.crop->contains(p.position); });

@@ -27,16 +27,15 @@ void place_points(const KeyframeCloud& cloud, const KeyframePose& pose, const Si
 
 PlacedPoints::PlacedPoints(int threads) : pool_(threads), piece_(kPiece) {}
 
-void PlacedPoints::for_each_piece(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map,
+void PlacedPoints::for_each_piece(std::size_t count, const PlacePoints& place,
                                   const std::function<void(OutputPoint* points, std::size_t count)>& take) {
-  for (std::size_t begin = 0; begin < cloud.points.size(); begin += kPiece) {
-    const std::size_t count = std::min(kPiece, cloud.points.size() - begin);
-    pool_.for_each(static_cast<int>((count + kShare - 1) / kShare), [&](int share) {
+  for (std::size_t begin = 0; begin < count; begin += kPiece) {
+    const std::size_t some = std::min(kPiece, count - begin);
+    pool_.for_each(static_cast<int>((some + kShare - 1) / kShare), [&](int share) {
       const std::size_t first = static_cast<std::size_t>(share) * kShare;
-      const std::size_t last = std::min(first + kShare, count);
-      place_points(cloud, pose, file_from_map, begin + first, begin + last, piece_.data() + first);
+      place(begin + first, begin + std::min(first + kShare, some), piece_.data() + first);
     });
-    take(piece_.data(), count);
+    take(piece_.data(), some);
   }
 }
 

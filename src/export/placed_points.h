@@ -15,8 +15,8 @@ class PlacedPoints {
  public:
   explicit PlacedPoints(int threads);
 
-  /// `take` may change the points, which are gone after it.
-  void for_each_piece(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map,
+  /// Of the `count` points that `place` makes. `take` may change the points, which are gone after it.
+  void for_each_piece(std::size_t count, const PlacePoints& place,
                       const std::function<void(OutputPoint* points, std::size_t count)>& take);
 
  private:
