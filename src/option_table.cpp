@@ -68,7 +68,7 @@ void machine(Table& table) {
       .zero_too()
       .normal(1440)
       .high(0);
-  PMSP_OPTION(height, "Height of the depth maps; 0 = as the images' shape asks")
+  PMSP_OPTION(height, "Height of the depth maps; 0 = as the images' shape asks, also where only a width is given")
       .unit("px")
       .range(16, 8192)
       .even()

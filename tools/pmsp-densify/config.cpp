@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <iostream>
+#include <string_view>
 
 #include "given_depth.h"
 #include "option_json.h"
@@ -35,11 +37,23 @@ nlohmann::json config_of(const Arguments& arguments) {
   return arguments.config.empty() ? nlohmann::json::object() : read_config(arguments.config);
 }
 
+/// Where one side is given, the other one is no longer the preset's: it follows from the images' shape.
+void follow_given_side(DensifierOptions& options, bool has_width, bool has_height) {
+  if (has_width && !has_height) options.height = 0;
+  if (has_height && !has_width) options.width = 0;
+}
+
 /// The preset, over it the configuration file, over that flags.
 DensifierOptions options_over(Quality quality, const Arguments& arguments, const nlohmann::json& file) {
   DensifierOptions options = preset(quality);
   if (arguments.verb == Verb::kFuse) set_fuse_defaults(options, arguments);
+  if (file.is_object()) follow_given_side(options, file.contains("width"), file.contains("height"));
   apply_json(options, file, arguments.config.string());
+  const auto has_flag = [&](const char* key) {
+    return std::any_of(arguments.overrides.begin(), arguments.overrides.end(),
+                       [&](const auto& given) { return std::string_view(given.first->key) == key; });
+  };
+  follow_given_side(options, has_flag("width"), has_flag("height"));
   for (const auto& [entry, text] : arguments.overrides) entry->set(options, text, flag_of(*entry));
   return options;
 }
