@@ -31,9 +31,8 @@ PMSP_HD void cubic_weights(float t, float* weights) {
   weights[3] = (0.5F * t - 0.5F) * t * t;
 }
 
-/// Value in a direction (any length > 0) by cubic convolution.
-PMSP_HD float sample_cubic(const GrayView& image, const Vec3<float>& direction) {
-  const Pixel<float> at = project(direction, static_cast<float>(image.width), static_cast<float>(image.height));
+/// Value at an image point by cubic convolution.
+PMSP_HD float sample_cubic(const GrayView& image, const Pixel<float>& at) {
   const float x = at.x - 0.5F;
   const float y = at.y - 0.5F;
   const int x0 = static_cast<int>(::floorf(x));
@@ -56,6 +55,11 @@ PMSP_HD float sample_cubic(const GrayView& image, const Vec3<float>& direction) 
     sum += wy[j] * line;
   }
   return sum;
+}
+
+/// Value in a direction (any length > 0).
+PMSP_HD float sample_cubic(const GrayView& image, const Vec3<float>& direction) {
+  return sample_cubic(image, project(direction, static_cast<float>(image.width), static_cast<float>(image.height)));
 }
 
 }  // namespace pmsp::kernels

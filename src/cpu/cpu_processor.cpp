@@ -66,10 +66,10 @@ kernels::PlaneArrays CpuProcessor::to(const Planes& planes) const {
   return {x, x + size, x + 2 * size, x + 3 * size};
 }
 
-CpuProcessor::Prepared CpuProcessor::prepare(const Keyframe& keyframe, double& seconds) const {
+CpuProcessor::Prepared CpuProcessor::prepare(const Keyframe& keyframe, double& seconds) {
   const Stopwatch watch(seconds);
   PanoramaData data =
-      prepare_panorama(keyframe.image, keyframe.mask, grid_->width(), grid_->height(), image_scale_, executor_);
+      prepare_panorama(keyframe.image, keyframe.mask, grid_->width(), grid_->height(), image_scale_, executor_, nodes_);
   Prepared image;
   image.cubes.gray = std::make_shared<CubeMap>(std::move(data.gray));
   image.color = color_words(data.color, executor_);

@@ -102,7 +102,7 @@ class CpuProcessor {
     return copy;
   }
 
-  Prepared prepare(const Keyframe& keyframe, double& seconds) const;
+  Prepared prepare(const Keyframe& keyframe, double& seconds);
   kernels::CubeView gray(const Cubes& cubes) const { return cubes.gray->view(); }
   kernels::CubeView usable(const Cubes& cubes) const {
     return cubes.usable ? cubes.usable->view() : kernels::CubeView{};
@@ -173,6 +173,7 @@ class CpuProcessor {
  private:
   const std::atomic<bool>* cancel_ = nullptr;
   double image_scale_ = PatchMatchOptions().image_scale;
+  std::optional<CubeNodes> nodes_;  ///< of the last image's cube map
   const Executor& executor_;
   std::optional<SphereGrid> grid_;
 };

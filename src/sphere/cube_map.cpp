@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 
-#include "equirect.h"
 #include "resample.h"
 
 namespace pmsp {
@@ -34,29 +34,29 @@ Vec3<float> node_direction(int face, int i, int j, int size) {
   return face_direction(at.face_start, node_coordinate(snapped(at.u), size), node_coordinate(snapped(at.v), size));
 }
 
-/// Fills a cube from a function of direction.
+/// Fills a cube from a function of image points.
 template <class Function>
-CubeMap fill_cube(int size, ThreadPool& pool, const Function& value_of) {
-  const int nodes = size + 2;
-  std::vector<std::uint16_t> values(node_count(size));
-  pool.for_each(6 * nodes, [&](int line) {
-    const int face = line / nodes;
-    std::uint16_t* row = &values[static_cast<std::size_t>(line) * static_cast<std::size_t>(nodes)];
-    const int j = line % nodes;
-    for (int i = 0; i < nodes; ++i) {
-      const int inner_i = std::clamp(i, 1, size);
-      const int inner_j = std::clamp(j, 1, size);
+CubeMap fill_cube(const CubeNodes& nodes, ThreadPool& pool, const Function& value_of) {
+  const int side = nodes.size + 2;
+  std::vector<std::uint16_t> values(node_count(nodes.size));
+  pool.for_each(6 * side, [&](int line) {
+    const int j = line % side;
+    const int inner_j = std::clamp(j, 1, nodes.size);
+    const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(line) * side;
+    const kernels::Pixel<float>* const row = nodes.at.data() + first;
+    const kernels::Pixel<float>* const inner_row = row + static_cast<std::ptrdiff_t>(inner_j - j) * side;
+    for (int i = 0; i < side; ++i) {
+      const int inner_i = std::clamp(i, 1, nodes.size);
+      std::uint16_t& value = values[static_cast<std::size_t>(first + i)];
       if (i == inner_i || j == inner_j) {
-        row[i] = value_of(node_direction(face, i, j, size));
+        value = value_of(row[i]);
       } else {  // three texels meet at a corner
-        const int sum = value_of(node_direction(face, inner_i, inner_j, size)) +
-                        value_of(node_direction(face, i, inner_j, size)) +
-                        value_of(node_direction(face, inner_i, j, size));
-        row[i] = static_cast<std::uint16_t>((sum + 1) / 3);
+        const int sum = value_of(inner_row[inner_i]) + value_of(inner_row[i]) + value_of(row[inner_i]);
+        value = static_cast<std::uint16_t>((sum + 1) / 3);
       }
     }
   });
-  return cube_of_nodes(values.data(), size, pool);
+  return cube_of_nodes(values.data(), nodes.size, pool);
 }
 
 /// 0 wherever a pixel of the image is 0 within `radius_px` (pixels at the equator), 255 elsewhere.
@@ -133,20 +133,35 @@ ImageSize compared_size(int image_width, int width, int height, double scale) {
 
 int cube_size_for(int width) { return std::max(8, 2 * static_cast<int>(std::lround(width / (2.0 * kernels::kPi)))); }
 
-CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool) {
+CubeNodes::CubeNodes(int its_size, int its_width, int its_height, ThreadPool& pool)
+    : size(its_size), width(its_width), height(its_height), at(node_count(its_size)) {
+  const int side = size + 2;
+  pool.for_each(6 * side, [&](int line) {
+    kernels::Pixel<float>* const row = at.data() + static_cast<std::ptrdiff_t>(line) * side;
+    const bool at_edge = line % side == 0 || line % side == side - 1;
+    for (int i = at_edge ? 1 : 0; i < (at_edge ? side - 1 : side); ++i) {
+      row[i] = kernels::project(node_direction(line / side, i, line % side, size), static_cast<float>(width),
+                                static_cast<float>(height));
+    }
+  });
+}
+
+CubeMap make_cube_map(const Image<float>& gray, const CubeNodes& nodes, ThreadPool& pool) {
   const kernels::GrayView view{gray.pixels().data(), gray.width(), gray.height()};
-  return fill_cube(size, pool, [&](const Vec3<float>& direction) {
-    const float level = static_cast<float>(kernels::kTexelsPerGray) * kernels::sample_cubic(view, direction);
+  return fill_cube(nodes, pool, [&](const Pixel<float>& at) {
+    const float level = static_cast<float>(kernels::kTexelsPerGray) * kernels::sample_cubic(view, at);
     return static_cast<std::uint16_t>(std::clamp(level + 0.5F, 0.0F, 65535.0F));
   });
 }
 
+CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool) {
+  return make_cube_map(gray, CubeNodes(size, gray.width(), gray.height(), pool), pool);
+}
+
 CubeMap make_usable_cube(const Image<std::uint8_t>& usable, int size, double radius_px, ThreadPool& pool) {
-  const float width = static_cast<float>(usable.width());
-  const float height = static_cast<float>(usable.height());
   const Image<std::uint8_t> inside = eroded(usable, radius_px);
-  return fill_cube(size, pool, [&](const Vec3<float>& direction) {
-    const Pixel<float> at = kernels::project(direction, width, height);
+  const CubeNodes nodes(size, usable.width(), usable.height(), pool);
+  return fill_cube(nodes, pool, [&](const Pixel<float>& at) {
     const bool matchable = inside(kernels::column(at.x, usable.width()), kernels::row(at.y, usable.height())) != 0;
     return static_cast<std::uint16_t>(matchable ? 65535 : 0);
   });

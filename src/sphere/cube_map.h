@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cube.h"
+#include "equirect.h"
 #include "pmsp/image.h"
 #include "util/thread_pool.h"
 
@@ -33,8 +34,21 @@ struct ImageSize {
 };
 ImageSize compared_size(int image_width, int width, int height, double scale);
 
+/// Where a cube map's nodes lie in equirectangular images of one size. Found once for all images of a flight: it takes
+/// longer than to read them there.
+struct CubeNodes {
+  CubeNodes(int size, int width, int height, ThreadPool& pool);
+  bool is_of(int its_size, int its_width, int its_height) const {
+    return size == its_size && width == its_width && height == its_height;
+  }
+
+  int size, width, height;
+  std::vector<kernels::Pixel<float>> at;  ///< as nodes lie; undefined at corners
+};
+
 /// Resamples a gray equirectangular image (values 0 to 255) by cubic convolution (Catmull-Rom; Keys 1981), rounded to
 /// 16 bits.
+CubeMap make_cube_map(const Image<float>& gray, const CubeNodes& nodes, ThreadPool& pool);
 CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool);
 
 /// 255 where a patch may be matched, 0 where it would reach into the mask: where any pixel is 0 within

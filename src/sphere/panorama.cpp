@@ -64,7 +64,7 @@ void equalize_rows(Image<float>& gray, ThreadPool& pool) {
 }  // namespace
 
 PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
-                              double image_scale, const Executor& executor) {
+                              double image_scale, const Executor& executor, std::optional<CubeNodes>& nodes) {
   check(image, mask, width, height);
   ThreadPool& pool = pool_of(executor);
   const Image<Eigen::Vector3f> resized = area_resize(image, width, height, pool);
@@ -83,7 +83,11 @@ PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::u
   Image<float> gray =
       compared.width == width ? gray_of(resized) : area_resize_gray(image, compared.width, compared.height, pool);
   equalize_rows(gray, pool);
-  data.gray = make_cube_map(gray, cube_size_for(compared.width), pool);
+  const int size = cube_size_for(compared.width);
+  if (!nodes || !nodes->is_of(size, compared.width, compared.height)) {
+    nodes.emplace(size, compared.width, compared.height, pool);
+  }
+  data.gray = make_cube_map(gray, *nodes, pool);
   if (mask.empty()) return data;
   data.usable = shrink_mask(mask, width, height);
   data.matchable = make_usable_cube(data.usable, cube_size_for(width), kPatchReachPx, pool);
@@ -92,7 +96,9 @@ PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::u
 
 Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
                    const Executor& executor, double image_scale)
-    : data_(std::make_unique<PanoramaData>(prepare_panorama(image, mask, width, height, image_scale, executor))) {
+    : data_(std::make_unique<PanoramaData>()) {
+  std::optional<CubeNodes> nodes;
+  *data_ = prepare_panorama(image, mask, width, height, image_scale, executor, nodes);
   const int compared = compared_size(image.width, width, height, image_scale).width;
   data_->noise = image_noise(image, mask, width, compared, pool_of(executor));
 }

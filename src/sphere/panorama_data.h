@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <optional>
+
 #include "pmsp/panorama.h"
 #include "sphere/cube_map.h"
 #include "util/inside.h"
@@ -24,8 +26,8 @@ struct PanoramaData {
   CubeMap matchable;   ///< where neighbours may be sampled; empty without a mask
 };
 
-/// As Panorama's constructor, but for the noise.
+/// As Panorama's constructor, but for the noise. `nodes`: those of the last image; found anew where they don't fit.
 PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
-                              double image_scale, const Executor& executor);
+                              double image_scale, const Executor& executor, std::optional<CubeNodes>& nodes);
 
 }  // namespace pmsp

@@ -2,8 +2,10 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdint>
 #include <cstdlib>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -322,7 +324,8 @@ TEST_CASE("a panorama keeps what is finer than the depth map's pixels, as far as
     for (int x = 0; x < 256; ++x) image(x, y) = (x / 2) % 2 == 0 ? Rgb{80, 80, 80} : Rgb{120, 120, 120};
   }
   const auto contrast = [&](double scale) {  // at the equator, ahead: two image pixels are half a pixel of the map
-    const PanoramaData data = prepare_panorama(image.view(), {}, 64, 32, scale, executor);
+    std::optional<CubeNodes> nodes;
+    const PanoramaData data = prepare_panorama(image.view(), {}, 64, 32, scale, executor, nodes);
     float least = 255.0F;
     float most = 0.0F;
     for (int i = 0; i < 64; ++i) {
@@ -337,6 +340,30 @@ TEST_CASE("a panorama keeps what is finer than the depth map's pixels, as far as
   CHECK(contrast(1.0) < 4.0F);
   CHECK(contrast(4.0) > 30.0F);
   CHECK(contrast(8.0) == contrast(4.0));  // there are no finer images
+}
+
+TEST_CASE("an image's cube is the same whatever image was before it") {
+  const Executor executor(2);
+  const auto image_of = [](int width, int height, std::uint8_t level) {
+    Image<Rgb> image(width, height);
+    Draws draws(level);
+    for (Rgb& pixel : image.pixels()) {
+      const auto value = static_cast<std::uint8_t>(draws.uniform(0.0, 255.0));
+      pixel = {value, value, level};
+    }
+    return image;
+  };
+  std::optional<CubeNodes> nodes;
+  std::uint8_t level = 1;
+  for (const auto& [width, height] :
+       {std::pair(256, 128), std::pair(256, 128), std::pair(128, 64), std::pair(256, 96)}) {
+    const Image<Rgb> image = image_of(width, height, level++);
+    std::optional<CubeNodes> none;
+    const PanoramaData alone = prepare_panorama(image.view(), {}, 128, 64, 2.0, executor, none);
+    const PanoramaData after = prepare_panorama(image.view(), {}, 128, 64, 2.0, executor, nodes);
+    CHECK(after.gray.size == alone.gray.size);
+    CHECK(after.gray.quads == alone.gray.quads);
+  }
 }
 
 TEST_CASE("a cube comes back from its nodes as it was") {
