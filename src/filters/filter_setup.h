@@ -44,6 +44,7 @@ kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Ma
   stage.wanted = agreeing_maps_wanted(options, count);
   const float pixel_angle = static_cast<float>(2.0 * kernels::kPi / grid.width);
   stage.tolerance = std::max(static_cast<float>(options.max_relative_depth), pixel_angle);  // no map knows better
+  stage.share = kernels::share_of_coarse_map(grid.width);
   stage.confidence = confidence;
   return stage;
 }
