@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "run_results.h"
 
+#include <future>
+
 #include "cloud_report.h"
 
 namespace pmsp::tool {
@@ -80,6 +82,11 @@ void RunResults::complete() {
 }
 
 void RunResults::write(Progress& progress) {
+  std::future<std::string> drawn;  // while the disk takes what it has still to take
+  if (preview_) {
+    const auto draw = [this, points = output_->points_in()] { return preview_->finish(points); };
+    drawn = std::async(std::launch::async, draw);
+  }
   progress.stage("writing " + clouds_text());
   {
     const Spent spent(time_, Busy::kFinish);
@@ -88,7 +95,7 @@ void RunResults::write(Progress& progress) {
   if (!preview_) return;
   const Spent spent(time_, Busy::kPreview);
   progress.stage("drawing " + arguments_.preview.string());
-  left_out_ = preview_->finish(output_->points_in());
+  left_out_ = drawn.get();
 }
 
 void RunResults::write_page(Progress& progress, const nlohmann::ordered_json& stats) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <future>
+#include <utility>
 #include <vector>
 
 #include <opencv2/imgcodecs.hpp>
@@ -47,6 +48,15 @@ cv::Mat labelled(const cv::Mat& image, const std::string& words) {
   return panel;
 }
 
+/// What a strip shows of it.
+DepthMap without_normals(const DepthMap& map) {
+  DepthMap copy;
+  copy.keyframe_id = map.keyframe_id;
+  copy.depth = map.depth;
+  copy.confidence = map.confidence;
+  return copy;
+}
+
 std::string text(const char* pattern, double a, double b, double c) {
   char words[128];
   std::snprintf(words, sizeof(words), pattern, a, b, c);
@@ -87,14 +97,21 @@ void Preview::drop_keyframe(std::int64_t id) {
   if (!pending_.empty() && pending_.back().id == id) pending_.pop_back();
 }
 
+/// When what was begun before is done.
+void Preview::beside(std::function<void()> work) {
+  if (working_.valid()) working_.get();
+  working_ = std::async(std::launch::async, std::move(work));
+}
+
 void Preview::add_depth(const DepthMap& map) {
   // Depth maps come in the order of the keyframes: what lies before this one has had its chance.
   while (!pending_.empty() && pending_.front().id != map.keyframe_id) pending_.pop_front();
   if (pending_.empty()) return;
-  const Pending pending = pending_.front();
+  const Pending pending = std::move(pending_.front());
   pending_.pop_front();
   if (strips_ >= kStrips || pending.index < keyframes_ * (2 * strips_ + 1) / (2 * kStrips)) return;
-  write_png(folder_ / numbered_name("keyframe_", pending.id, ".png"), strip_of(pending.color, map));
+  beside([path = folder_ / numbered_name("keyframe_", pending.id, ".png"), color = pending.color,
+          map = without_normals(map)] { write_png(path, strip_of(color, map)); });
   ++strips_;
   if (strips_ == kStrips) pending_.clear();
 }
@@ -160,22 +177,32 @@ void Preview::thin() {
 /// anyway.
 void Preview::add_points(const KeyframeCloud& cloud) {
   const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
+  const Eigen::Matrix3f rotation = world_from_cam.rotation.cast<float>();
   const std::size_t most = kMaxPoints / std::clamp<std::size_t>(keyframes_, 1, kFewKeyframes);
   const std::size_t stride = std::max<std::size_t>(1, cloud.points.size() / most);
+  std::vector<ViewPoint> points;
+  points.reserve(cloud.points.size() / stride + 1);
   for (std::size_t i = 0; i < cloud.points.size(); i += stride) {
     const CloudPoint& point = cloud.points[i];
-    ViewPoint kept;
-    kept.position = (world_from_cam * (cloud.scale * point.position.cast<double>())).cast<float>();
-    if (cells_ && !cells_->take(kept.position)) continue;
-    const Eigen::Vector3f normal = world_from_cam.rotation.cast<float>() * point.normal;
-    kept.normal = (normal.cwiseMax(-1.0F).cwiseMin(1.0F) * 127.0F).cast<std::int8_t>();
-    kept.color = point.color;
-    scene_.points.push_back(kept);
+    ViewPoint& seen = points.emplace_back();
+    seen.position = (world_from_cam * (cloud.scale * point.position.cast<double>())).cast<float>();
+    const Eigen::Vector3f normal = rotation * point.normal;
+    seen.normal = (normal.cwiseMax(-1.0F).cwiseMin(1.0F) * 127.0F).cast<std::int8_t>();
+    seen.color = point.color;
+  }
+  beside([this, points = std::move(points)] { keep(points); });
+}
+
+void Preview::keep(const std::vector<ViewPoint>& points) {
+  for (const ViewPoint& point : points) {
+    if (cells_ && !cells_->take(point.position)) continue;
+    scene_.points.push_back(point);
     if (scene_.points.size() >= kMaxPoints) thin();
   }
 }
 
 std::string Preview::finish(std::int64_t points) {
+  if (working_.valid()) working_.get();
   if (scene_.points.empty()) return "";
   if (down_.norm() > 0.0) scene_.up = -down_.normalized();
   scene_.caption = count_text(points) + " points";

@@ -4,8 +4,11 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <functional>
+#include <future>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <opencv2/core.hpp>
 
@@ -17,7 +20,8 @@ namespace pmsp::tool {
 
 /// Pictures of a run that a person judges at a glance: a few keyframes with depth and confidence, and the cloud. Memory
 /// stays bounded: colours of the keyframes in the densifier's windows, and a share of the points, thinned where they
-/// are dense.
+/// are dense. Pictures and points are worked on beside the caller, one call's at a time; what goes wrong there is
+/// thrown by a later call.
 class Preview {
  public:
   /// `keyframes`: how many will come. Pictures that an earlier run left in the folder are removed. Throws OutputError.
@@ -44,6 +48,8 @@ class Preview {
 
   class Cells;
 
+  void beside(std::function<void()> work);
+  void keep(const std::vector<ViewPoint>& points);
   void thin();
 
   std::filesystem::path folder_;
@@ -53,6 +59,7 @@ class Preview {
   ViewScene scene_;
   std::unique_ptr<Cells> cells_;  ///< those that have a point, once points are thinned
   Eigen::Vector3d down_ = Eigen::Vector3d::Zero();
+  std::future<void> working_;  ///< goes first: it works on the others
 };
 
 /// Whether Preview writes files of that name.
