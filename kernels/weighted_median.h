@@ -22,6 +22,15 @@ constexpr float kMedianSigmaColor = 8.0F;  ///< of the distance between colours 
 constexpr float kMedianChange = 0.005F;    ///< relative change of depth below which a pixel keeps its plane
 constexpr int kMedianHalvings = 14;        ///< of the interval that holds the median
 
+// A pole or a cable holds few of the samples: its pixels would go to what lies behind it. They keep their planes where
+// what lies behind is seen on either side, and the thing itself goes on both ways. The band by which an edge grows is
+// as narrow, but has the near thing itself on one side.
+constexpr float kOnThinThing = 0.98F;      ///< least inverse depth of a sample, over the pixel's own
+constexpr float kBehindThinThing = 0.97F;  ///< largest one of a sample behind it
+constexpr float kThinThingBehind = 12.0F;  ///< pairs of opposite samples, of 24, that are both behind, at least
+constexpr float kThinThingAlong = 1.0F;    ///< pairs that are both on it
+constexpr float kThinThingShare = 0.05F;   ///< weight of the samples on it, of all
+
 /// Offset of the k-th sample of a side from the middle [px of the equator].
 PMSP_HD int median_offset(int k) { return kMedianStep * (k - kMedianSide / 2); }
 
@@ -61,7 +70,9 @@ struct WeightedMedian {
     });
     if (any(differs)) {
       const F median = weighted_median(at, inverse_depth, weight);
-      const MaskOf<F> moves = wanted & (median > F(0)) & (abs(median - own) > F(kMedianChange) * own);
+      MaskOf<F> moves = wanted & (median > F(0)) & (abs(median - own) > F(kMedianChange) * own);
+      const MaskOf<F> recedes = moves & (median < F(kBehindThinThing) * own);
+      if (any(recedes)) moves = moves & !(recedes & is_thin(own, inverse_depth, weight));
       if (any(moves)) {
         F nearest = median;
         for_each_sample(at, [&](int k, const IntOf<F>& there, int /*square*/) {
@@ -97,6 +108,27 @@ struct WeightedMedian {
         visit(j * kMedianSide + i, first + to_int(around), dx * dx + dy * dy);
       }
     }
+  }
+
+  template <class F, class Room>
+  PMSP_HD static MaskOf<F> is_thin(const F& own, const Room& inverse_depth, const Room& weight) {
+    const F on = F(kOnThinThing) * own;
+    const F behind = F(kBehindThinThing) * own;
+    F pairs_behind(0);
+    F pairs_along(0);
+    F share = F(weight[kMedianSamples / 2]);
+    F total = share;
+    for (int k = 0; k < kMedianSamples / 2; ++k) {
+      const int opposite = kMedianSamples - 1 - k;
+      const F one = inverse_depth[k];
+      const F other = inverse_depth[opposite];
+      pairs_behind = pairs_behind + select((max(one, other) < behind) & (min(one, other) > F(0)), F(1), F(0));
+      pairs_along = pairs_along + select(min(one, other) > on, F(1), F(0));
+      share = share + select(one > on, F(weight[k]), F(0)) + select(other > on, F(weight[opposite]), F(0));
+      total = total + F(weight[k]) + F(weight[opposite]);
+    }
+    return (pairs_behind >= F(kThinThingBehind)) & (pairs_along >= F(kThinThingAlong)) &
+           (share >= F(kThinThingShare) * total);
   }
 
   /// The smallest of the values that has half of the weight at or below it; 0 where there is none.

@@ -142,6 +142,31 @@ TEST_CASE("the weighted median leaves what is right as it is, thin things includ
   CHECK(kept > kWidth * 95 / 100);
 }
 
+TEST_CASE("a cable of nearly the wall's colour stays before it, a lone pixel does not", "[median]") {
+  const Scene scene;
+  Image<Rgb> image = scene.image();
+  PlaneMap map = scene.planes(0);
+  const auto draw = [&](int x, int y) {
+    image(x, y) = {88, 88, 44};  // the wall: 80, with noise of 3
+    Scene::set(map, x, y, kPlate);
+  };
+  for (int y = 10; y < 70; ++y) {
+    for (const int x : {20, 21, 90 + y}) draw(x, y);  // one upright, one askew
+  }
+  draw(5, 40);
+  draw(40, 50);
+  const Panorama panorama(image.view(), {}, kWidth, kHeight, Executor(1));
+  const PlaneMap filtered = weighted_median_filter(map, panorama, Executor(2));
+  const auto stays = [&](int x, int y) { return filtered.z(x, y) == map.z(x, y); };
+  int kept = 0;
+  for (int y = 20; y < 60; ++y) {
+    for (const int x : {20, 21, 90 + y}) kept += stays(x, y) ? 1 : 0;
+  }
+  CHECK(kept > 40 * 3 * 95 / 100);
+  CHECK_FALSE(stays(5, 40));
+  CHECK_FALSE(stays(40, 50));
+}
+
 TEST_CASE("the weighted median fills holes, but nothing that is masked", "[median]") {
   const Scene scene;
   Image<std::uint8_t> mask(kWidth, kHeight, 255);
