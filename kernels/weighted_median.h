@@ -110,6 +110,7 @@ struct WeightedMedian {
     }
   }
 
+  /// Whether the pixel lies on something thin; see kOnThinThing.
   template <class F, class Room>
   PMSP_HD static MaskOf<F> is_thin(const F& own, const Room& inverse_depth, const Room& weight) {
     const F on = F(kOnThinThing) * own;

@@ -103,9 +103,10 @@ HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used
   // their way out.
   const double matching = (4.0 * kPlanes + 2.0 * 8.0) * pixels;
   const double asking = (waits_in_file ? 5.0 * options.free_space.views : 0.0) * pixels;
-  constexpr double kMirrors = 2.0;  // two words for each cell of four pixels
-  needed.memory = std::max(matching, asking + (20.0 + kMirrors) * pixels) + 8.0 * texels;  // and a cube map's nodes
-  if (options.unordered) {                                                                 // all wait for all
+  constexpr double kMirrors = 2.0;         // two words for each cell of four pixels
+  const double cube_nodes = 8.0 * texels;  // of the last image
+  needed.memory = std::max(matching, asking + (20.0 + kMirrors) * pixels) + cube_nodes;
+  if (options.unordered) {  // all wait for all
     const double each = pixels * (4.0 + 2.0 * kPlanes + kPlanes + 4.0 + 2.0 + surfel);
     (waits_in_file ? needed.scratch : needed.memory) += static_cast<double>(used) * (each + 2.0 * texels);
     return needed;
