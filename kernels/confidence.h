@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-
 #include "agreement.h"
 #include "plane.h"
 #include "stage.h"
@@ -70,10 +67,10 @@ PMSP_HD F expected_error(const Evidence<F>& evidence) {
 /// than planes of a finer map that is as exact. What is told is less by the fourth root of the width, from that of the
 /// maps that it was fitted to down to that of the coarsest ones that were measured. (Of 640 columns 1.4 to 1.9 times
 /// too much was told where poses are exact.)
-inline float share_of_coarse_map(int width) {
+PMSP_HD float share_of_coarse_map(int width) {
   constexpr float kFitted = 1440.0F;
   constexpr float kCoarsest = 640.0F;
-  return std::sqrt(std::sqrt(std::clamp(static_cast<float>(width), kCoarsest, kFitted) / kFitted));
+  return sqrt(sqrt(min(max(static_cast<float>(width), kCoarsest), kFitted) / kFitted));
 }
 
 /// Relative error that gives a confidence of one half.
