@@ -190,6 +190,7 @@ PlayedMission read_mission(const Arguments& arguments) {
     keyframe.id = from.id;
     keyframe.cam_from_world = from.cam_from_world;
     keyframe.landmarks = from.landmarks;
+    keyframe.pose_error = from.pose_error;
     keyframe.image = live_image(std::make_shared<Image<Rgb>>(std::move(item->image)));
     if (mission.keyframes.empty()) start = in_map.timestamp;
     mission.seconds.push_back(in_map.timestamp - start);

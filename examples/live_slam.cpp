@@ -82,13 +82,12 @@ Mission read_mission(const Arguments& arguments) {
   while (std::optional<pmsp::ImageSource::Item> item = images->next()) {
     const pmsp::MapKeyframe& in_map = *map.find_keyframe(item->keyframe_id);
     auto image = std::make_shared<pmsp::Image<pmsp::Rgb>>(std::move(item->image));
+    const pmsp::Keyframe known = keyframe_of(map, in_map);
     pmsp::LiveKeyframe keyframe;
-    keyframe.id = in_map.id;
-    keyframe.cam_from_world = in_map.cam_from_world;
-    for (const pmsp::MapObservation& observation : in_map.observations) {
-      keyframe.landmarks.push_back(
-          {observation.landmark_id, map.find_landmark(observation.landmark_id)->position_world});
-    }
+    keyframe.id = known.id;
+    keyframe.cam_from_world = known.cam_from_world;
+    keyframe.landmarks = known.landmarks;
+    keyframe.pose_error = known.pose_error;
     keyframe.image.data = &image->pixels().data()->r;
     keyframe.image.width = image->width();
     keyframe.image.height = image->height();

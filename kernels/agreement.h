@@ -52,6 +52,7 @@ struct Agreement {
   F parallax_gain;
   F weight;        ///< of what that map says
   IntOf<F> index;  ///< of that pixel
+  Vec3<F> point;   ///< in the other keyframe
 };
 
 /// `bearing` (unit) and `depth` > 0 in the first keyframe. `Map`: PlaneMapView, or any other type with `width`,
@@ -72,13 +73,53 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map
   const F square = dot(p, p);
   const F gain = depth * sqrt(dot(turn, turn)) / max(square, F(1e-30F));
   const F weight = weight_of_word(F(depth * depth * dot(turned, turned)), square);
-  return {select(valid, depth_ratio, F(0)), select(valid, rest / select(valid, along_ray, F(1)), F(0)), gain, weight,
-          index};
+  return {select(valid, depth_ratio, F(0)),
+          select(valid, rest / select(valid, along_ray, F(1)), F(0)),
+          gain,
+          weight,
+          index,
+          p};
 }
 
 /// Where another map's surface lies behind the point by more than this many tolerances, that keyframe has looked
 /// through it.
 constexpr float kSeenThrough = 2.0F;
+
+template <class F>
+PMSP_HD MaskOf<F> is_seen_through(const Agreement<F>& seen, float tolerance) {
+  return (seen.depth_ratio > F(0)) & (seen.depth_ratio < F(1.0F - kSeenThrough * tolerance));
+}
+
+/// What lies behind a thin thing has at most this share of its inverse depth.
+constexpr float kBehindThinThing = 0.97F;
+constexpr int kThinThingSide = 4;    ///< from the middle of a thin thing to what lies beside it [px]
+constexpr int kBesideThinThing = 2;  ///< steps from a pixel to one that may show a thin thing in its place [px]
+
+/// The depth ratio nearest to 1 of another map's pixels within kBesideThinThing of where it sees the point, if one of
+/// them agrees; else the one that is there. What is two pixels thin lies beside its place in another map as soon as
+/// poses and pixels are half a pixel off.
+template <class F, class Map>
+PMSP_HD F depth_ratio_around(const Agreement<F>& seen, const Map& other, float tolerance) {
+  const F width(static_cast<float>(other.width));
+  const F height(static_cast<float>(other.height));
+  const Pixel<F> at = project(seen.point, width, height);
+  F found = seen.depth_ratio;
+  F least(tolerance);
+  for (int dy = -kBesideThinThing; dy <= kBesideThinThing; ++dy) {
+    const F y = min(max(at.y + F(static_cast<float>(dy)), F(0)), height);
+    const IntOf<F> first = row(y, other.height) * IntOf<F>(other.width);
+    const int reach = kBesideThinThing - (dy < 0 ? -dy : dy);
+    for (int dx = -reach; dx <= reach; ++dx) {
+      const F x = at.x + F(static_cast<float>(dx));
+      const F around = select(x < F(0), x + width, select(x > width, x - width, x));
+      const F ratio = dot(plane_at<F>(other, first + column(around, other.width)), seen.point);
+      const F deviation = abs(ratio - F(1));
+      found = select(deviation <= least, ratio, found);
+      least = min(deviation, least);
+    }
+  }
+  return found;
+}
 
 /// What the other maps say of a pixel.
 template <class F>
@@ -92,7 +133,7 @@ struct Votes {
   PMSP_HD void add(const Agreement<F>& seen, float tolerance) {
     const F deviation = seen.depth_ratio - F(1);
     const MaskOf<F> near = abs(deviation) <= F(tolerance);
-    const MaskOf<F> through = (seen.depth_ratio > F(0)) & (seen.depth_ratio < F(1.0F - kSeenThrough * tolerance));
+    const MaskOf<F> through = is_seen_through(seen, tolerance);
     agree = agree + select(near, F(1), F(0));
     weight_for = weight_for + select(near, seen.weight, F(0));
     weight_against = weight_against + select(through, seen.weight, F(0));

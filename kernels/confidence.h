@@ -51,8 +51,8 @@ PMSP_HD F expected_error(const Evidence<F>& evidence) {
   constexpr float kCalibration = 0.2F;
   // A pixel of a map of 1440 [rad]: coarser maps have finer images, and are as exact; finer ones see the same poses.
   constexpr float kResolved = 0.00436F;
-  constexpr float kOfSpread = 0.7F;
-  constexpr float kLeast = 1e-4F;  // no map knows better where its camera was
+  constexpr float kOfSpread = 0.6F;
+  constexpr float kLeast = 5e-5F;
   const F agree = max(evidence.agree, F(0.1F));
   const F differs = sqrt(evidence.square_spread / agree);
   const F spread = differs + F(kFloor);
@@ -71,6 +71,14 @@ PMSP_HD float share_of_coarse_map(int width) {
   constexpr float kFitted = 1440.0F;
   constexpr float kCoarsest = 640.0F;
   return sqrt(sqrt(min(max(static_cast<float>(width), kCoarsest), kFitted) / kFitted));
+}
+
+/// With what the poses add, `pose_error` [rad] (Keyframe::pose_error): all maps that agree have it, so that their
+/// differences do not show it, and their number does not lessen it.
+template <class F>
+PMSP_HD F with_pose_error(const F& error, const Evidence<F>& evidence, const F& pose_error) {
+  const F square_gain = evidence.square_gain / max(evidence.agree, F(0.1F));
+  return sqrt(fma(error, error, pose_error * pose_error / max(square_gain, F(1e-8F))));
 }
 
 /// Relative error that gives a confidence of one half.
@@ -108,6 +116,7 @@ struct ConsistencyFilter {
   int wanted;
   float tolerance;
   float share;        ///< share_of_coarse_map
+  float pose_error;   ///< of `map`'s keyframe [rad]
   float* confidence;  ///< 0 = no depth
 
   PMSP_HD int width() const { return grid.width; }
@@ -121,9 +130,16 @@ struct ConsistencyFilter {
     F found = score;
     MaskOf<F> kept = surface.known;
     if (count > 0 && any(kept)) {
+      const MaskOf<F> thin = kept & is_thin(at, bearing, surface.depth);
       Votes<F> votes;
       for (int k = 0; k < count; ++k) {
-        votes.add(agreement(bearing, surface.depth, others[k].planes, others[k].other_from_first), tolerance);
+        const ComparedMap<Machine>& other = others[k];
+        Agreement<F> seen = agreement(bearing, surface.depth, other.planes, other.other_from_first);
+        const MaskOf<F> missed = thin & is_seen_through(seen, tolerance);
+        if (any(missed)) {
+          seen.depth_ratio = select(missed, depth_ratio_around(seen, other.planes, tolerance), seen.depth_ratio);
+        }
+        votes.add(seen, tolerance);
       }
       kept = kept & votes.keep(wanted);
       if (any(kept)) {
@@ -133,7 +149,8 @@ struct ConsistencyFilter {
                                    votes.agree,
                                    F(static_cast<float>(count)),
                                    score};
-        found = confidence_of_error(F(share) * expected_error(evidence));
+        const F error = F(share) * expected_error(evidence);
+        found = confidence_of_error(with_pose_error(error, evidence, F(pose_error)));
       }
     }
     store<F>(select(kept, found, F(0)), confidence + at.first, at.count);
@@ -150,10 +167,26 @@ struct ConsistencyFilter {
       int dx = 0;
       int dy = 0;
       roughness_offset(i, dx, dy);
-      const bool beyond = at.row + dy < 0 || at.row + dy >= grid.height;
-      sum = sum + deviation(plane_at<F>(map, index_beside(grid, at, beyond ? 0 : dx, dy)), bearing, depth);
+      sum = sum + deviation(plane_beside(at, dx, dy), bearing, depth);
     }
     return sum * F(1.0F / kRoughnessOffsets);
+  }
+
+  /// Whether what lies on both sides, or above and below, lies behind. A band by which a thing has grown is nearer to
+  /// one of its sides than to the other, and so is not taken for thin.
+  template <class F>
+  PMSP_HD MaskOf<F> is_thin(const Place<F>& at, const Vec3<F>& bearing, const F& depth) const {
+    const auto lies_behind = [&](int dx, int dy) {
+      const F ratio = depth * dot(plane_beside(at, dx, dy), bearing);
+      return (ratio > F(0)) & (ratio < F(kBehindThinThing));
+    };
+    return (lies_behind(-kThinThingSide, 0) & lies_behind(kThinThingSide, 0)) |
+           (lies_behind(0, -kThinThingSide) & lies_behind(0, kThinThingSide));
+  }
+
+  template <class F>
+  PMSP_HD Vec3<F> plane_beside(const Place<F>& at, int dx, int dy) const {
+    return plane_at<F>(map, index_beside(grid, at, dx, dy));
   }
 };
 

@@ -26,7 +26,6 @@ constexpr int kMedianHalvings = 14;        ///< of the interval that holds the m
 // what lies behind is seen on either side, and the thing itself goes on both ways. The band by which an edge grows is
 // as narrow, but has the near thing itself on one side.
 constexpr float kOnThinThing = 0.98F;      ///< least inverse depth of a sample, over the pixel's own
-constexpr float kBehindThinThing = 0.97F;  ///< largest one of a sample behind it
 constexpr float kThinThingBehind = 12.0F;  ///< pairs of opposite samples, of 24, that are both behind, at least
 constexpr float kThinThingAlong = 1.0F;    ///< pairs that are both on it
 constexpr float kThinThingShare = 0.05F;   ///< weight of the samples on it, of all

@@ -40,6 +40,7 @@ void check_keyframe(const Keyframe& keyframe) {
   check_pose(who, keyframe.cam_from_world);
   check_scale(who, keyframe.scale);
   check_landmarks(who, keyframe.landmarks);
+  check_pose_error(who, keyframe.pose_error);
 }
 
 void check_prior_depth(const std::string& where, ImageView<const float> prior) {
@@ -75,6 +76,13 @@ void check_landmarks(const std::string& where, const std::vector<Landmark>& land
     throw InvalidInput(where + "landmark " + std::to_string(landmark.id) +
                        " is not at a finite position within 1e12 scene units");
   }
+}
+
+void check_pose_error(const std::string& where, double error) {
+  if (error >= 0.0 && error <= 1.0) return;
+  std::ostringstream text;
+  text << where << "the pose error is " << error << "; expected 0 to 1 rad";
+  throw InvalidInput(text.str());
 }
 
 void check_scale(const std::string& where, double scale) {

@@ -21,5 +21,6 @@ void check_prior_depth(const std::string& where, ImageView<const float> prior);
 PMSP_IO_API void check_scale(const std::string& where, double scale);
 PMSP_IO_API void check_pose(const std::string& where, const RigidTransform& cam_from_world);
 void check_landmarks(const std::string& where, const std::vector<Landmark>& landmarks);
+void check_pose_error(const std::string& where, double error);
 
 }  // namespace pmsp

@@ -43,11 +43,13 @@ class Engine {
  public:
   /// An accepted keyframe on its way through the stages. Must not outlive the engine.
   struct Frame {
-    explicit Frame(const Keyframe& keyframe) : id(keyframe.id), pose(keyframe.pose()) {}
+    explicit Frame(const Keyframe& keyframe)
+        : id(keyframe.id), pose(keyframe.pose()), pose_error(keyframe.pose_error) {}
     virtual ~Frame() = default;
 
     std::int64_t id;
     KeyframePose pose;
+    double pose_error;      ///< Keyframe's
     bool matched = false;   ///< has a depth map, if not of all passes
     bool asked_for = true;  ///< its results are handed out; else it serves others only
   };

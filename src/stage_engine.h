@@ -105,7 +105,7 @@ class StageEngine final : public Engine {
     const Planes planes = reference.median.get();
     auto confidence = on.template array<float>(pixels());
     auto stage = consistency_stage<Views>(on.map(planes), on.grid(), others.size(), context_.options.consistency,
-                                          confidence.get());
+                                          reference.pose_error, confidence.get());
     std::vector<Planes> held;
     for (std::size_t k = 0; k < others.size(); ++k) {
       held.push_back(own(*others[k]).median.get(on));

@@ -41,6 +41,11 @@ struct Keyframe {
   /// pmsp/plane_priors.h, and pmsp/prior_depth.h for what is not in scene units.
   ImageView<const float> prior_depth;
 
+  /// How exactly the pose is known, as an error of directions [rad], 0 to 1: the median angle between where landmarks
+  /// are observed and where they lie, over the root of their number. It tells what neighbouring keyframes cannot, since
+  /// they share it, and is part of each depth's expected error. 0 = exact, or not known.
+  double pose_error = 0.0;
+
   /// The unit of all that is made of the keyframe (planes, depths, points) in scene units, 1 / kMaxScale to kMaxScale,
   /// see KeyframePose. What is given is in scene units all the same.
   double scale = 1.0;

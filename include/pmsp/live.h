@@ -39,6 +39,7 @@ struct LiveKeyframe {
   /// that is found later does no harm); null = none. Of a keyframe that is new; of others not looked at. Nobody may
   /// write to it any more.
   std::shared_ptr<const Image<float>> prior_depth;
+  double pose_error = 0.0;  ///< as Keyframe::pose_error; of a keyframe that is new, of others not looked at
   std::int64_t map_id = 0;  ///< the SLAM's map, where it has several: keyframes of two maps never meet
 };
 

@@ -14,8 +14,10 @@
 namespace pmsp {
 
 Image<float> consistency_filter(const PlaneMap& map, const std::vector<const PlaneMap*>& others,
-                                const ConsistencyFilterOptions& options, const Executor& executor, FilterStats* stats) {
+                                const ConsistencyFilterOptions& options, const Executor& executor, FilterStats* stats,
+                                double pose_error) {
   options.validate();
+  check_pose_error("consistency_filter: ", pose_error);
   if (others.size() > static_cast<std::size_t>(kernels::kMaxCompared)) {
     throw InvalidInput("consistency_filter: " + std::to_string(others.size()) + " other maps; expected at most " +
                        std::to_string(kernels::kMaxCompared));
@@ -23,7 +25,7 @@ Image<float> consistency_filter(const PlaneMap& map, const std::vector<const Pla
   check_scale("consistency_filter: ", map.scale);
   const SphereGrid grid(map.width(), map.height());
   Image<float> confidence(map.width(), map.height());
-  auto stage = consistency_stage<kernels::HostMachine>(view_of(map), grid.view(), others.size(), options,
+  auto stage = consistency_stage<kernels::HostMachine>(view_of(map), grid.view(), others.size(), options, pose_error,
                                                        confidence.pixels().data());
   for (std::size_t k = 0; k < others.size(); ++k) {
     if (!same_size(*others[k], map)) throw InvalidInput("consistency_filter: the maps differ in size");

@@ -32,11 +32,11 @@ inline int agreeing_maps_wanted(const ConsistencyFilterOptions& options, std::si
   return std::min(full, std::max(1, static_cast<int>(std::lround(full * std::min(share, 1.0)))));
 }
 
-/// Without the other maps, `count` of them.
+/// Without the other maps, `count` of them. `pose_error`: Keyframe::pose_error.
 template <class Machine>
 kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Map& map, const kernels::GridView& grid,
                                                       std::size_t count, const ConsistencyFilterOptions& options,
-                                                      float* confidence) {
+                                                      double pose_error, float* confidence) {
   kernels::ConsistencyFilter<Machine> stage{};
   stage.map = map;
   stage.grid = grid;
@@ -45,6 +45,7 @@ kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Ma
   const float pixel_angle = static_cast<float>(2.0 * kernels::kPi / grid.width);
   stage.tolerance = std::max(static_cast<float>(options.max_relative_depth), pixel_angle);  // no map knows better
   stage.share = kernels::share_of_coarse_map(grid.width);
+  stage.pose_error = static_cast<float>(pose_error);
   stage.confidence = confidence;
   return stage;
 }

@@ -4,9 +4,20 @@
 #include <cstddef>
 #include <vector>
 
+#include "pmsp/camera.h"
 #include "pmsp/io/map.h"
+#include "util/median_of.h"
 
 namespace pmsp {
+namespace {
+
+/// Angle between where a landmark is observed and where it lies [rad].
+double angle_off(const MapObservation& observation, const MapCamera& camera, const Eigen::Vector3d& direction) {
+  const Eigen::Vector3d seen = bearing_from_pixel(observation.pixel.cast<double>(), camera.width, camera.height);
+  return 2.0 * std::asin(std::min(0.5 * (direction - seen).norm(), 1.0));
+}
+
+}  // namespace
 
 Keyframe keyframe_of(const SlamMap& map, const MapKeyframe& in_map) {
   Keyframe keyframe;
@@ -14,10 +25,17 @@ Keyframe keyframe_of(const SlamMap& map, const MapKeyframe& in_map) {
   keyframe.timestamp = in_map.timestamp;
   keyframe.cam_from_world = in_map.cam_from_world;
   keyframe.landmarks.reserve(in_map.observations.size());
+  const MapCamera& camera = map.cameras.at(static_cast<std::size_t>(in_map.camera));
+  std::vector<double> off;
+  off.reserve(in_map.observations.size());
   for (const MapObservation& observation : in_map.observations) {
     const MapLandmark* landmark = map.find_landmark(observation.landmark_id);
-    if (landmark != nullptr) keyframe.landmarks.push_back({landmark->id, landmark->position_world});
+    if (landmark == nullptr) continue;
+    keyframe.landmarks.push_back({landmark->id, landmark->position_world});
+    const Eigen::Vector3d point = in_map.cam_from_world * landmark->position_world;
+    if (point.norm() > 0.0) off.push_back(angle_off(observation, camera, point.normalized()));
   }
+  if (!off.empty()) keyframe.pose_error = std::min(median(off) / std::sqrt(static_cast<double>(off.size())), 1.0);
   return keyframe;
 }
 

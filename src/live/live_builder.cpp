@@ -147,6 +147,7 @@ void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
   node.pose = {keyframe.cam_from_world, 1.0};
   node.center = node.pose.cam_from_world.center();
   node.image = keyframe.image;
+  node.pose_error = keyframe.pose_error;
   node.prior_depth = keyframe.prior_depth;
   node.take_landmarks(keyframe.landmarks, keyframe.cam_from_world);
   undecided_.insert(keyframe.id);

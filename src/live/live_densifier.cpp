@@ -26,8 +26,10 @@ namespace {
 constexpr std::size_t kUnmatched = 128;
 
 void check_place(const LiveKeyframe& keyframe) {
-  check_pose("keyframe " + std::to_string(keyframe.id) + ": ", keyframe.cam_from_world);
-  check_landmarks("keyframe " + std::to_string(keyframe.id) + ": ", keyframe.landmarks);
+  const std::string who = "keyframe " + std::to_string(keyframe.id) + ": ";
+  check_pose(who, keyframe.cam_from_world);
+  check_landmarks(who, keyframe.landmarks);
+  check_pose_error(who, keyframe.pose_error);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@ Keyframe LiveNode::keyframe() const {
   keyframe.id = id;
   keyframe.cam_from_world = pose.cam_from_world;
   keyframe.scale = pose.scale;
+  keyframe.pose_error = pose_error;
   keyframe.landmarks = seen;
   const RigidTransform world_from_cam = pose.cam_from_world.inverse();
   for (Landmark& landmark : keyframe.landmarks) {

@@ -42,6 +42,7 @@ struct LiveNode {
   std::uint64_t serial = 0;  ///< see LiveBuilder::add
   KeyframePose pose;
   LiveImage image;                                  ///< until it is prepared, or not needed
+  double pose_error = 0.0;                          ///< Keyframe's
   std::shared_ptr<const Image<float>> prior_depth;  ///< as long; null = none
   std::vector<Landmark> seen;                       ///< positions in the camera's frame and unit: they go with the pose
   double range = 0.0;                               ///< median distance of these; 0 = there are none

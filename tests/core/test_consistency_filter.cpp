@@ -7,8 +7,11 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Geometry>
+
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
+#include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "pmsp/filters.h"
 #include "synth/rng.h"
@@ -249,6 +252,65 @@ TEST_CASE("confidence is low where there is little parallax", "[consistency]") {
   }
   CAPTURE(ahead / ahead_count, aside / aside_count);
   CHECK(ahead / ahead_count > 1.6 * aside / aside_count);
+}
+
+TEST_CASE("what a pose is off by is told beside the rest, by the parallax at hand", "[consistency]") {
+  const std::vector<DepthMap> maps = truth_maps(synth::sphere_inside(small_recipe(kWidth, 5)));
+  const Executor executor(2);
+  std::vector<PlaneMap> planes;
+  for (const DepthMap& map : maps) planes.push_back(plane_map_of(map, executor));
+  const auto confidences = [&](double pose_error) {
+    return pmsp::consistency_filter(planes[2], {&planes[0], &planes[1], &planes[3], &planes[4]}, {}, executor, nullptr,
+                                    pose_error);
+  };
+  const Image<float> exact = confidences(0.0);
+  const Image<float> off = confidences(0.002);
+  for (const auto& [x, y] : {std::pair{kWidth / 4, kWidth / 4}, {kWidth / 3, kWidth / 5}, {kWidth / 2, kWidth / 8}}) {
+    const auto error = [x = x, y = y](const Image<float>& map) {
+      return 0.005 * (1.0 / static_cast<double>(map(x, y)) - 1.0);
+    };
+    const RigidTransform world_from_cam = maps[2].cam_from_world.inverse();
+    const Eigen::Vector3d ray = world_from_cam.rotation * bearing_from_pixel({x + 0.5, y + 0.5}, kWidth, kWidth / 2);
+    const double depth = static_cast<double>(maps[2].depth(x, y));
+    double square_gain = 0.0;  // by how much the other's direction to the point turns, over a relative change of depth
+    for (const std::size_t k : {0, 1, 3, 4}) {
+      const Eigen::Vector3d from = world_from_cam.translation + depth * ray - maps[k].cam_from_world.center();
+      square_gain += std::pow(depth * ray.cross(from).norm() / from.squaredNorm(), 2) / 4.0;
+    }
+    const double added = std::sqrt(std::pow(error(off), 2) - std::pow(error(exact), 2));
+    CHECK(added == Approx(0.002 / std::sqrt(square_gain)).epsilon(0.01));
+  }
+  for (const double bad : {-1e-6, 1.5, std::nan("")}) CHECK_THROWS_AS(confidences(bad), InvalidInput);
+}
+
+TEST_CASE("a thin thing may lie two pixels beside its place, the edge of a wide one may not", "[consistency]") {
+  const DepthMap wall = truth_maps(synth::sphere_inside(small_recipe(kWidth, 1)))[0];
+  constexpr int kTop = 20;
+  constexpr int kBottom = 60;
+  const auto with_thing = [&](int left, int wide) {  // upright, before the wall
+    DepthMap map = wall;
+    for (int y = kTop; y < kBottom; ++y) {
+      for (int x = left; x < left + wide; ++x) map.depth((x + kWidth) % kWidth, y) *= 0.7F;
+    }
+    return map;
+  };
+  const auto kept = [&](const DepthMap& map, const std::vector<const DepthMap*>& others, int from, int until) {
+    const DepthMap result = filtered(map, others);
+    int count = 0;
+    for (int x = from; x < until; ++x) count += result.depth((x + kWidth) % kWidth, 40) > 0.0F ? 1 : 0;
+    return count;
+  };
+  for (const int left : {60, -1}) {  // the latter on the seam
+    const DepthMap right2 = with_thing(left + 2, 2);
+    const DepthMap left2 = with_thing(left - 2, 2);
+    CHECK(kept(with_thing(left, 2), {&right2, &right2, &left2, &left2}, left, left + 2) == 2);
+    const DepthMap right4 = with_thing(left + 4, 2);
+    CHECK(kept(with_thing(left, 2), {&right4, &right4, &right4, &right4}, left, left + 2) == 0);
+    CHECK(kept(with_thing(left, 2), {&wall, &wall, &wall, &wall}, left, left + 2) == 0);
+    const DepthMap wide = with_thing(left + 2, 12);
+    CHECK(kept(with_thing(left, 14), {&wide, &wide, &wide, &wide}, left, left + 2) == 0);
+    CHECK(kept(with_thing(left, 14), {&wide, &wide, &wide, &wide}, left + 2, left + 14) == 12);
+  }
 }
 
 TEST_CASE("errors of matched depths fall as confidence rises", "[consistency]" PMSP_ACCURACY) {

@@ -31,6 +31,8 @@ const std::vector<Mistake>& mistakes() {
       {"odd width", [](Keyframe& k) { k.image = kOdd.view(); }, "127 x 64"},
       {"mask of another size", [](Keyframe& k) { k.mask = kSmallMask.view(); }, "64 x 32"},
       {"scaled rotation", [](Keyframe& k) { k.cam_from_world.rotation *= 1.1; }, "rotation"},
+      {"negative pose error", [](Keyframe& k) { k.pose_error = -0.001; }, "pose error"},
+      {"pose error that is no number", [](Keyframe& k) { k.pose_error = std::nan(""); }, "pose error"},
       {"mirrored rotation", [](Keyframe& k) { k.cam_from_world.rotation.col(0) *= -1.0; }, "rotation"},
       {"zero rotation", [](Keyframe& k) { k.cam_from_world.rotation.setZero(); }, "rotation"},
       {"NaN in the rotation",

@@ -3,10 +3,13 @@
 #include <sched.h>
 #endif
 
+#include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <limits>
 
+#include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 
 #include "map_files.h"
@@ -117,6 +120,35 @@ class OneCpu {
 #endif
 
 }  // namespace
+
+TEST_CASE("a keyframe's pose error is what its landmarks are off by, over the root of their number") {
+  SlamMap map;
+  map.cameras.push_back({"theta", 1920, 960, 30.0});
+  MapKeyframe keyframe;
+  keyframe.cam_from_world.translation = {0.5, -0.25, 2.0};
+  constexpr double kDegree = 3.14159265358979 / 180.0;
+  const Eigen::Vector3d center = keyframe.cam_from_world.center();
+  const auto see = [&](const Eigen::Vector3d& direction, double degrees_off) {
+    const auto id = static_cast<std::int64_t>(map.landmarks.size());
+    map.landmarks.push_back({id, center + 3.0 * direction});
+    const Eigen::AngleAxisd turn(degrees_off * kDegree, direction.unitOrthogonal());
+    const Eigen::Vector2d pixel = pixel_from_bearing(turn * direction, 1920, 960);
+    keyframe.observations.push_back({id, pixel.cast<float>()});
+  };
+  CHECK(keyframe_of(map, keyframe).pose_error == 0.0);
+  for (const double degrees : {0.1, 0.2, 0.2, 0.2, 5.0}) {
+    see(Eigen::Vector3d(1.0, 0.3 * degrees, -1.0).normalized(), degrees);
+  }
+  CHECK(keyframe_of(map, keyframe).pose_error == Approx(0.2 * kDegree / std::sqrt(5.0)).epsilon(1e-3));
+  map.landmarks.push_back({5, center});  // in the camera: seen in no direction
+  keyframe.observations.push_back({5, {10.0F, 20.0F}});
+  CHECK(keyframe_of(map, keyframe).landmarks.size() == 6);
+  CHECK(keyframe_of(map, keyframe).pose_error == Approx(0.2 * kDegree / std::sqrt(5.0)).epsilon(1e-3));
+  keyframe.observations.clear();
+  map.landmarks.clear();
+  see(Eigen::Vector3d::UnitX(), 179.0);
+  CHECK(keyframe_of(map, keyframe).pose_error == 1.0);
+}
 
 TEST_CASE("every version of MessagePack map reads the same") {
   struct Case {

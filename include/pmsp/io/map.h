@@ -106,7 +106,8 @@ PMSP_API SlamMap read_map(const std::filesystem::path& path, const ReadMapOption
 /// What can be given as a map, for people: "the folder of a model of COLMAP", ...
 PMSP_API std::vector<std::string> map_formats();
 
-/// A keyframe of the map as the library takes it, with the landmarks that it observes; image and mask are left out.
+/// A keyframe of the map as the library takes it, with the landmarks that it observes and what they tell of its pose's
+/// error; image and mask are left out.
 PMSP_API Keyframe keyframe_of(const SlamMap& map, const MapKeyframe& in_map);
 
 /// How far landmarks lie from the keyframe that looks farthest: the largest 98th percentile of a keyframe's distances
