@@ -39,8 +39,8 @@ struct Evidence {
   F score;          ///< how well the patches match
 };
 
-/// Below this score more is to be expected than geometry tells, in proportion, up to twice as much: where there is no
-/// texture, maps may agree because they started from the same prior (plane_prior.h).
+/// Below this score more is to be expected than geometry tells, with its inverse to the power of 1.5, from half of it
+/// on no more: where there is no texture, maps may agree because they started from the same prior (plane_prior.h).
 constexpr float kTrustedScore = 0.9F;
 
 /// The relative error to be expected (its median, fitted to the ground truth of four missions, two qualities, noise of
@@ -59,7 +59,7 @@ PMSP_HD F expected_error(const Evidence<F>& evidence) {
   const F resolution = F(kResolved) / sqrt(evidence.square_gain + F(1e-8F));
   const F mean = sqrt((evidence.roughness + F(kFloor)) * sqrt(spread * resolution));
   const F doubt = F(kTrustedScore) / min(max(evidence.score, F(0.5F * kTrustedScore)), F(kTrustedScore));
-  const F error = F(kCalibration) * mean * doubt * evidence.maps / agree;
+  const F error = F(kCalibration) * mean * doubt * sqrt(doubt) * evidence.maps / agree;
   return sqrt(fma(error, error, F(kOfSpread * kOfSpread) * differs * differs)) + F(kLeast);
 }
 
@@ -73,12 +73,12 @@ PMSP_HD float share_of_coarse_map(int width) {
   return sqrt(sqrt(min(max(static_cast<float>(width), kCoarsest), kFitted) / kFitted));
 }
 
-/// With what the poses add, `pose_error` [rad] (Keyframe::pose_error): all maps that agree have it, so that their
-/// differences do not show it, and their number does not lessen it.
+/// With what the poses add, `pose_error` [rad] (Keyframe::pose_error), once for each of two keyframes: all maps that
+/// agree have it, so that their differences do not show it, and their number does not lessen it.
 template <class F>
-PMSP_HD F with_pose_error(const F& error, const Evidence<F>& evidence, const F& pose_error) {
-  const F square_gain = evidence.square_gain / max(evidence.agree, F(0.1F));
-  return sqrt(fma(error, error, pose_error * pose_error / max(square_gain, F(1e-8F))));
+PMSP_HD F with_pose_error(const F& error, const F& square_gain, const F& agree, float pose_error) {
+  const F both(2.0F * pose_error * pose_error);
+  return sqrt(fma(error, error, both * agree / max(square_gain, F(1e-8F))));
 }
 
 /// Relative error that gives a confidence of one half.
@@ -117,7 +117,8 @@ struct ConsistencyFilter {
   float tolerance;
   float share;        ///< share_of_coarse_map
   float pose_error;   ///< of `map`'s keyframe [rad]
-  float* confidence;  ///< 0 = no depth
+  float* confidence;  ///< without what poses add, which a keyframe's pixels have in common; 0 = no depth
+  float* told_to;     ///< with it; nullptr = not wanted
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
@@ -128,6 +129,7 @@ struct ConsistencyFilter {
     const Surface<F> surface = surface_of(plane_at<F>(map, at.index), bearing);
     const F score = score_at<F>(map, at.index);
     F found = score;
+    F told = score;
     MaskOf<F> kept = surface.known;
     if (count > 0 && any(kept)) {
       const MaskOf<F> thin = kept & is_thin(at, bearing, surface.depth);
@@ -150,10 +152,12 @@ struct ConsistencyFilter {
                                    F(static_cast<float>(count)),
                                    score};
         const F error = F(share) * expected_error(evidence);
-        found = confidence_of_error(with_pose_error(error, evidence, F(pose_error)));
+        found = confidence_of_error(error);
+        told = confidence_of_error(with_pose_error(error, votes.square_gain, votes.agree, pose_error));
       }
     }
     store<F>(select(kept, found, F(0)), confidence + at.first, at.count);
+    if (told_to != nullptr) store<F>(select(kept, told, F(0)), told_to + at.first, at.count);
     counted[0] = surface.known;
     counted[1] = kept;
   }

@@ -66,6 +66,7 @@ struct FusePixels {
   FusionView<Machine> others[kMaxAgree];
   int count;  ///< of `others`
   FusionLimits limits;
+  float pose_error;  ///< of the first one's keyframe [rad], which the confidences lack and the points tell
   SurfelArrays to;
 
   PMSP_HD int width() const { return grid.width; }
@@ -91,11 +92,15 @@ struct FusePixels {
     Vec3<F> normals = weights * normal;
     Vec3<F> colors = weights * color_of<F>(gather_words<F>(first.color, at.index));
     U agree(0U);
+    F maps(0);
+    F square_gain(0);
     for (int k = 0; k < count; ++k) {
       const FusionView<Machine>& other = others[k];
       const Agreement<F> seen = agreement(bearing, depth, other.map, other.other_from_first);
       const MaskOf<F> near = known & (abs(seen.depth_ratio - F(1)) <= F(limits.max_relative_depth));
       if (!any(near)) continue;
+      maps = maps + select(near, F(1), F(0));
+      square_gain = square_gain + select(near, seen.parallax_gain * seen.parallax_gain, F(0));
       const Vec3<F> there = select(near, plane_at<F>(other.map, seen.index), plane);
       const Vec3<F> turned =
           F(1.0F / other.zoom) * rotate_back(other.other_from_first, Vec3<F>(F(-1) * normalized(there)));
@@ -111,10 +116,13 @@ struct FusePixels {
       agree = agree | select_bits<F>(same, U(1U << static_cast<unsigned>(k)));
     }
     const F share = F(1) / weights;
-    const PackedPoint<U> point =
-        pack_point(F(depths * share), normalized(normals), Vec3<F>(share * colors), confidence);
+    F told = confidence;
+    if (pose_error > 0.0F) {
+      told = confidence_of_error(with_pose_error(error_of_confidence(confidence), square_gain, maps, pose_error));
+    }
+    const PackedPoint<U> point = pack_point(F(depths * share), normalized(normals), Vec3<F>(share * colors), told);
     put(at, {select_bits<F>(known, point.surfel), select_bits<F>(known, point.detail)},
-        select_bits<F>(known, pack_standing(confidence, Standing::kOpen)), agree);
+        select_bits<F>(known, pack_standing(told, Standing::kOpen)), agree);
   }
 
  private:

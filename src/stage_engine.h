@@ -103,9 +103,11 @@ class StageEngine final : public Engine {
     if (!on.may_go_on()) return;
     StageFrame& reference = own(frame);
     const Planes planes = reference.median.get();
+    const bool is_wanted = context_.results.filtered_depth && reference.asked_for;
     auto confidence = on.template array<float>(pixels());
+    const auto told = is_wanted ? on.template array<float>(pixels()) : Array<float>{};
     auto stage = consistency_stage<Views>(on.map(planes), on.grid(), others.size(), context_.options.consistency,
-                                          reference.pose_error, confidence.get());
+                                          reference.pose_error, confidence.get(), told.get());
     std::vector<Planes> held;
     for (std::size_t k = 0; k < others.size(); ++k) {
       held.push_back(own(*others[k]).median.get(on));
@@ -117,9 +119,7 @@ class StageEngine final : public Engine {
     if (context_.results.cloud && context_.options.free_space.enabled) {
       find_ranges(reference, filtered(planes, confidence, on), on);
     }
-    if (context_.results.filtered_depth && reference.asked_for) {
-      hand_out_depths(reference, planes, confidence.get(), context_.results.filtered_depth, on);
-    }
+    if (is_wanted) hand_out_depths(reference, planes, told.get(), context_.results.filtered_depth, on);
     reference.confidence.put(std::move(confidence), pixels());
   }
 
@@ -144,6 +144,7 @@ class StageEngine final : public Engine {
     kernels::FusePixels<Views> stage{};
     stage.grid = on.grid();
     stage.limits = fusion_limits(context_.options.fusion);
+    stage.pose_error = static_cast<float>(reference.pose_error);
     stage.first = view(reference);
     for (std::size_t i = 0; i < window.size(); ++i) {
       if (i == current) continue;

@@ -32,11 +32,11 @@ inline int agreeing_maps_wanted(const ConsistencyFilterOptions& options, std::si
   return std::min(full, std::max(1, static_cast<int>(std::lround(full * std::min(share, 1.0)))));
 }
 
-/// Without the other maps, `count` of them. `pose_error`: Keyframe::pose_error.
+/// Without the other maps, `count` of them. `pose_error`: Keyframe::pose_error; `told`: the confidences with it.
 template <class Machine>
 kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Map& map, const kernels::GridView& grid,
                                                       std::size_t count, const ConsistencyFilterOptions& options,
-                                                      double pose_error, float* confidence) {
+                                                      double pose_error, float* confidence, float* told) {
   kernels::ConsistencyFilter<Machine> stage{};
   stage.map = map;
   stage.grid = grid;
@@ -47,6 +47,7 @@ kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Ma
   stage.share = kernels::share_of_coarse_map(grid.width);
   stage.pose_error = static_cast<float>(pose_error);
   stage.confidence = confidence;
+  stage.told_to = told;
   return stage;
 }
 

@@ -278,7 +278,7 @@ TEST_CASE("what a pose is off by is told beside the rest, by the parallax at han
       square_gain += std::pow(depth * ray.cross(from).norm() / from.squaredNorm(), 2) / 4.0;
     }
     const double added = std::sqrt(std::pow(error(off), 2) - std::pow(error(exact), 2));
-    CHECK(added == Approx(0.002 / std::sqrt(square_gain)).epsilon(0.01));
+    CHECK(added == Approx(std::sqrt(2.0) * 0.002 / std::sqrt(square_gain)).epsilon(0.01));
   }
   for (const double bad : {-1e-6, 1.5, std::nan("")}) CHECK_THROWS_AS(confidences(bad), InvalidInput);
 }

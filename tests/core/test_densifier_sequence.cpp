@@ -112,6 +112,47 @@ TEST_CASE("after a flush a new sequence starts as in a new Densifier", "[densifi
   CHECK(densifier.stats().depth_maps == 11);
 }
 
+TEST_CASE("what poses are off by lowers the confidences that are told, and changes no depth", "[densifier]") {
+  const auto densified = [](double pose_error, bool free_space) {
+    Recording recording;
+    DensifierOptions options = fast_options();
+    options.free_space.enabled = free_space;
+    Densifier densifier(options, recording.callbacks());
+    for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
+      Keyframe keyframe = synth::keyframe_of(test_flight(), i);
+      keyframe.pose_error = pose_error;
+      densifier.add(keyframe);
+    }
+    densifier.flush();
+    return recording;
+  };
+  const auto median_error = [](const Recording& recording) {
+    std::vector<float> errors;
+    for (const KeyframeCloud& cloud : recording.clouds) {
+      for (const CloudPoint& point : cloud.points) errors.push_back(1.0F / point.confidence - 1.0F);
+    }
+    REQUIRE_FALSE(errors.empty());
+    const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+    std::nth_element(errors.begin(), middle, errors.end());
+    return *middle;
+  };
+  for (const bool free_space : {true, false}) {
+    INFO(free_space);
+    const Recording exact = densified(0.0, free_space);
+    const Recording off = densified(0.003, free_space);
+    CHECK(median_error(off) > 1.5F * median_error(exact));
+    CHECK(static_cast<double>(off.points()) > 0.9 * static_cast<double>(exact.points()));
+    for (std::size_t k = 0; k < exact.filtered.size(); ++k) {
+      CHECK(off.filtered[k].depth.pixels() == exact.filtered[k].depth.pixels());
+      int surer = 0;
+      for (std::size_t i = 0; i < exact.filtered[k].depth.size(); ++i) {
+        surer += off.filtered[k].confidence.pixels()[i] > exact.filtered[k].confidence.pixels()[i] ? 1 : 0;
+      }
+      CHECK(surer == 0);
+    }
+  }
+}
+
 TEST_CASE("keyframes that the view filter rejects have no part in the result", "[densifier]") {
   Recording with;
   Recording without;

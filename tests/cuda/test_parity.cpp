@@ -213,7 +213,8 @@ TEST_CASE("CUDA and CPU agree when images are reduced or enlarged", "[cuda][pari
   const synth::Mission large = synth::empty_room(recipe_of(1300, 650, 3));
   check_pair(run_both(large, online(642, 318)), large, kRoomEqual);
   const synth::Mission small = synth::empty_room(recipe_of(480, 240, 3));
-  check_pair(run_both(small, online(640, 320)), small, kRoomEqual - 0.01);  // compared at 480: measured 0.978
+  // Compared at 480: measured 0.978, filtered 0.98999.
+  check_pair(run_both(small, online(640, 320)), small, kRoomEqual - 0.01, 0.985);
 }
 
 TEST_CASE("CUDA and CPU agree with and without landmarks and warped planes", "[cuda][parity]") {
