@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "equirect.h"
 #include "pmsp/camera.h"
 #include "pmsp/io/map.h"
 #include "util/median_of.h"
@@ -12,9 +13,9 @@ namespace pmsp {
 namespace {
 
 /// Angle between where a landmark is observed and where it lies [rad].
-double angle_off(const MapObservation& observation, const MapCamera& camera, const Eigen::Vector3d& direction) {
+double angle_off(const MapObservation& observation, const MapCamera& camera, const Eigen::Vector3d& point) {
   const Eigen::Vector3d seen = bearing_from_pixel(observation.pixel.cast<double>(), camera.width, camera.height);
-  return 2.0 * std::asin(std::min(0.5 * (direction - seen).norm(), 1.0));
+  return kernels::angle_between({seen.x(), seen.y(), seen.z()}, {point.x(), point.y(), point.z()});
 }
 
 }  // namespace
@@ -33,7 +34,7 @@ Keyframe keyframe_of(const SlamMap& map, const MapKeyframe& in_map) {
     if (landmark == nullptr) continue;
     keyframe.landmarks.push_back({landmark->id, landmark->position_world});
     const Eigen::Vector3d point = in_map.cam_from_world * landmark->position_world;
-    if (point.norm() > 0.0) off.push_back(angle_off(observation, camera, point.normalized()));
+    if (point.norm() > 0.0) off.push_back(angle_off(observation, camera, point));
   }
   if (!off.empty()) keyframe.pose_error = std::min(median(off) / std::sqrt(static_cast<double>(off.size())), 1.0);
   return keyframe;
