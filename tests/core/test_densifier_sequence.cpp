@@ -139,7 +139,7 @@ TEST_CASE("what poses are off by lowers the confidences that are told, and chang
   for (const bool free_space : {true, false}) {
     INFO(free_space);
     const Recording exact = densified(0.0, free_space);
-    const Recording off = densified(0.003, free_space);
+    const Recording off = densified(0.01, free_space);
     CHECK(median_error(off) > 1.5F * median_error(exact));
     CHECK(static_cast<double>(off.points()) > 0.9 * static_cast<double>(exact.points()));
     for (std::size_t k = 0; k < exact.filtered.size(); ++k) {
