@@ -39,29 +39,9 @@ struct Evidence {
   F score;          ///< how well the patches match
 };
 
-/// Below this score more is to be expected than geometry tells, with its inverse to the power of 1.5, from half of it
-/// on no more: where there is no texture, maps may agree because they started from the same prior (plane_prior.h).
+/// Below this score more is to be expected than geometry tells, with its inverse, from half of it on no more: where
+/// there is no texture, maps may agree because they started from the same prior (plane_prior.h).
 constexpr float kTrustedScore = 0.9F;
-
-/// The relative error to be expected (its median, fitted to the ground truth of four missions, two qualities, noise of
-/// 1 to 5 gray levels); large where no map agrees. What maps differ by in spite of it is that of their poses, say.
-template <class F>
-PMSP_HD F expected_error(const Evidence<F>& evidence) {
-  constexpr float kFloor = 3e-4F;  // what a figure may be by chance
-  constexpr float kCalibration = 0.2F;
-  // A pixel of a map of 1440 [rad]: coarser maps have finer images, and are as exact; finer ones see the same poses.
-  constexpr float kResolved = 0.00436F;
-  constexpr float kOfSpread = 0.6F;
-  constexpr float kLeast = 5e-5F;
-  const F agree = max(evidence.agree, F(0.1F));
-  const F differs = sqrt(evidence.square_spread / agree);
-  const F spread = differs + F(kFloor);
-  const F resolution = F(kResolved) / sqrt(evidence.square_gain + F(1e-8F));
-  const F mean = sqrt((evidence.roughness + F(kFloor)) * sqrt(spread * resolution));
-  const F doubt = F(kTrustedScore) / min(max(evidence.score, F(0.5F * kTrustedScore)), F(kTrustedScore));
-  const F error = F(kCalibration) * mean * doubt * sqrt(doubt) * evidence.maps / agree;
-  return sqrt(fma(error, error, F(kOfSpread * kOfSpread) * differs * differs)) + F(kLeast);
-}
 
 /// Planes of a map of few columns lie far apart: they differ by more from each other, and from those of other maps,
 /// than planes of a finer map that is as exact. What is told is less by the fourth root of the width, from that of the
@@ -71,6 +51,34 @@ PMSP_HD float share_of_coarse_map(int width) {
   constexpr float kFitted = 1440.0F;
   constexpr float kCoarsest = 640.0F;
   return sqrt(sqrt(min(max(static_cast<float>(width), kCoarsest), kFitted) / kFitted));
+}
+
+/// The relative error to be expected (its median, fitted to the ground truth of five missions, two qualities, noise of
+/// 1 to 5 gray levels); large where no map agrees. What maps differ by in spite of it is that of their poses, say.
+/// A score (a correlation) of s says that noise has (1 - s) / s of the texture's variance. A shift measured in it is
+/// off in proportion to the root, and the depth by as much over the parallax, even where the maps agree by a prior.
+/// `share`: share_of_coarse_map.
+template <class F>
+PMSP_HD F expected_error(const Evidence<F>& evidence, float share) {
+  constexpr float kFloor = 3e-4F;  // what a figure may be by chance
+  constexpr float kCalibration = 0.19F;
+  // A pixel of a map of 1440 [rad]: coarser maps have finer images, and are as exact; finer ones see the same poses.
+  constexpr float kResolved = 0.00436F;
+  constexpr float kOfSpread = 0.6F;
+  constexpr float kOfNoise = 0.095F;  // [px]
+  constexpr float kLeast = 5e-5F;
+  const F agree = max(evidence.agree, F(0.1F));
+  const F differs = sqrt(evidence.square_spread / agree);
+  const F spread = differs + F(kFloor);
+  const F resolution = F(kResolved) / sqrt(evidence.square_gain + F(1e-8F));
+  const F mean = sqrt((evidence.roughness + F(kFloor)) * sqrt(spread * resolution));
+  const F score = min(max(evidence.score, F(0.5F * kTrustedScore)), F(1));
+  const F doubt = F(kTrustedScore) / min(score, F(kTrustedScore));
+  const F error = F(share * kCalibration) * mean * doubt * evidence.maps / agree;
+  const F of_spread = F(share * kOfSpread) * differs;
+  const F of_noise = F(kOfNoise) * resolution;
+  const F square_of_noise = of_noise * of_noise * (F(1) - score) / score;
+  return sqrt(fma(error, error, fma(of_spread, of_spread, square_of_noise))) + F(kLeast);
 }
 
 /// With what the poses add, `pose_error` [rad] (Keyframe::pose_error), once for each of two keyframes: all maps that
@@ -151,7 +159,7 @@ struct ConsistencyFilter {
                                    votes.agree,
                                    F(static_cast<float>(count)),
                                    score};
-        const F error = F(share) * expected_error(evidence);
+        const F error = expected_error(evidence, share);
         found = confidence_of_error(error);
         told = confidence_of_error(with_pose_error(error, votes.square_gain, votes.agree, pose_error));
       }

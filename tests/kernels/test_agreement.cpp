@@ -178,7 +178,7 @@ TEST_CASE("agreement: a word weighs the inverse fourth power of distance, in any
 TEST_CASE("expected error: grows with spread, roughness and missing maps, falls with parallax and score") {
   const auto error = [](double spread, double gain, double roughness, double agree, double score = 1.0) {
     const k::Evidence<double> evidence{agree * spread * spread, agree * gain * gain, roughness, agree, 4.0, score};
-    return k::expected_error(evidence);
+    return k::expected_error(evidence, 1.0F);
   };
   const double usual = error(0.001, 0.3, 0.003, 4.0);
   CHECK(usual > 0.0003);
@@ -187,11 +187,16 @@ TEST_CASE("expected error: grows with spread, roughness and missing maps, falls 
   CHECK(error(0.001, 0.3, 0.006, 4.0) > 1.1 * usual);
   CHECK(error(0.001, 0.1, 0.003, 4.0) > 1.05 * usual);
   CHECK(error(0.001, 0.3, 0.003, 2.0) > 1.3 * usual);
-  CHECK(error(0.001, 0.3, 0.003, 4.0, 0.95) == Approx(usual));
+  CHECK(error(0.001, 0.3, 0.003, 4.0, 0.95) > usual);
+  CHECK(error(0.001, 0.3, 0.003, 4.0, 0.95) < 1.1 * usual);
   CHECK(error(0.001, 0.3, 0.003, 4.0, 0.6) > 1.1 * usual);
   CHECK(error(0.001, 0.3, 0.003, 4.0, -1.0) > 1.3 * usual);
   CHECK(error(0.001, 0.3, 0.003, 4.0, -1.0) == Approx(error(0.001, 0.3, 0.003, 4.0, 0.45)));  // twice at most
-  CHECK(error(0.003, 0.3, 0.003, 4.0) > 0.6 * 0.003);  // maps that differ so much are off by about as much
+  const auto of_low_score = [&](double gain) {
+    return error(0.001, gain, 0.003, 4.0, 0.5) / error(0.001, gain, 0.003, 4.0);
+  };
+  CHECK(of_low_score(0.02) > 1.3 * of_low_score(0.3));  // noise in the images counts the more, the less the parallax
+  CHECK(error(0.003, 0.3, 0.003, 4.0) > 0.6 * 0.003);   // maps that differ so much are off by about as much
   CHECK(std::isfinite(error(0.0, 0.0, 0.0, 0.0)));
   CHECK(error(0.0, 0.0, 0.0, 0.0) > usual);
   CHECK(k::with_pose_error(usual, 4.0 * 0.25, 4.0, 0.0F) == Approx(usual));
