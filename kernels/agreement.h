@@ -92,7 +92,7 @@ PMSP_HD MaskOf<F> is_seen_through(const Agreement<F>& seen, float tolerance) {
 
 /// What lies behind a thin thing has at most this share of its inverse depth.
 constexpr float kBehindThinThing = 0.97F;
-constexpr int kThinThingSide = 4;    ///< from the middle of a thin thing to what lies beside it [px]
+constexpr int kThinThingSide = 5;    ///< from the middle of a thin thing to what lies beside it [px]
 constexpr int kBesideThinThing = 2;  ///< steps from a pixel to one that may show a thin thing in its place [px]
 
 /// The depth ratio nearest to 1 of another map's pixels within kBesideThinThing of where it sees the point, if one of
