@@ -43,9 +43,9 @@ int guarded_main(int argc, char** argv) {
 
 int main(int argc, char** argv) {
 #if defined(__GLIBC__)
-  // Images and maps come and go in all sizes. Each in pages of its own, they leave no holes behind: a tenth of the
-  // memory.
-  mallopt(M_MMAP_THRESHOLD, 1 << 16);
+  // Images and maps come and go in all sizes, taken by one thread and given back by another. Two heaps for all threads
+  // hold a few percent more memory than pages of their own for each, and save a quarter of the time on the CPU.
+  mallopt(M_ARENA_MAX, 2);
 #endif
   try {
     return guarded_main(argc, argv);
