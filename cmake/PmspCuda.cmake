@@ -30,8 +30,8 @@ else()
     # Set before the language is enabled: the default that CMake 3.25 tests the compiler with is older than what nvcc 13
     # knows. Machine code for what the toolkit knows of these, and PTX of the newest, which later drivers compile:
     #   75 Turing, 80 86 Ampere, 87 Jetson Orin, 89 Ada, 90 Hopper, 100 110 120 Blackwell (data centre, Jetson Thor, others)
-    # Minor versions in between (88, 103, 121) run the code of the one before. Building for all of them takes half a
-    # minute of one processor.
+    # Minor versions in between (88, 103, 121) run the code of the one before. Building for all of them takes ten
+    # minutes of one processor, for one of them a minute.
     if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
       execute_process(COMMAND "${_pmsp_nvcc}" --list-gpu-arch OUTPUT_VARIABLE _pmsp_known ERROR_QUIET)
       set(_pmsp_archs "")

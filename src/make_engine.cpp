@@ -7,7 +7,6 @@
 
 #include "cpu/cpu_engine.h"
 #include "cuda/cuda_engine.h"
-#include "pmsp/densifier.h"
 #include "pmsp/error.h"
 #include "pmsp/executor.h"
 
@@ -78,10 +77,6 @@ std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptio
                 name_of(options.simd);
   if (!why_not.empty()) description += " (CUDA: " + why_not + ")";
   return cpu::make_engine(context, std::move(executor));
-}
-
-void end_cuda(const DensifierOptions& options) noexcept {
-  if (options.backend == Backend::kCuda) cuda::end(options.devices);
 }
 
 }  // namespace pmsp

@@ -181,9 +181,4 @@ class PMSP_API Densifier {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Ends what CUDA holds for this process on the devices of `options`, as `Densifier::options` tells them; with the CPU
-/// it does nothing. It takes some 0.1 s, which the process's end takes else: a program may have it beside its last
-/// writing. No Densifier and nothing else of CUDA may live on these devices. What comes later starts CUDA again.
-PMSP_API void end_cuda(const DensifierOptions& options) noexcept;
-
 }  // namespace pmsp

@@ -35,9 +35,6 @@ int device_count();
 /// Devices read each other's memory without the host between them, where they can.
 void connect(const std::vector<int>& devices);
 
-/// Ends what the driver holds for this process on them.
-void end(const std::vector<int>& devices) noexcept;
-
 /// The stages on the CUDA devices `context.options.devices`. `executor`: for what little the host does.
 std::unique_ptr<Engine> make_engine(const EngineContext& context, Executor executor);
 

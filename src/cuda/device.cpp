@@ -25,17 +25,6 @@ void connect(const std::vector<int>& devices) {
   cudaGetLastError();  // that they are connected already is no error; without it copies take longer
 }
 
-void end(const std::vector<int>& devices) noexcept {
-  int current = 0;
-  if (cudaGetDevice(&current) == cudaSuccess) {
-    for (const int device : devices) {
-      if (cudaSetDevice(device) == cudaSuccess) cudaDeviceReset();
-    }
-    cudaSetDevice(current);
-  }
-  cudaGetLastError();  // clears it
-}
-
 Device find_device(int number) {
   Device device;
   int count = 0;

@@ -15,8 +15,6 @@ int device_count() { return 0; }
 
 void connect(const std::vector<int>& /*devices*/) {}
 
-void end(const std::vector<int>& /*devices*/) noexcept {}
-
 std::unique_ptr<Engine> make_engine(const EngineContext& /*context*/, Executor /*executor*/) {
   throw BackendUnavailable(find_device(0).why_not);
 }

@@ -140,7 +140,6 @@ class Run {
     }
     results_->finish_depth_maps();
     results_->complete();
-    const std::future<void> devices = let_go_of_devices();
     report_.points_written = results_->points();
     if (priors_.wanted()) report_.prior_depth = priors_.report();
     report_.empty_reason = why_empty();
@@ -328,16 +327,6 @@ class Run {
     results_->added(keyframe, accepted);
     announce_backend();  // whether its memory suffices may turn out with the first image
     progress_.step({"densify", index + 1, expected(), keyframe.id, accepted, standing()});
-  }
-
-  /// Beside the disk, which takes what is written last. Who follows a mission needs them again.
-  std::future<void> let_go_of_devices() {
-    if (arguments_.follow) return {};
-    return std::async(std::launch::async, [densifier = std::move(densifier_)]() mutable {
-      const DensifierOptions options = densifier->options();
-      densifier.reset();
-      end_cuda(options);
-    });
   }
 
   /// After an error. The depth maps that are there are whole and stay usable; what went wrong first is what is told.
