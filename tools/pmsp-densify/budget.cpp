@@ -159,7 +159,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
   const double map = map_bytes(question.map);
   const int ahead = images_ahead(question.map, b.threads);
   b.memory_bytes = kProcess + map + image * (ahead + 3) + memory.memory;
-  b.gpu_host_bytes = kGpuProcess + map + 2.0 * image * ahead;  // each twice, while it is decoded
+  b.gpu_host_bytes = kGpuProcess + map + 3.0 * image * ahead;  // twice while it is decoded, and in heaps
   options.scratch_folder.clear();
   b.gpu_bytes = static_cast<double>(device_memory_needed(options, sized.image_width));
   options.scratch_folder = "beside the cloud";
