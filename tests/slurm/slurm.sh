@@ -17,7 +17,7 @@ if ((EUID != 0)); then
 fi
 
 if [[ -z ${PMSP_SLURM_HAS_LIMIT-} ]]; then # whatever hangs
-  PMSP_SLURM_HAS_LIMIT=yes exec timeout --kill-after=30 360 "$0" "$@"
+  PMSP_SLURM_HAS_LIMIT=yes exec timeout --kill-after=30 900 "$0" "$@"
 fi
 
 # Slurm's sockets have long names, and munged wants folders that only root may write to.

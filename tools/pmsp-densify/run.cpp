@@ -310,7 +310,10 @@ class Run {
     const MapKeyframe* found = map_.find_keyframe(item.keyframe_id);
     if (found == nullptr)
       throw InvalidInput("an image names keyframe " + std::to_string(item.keyframe_id) + ", which the map lacks");
-    Keyframe keyframe = keyframe_of(map_, *found);
+    Keyframe keyframe = [&] {
+      const Spent spent(report_.time, Busy::kMap);
+      return keyframe_of(map_, *found);
+    }();
     if (step_) keyframe.scale = step_->scale_of(keyframe.id);
     keyframe.image = item.image.view();
     views_->set_size(item.keyframe_id, item.image.width(), item.image.height());
