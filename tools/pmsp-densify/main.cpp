@@ -43,8 +43,8 @@ int guarded_main(int argc, char** argv) {
 
 int main(int argc, char** argv) {
 #if defined(__GLIBC__)
-  // Images and arrays come and go in all sizes, taken by one thread and given back by another. Few heaps for all threads
-  // take less memory than one for each, and save a fifth of the time on the CPU, which pages of their own would cost.
+  // Arrays come and go in all sizes, taken by one thread and given back by another. Few heaps for all threads take less
+  // memory than one for each. Pages of their own for each array would cost a fourth more time on the CPU.
   mallopt(M_ARENA_MAX, 4);
 #endif
   try {
