@@ -39,9 +39,11 @@ struct Evidence {
   F score;          ///< how well the patches match
 };
 
-/// Below this score more is to be expected than geometry tells, with its inverse, from half of it on no more: where
-/// there is no texture, maps may agree because they started from the same prior (plane_prior.h).
-constexpr float kTrustedScore = 0.9F;
+/// Below this score more is to be expected than geometry tells, with its inverse, down to the least score that counts:
+/// where there is no texture, maps may agree because they started from the same prior (plane_prior.h), and what chance
+/// makes of the score says no more.
+constexpr float kTrustedScore = 0.95F;
+constexpr float kLeastTellingScore = 0.39F;
 
 /// Planes of a map of few columns lie far apart: they differ by more from each other, and from those of other maps,
 /// than planes of a finer map that is as exact. What is told is less by the fourth root of the width, from that of the
@@ -61,18 +63,18 @@ PMSP_HD float share_of_coarse_map(int width) {
 template <class F>
 PMSP_HD F expected_error(const Evidence<F>& evidence, float share) {
   constexpr float kFloor = 3e-4F;  // what a figure may be by chance
-  constexpr float kCalibration = 0.19F;
+  constexpr float kCalibration = 0.185F;
   // A pixel of a map of 1440 [rad]: coarser maps have finer images, and are as exact; finer ones see the same poses.
   constexpr float kResolved = 0.00436F;
-  constexpr float kOfSpread = 0.6F;
-  constexpr float kOfNoise = 0.095F;  // [px]
+  constexpr float kOfSpread = 0.56F;
+  constexpr float kOfNoise = 0.077F;  // [px]
   constexpr float kLeast = 5e-5F;
   const F agree = max(evidence.agree, F(0.1F));
   const F differs = sqrt(evidence.square_spread / agree);
   const F spread = differs + F(kFloor);
   const F resolution = F(kResolved) / sqrt(evidence.square_gain + F(1e-8F));
   const F mean = sqrt((evidence.roughness + F(kFloor)) * sqrt(spread * resolution));
-  const F score = min(max(evidence.score, F(0.5F * kTrustedScore)), F(1));
+  const F score = min(max(evidence.score, F(kLeastTellingScore)), F(1));
   const F doubt = F(kTrustedScore) / min(score, F(kTrustedScore));
   const F error = F(share * kCalibration) * mean * doubt * evidence.maps / agree;
   const F of_spread = F(share * kOfSpread) * differs;

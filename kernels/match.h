@@ -10,6 +10,19 @@
 // state.
 namespace pmsp::kernels {
 
+/// What a plane scores more because it agrees with the prior. Without texture photometric scores are noise, which finds
+/// a better plane than the true one somewhere; with it, this is too little to hide that a prior is wrong.
+struct PriorBonus {
+  float most;       ///< where they agree exactly
+  float tolerance;  ///< relative depth from which on there is none
+};
+template <class F>
+PMSP_HD F prior_score(const F& prior, const F& inverse_depth, const PriorBonus& bonus) {
+  const auto known = prior > F(0);
+  const F off = abs(inverse_depth / select(known, prior, F(1)) - F(1)) * F(1.0F / bonus.tolerance);
+  return select(known, F(bonus.most) * max(F(1) - off, F(0)), F(0));
+}
+
 /// What is fixed for a whole keyframe.
 template <class Cube>
 struct Matching {
@@ -20,8 +33,8 @@ struct Matching {
   PlaneLimits limits;
   float log_depth_span;  ///< ln(largest depth / smallest depth)
   RandomKey random;
-  int refinements;     ///< random draws per visit
-  float prior_weight;  ///< what a plane scores more that agrees with the prior
+  int refinements;  ///< random draws per visit
+  PriorBonus bonus;
 };
 
 /// What is fixed for one visit to a pixel: computed once, used by all proposals.
@@ -49,15 +62,6 @@ PMSP_HD void begin_visit(Visit<F, Patch>& visit, const Matching<Cube>& m, const 
   }
 }
 
-/// What a plane scores more because it agrees with the prior. Without texture photometric scores are noise, which finds
-/// a better plane than the true one somewhere; with it, this is too little to hide that a prior is wrong.
-template <class F, class Cube>
-PMSP_HD F prior_score(const F& prior, const F& inverse_depth, const Matching<Cube>& m) {
-  const auto known = prior > F(0);
-  const F off = abs(inverse_depth / select(known, prior, F(1)) - F(1)) * F(1.0F / m.layout.disagreement_tolerance);
-  return select(known, F(m.prior_weight) * max(F(1) - off, F(0)), F(0));
-}
-
 /// Scores a plane and keeps it where it is allowed and better. `weigh`: it is the one that the pixel has, which weighs
 /// the views.
 template <class F, class Patch, class Cube>
@@ -66,7 +70,7 @@ PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, Visit<F, Patch>&
   const auto allowed = is_allowed(plane, visit.frame.bearing, m.limits);
   if (!any(allowed)) return;
   const F score = plane_score(visit.patch, visit.frame, m.views, m.num_views, plane, m.layout, visit.weights, weigh) +
-                  prior_score(visit.prior, dot(plane, visit.frame.bearing), m);
+                  prior_score(visit.prior, dot(plane, visit.frame.bearing), m.bonus);
   if (weigh && !all(allowed)) weigh_only(visit.weights, allowed);
   const auto better = allowed & (score > best.score);
   best.plane = select(better, plane, best.plane);
@@ -163,6 +167,32 @@ struct ReorderPlanes {
     const int source = static_cast<int>(to_rows ? in_colours : in_rows);
     put(to, to_rows ? in_rows : in_colours, 1,
         Hypothesis<float>{plane_at<float>(from, source), score_at<float>(from, source)});
+  }
+};
+
+/// Takes what the priors added off the scores (pmsp::scores_without_priors): maps that agree with a prior are off by
+/// what it is off, all of them, and their scores must not hide that the picture does not tell. A stage; `to` may be
+/// `map`.
+template <class Machine>
+struct ScoresWithoutPriors {
+  static constexpr int kCounts = 0;
+
+  typename Machine::Map map;
+  typename Machine::Map priors;
+  GridView grid;
+  PriorBonus bonus;
+  typename Machine::Planes to;
+
+  PMSP_HD int width() const { return grid.width; }
+  PMSP_HD int height() const { return grid.height; }
+
+  template <class F>
+  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+    const Vec3<F> bearing = bearing_at(grid, at);
+    const Vec3<F> plane = plane_at<F>(map, at.index);
+    const F added = prior_score(dot(plane_at<F>(priors, at.index), bearing), dot(plane, bearing), bonus);
+    put(to, static_cast<std::size_t>(at.first), at.count,
+        Hypothesis<F>{plane, min(max(score_at<F>(map, at.index) - added, F(0)), F(1))});
   }
 };
 

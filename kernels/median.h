@@ -68,7 +68,7 @@ struct MedianFilter {
   PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* counted) const {
     const Vec3<F> plane = plane_at<F>(map, at.index);
     const Surface<F> own = surface_of(plane, bearing_at(grid, at));
-    const F score = min(max(score_at<F>(map, at.index), F(0)), F(1));
+    const F score = max(score_at<F>(map, at.index), F(0));
     MaskOf<F> kept = own.known;
     if (enabled && any(kept)) {
       F around[9];

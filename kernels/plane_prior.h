@@ -45,10 +45,19 @@ constexpr float kGivenCoplanar = 0.05F;       ///< relative distance up to which
 
 /// The first support in each direction; (0, 0, 0) where there is none within reach.
 struct Surroundings {
-  Vec3<float> points[kPriorDirections];
+  float x[kPriorDirections], y[kPriorDirections], z[kPriorDirections];
   float errors[kPriorDirections];     ///< theirs, relative
-  float tightness[kPriorDirections];  ///< 1 / relative distance up to which they lie on a plane
+  float tightness[kPriorDirections];  ///< 1 / relative distance up to which they lie on a plane; 0 where there is none
   int count;
+
+  PMSP_HD Vec3<float> point(int d) const { return {x[d], y[d], z[d]}; }
+  PMSP_HD void put(int d, const Vec3<float>& point, float error, float tightness_there) {
+    x[d] = point.x;
+    y[d] = point.y;
+    z[d] = point.z;
+    errors[d] = error;
+    tightness[d] = tightness_there;
+  }
 };
 
 /// A cell's prior; the zero plane = none.
@@ -201,16 +210,15 @@ PMSP_HD void look_around(const PriorCells<Machine>& cells, int column, int row, 
   const int cell = row * cells.columns + column;
   if (cells.unsure[cell] == 0) return;
   Surroundings& around = cells.around[cell];
-  around.points[direction] = {0.0F, 0.0F, 0.0F};
+  around.put(direction, {0.0F, 0.0F, 0.0F}, 0.0F, 0.0F);
   const int steps = look_steps(cells.rows);
   const int* const look = cells.looks + (row * kPriorDirections + direction) * steps;
   for (int i = 0; i < steps; ++i) {
     const bool beyond = look[i] % cells.columns + column >= cells.columns;
     const int there = look[i] + column - (beyond ? cells.columns : 0);
     if (!is_point(cells.supports[there])) continue;
-    around.points[direction] = cells.supports[there];
-    around.errors[direction] = cells.errors[there];
-    around.tightness[direction] = 1.0F / min(kPriorTolerance + 2.0F * cells.errors[there], kMaxPriorTolerance);
+    const float error = cells.errors[there];
+    around.put(direction, cells.supports[there], error, 1.0F / min(kPriorTolerance + 2.0F * error, kMaxPriorTolerance));
     return;
   }
 }
@@ -233,17 +241,28 @@ PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const Surround
                       bool anywhere = false) {
   if (!is_allowed(plane, bearing, limits)) return;
   PriorPlane candidate{plane, 0, 0.0F};
+  float offs[kPriorDirections];
+  float costs[kPriorDirections];
+  PMSP_UNROLL
+  for (int d = 0; d < kPriorDirections; ++d) {  // without branches: compilers take several directions at a time
+    const float behind = (dot(plane, around.point(d)) - 1.0F) * around.tightness[d];
+    const float off = min(abs(behind), 1.0F);
+    offs[d] = around.tightness[d] > 0.0F ? off : 1.0F;
+    costs[d] = behind < -1.0F ? kOccluderCost : off;
+  }
+  PMSP_UNROLL
+  for (int half = kPriorDirections / 2; half > 0; half /= 2) {
+    PMSP_UNROLL
+    for (int d = 0; d < half; ++d) costs[d] += costs[d + half];
+  }
+  candidate.cost = costs[0];
+  if (!(candidate.cost < best.cost)) return;
   std::uint32_t on_it = 0;
   PMSP_UNROLL
   for (int d = 0; d < kPriorDirections; ++d) {
-    if (!is_point(around.points[d])) continue;
-    const float behind = (dot(plane, around.points[d]) - 1.0F) * around.tightness[d];
-    if (abs(behind) < 1.0F) {
-      ++candidate.supports;
-      on_it |= 1U << d;
-    }
-    candidate.cost += behind < -1.0F ? kOccluderCost : min(abs(behind), 1.0F);
-    if (!(candidate.cost < best.cost)) return;
+    if (!(offs[d] < 1.0F)) continue;
+    ++candidate.supports;
+    on_it |= 1U << d;
   }
   if (candidate.supports >= min_supports && (anywhere || surround(on_it))) best = candidate;
 }
@@ -263,7 +282,7 @@ PMSP_HD Vec3<float> refitted(const Surroundings& around, const Vec3<float>& plan
   Vec3<float> sum{};
   PMSP_UNROLL
   for (int d = 0; d < kPriorDirections; ++d) {
-    const Vec3<float>& p = around.points[d];
+    const Vec3<float> p = around.point(d);
     if (!is_point(p)) continue;
     const float off = (dot(plane, p) - 1.0F) * around.tightness[d];
     if (!(abs(off) < 1.0F)) continue;
@@ -292,7 +311,7 @@ PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
 
 PMSP_HD int supports_around(const Surroundings& around) {
   int count = 0;
-  for (int d = 0; d < kPriorDirections; ++d) count += is_point(around.points[d]) ? 1 : 0;
+  for (int d = 0; d < kPriorDirections; ++d) count += around.tightness[d] > 0.0F ? 1 : 0;
   return count;
 }
 
@@ -318,9 +337,9 @@ PMSP_HD void try_planes(const PriorCells<Machine>& cells, int column, int row, i
       const int k = j + kNarrow + triangle / kWide % kGaps;
       const int rest = kPriorDirections + i - k;
       if (k >= kPriorDirections || rest < kNarrow || rest > kWide) continue;
-      const Vec3<float>& a = around.points[i];
-      const Vec3<float>& b = around.points[j];
-      const Vec3<float>& c = around.points[k];
+      const Vec3<float> a = around.point(i);
+      const Vec3<float> b = around.point(j);
+      const Vec3<float> c = around.point(k);
       if (!is_point(a) || !is_point(b) || !is_point(c)) continue;
       consider(best, plane_through(a, b, c), around, center, cells.limits);
     }
@@ -377,7 +396,7 @@ PMSP_HD GivenRatio mean_ratio(const PriorCells<Machine>& cells, const Surroundin
   GivenRatio mean{0.0F, 0.0F, 0};
   float all = 0.0F;
   for (int d = 0; d < kPriorDirections; ++d) {
-    const Vec3<float>& p = around.points[d];
+    const Vec3<float> p = around.point(d);
     const float ratio = is_point(p) ? given_ratio(cells, p) : 0.0F;
     if (!(ratio > 0.0F)) continue;
     const float weight = support_weight(p, center);
@@ -399,7 +418,7 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surrounding
   Vec3<float> sum{};
   float squares = 0.0F;
   for (int d = 0; d < kPriorDirections; ++d) {
-    const Vec3<float>& p = around.points[d];
+    const Vec3<float> p = around.point(d);
     if (!is_point(p)) continue;
     const float off = 1.0F - dot(plane, p);
     if (abs(off) >= kGivenCoplanar) continue;
@@ -455,9 +474,9 @@ PMSP_HD Vec3<float> told_plane(const PriorCells<Machine>& cells, int column, int
   for (int i = 0; i < kPriorDirections; ++i) {
     for (int j = i + 1; j < kPriorDirections; ++j) {
       for (int k = j + 1; k < kPriorDirections; ++k) {
-        const Vec3<float>& a = around.points[i];
-        const Vec3<float>& b = around.points[j];
-        const Vec3<float>& c = around.points[k];
+        const Vec3<float> a = around.point(i);
+        const Vec3<float> b = around.point(j);
+        const Vec3<float> c = around.point(k);
         if (!is_point(a) || !is_point(b) || !is_point(c)) continue;
         const Vec3<float> plane = plane_through(a, b, c);
         if (agrees(plane)) consider(best, plane, around, center, cells.limits, kToldMinSupports, true);

@@ -72,11 +72,11 @@ class StageEngine final : public Engine {
     auto& passed_on = reference.raws[task.pass % 2];
     passed_on.reset();
     Planes raw = on.planes();
-    run_pass(task, raw, on);
+    const Planes priors = run_pass(task, raw, on);
     reference.matched = !cancelled();
     if (!reference.matched) return;
     if (task.last) {
-      finish_match(reference, raw, task.draft, on);
+      finish_match(reference, raw, priors, task.draft, on);
     } else {
       passed_on.put(std::move(raw), on.plane_numbers());
     }
@@ -389,12 +389,13 @@ class StageEngine final : public Engine {
     Planes landmarks, previous, warped, priors;
   };
 
-  void run_pass(const MatchTask& task, const Planes& result, Processor& on) {
+  /// Returns the planes that it preferred, the pixels' priors; the first pass has none.
+  Planes run_pass(const MatchTask& task, const Planes& result, Processor& on) {
     DensifierStats& stats = context_.stats;
     Pass pass{};
     Sources sources;
     fetch(task, sources, on);
-    if (cancelled()) return;
+    if (cancelled()) return {};
     on.timed(stats.seconds_init, [&] {
       look_around(task, pass, sources, on);
       if (task.pass == 0) {
@@ -424,6 +425,7 @@ class StageEngine final : public Engine {
                      [&] { return cancelled(); });
       on.launch(kernels::ReorderPlanes<Views>{on.map(state), on.to(result), true}, nullptr);
     });
+    return std::move(sources.priors);
   }
 
   /// A keyframe's map of the pass before; of one that is through with its passes, the one that it has.
@@ -567,17 +569,26 @@ class StageEngine final : public Engine {
     return moved;
   }
 
+  void take_priors_off(const Planes& planes, const Planes& priors, const Planes& to, Processor& on) {
+    on.launch(kernels::ScoresWithoutPriors<Views>{on.map(planes), on.map(priors), on.grid(), kPriorBonus, on.to(to)},
+              nullptr);
+  }
+
   /// Nobody else asks for the planes of the last pass.
-  void finish_match(StageFrame& reference, const Planes& raw, bool draft, Processor& on) {
+  void finish_match(StageFrame& reference, const Planes& raw, const Planes& priors, bool draft, Processor& on) {
     if (context_.results.raw_depth && reference.asked_for) {
-      hand_out_depths(reference, raw, nullptr, context_.results.raw_depth, on);
+      const Planes alone = priors ? on.planes() : Planes{};
+      if (priors) take_priors_off(raw, priors, alone, on);
+      hand_out_depths(reference, priors ? alone : raw, nullptr, context_.results.raw_depth, on);
     }
     Planes median;
     on.counted(
         context_.stats.seconds_median,
         [&](Counts* counts) {
           median = median_of(reference, raw, counts, on);
-          if (context_.options.median.weighted && !draft) median = weighted_median_of(reference, median, on);
+          if (draft) return;
+          if (context_.options.median.weighted) median = weighted_median_of(reference, median, on);
+          if (priors) take_priors_off(median, priors, median, on);
         },
         [&stats = context_.stats](const std::int64_t* numbers) {
           ++stats.depth_maps;

@@ -40,8 +40,9 @@ PMSP_API PlaneMap weighted_median_filter(const PlaneMap& map, const Panorama& pa
 /// deviation from the planes around, with what a pixel of parallax is worth in depth and with the error of the poses,
 /// and falls with the share of maps that agree and with `map`'s photometric score. A point agrees with another map if
 /// that map's surface in the point's direction is as far, within `options.max_relative_depth`. Without any other map
-/// confidences are the scores. `map`, `others`: after the median filter; at most 30 others. `pose_error`: of `map`'s
-/// keyframe, see Keyframe. Throws InvalidOption, and InvalidInput when the maps differ in size.
+/// confidences are the scores. `map`, `others`: after the median filter, `map` with scores_without_priors
+/// (plane_priors.h); at most 30 others. `pose_error`: of `map`'s keyframe, see Keyframe. Throws InvalidOption, and
+/// InvalidInput when the maps differ in size.
 PMSP_API Image<float> consistency_filter(const PlaneMap& map, const std::vector<const PlaneMap*>& others,
                                          const ConsistencyFilterOptions& options, const Executor& executor,
                                          FilterStats* stats = nullptr, double pose_error = 0.0);

@@ -104,6 +104,7 @@ template void launch(const PriorStage<kernels::PriorStep::kOffers>&, Counts*, cu
 template void launch(const PriorStage<kernels::PriorStep::kChoice>&, Counts*, cudaStream_t);
 template void launch(const kernels::PixelPriors<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::ReorderPlanes<DeviceMachine>&, Counts*, cudaStream_t);
+template void launch(const kernels::ScoresWithoutPriors<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::WarpPixels<DeviceMachine, DeviceKeys>&, Counts*, cudaStream_t);
 template void launch(const kernels::DepthImage<DeviceMachine>&, Counts*, cudaStream_t);
 

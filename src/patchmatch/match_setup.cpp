@@ -39,9 +39,6 @@ constexpr double kMaxSlant_deg = 80.0;
 /// Score that full disagreement with one neighbour's depth map costs, of the 2 that a photometric score spans.
 constexpr float kDisagreementCost = 0.5F;
 
-/// Relative difference of depths from which on disagreement is full.
-constexpr float kDisagreementTolerance = 0.03F;
-
 }  // namespace
 
 float textured_variance(float noise) {

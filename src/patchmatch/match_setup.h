@@ -14,8 +14,11 @@ namespace pmsp {
 /// Variance of gray levels from which on a patch counts as textured, in an image with this noise (image_noise).
 float textured_variance(float noise);
 
-/// Score that agreement with a prior's plane is worth: what texture tells outweighs it.
-constexpr float kPriorWeight = 0.3F;
+/// Relative difference of depths from which on disagreement with a neighbour's depth map, or with a prior, is full.
+constexpr float kDisagreementTolerance = 0.03F;
+
+/// What agreement with a prior's plane is worth: what texture tells outweighs it.
+constexpr kernels::PriorBonus kPriorBonus{0.3F, kDisagreementTolerance};
 
 /// Of each geometric pass: another pass, which looks at newer maps, is worth more than another iteration.
 constexpr int kGeometricIterations = 1;
@@ -43,7 +46,7 @@ kernels::Matching<Cube> make_matching(const Cube& reference, float noise, const 
   matching.log_depth_span = static_cast<float>(std::log(range.max / range.min));
   matching.random = patchmatch_key(seed, keyframe_id);
   matching.refinements = options.refinements;
-  matching.prior_weight = kPriorWeight;
+  matching.bonus = kPriorBonus;
   return matching;
 }
 

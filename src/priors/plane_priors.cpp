@@ -4,6 +4,7 @@
 #include <string>
 
 #include "cpu/cpu_processor.h"
+#include "cpu/executor_impl.h"
 #include "patchmatch/match_setup.h"
 #include "pmsp/error.h"
 #include "priors/prior_setup.h"
@@ -37,6 +38,15 @@ PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const std::
                     inside(panorama).noise, find_evidence(on, inside(panorama).gray.view(), baselines),
                     plane_limits(range), arrays_of(priors));
   return priors;
+}
+
+PlaneMap scores_without_priors(const PlaneMap& map, const PlaneMap& priors, const Executor& executor) {
+  if (!same_size(map, priors)) throw InvalidInput("scores_without_priors: the maps differ in size");
+  PlaneMap result = map;
+  const SphereGrid grid(map.width(), map.height());
+  inside(executor).run(kernels::ScoresWithoutPriors<kernels::HostMachine>{view_of(map), view_of(priors), grid.view(),
+                                                                          kPriorBonus, arrays_of(result)});
+  return result;
 }
 
 }  // namespace pmsp

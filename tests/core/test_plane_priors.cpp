@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include "confidence.h"
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
 #include "core/recording.h"
@@ -13,6 +14,7 @@
 #include "pmsp/panorama.h"
 #include "pmsp/plane_priors.h"
 #include "synth/rng.h"
+#include "util/median_of.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -220,11 +222,42 @@ TEST_CASE("priors do not depend on the number of threads, and need maps of the i
                   InvalidInput);
 }
 
+TEST_CASE("scores without priors are what patches alone score", "[priors]") {
+  const Executor executor(1);
+  PlaneMap map(64, 32);
+  PlaneMap priors(64, 32);
+  // A wall ahead at 2, seen by all pixels of the front; of the priors, one agrees, one is off by half of the tolerance
+  // of 3 %, one by more than that, and one is missing.
+  const int x = 32;
+  const float off[] = {1.0F, 1.015F, 1.05F, 0.0F};
+  for (int i = 0; i < 4; ++i) {
+    map.z(x, 14 + i) = 0.5F;
+    map.score(x, 14 + i) = 0.8F;
+    priors.z(x, 14 + i) = 0.5F / (off[i] > 0.0F ? off[i] : 1.0F);
+    if (off[i] == 0.0F) priors.z(x, 14 + i) = 0.0F;
+  }
+  map.z(x + 1, 14) = priors.z(x + 1, 14) = 0.5F;
+  map.score(x + 1, 14) = 0.2F;
+  map.keyframe_id = 7;
+  const PlaneMap without = scores_without_priors(map, priors, executor);
+  CHECK(without.score(x, 14) == Approx(0.5F));
+  CHECK(without.score(x, 15) == Approx(0.65F).margin(0.01));
+  CHECK(without.score(x, 16) == 0.8F);
+  CHECK(without.score(x, 17) == 0.8F);
+  CHECK(without.score(x + 1, 14) == 0.0F);  // less than nothing is nothing, as after the median filter
+  CHECK(without.z(x, 14) == 0.5F);
+  CHECK(without.z(0, 0) == 0.0F);
+  CHECK(without.score(0, 0) == 0.0F);
+  CHECK(without.keyframe_id == 7);
+  CHECK_THROWS_AS(scores_without_priors(map, PlaneMap(32, 16), executor), InvalidInput);
+}
+
 TEST_CASE("plane priors give painted walls their depth, and can be switched off", "[priors]" PMSP_ACCURACY) {
   synth::Recipe recipe = small_recipe(640, 4);
   recipe.mission.render.noise_sigma = 2.0;
   const synth::Mission mission = synth::painted_room(recipe);
   const synth::Frame& frame = mission.frames[1];
+  DepthMap filtered;
   const auto raw_depth = [&](bool with_priors) {
     DensifierOptions options = preset(Quality::kOnline);
     options.patchmatch.plane_priors = with_priors;
@@ -232,6 +265,9 @@ TEST_CASE("plane priors give painted walls their depth, and can be switched off"
     DensifierCallbacks callbacks;
     callbacks.raw_depth = [&](const DepthMap& map) {
       if (map.keyframe_id == frame.id) depth = map.depth;
+    };
+    callbacks.filtered_depth = [&](const DepthMap& map) {
+      if (map.keyframe_id == frame.id && with_priors) filtered = map;
     };
     Densifier densifier(options, callbacks);
     fly_through(densifier, mission);
@@ -248,4 +284,17 @@ TEST_CASE("plane priors give painted walls their depth, and can be switched off"
   CAPTURE(wall(with), wall(without), rest(with), rest(without));
   CHECK(wall(with) > wall(without) + 0.2);
   CHECK(rest(with) > rest(without) - 0.01);
+
+  // What maps have in common by their priors, their differences do not show: it must be told all the same.
+  std::vector<double> found;
+  std::vector<double> told;
+  for (int y = 0; y < frame.depth.height(); ++y) {
+    for (int x = 0; x < frame.depth.width(); ++x) {
+      if (frame.surface(x, y) / 8 != 0 || !(filtered.depth(x, y) > 0.0F)) continue;
+      found.push_back(std::abs(filtered.depth(x, y) / frame.depth(x, y) - 1.0F));
+      told.push_back(kernels::error_of_confidence(filtered.confidence(x, y)));
+    }
+  }
+  REQUIRE(found.size() > 10000U);
+  CHECK(median(found) < 1.5 * median(told));
 }

@@ -28,12 +28,16 @@ k::Surroundings around_ahead(const std::function<float(int)>& distance) {
   k::Surroundings around{};
   for (int d = 0; d < k::kPriorDirections; ++d) {
     const auto angle = static_cast<float>(2.0 * k::kPi * d / k::kPriorDirections);
-    around.points[d] = distance(d) * Vec3<float>{0.4F * std::cos(angle), 0.4F * std::sin(angle), 1.0F};
-    around.errors[d] = 0.005F;
-    around.tightness[d] = 1.0F / 0.03F;
+    around.put(d, distance(d) * Vec3<float>{0.4F * std::cos(angle), 0.4F * std::sin(angle), 1.0F}, 0.005F,
+               distance(d) > 0.0F ? 1.0F / 0.03F : 0.0F);
     around.count += distance(d) > 0.0F ? 1 : 0;
   }
   return around;
+}
+
+/// Multiplies a support's distance.
+void move(k::Surroundings& around, int d, float factor) {
+  around.put(d, factor * around.point(d), around.errors[d], around.tightness[d]);
 }
 
 /// Distance of the better one of two walls.
@@ -79,7 +83,7 @@ TEST_CASE("plane priors: a plane is not drawn beyond the supports that lie on it
 
 TEST_CASE("plane priors: a plane is fitted to the supports near it, the more certain ones count more") {
   k::Surroundings around = around_ahead([](int d) { return d % 4 == 0 ? 4.06F : 4.0F; });
-  around.points[3] = 2.0F * around.points[3];  // of something else
+  move(around, 3, 2.0F);  // of something else
   const float even = 1.0F / k::refitted(around, wall(4.03F)).z;
   CHECK(even > 4.001F);
   CHECK(even < 4.03F);
@@ -111,7 +115,7 @@ TEST_CASE("plane priors: a cell takes the plane of another one where it explains
     CAPTURE(backward);
     k::Surroundings& own = around[at(column, 2)];
     own = around_ahead([](int) { return 4.0F; });
-    for (Vec3<float>& point : own.points) point.z *= sign;
+    for (float& z : own.z) z *= sign;
     for (const int stride : {1, 2}) {
       cells.stride = stride;
       const int from = backward && stride == 2 ? 6 : beside + 1 - stride;
@@ -131,7 +135,7 @@ TEST_CASE("plane priors: a cell takes the plane of another one where it explains
 TEST_CASE("plane priors: of all planes through three supports the best is found, however many share the work") {
   std::vector<k::Surroundings> around{
       around_ahead([](int d) { return 3.0F + 0.02F * static_cast<float>(d * 7 % 16); })};
-  for (int d = 9; d < 15; ++d) around[0].points[d] = (4.0F / around[0].points[d].z) * around[0].points[d];
+  for (int d = 9; d < 15; ++d) move(around[0], d, 4.0F / around[0].z[d]);
   unsigned char unsure = 1;
   k::PriorCells<k::HostMachine> cells = cells_with(1, 1, around);
   cells.unsure = &unsure;
@@ -141,8 +145,8 @@ TEST_CASE("plane priors: of all planes through three supports the best is found,
     for (int j = i + 3; j < k::kPriorDirections; ++j) {
       for (int l = j + 3; l < k::kPriorDirections; ++l) {
         if (j - i > 8 || l - j > 8 || i + 16 - l < 3 || i + 16 - l > 8) continue;
-        const auto& points = around[0].points;
-        k::consider(best, k::plane_through(points[i], points[j], points[l]), around[0], center, kLimits);
+        const k::Surroundings& on = around[0];
+        k::consider(best, k::plane_through(on.point(i), on.point(j), on.point(l)), on, center, kLimits);
       }
     }
   }
@@ -192,7 +196,7 @@ TEST_CASE("plane priors: given planes are corrected by the supports around, unle
 
   give(wall(4.0F));
   for (int d = 0; d < k::kPriorDirections; ++d) {  // a third fits, the others deviate to both sides
-    const Vec3<float>& support = around[kCell].points[d];
+    const Vec3<float> support = around[kCell].point(d);
     const float distance = d % 3 == 0 ? 4.0F : d % 3 == 1 ? 2.8F : 6.0F;
     given[static_cast<std::size_t>(k::pixel_index(support, kColumns, kRows))] = wall(distance);
   }
