@@ -137,7 +137,7 @@ struct ConsistencyFilter {
   PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* counted) const {
     const Vec3<F> bearing = bearing_at(grid, at);
     const Surface<F> surface = surface_of(plane_at<F>(map, at.index), bearing);
-    const F score = score_at<F>(map, at.index);
+    const F score = min(score_at<F>(map, at.index), F(1));
     F found = score;
     F told = score;
     MaskOf<F> kept = surface.known;

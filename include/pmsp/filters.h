@@ -19,7 +19,7 @@ struct FilterStats {
 };
 
 /// Drops depths that deviate from the median of their 3 x 3 neighbourhood (around the seam and over the poles too) or
-/// whose photometric score is too low. What stays keeps its plane; scores are cut off at 0 and 1. Throws InvalidOption.
+/// whose photometric score is too low. What stays keeps its plane; scores below 0 become 0. Throws InvalidOption.
 PMSP_API PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, const Executor& executor,
                                 FilterStats* stats = nullptr);
 

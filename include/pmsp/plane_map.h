@@ -29,7 +29,7 @@ struct PlaneMap {
   double scale = 1.0;             ///< of the keyframe, likewise
   KeyframePose pose() const { return {cam_from_world, scale}; }
   Image<float> x, y, z;
-  Image<float> score;  ///< photometric (NCC), up to 1 and what priors add; 0 to 1 after the median filter
+  Image<float> score;  ///< photometric (NCC), up to 1, and what priors add (scores_without_priors)
 };
 
 /// Depth, normal and confidence of the planes. `confidence`: of each pixel, 0 = leave it out; nullptr = the score, 0 to

@@ -32,8 +32,8 @@ PMSP_API PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama,
                                const std::vector<KeyframePose>& neighbours, const DepthRange& range,
                                const Executor& executor, ImageView<const float> prior_depth = {});
 
-/// Takes off `map`'s scores what `priors` have added in patchmatch(), up to 0.3; they stay at 0 or above. That a plane
-/// agrees with a prior helps to choose it, and helps the median filters; it says nothing of how exact the plane is.
+/// Takes off `map`'s scores what `priors` have added in patchmatch(), up to 0.3; then they are cut off at 0 and 1. That
+/// a plane agrees with a prior helps to choose it, and helps the median filters; it says nothing of how exact it is.
 /// `map`: after the median filters; what consistency_filter tells of its errors is right only then. Throws InvalidInput
 /// when the sizes differ.
 PMSP_API PlaneMap scores_without_priors(const PlaneMap& map, const PlaneMap& priors, const Executor& executor);

@@ -225,6 +225,17 @@ TEST_CASE("a batch that is killed takes its runs with it, and goes on from there
   }
 }
 
+TEST_CASE("a batch that was killed while it took a mission's folder goes on with it") {
+  const Missions missions;
+  missions.write({Missions::line("a")});
+  fs::create_directories(missions.result("a"));
+  write_text(missions.result("a") / ".status.json.77-0.tmp", "{");
+  const Result result = missions.batch();
+  INFO(result.err);
+  CHECK(result.code == 0);
+  CHECK(missions.status("a")["state"] == "done");
+}
+
 TEST_CASE("a signal ends a batch and its runs, the same command goes on") {
   const Missions missions;
   missions.write({Missions::line("a"), Missions::line("b")});

@@ -11,6 +11,7 @@
 #include "core/on_depth_maps.h"
 #include "core/recording.h"
 #include "pmsp/error.h"
+#include "pmsp/filters.h"
 #include "pmsp/panorama.h"
 #include "pmsp/plane_priors.h"
 #include "synth/rng.h"
@@ -249,6 +250,10 @@ TEST_CASE("scores without priors are what patches alone score", "[priors]") {
   CHECK(without.z(0, 0) == 0.0F);
   CHECK(without.score(0, 0) == 0.0F);
   CHECK(without.keyframe_id == 7);
+  for (float& score : map.score.pixels()) score += 0.4F;
+  const PlaneMap high = scores_without_priors(median_filter(map, {}, executor), priors, executor);
+  CHECK(high.score(x, 14) == Approx(0.9F));  // 1.2 is no more than 1 only without what the prior added
+  CHECK(high.score(x, 16) == 1.0F);
   CHECK_THROWS_AS(scores_without_priors(map, PlaneMap(32, 16), executor), InvalidInput);
 }
 

@@ -128,11 +128,12 @@ class Batch {
     return earlier;
   }
 
-  /// Besides the lock, which comes before the status.
+  /// Besides the lock and a first status, as far as a killed batch came with it.
   static bool holds_anything(const fs::path& folder) {
     std::error_code error;
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-      if (it->path().filename() != FolderLock::kName) return true;
+      const std::string name = it->path().filename().string();
+      if (name != FolderLock::kName && !is_unfinished_status(name)) return true;
     }
     return false;
   }

@@ -42,6 +42,9 @@ nlohmann::ordered_json to_json(const MissionStatus& status);
 /// nullopt where the folder has none. Throws InvalidInput for one that cannot be read, IoError.
 std::optional<MissionStatus> read_status(const std::filesystem::path& folder);
 
+/// Whether a file of this name is what a process that was killed in write_status may leave.
+bool is_unfinished_status(const std::string& name);
+
 /// Throws OutputError.
 void write_status(const std::filesystem::path& folder, const MissionStatus& status);
 
