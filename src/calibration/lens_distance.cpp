@@ -74,11 +74,29 @@ double solution(const std::vector<Term>& terms, const std::vector<double>& weigh
   return square > 0.0 ? -slope / square : 0.0;
 }
 
+/// Its pixels are not set at first: the threads that make them meet fresh memory, which takes as long as they do.
+class GrayImage {
+ public:
+  GrayImage() = default;
+  GrayImage(int width, int height) : width_(width), height_(height), pixels_(new std::uint8_t[size()]) {}
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  std::size_t size() const { return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_); }
+  std::uint8_t* row(int y) { return pixels_.get() + static_cast<std::ptrdiff_t>(y) * width_; }
+  const std::uint8_t* row(int y) const { return pixels_.get() + static_cast<std::ptrdiff_t>(y) * width_; }
+
+ private:
+  int width_ = 0;
+  int height_ = 0;
+  std::unique_ptr<std::uint8_t[]> pixels_;
+};
+
 }  // namespace
 
 struct LensDistanceEstimator::View {
   std::int64_t id = 0;
-  Image<std::uint8_t> gray;
+  GrayImage gray;
   Image<std::uint8_t> mask;  ///< empty = use all
   RigidTransform cam_from_world;
   Eigen::Vector3d center;
@@ -223,7 +241,7 @@ void LensDistanceEstimator::add(const Keyframe& keyframe, const Executor* execut
   auto view = std::make_unique<View>();
   const ImageView<const Rgb>& image = keyframe.image;
   const int box = std::max(1, (image.width + kMostWidth - 1) / kMostWidth);
-  view->gray = Image<std::uint8_t>(image.width / box, image.height / box);
+  view->gray = GrayImage(image.width / box, image.height / box);
   const auto reduce_row = [&](int y) {
     std::uint8_t* const to = view->gray.row(y);
     if (box == 1) {

@@ -9,8 +9,10 @@
 
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
+#include "pmsp/executor.h"
 #include "pose_convention.h"
 #include "util/median_of.h"
+#include "util/thread_pool.h"
 
 namespace pmsp {
 namespace {
@@ -163,15 +165,21 @@ ConventionCheck check_convention(const SlamMap& map) {
   const std::vector<Sample> samples = samples_of(map);
   if (samples.size() < kFewest) return check;
   check.observations = samples.size();
-  check.median_error_px = median_error(samples, nullptr);
+  const std::vector<map_detail::PoseConvention> others = map_detail::other_conventions();
+  std::vector<double> errors(others.size() + 1);
+  ThreadPool(std::min(usable_cpus(), static_cast<int>(errors.size())))
+      .for_each(static_cast<int>(errors.size()), [&](int number) {
+        const auto i = static_cast<std::size_t>(number);
+        errors[i] = median_error(samples, i < others.size() ? &others[i] : nullptr);
+      });
+  check.median_error_px = errors.back();
   double width = 0.0;
   for (const MapCamera& camera : map.cameras) width = std::max(width, static_cast<double>(camera.width));
   double best = std::min(kClearlyBetter * check.median_error_px, kStillFits * width);
-  for (const map_detail::PoseConvention& convention : map_detail::other_conventions()) {
-    const double error = median_error(samples, &convention);
-    if (error >= best) continue;
-    best = check.better_error_px = error;
-    check.fits_better = convention.what;
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    if (errors[i] >= best) continue;
+    best = check.better_error_px = errors[i];
+    check.fits_better = others[i].what;
   }
   if (check.fits_better.empty()) check_half_pixel(map, samples, check);
   return check;

@@ -2,6 +2,7 @@
 #include "map_byte_source.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <string>
@@ -12,6 +13,23 @@ namespace pmsp::map_detail {
 namespace {
 
 constexpr std::size_t kChunkBytes = std::size_t{1} << 20;
+
+/// Bytes of a value of MessagePack by its first byte, that included; 0: they depend on what follows, other values are
+/// in it, or there is no such value.
+constexpr std::array<std::uint8_t, 256> lengths() {
+  std::array<std::uint8_t, 256> bytes{};
+  for (unsigned first = 0; first < 256; ++first) {
+    const bool is_small_number = first < 0x80 || first >= 0xE0;
+    const bool is_nil_or_boolean = first == 0xC0 || first == 0xC2 || first == 0xC3;
+    if (is_small_number || is_nil_or_boolean) bytes[first] = 1;
+    if (first >= 0xA0 && first < 0xC0) bytes[first] = static_cast<std::uint8_t>(1 + (first & 0x1FU));  // short strings
+    if (first == 0xCA || first == 0xCB) bytes[first] = static_cast<std::uint8_t>(1 + (4U << (first - 0xCA)));
+    if (first >= 0xCC && first <= 0xD3) bytes[first] = static_cast<std::uint8_t>(1 + (1U << (first & 3U)));
+    if (first >= 0xD4 && first <= 0xD8) bytes[first] = static_cast<std::uint8_t>(2 + (1U << (first - 0xD4)));
+  }
+  return bytes;
+}
+constexpr std::array<std::uint8_t, 256> kLengths = lengths();
 
 }  // namespace
 
@@ -108,42 +126,53 @@ void ByteSource::replace_value_by_nil() {
   if (skip_value()) put_nil();
 }
 
+/// Numbers stand in long rows, mostly of one length: a processor that foresees the next one's first byte does not wait
+/// for it.
+std::uint64_t ByteSource::skip_row(std::uint64_t most) {
+  const char first = peek();
+  const std::ptrdiff_t bytes = kLengths[static_cast<unsigned char>(first)];
+  if (bytes == 0) return 0;
+  std::uint64_t skipped = 0;
+  while (skipped < most && end_ - current_ > bytes && *current_ == first) {
+    current_ += bytes;
+    ++skipped;
+  }
+  return skipped;
+}
+
 bool ByteSource::skip_value() {
   std::uint64_t values = 1;  // that are left; arrays and maps add theirs
-  for (; values > 0; --values) {
+  while (values > 0) {
     if (at_end()) return false;
     token_seen();
+    if (const std::uint64_t skipped = skip_row(values); skipped > 0) {
+      values -= skipped;
+      continue;
+    }
     const auto first = static_cast<unsigned char>(peek());
     constexpr unsigned char kNever = 0xC1;
     if (first == kNever) return false;
     advance();
+    --values;
     const auto wide = [first](unsigned char base) { return 1 << (first - base); };
     std::uint64_t bytes = 0;
-    if (first >= 0x80 && first < 0x90) {
+    if (kLengths[first] > 0) {  // at the end of a chunk
+      bytes = kLengths[first] - 1U;
+    } else if (first >= 0x80 && first < 0x90) {
       values += 2 * (first & 0x0FU);
     } else if (first >= 0x90 && first < 0xA0) {
       values += first & 0x0FU;
-    } else if (first >= 0xA0 && first < 0xC0) {
-      bytes = first & 0x1FU;
     } else if (first >= 0xC4 && first <= 0xC6) {  // binary
       bytes = size_of_value(wide(0xC4));
     } else if (first >= 0xC7 && first <= 0xC9) {  // other types, with a byte for which
       bytes = 1 + size_of_value(wide(0xC7));
-    } else if (first >= 0xCA && first <= 0xCB) {
-      bytes = static_cast<std::uint64_t>(4 * wide(0xCA));
-    } else if (first >= 0xCC && first <= 0xCF) {
-      bytes = static_cast<std::uint64_t>(wide(0xCC));
-    } else if (first >= 0xD0 && first <= 0xD3) {
-      bytes = static_cast<std::uint64_t>(wide(0xD0));
-    } else if (first >= 0xD4 && first <= 0xD8) {  // other types again
-      bytes = static_cast<std::uint64_t>(1 + wide(0xD4));
     } else if (first >= 0xD9 && first <= 0xDB) {  // strings
       bytes = size_of_value(wide(0xD9));
     } else if (first >= 0xDC && first <= 0xDD) {
       values += size_of_value(2 * wide(0xDC));
     } else if (first >= 0xDE && first <= 0xDF) {
       values += 2 * size_of_value(2 * wide(0xDE));
-    }  // else a small number, a boolean, or nil
+    }
     if (bytes < static_cast<std::uint64_t>(end_ - current_)) {
       current_ += bytes;
     } else if (!skip(bytes)) {

@@ -50,6 +50,7 @@ class ByteSource {
  private:
   void refill();
   bool skip(std::uint64_t bytes);
+  std::uint64_t skip_row(std::uint64_t most);
   std::uint64_t size_of_value(int bytes);
   void copy_up_to_here();
 

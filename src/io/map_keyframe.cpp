@@ -8,6 +8,7 @@
 #include "pmsp/camera.h"
 #include "pmsp/io/map.h"
 #include "util/median_of.h"
+#include "util/thread_pool.h"
 
 namespace pmsp {
 namespace {
@@ -41,19 +42,21 @@ Keyframe keyframe_of(const SlamMap& map, const MapKeyframe& in_map) {
 }
 
 double farthest_landmarks(const SlamMap& map) {
-  double farthest = 0.0;
-  for (const MapKeyframe& keyframe : map.keyframes) {
+  std::vector<double> farthest(map.keyframes.size(), 0.0);
+  ThreadPool(0).for_each(static_cast<int>(farthest.size()), [&](int number) {
+    const MapKeyframe& keyframe = map.keyframes[static_cast<std::size_t>(number)];
     const Eigen::Vector3d center = keyframe.cam_from_world.center();
     std::vector<double> depths;
-    for (const Landmark& landmark : keyframe_of(map, keyframe).landmarks) {
-      depths.push_back((landmark.position_world - center).norm());
+    for (const MapObservation& observation : keyframe.observations) {
+      const MapLandmark* landmark = map.find_landmark(observation.landmark_id);
+      if (landmark != nullptr) depths.push_back((landmark->position_world - center).norm());
     }
-    if (depths.empty()) continue;
+    if (depths.empty()) return;
     const auto at = depths.begin() + std::lround(0.98 * static_cast<double>(depths.size() - 1));
     std::nth_element(depths.begin(), at, depths.end());
-    farthest = std::max(farthest, *at);
-  }
-  return farthest;
+    farthest[static_cast<std::size_t>(number)] = *at;
+  });
+  return farthest.empty() ? 0.0 : *std::max_element(farthest.begin(), farthest.end());
 }
 
 }  // namespace pmsp

@@ -335,6 +335,18 @@ TEST_CASE("odd but harmless maps are read") {
     write_file(path, msgpack_bytes(tree));
     check_sample(read_map(path));
   }
+  SECTION("rows of numbers that are longer than what is read at a time, wherever they begin") {
+    nlohmann::json rows = nlohmann::json::array();
+    for (std::uint32_t i = 0; i < 250000; ++i) rows.push_back(0xFFFFFFFFU - i);
+    for (int i = 0; i < 250000; ++i) rows.push_back(i % 3 == 0 ? nlohmann::json(0.1 * i) : nlohmann::json(-i));
+    keyframe["rows"] = rows;
+    for (std::size_t before = 0; before < 9; ++before) {
+      CAPTURE(before);
+      tree["before"] = std::string(before, 'x');
+      write_file(path, msgpack_bytes(tree));
+      check_sample(read_map(path));
+    }
+  }
   SECTION("values of any type under unknown keys") {
     const auto zeros = [](std::size_t count) { return std::string(count, '\0'); };
     const std::string type = "\x05";

@@ -45,7 +45,7 @@ int images_ahead(const SlamMap& map, int threads) {
 }
 
 ImageReader::ImageReader(ImageSource& source, const SlamMap& map, int threads, PairingVerifier* verifier)
-    : decoder_(source), verifier_(verifier) {
+    : decoder_(source), map_(map), verifier_(verifier) {
   source.read_ahead(images_ahead(map, threads));
   begin();
 }
@@ -58,9 +58,16 @@ void ImageReader::begin() {
 }
 
 ImageReader::Read ImageReader::read() {
-  Read read{decoder_.next(), std::nullopt};
-  if (verifier_ == nullptr || !read.item) return read;
-  verifier_->add(read.item->keyframe_id, read.item->image.view());
+  Read read{decoder_.next(), {}, std::nullopt};
+  if (!read.item) return read;
+  const std::int64_t id = read.item->keyframe_id;
+  const MapKeyframe* const found = map_.find_keyframe(id);
+  if (found == nullptr) {
+    throw InvalidInput("an image names keyframe " + std::to_string(id) + ", which the map lacks");
+  }
+  read.keyframe = keyframe_of(map_, *found);
+  if (verifier_ == nullptr) return read;
+  verifier_->add(id, read.item->image.view());
   read.pairing = verifier_->verdict();
   if (read.pairing->conclusive && !read.pairing->belongs) throw InvalidInput(read.pairing->message);
   return read;

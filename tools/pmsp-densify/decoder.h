@@ -44,7 +44,8 @@ class Decoder {
 /// How many images may be decoded ahead by so many threads: as many as take 512 MiB, but two at least.
 int images_ahead(const SlamMap& map, int threads);
 
-/// Decodes and verifies the next images on other threads, while whoever asks works on one.
+/// Decodes and verifies the next images, and takes their keyframes from the map, on other threads, while whoever asks
+/// works on one.
 class ImageReader {
  public:
   /// Nothing else may ask the source meanwhile. `threads`: that decode. `verifier`: nullptr = images are not compared
@@ -52,9 +53,10 @@ class ImageReader {
   ImageReader(ImageSource& source, const SlamMap& map, int threads, PairingVerifier* verifier);
 
   struct Read : Decoded {
+    Keyframe keyframe;  ///< that the image belongs to, as keyframe_of; image and mask are left out
     std::optional<PairingVerifier::Verdict> pairing;  ///< of the images so far
   };
-  /// Throws InvalidInput where the images so far evidently belong to other keyframes.
+  /// Throws InvalidInput where the images so far evidently belong to other keyframes, or the map lacks one's keyframe.
   Read next();
 
   /// Another thread gives the image's memory back, which takes a while.
@@ -68,6 +70,7 @@ class ImageReader {
   Read read();
 
   Decoder decoder_;
+  const SlamMap& map_;
   PairingVerifier* verifier_;
   std::optional<ImageSource::Item> done_;
   std::future<Read> next_;  ///< after all that it uses

@@ -24,7 +24,8 @@ struct ImageLoop {
 
   /// A keyframe before the next image turned out to have none.
   std::function<void(const SkippedKeyframe&)> lost;
-  std::function<void(std::size_t index, const ImageSource::Item&)> visit;
+  /// `keyframe`: with the image; the mask is left out.
+  std::function<void(std::size_t index, const ImageSource::Item&, Keyframe& keyframe)> visit;
 
   struct End {
     std::size_t images = 0;

@@ -33,12 +33,10 @@ LensDistance estimate(const Arguments& arguments, const DensifierOptions& option
   while (true) {
     ImageReader::Read read = images.next();
     if (!read.item) break;
-    const MapKeyframe* const found = map.find_keyframe(read.item->keyframe_id);
-    if (found == nullptr) continue;
-    Keyframe keyframe = keyframe_of(map, *found);
-    keyframe.image = read.item->image.view();
     const Image<Rgb>& image = read.item->image;
-    keyframe.mask = masks.mask_for(source->origin(found->id).file, image.width(), image.height());
+    Keyframe& keyframe = read.keyframe;
+    keyframe.image = image.view();
+    keyframe.mask = masks.mask_for(source->origin(keyframe.id).file, image.width(), image.height());
     estimator.add(keyframe, &executor);
     images.let_go(std::move(*read.item));
   }

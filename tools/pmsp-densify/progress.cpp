@@ -61,26 +61,21 @@ Progress::~Progress() { clear_bar(); }
 void Progress::message(const std::string& text) {
   if (quiet_ || mode_ == ProgressMode::kNone) return;
   if (mode_ == ProgressMode::kJson) return emit({{"event", "message"}, {"text", text}});
-  clear_bar();
-  std::cerr << text << "\n";
+  tell(text);
 }
 
 void Progress::warning(const std::string& text) {
   if (mode_ == ProgressMode::kJson) return emit({{"event", "warning"}, {"text", text}});
-  clear_bar();
-  std::cerr << "warning: " << text << "\n";
+  tell("warning: " + text);
 }
 
 void Progress::stage(const std::string& name) {
   if (mode_ == ProgressMode::kJson) return emit({{"event", "stage"}, {"stage", name}});
   if (mode_ == ProgressMode::kNone) return;
+  if (mode_ != ProgressMode::kBar) return tell(name);
   clear_bar();
-  if (mode_ == ProgressMode::kBar) {
-    std::cerr << name << " ...";
-    bar_shown_ = true;
-  } else {
-    std::cerr << name << "\n";
-  }
+  std::cerr << name + " ...";
+  bar_shown_ = true;
 }
 
 /// Work that was done before the first call says nothing: it had other things to wait for.
@@ -125,10 +120,8 @@ void Progress::step(const ProgressStep& step) {
   bar_count_ = step.index < step.count ? count : "";  // the last one has come, and the work goes on
   if (mode_ == ProgressMode::kBar && !verbose_) return draw_bar(step.standing, left);
   if (mode_ == ProgressMode::kNone) return;
-  clear_bar();
-  std::cerr << step.stage << ": keyframe " << count << " (id " << step.keyframe_id << ", "
-            << (step.accepted ? "used" : "left out by the view filter") << "), " << standing_text(step.standing, left)
-            << "\n";
+  tell(step.stage + ": keyframe " + count + " (id " + std::to_string(step.keyframe_id) + ", " +
+       (step.accepted ? "used" : "left out by the view filter") + "), " + standing_text(step.standing, left));
 }
 
 void Progress::standing(const Standing& standing, bool is_end) {
@@ -144,8 +137,7 @@ void Progress::standing(const Standing& standing, bool is_end) {
     return emit(event);
   }
   if (has_bar) return draw_bar(standing, left);
-  clear_bar();
-  std::cerr << standing_text(standing, left) << "\n";
+  tell(standing_text(standing, left));
 }
 
 void Progress::event(const nlohmann::ordered_json& event) {
@@ -159,8 +151,14 @@ void Progress::done(const nlohmann::ordered_json& result) {
   emit(event);
 }
 
+/// As one piece: each goes to the system alone.
+void Progress::tell(const std::string& line) {
+  clear_bar();
+  std::cerr << line + "\n";
+}
+
 void Progress::emit(const nlohmann::ordered_json& event) {
-  std::cout << event.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n" << std::flush;
+  std::cout << event.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n" << std::flush;
 }
 
 void Progress::draw_bar(const Standing& standing, double seconds_left) {
@@ -172,7 +170,7 @@ void Progress::draw_bar(const Standing& standing, double seconds_left) {
   const auto full = static_cast<std::size_t>(static_cast<double>(width) * std::clamp(standing.share, 0.0, 1.0));
   std::string line = head + " [" + std::string(full, '#') + std::string(width - full, '.') + "]" + tail;
   if (line.size() >= columns) line.resize(columns - 1);
-  std::cerr << "\r\033[K" << line << std::flush;
+  std::cerr << "\r\033[K" + line << std::flush;
   bar_shown_ = true;
 }
 

@@ -48,6 +48,7 @@ class Progress {
   void done(const nlohmann::ordered_json& result);
 
  private:
+  void tell(const std::string& line);
   void emit(const nlohmann::ordered_json& event);
   double seconds_left(double share);
   bool is_due(double seconds);

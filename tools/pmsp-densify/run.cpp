@@ -239,9 +239,10 @@ class Run {
       const InterruptGuard guard(nullptr);
       const std::unique_ptr<ImageSource> images = source_->again();
       images->restrict_to(fresh);
-      const std::string error = each_image(*images, guard, [&](std::size_t, const ImageSource::Item& item) {
-        step_->look_at(item.keyframe_id, item.image);
-      });
+      const std::string error =
+          each_image(*images, guard, [&](std::size_t, const ImageSource::Item& /*item*/, const Keyframe& keyframe) {
+            step_->look_at(keyframe);
+          });
       if (!error.empty() && fresh.size() + unreadable.size() == source_->keyframe_ids().size()) refuse_images(error);
       verifier_.reset();  // once is enough
     }
@@ -271,7 +272,9 @@ class Run {
 
   void densify(const InterruptGuard& guard) {
     const std::string error =
-        each_image(*source_, guard, [&](std::size_t index, const ImageSource::Item& item) { add(index, item); });
+        each_image(*source_, guard, [&](std::size_t index, const ImageSource::Item& item, Keyframe& keyframe) {
+          add(index, item, keyframe);
+        });
     if (!error.empty()) refuse_images(error);
     progress_.stage("finishing the last keyframes");
     const Spent spent(report_.time, Busy::kDensify);
@@ -293,7 +296,7 @@ class Run {
 
   /// Returns why the first image cannot be read where none can; else "".
   std::string each_image(ImageSource& source, const InterruptGuard& guard,
-                         const std::function<void(std::size_t index, const ImageSource::Item&)>& visit) {
+                         const decltype(ImageLoop::visit)& visit) {
     const auto lost = [this](const SkippedKeyframe& skipped) {
       if (densifier_ && step_) refuse_lost(skipped);
       skip(skipped);
@@ -306,16 +309,8 @@ class Run {
     return end.first_error;
   }
 
-  void add(std::size_t index, const ImageSource::Item& item) {
-    const MapKeyframe* found = map_.find_keyframe(item.keyframe_id);
-    if (found == nullptr)
-      throw InvalidInput("an image names keyframe " + std::to_string(item.keyframe_id) + ", which the map lacks");
-    Keyframe keyframe = [&] {
-      const Spent spent(report_.time, Busy::kMap);
-      return keyframe_of(map_, *found);
-    }();
+  void add(std::size_t index, const ImageSource::Item& item, Keyframe& keyframe) {
     if (step_) keyframe.scale = step_->scale_of(keyframe.id);
-    keyframe.image = item.image.view();
     views_->set_size(item.keyframe_id, item.image.width(), item.image.height());
     keyframe.mask = masks_.mask_for(source_->origin(keyframe.id).file, item.image.width(), item.image.height());
     priors_.give(keyframe, source_->origin(keyframe.id).file);

@@ -13,11 +13,12 @@ RunResults::RunResults(const Setup& setup, TimeAccount& time)
   header.export_views = setup.export_views;
   header.threads = setup.threads;
   output_ = std::make_unique<CloudOutput>(header, arguments_.cloud.amount, arguments_.cloud.targets());
-  const double scale = png_depth_scale(setup.map, setup.options.init.range_margin);
   const double lens_distance = setup.options.lens_distance;
   const auto open = [&](std::optional<DepthMapFolder>& folder, const std::filesystem::path& path, const char* kind) {
-    const DepthMapFolder::About about{kind, scale, lens_distance, setup.cloud};
-    if (!path.empty()) folder.emplace(path, setup.map, arguments_.depth_formats, about);
+    if (path.empty()) return;
+    const double scale = png_depth_scale(setup.map, setup.options.init.range_margin);
+    folder.emplace(path, setup.map, arguments_.depth_formats,
+                   DepthMapFolder::About{kind, scale, lens_distance, setup.cloud});
   };
   open(filtered_, arguments_.depth_maps, "filtered");
   open(raw_, arguments_.raw_depth_maps, "raw");

@@ -10,7 +10,7 @@ namespace pmsp::tool {
 /// What the main thread of a run is busy with, or waits for. What other threads do meanwhile is not in it.
 enum class Busy {
   kOther,
-  kMap,        ///< reading the map, and each keyframe's landmarks from it
+  kMap,        ///< reading the map
   kImages,     ///< finding the images that belong to it
   kStart,      ///< making a Densifier: threads, or a CUDA device's context
   kWait,       ///< for images that are being read, and compared with the map

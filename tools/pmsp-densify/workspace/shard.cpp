@@ -187,8 +187,8 @@ class ShardRun {
       if (first_error_.empty()) first_error_ = skipped.reason;
       skip(skipped);
     };
-    const auto look = [&](std::size_t, const ImageSource::Item& item) {
-      step_->look_at(item.keyframe_id, item.image);
+    const auto look = [&](std::size_t, const ImageSource::Item& item, const Keyframe& keyframe) {
+      step_->look_at(keyframe);
       step_->save_look(item.keyframe_id);
       ++readable_;
     };
@@ -254,10 +254,8 @@ class ShardRun {
                     ", which results depend on, can no longer be read: " + skipped.reason +
                     "; leave images as they are while shards work");
     };
-    const auto add = [&](std::size_t index, const ImageSource::Item& item) {
-      Keyframe keyframe = keyframe_of(map_, *map_.find_keyframe(item.keyframe_id));
+    const auto add = [&](std::size_t index, const ImageSource::Item& item, Keyframe& keyframe) {
       keyframe.scale = step_->scale_of(keyframe.id);
-      keyframe.image = item.image.view();
       keyframe.mask = masks_.mask_for(images->origin(keyframe.id).file, item.image.width(), item.image.height());
       priors_.give(keyframe, images->origin(keyframe.id).file);
       const bool taken = densifier.add(keyframe);

@@ -131,13 +131,11 @@ void WorkspaceStep::save_look(std::int64_t keyframe_id) const {
   workspace_.save_look(look_file(it), {it.width, it.height, it.keyframe.sharpness});
 }
 
-void WorkspaceStep::look_at(std::int64_t keyframe_id, const Image<Rgb>& image) {
-  workspace::StepKeyframe& it = stock_.at(keyframe_id);
-  Keyframe keyframe = keyframe_of(map_, *map_.find_keyframe(keyframe_id));
-  keyframe.image = image.view();
+void WorkspaceStep::look_at(const Keyframe& keyframe) {
+  workspace::StepKeyframe& it = stock_.at(keyframe.id);
   it.keyframe = plan_keyframe(keyframe, options_, &executor_);
-  it.width = image.width();
-  it.height = image.height();
+  it.width = keyframe.image.width;
+  it.height = keyframe.image.height;
 }
 
 void WorkspaceStep::decide(const std::string& engine) {

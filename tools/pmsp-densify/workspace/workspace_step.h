@@ -36,7 +36,7 @@ class WorkspaceStep {
 
   /// Takes stock of the images; returns the keyframes whose images must be looked at. `unreadable` have none.
   std::set<std::int64_t> new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable);
-  void look_at(std::int64_t keyframe_id, const Image<Rgb>& image);
+  void look_at(const Keyframe& keyframe);  ///< with its image
 
   /// What a shard has seen of a new image, in place of looking at it; returns whether one has.
   bool find_look(std::int64_t keyframe_id);
