@@ -239,10 +239,9 @@ class Run {
       const InterruptGuard guard(nullptr);
       const std::unique_ptr<ImageSource> images = source_->again();
       images->restrict_to(fresh);
-      const std::string error =
-          each_image(*images, guard, [&](std::size_t, const ImageSource::Item& /*item*/, const Keyframe& keyframe) {
-            step_->look_at(keyframe);
-          });
+      const std::string error = each_image(
+          *images, guard,
+          [&](std::size_t, const ImageSource::Item& /*item*/, const Keyframe& keyframe) { step_->look_at(keyframe); });
       if (!error.empty() && fresh.size() + unreadable.size() == source_->keyframe_ids().size()) refuse_images(error);
       verifier_.reset();  // once is enough
     }
@@ -271,10 +270,9 @@ class Run {
   }
 
   void densify(const InterruptGuard& guard) {
-    const std::string error =
-        each_image(*source_, guard, [&](std::size_t index, const ImageSource::Item& item, Keyframe& keyframe) {
-          add(index, item, keyframe);
-        });
+    const std::string error = each_image(
+        *source_, guard,
+        [&](std::size_t index, const ImageSource::Item& item, Keyframe& keyframe) { add(index, item, keyframe); });
     if (!error.empty()) refuse_images(error);
     progress_.stage("finishing the last keyframes");
     const Spent spent(report_.time, Busy::kDensify);
@@ -295,8 +293,7 @@ class Run {
   }
 
   /// Returns why the first image cannot be read where none can; else "".
-  std::string each_image(ImageSource& source, const InterruptGuard& guard,
-                         const decltype(ImageLoop::visit)& visit) {
+  std::string each_image(ImageSource& source, const InterruptGuard& guard, const decltype(ImageLoop::visit)& visit) {
     const auto lost = [this](const SkippedKeyframe& skipped) {
       if (densifier_ && step_) refuse_lost(skipped);
       skip(skipped);
