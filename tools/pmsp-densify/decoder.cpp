@@ -75,7 +75,10 @@ ImageReader::Read ImageReader::read() {
 
 ImageReader::Read ImageReader::next() {
   Read read = next_.get();
-  if (read.item) begin();
+  if (read.item) {
+    read.keyframe.image = read.item->image.view();
+    begin();
+  }
   return read;
 }
 

@@ -53,7 +53,7 @@ class ImageReader {
   ImageReader(ImageSource& source, const SlamMap& map, int threads, PairingVerifier* verifier);
 
   struct Read : Decoded {
-    Keyframe keyframe;  ///< that the image belongs to, as keyframe_of; image and mask are left out
+    Keyframe keyframe;                                ///< that the image belongs to, with it; the mask is left out
     std::optional<PairingVerifier::Verdict> pairing;  ///< of the images so far
   };
   /// Throws InvalidInput where the images so far evidently belong to other keyframes, or the map lacks one's keyframe.

@@ -19,8 +19,7 @@ ImageLoop::End ImageLoop::operator()(const InterruptGuard& guard) const {
     guard.check();
     for (const SkippedKeyframe& skipped : read.skipped) lost(skipped);
     if (!read.item) break;
-    read.keyframe.image = read.item->image.view();
-    visit(end.images, *read.item, read.keyframe);
+    visit(end.images, read.keyframe);
     images.let_go(std::move(*read.item));
     guard.check();
   }

@@ -25,7 +25,7 @@ struct ImageLoop {
   /// A keyframe before the next image turned out to have none.
   std::function<void(const SkippedKeyframe&)> lost;
   /// `keyframe`: with the image; the mask is left out.
-  std::function<void(std::size_t index, const ImageSource::Item&, Keyframe& keyframe)> visit;
+  std::function<void(std::size_t index, Keyframe& keyframe)> visit;
 
   struct End {
     std::size_t images = 0;

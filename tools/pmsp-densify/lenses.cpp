@@ -33,10 +33,8 @@ LensDistance estimate(const Arguments& arguments, const DensifierOptions& option
   while (true) {
     ImageReader::Read read = images.next();
     if (!read.item) break;
-    const Image<Rgb>& image = read.item->image;
     Keyframe& keyframe = read.keyframe;
-    keyframe.image = image.view();
-    keyframe.mask = masks.mask_for(source->origin(keyframe.id).file, image.width(), image.height());
+    keyframe.mask = masks.mask_for(source->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
     estimator.add(keyframe, &executor);
     images.let_go(std::move(*read.item));
   }

@@ -239,9 +239,8 @@ class Run {
       const InterruptGuard guard(nullptr);
       const std::unique_ptr<ImageSource> images = source_->again();
       images->restrict_to(fresh);
-      const std::string error = each_image(
-          *images, guard,
-          [&](std::size_t, const ImageSource::Item& /*item*/, const Keyframe& keyframe) { step_->look_at(keyframe); });
+      const std::string error =
+          each_image(*images, guard, [&](std::size_t, const Keyframe& keyframe) { step_->look_at(keyframe); });
       if (!error.empty() && fresh.size() + unreadable.size() == source_->keyframe_ids().size()) refuse_images(error);
       verifier_.reset();  // once is enough
     }
@@ -270,9 +269,8 @@ class Run {
   }
 
   void densify(const InterruptGuard& guard) {
-    const std::string error = each_image(
-        *source_, guard,
-        [&](std::size_t index, const ImageSource::Item& item, Keyframe& keyframe) { add(index, item, keyframe); });
+    const std::string error =
+        each_image(*source_, guard, [&](std::size_t index, Keyframe& keyframe) { add(index, keyframe); });
     if (!error.empty()) refuse_images(error);
     progress_.stage("finishing the last keyframes");
     const Spent spent(report_.time, Busy::kDensify);
@@ -306,13 +304,13 @@ class Run {
     return end.first_error;
   }
 
-  void add(std::size_t index, const ImageSource::Item& item, Keyframe& keyframe) {
+  void add(std::size_t index, Keyframe& keyframe) {
     if (step_) keyframe.scale = step_->scale_of(keyframe.id);
-    views_->set_size(item.keyframe_id, item.image.width(), item.image.height());
-    keyframe.mask = masks_.mask_for(source_->origin(keyframe.id).file, item.image.width(), item.image.height());
+    views_->set_size(keyframe.id, keyframe.image.width, keyframe.image.height);
+    keyframe.mask = masks_.mask_for(source_->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
     priors_.give(keyframe, source_->origin(keyframe.id).file);
-    if (given_ != nullptr) given_->set_image_size(keyframe.id, item.image.width(), item.image.height());
-    const int width = report_.options.width > 0 ? report_.options.width : item.image.width();
+    if (given_ != nullptr) given_->set_image_size(keyframe.id, keyframe.image.width, keyframe.image.height);
+    const int width = report_.options.width > 0 ? report_.options.width : keyframe.image.width;
     const int height = report_.options.height > 0 ? report_.options.height : width / 2;
     results_->add_image(index, keyframe, width, height);
     const bool accepted = [&] {

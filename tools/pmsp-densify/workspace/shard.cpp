@@ -187,9 +187,9 @@ class ShardRun {
       if (first_error_.empty()) first_error_ = skipped.reason;
       skip(skipped);
     };
-    const auto look = [&](std::size_t, const ImageSource::Item& item, const Keyframe& keyframe) {
+    const auto look = [&](std::size_t, const Keyframe& keyframe) {
       step_->look_at(keyframe);
-      step_->save_look(item.keyframe_id);
+      step_->save_look(keyframe.id);
       ++readable_;
     };
     const ImageLoop::End end =
@@ -254,9 +254,9 @@ class ShardRun {
                     ", which results depend on, can no longer be read: " + skipped.reason +
                     "; leave images as they are while shards work");
     };
-    const auto add = [&](std::size_t index, const ImageSource::Item& item, Keyframe& keyframe) {
+    const auto add = [&](std::size_t index, Keyframe& keyframe) {
       keyframe.scale = step_->scale_of(keyframe.id);
-      keyframe.mask = masks_.mask_for(images->origin(keyframe.id).file, item.image.width(), item.image.height());
+      keyframe.mask = masks_.mask_for(images->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
       priors_.give(keyframe, images->origin(keyframe.id).file);
       const bool taken = densifier.add(keyframe);
       const Standing standing = standing_of(densifier.stats(), needed.size());
