@@ -42,6 +42,11 @@ struct CloudOutput::Impl {
     return all;
   }
 
+  ThreadPool& own_pool() {
+    if (!pool) pool.emplace(threads);
+    return *pool;
+  }
+
   void write(const std::vector<CloudWriter*>& to, const OutputPoint* points, std::size_t count) {
     for (CloudWriter* writer : to) writer->add(points, count);
     written += static_cast<std::int64_t>(count);
@@ -54,6 +59,7 @@ struct CloudOutput::Impl {
   std::vector<CloudWriter*> others;
   std::unique_ptr<Thinning> thinning;  ///< nullptr = none
   int threads;
+  std::optional<ThreadPool> pool;
   std::optional<PlacedPoints> placed;  ///< for points that writers do not take themselves
   std::int64_t come = 0, written = 0;
   bool committed = false;
@@ -91,13 +97,16 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
                       ": points added after the file was finished");
   }
   for (const auto& writer : impl.writers) writer->set_window(cloud.keyframe_id, cloud.window_ids);
-  const std::size_t size = cloud.points.size();
-  impl.come += static_cast<std::int64_t>(size);
-  std::vector<CloudWriter*> writers = impl.all_writers();
+  impl.come += static_cast<std::int64_t>(cloud.points.size());
+  const PointPlacer points(cloud, pose, impl.file_from_map);
+  std::vector<std::uint32_t> inside;
+  if (impl.crop) inside = points_in_box(points, *impl.crop, impl.own_pool());
+  const std::size_t size = impl.crop ? inside.size() : points.size();
   const PlacePoints place = [&](std::size_t first, std::size_t last, OutputPoint* to) {
-    place_points(cloud, pose, impl.file_from_map, first, last, to);
+    for (std::size_t i = first; i < last; ++i) points.place(impl.crop ? inside[i] : i, *to++);
   };
-  if (!impl.crop && !impl.thinning) {
+  std::vector<CloudWriter*> writers = impl.all_writers();
+  if (!impl.thinning) {
     const auto takes = [&](CloudWriter* writer) { return writer->take(size, place); };
     writers.erase(std::remove_if(writers.begin(), writers.end(), takes), writers.end());
     if (writers.empty()) {
@@ -105,17 +114,12 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
       return;
     }
   }
-  if (!impl.placed) impl.placed.emplace(impl.threads);
-  impl.placed->for_each_piece(size, place, [&](OutputPoint* points, std::size_t count) {
-    OutputPoint* end = points + count;
-    if (impl.crop) {
-      end = std::remove_if(points, end, [&impl](const OutputPoint& p) { return !impl.crop->contains(p.position); });
-    }
-    const auto left = static_cast<std::size_t>(end - points);
+  if (!impl.placed) impl.placed.emplace(impl.own_pool());
+  impl.placed->for_each_piece(size, place, [&](const OutputPoint* some, std::size_t count) {
     if (impl.thinning) {
-      impl.thinning->add(points, left);
+      impl.thinning->add(some, count);
     } else {
-      impl.write(writers, points, left);
+      impl.write(writers, some, count);
     }
   });
 }

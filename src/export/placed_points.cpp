@@ -5,30 +5,56 @@
 
 namespace pmsp {
 
-void place_points(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map,
-                  std::size_t first, std::size_t last, OutputPoint* to) {
-  const RigidTransform map_from_cam = pose.cam_from_world.inverse();
-  const bool moves = !file_from_map.is_identity();
-  Eigen::Matrix3f rotation = map_from_cam.rotation.cast<float>();
-  if (moves) rotation = (file_from_map.rotation * map_from_cam.rotation).cast<float>();
-  for (std::size_t i = first; i < last; ++i, ++to) {
-    const CloudPoint& from = cloud.points[i];
-    to->position = map_from_cam * (pose.scale * from.position.cast<double>());
-    if (moves) to->position = file_from_map * to->position;
-    to->normal = rotation * from.normal;
-    to->confidence = from.confidence;
-    to->keyframe_id = cloud.keyframe_id;
-    to->pixel = cloud.pixels.empty() ? static_cast<std::uint32_t>(i) : cloud.pixels[i];
-    to->agree = cloud.agree.empty() ? 0 : cloud.agree[i];
-    to->color = from.color;
-    to->views = from.views;
-  }
+PointPlacer::PointPlacer(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map)
+    : cloud_(cloud),
+      scale_(pose.scale),
+      map_from_cam_(pose.cam_from_world.inverse()),
+      file_from_map_(file_from_map),
+      moves_(!file_from_map.is_identity()),
+      rotation_((moves_ ? Eigen::Matrix3d(file_from_map.rotation * map_from_cam_.rotation) : map_from_cam_.rotation)
+                    .cast<float>()) {}
+
+Eigen::Vector3d PointPlacer::position(std::size_t i) const {
+  const Eigen::Vector3d in_map = map_from_cam_ * (scale_ * cloud_.points[i].position.cast<double>());
+  return moves_ ? file_from_map_ * in_map : in_map;
 }
 
-PlacedPoints::PlacedPoints(int threads) : pool_(threads), piece_(kPiece) {}
+void PointPlacer::place(std::size_t i, OutputPoint& to) const {
+  const CloudPoint& from = cloud_.points[i];
+  to.position = position(i);
+  to.normal = rotation_ * from.normal;
+  to.confidence = from.confidence;
+  to.keyframe_id = cloud_.keyframe_id;
+  to.pixel = cloud_.pixels.empty() ? static_cast<std::uint32_t>(i) : cloud_.pixels[i];
+  to.agree = cloud_.agree.empty() ? 0 : cloud_.agree[i];
+  to.color = from.color;
+  to.views = from.views;
+}
+
+void place_points(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map,
+                  std::size_t first, std::size_t last, OutputPoint* to) {
+  const PointPlacer placer(cloud, pose, file_from_map);
+  for (std::size_t i = first; i < last; ++i) placer.place(i, *to++);
+}
+
+std::vector<std::uint32_t> points_in_box(const PointPlacer& points, const Box& box, ThreadPool& pool) {
+  constexpr std::size_t kShare = std::size_t{1} << 14;
+  std::vector<std::vector<std::uint32_t>> of_share((points.size() + kShare - 1) / kShare);
+  pool.for_each(static_cast<int>(of_share.size()), [&](int number) {
+    const std::size_t share = static_cast<std::size_t>(number);
+    for (std::size_t i = share * kShare; i < std::min((share + 1) * kShare, points.size()); ++i) {
+      if (box.contains(points.position(i))) of_share[share].push_back(static_cast<std::uint32_t>(i));
+    }
+  });
+  std::vector<std::uint32_t> all;
+  for (const std::vector<std::uint32_t>& some : of_share) all.insert(all.end(), some.begin(), some.end());
+  return all;
+}
+
+PlacedPoints::PlacedPoints(ThreadPool& pool) : pool_(pool), piece_(kPiece) {}
 
 void PlacedPoints::for_each_piece(std::size_t count, const PlacePoints& place,
-                                  const std::function<void(OutputPoint* points, std::size_t count)>& take) {
+                                  const std::function<void(const OutputPoint* points, std::size_t count)>& take) {
   for (std::size_t begin = 0; begin < count; begin += kPiece) {
     const std::size_t some = std::min(kPiece, count - begin);
     pool_.for_each(static_cast<int>((some + kShare - 1) / kShare), [&](int share) {

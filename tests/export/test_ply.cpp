@@ -139,6 +139,47 @@ TEST_CASE("a cloud has the same bytes by any number of threads, and where a box 
   CHECK(write("boxed", 5, Box{Eigen::Vector3d::Constant(-1e9), Eigen::Vector3d::Constant(1e9)}) == one);
 }
 
+TEST_CASE("a box keeps its points, each where it was, in their order, by any number of threads") {
+  const TempDir dir;
+  KeyframeCloud cloud = sample_cloud(123457);
+  std::vector<Eigen::Vector3d> places;
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    Eigen::Vector3f& position = cloud.points[i].position;
+    position.x() = 0.1F * static_cast<float>(i * 7919 % cloud.points.size());
+    places.push_back(cloud.cam_from_world.inverse() * position.cast<double>());
+  }
+  const Eigen::Vector3d margin = Eigen::Vector3d::Ones();
+  const Box box{places[30000].cwiseMin(places[90001]) - margin, places[30000].cwiseMax(places[90001]) + margin};
+  std::vector<std::size_t> inside;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (box.contains(places[i])) inside.push_back(i);
+  }
+  REQUIRE(inside.size() > 1000);
+  REQUIRE(inside.size() < 100000);
+  std::string one;
+  for (const int threads : {1, 5}) {
+    CloudHeader header;
+    header.threads = threads;
+    header.double_positions = true;
+    CloudOutput output(header, {box, {}}, {{find_cloud_format("ply"), dir / "c.ply"}});
+    output.add(cloud);
+    output.commit();
+    CHECK(output.points_in() == 123457);
+    CHECK(output.points() == static_cast<std::int64_t>(inside.size()));
+    if (threads == 1) one = read_text(dir / "c.ply");
+    CHECK(read_text(dir / "c.ply") == one);
+    const PlyCloud read = read_ply(dir / "c.ply");
+    REQUIRE(read.positions.size() == inside.size());
+    std::size_t wrong = 0;
+    for (std::size_t i = 0; i < inside.size(); ++i) {
+      const CloudPoint& p = cloud.points[inside[i]];
+      const bool same = read.views[i] == p.views && read.confidence[i] == p.confidence && read.colors[i] == p.color;
+      wrong += (read.positions[i] - places[inside[i]]).norm() < 1e-6 && same ? 0 : 1;
+    }
+    CHECK(wrong == 0);
+  }
+}
+
 TEST_CASE("the PLY header is plain for the strictest of readers") {
   const TempDir dir;
   CloudOutput writer(dir / "c.ply");
