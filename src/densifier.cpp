@@ -174,7 +174,7 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
 }
 
 void Pipeline::advance(bool last) {
-  if (options_.backend == Backend::kCuda && options_.devices.size() > 1) return advance_in_step(last);
+  if (goes_in_step()) return advance_in_step(last);
   while (const std::optional<Task> task = next_task(last)) {
     run_task(*task, last);
   }
@@ -230,12 +230,14 @@ std::vector<Task> Pipeline::ready_tasks(bool last) {
 }
 
 /// Stages that are needed must have been at all keyframes up to those that the task may look at, not only at these:
-/// then none of them has gone on by more than one pass, or one round, and what the task looks at is still there.
+/// then none of them has gone on by more than one pass, or one round, and what the task looks at is still there. Where
+/// several devices share the work, at one more, which is another one's: what that device has just begun nobody waits
+/// for.
 bool Pipeline::is_ready(const Task& task, bool last) {
   if (!last && !is_planned(task)) return false;
   const Stage& stage = schedule_.stages()[task.stage];
   for (const Stage::Need& need : stage.needs) {
-    std::int64_t until = options_.unordered ? end() : task.keyframe + need.ahead + 1;
+    std::int64_t until = options_.unordered ? end() : task.keyframe + need.ahead + 1 + (goes_in_step() ? 1 : 0);
     if (last) until = std::min(until, end());
     if (progress_.next(need.stage) < until) return false;
   }

@@ -7,6 +7,7 @@
 
 #include "cpu/cpu_engine.h"
 #include "cuda/cuda_engine.h"
+#include "pmsp/devices.h"
 #include "pmsp/error.h"
 #include "pmsp/executor.h"
 
@@ -39,6 +40,8 @@ bool needs_no_scratch(const cuda::Device& device, const DensifierOptions& option
 }  // namespace
 
 bool has_cuda() { return cuda::kBuilt; }
+
+void close_devices(const std::vector<int>& devices) noexcept { cuda::close(devices); }
 
 std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptions& options, std::string& description) {
   Executor executor(options.threads, options.simd);

@@ -88,6 +88,7 @@ class Pipeline {
   void check_all_there() const;
   void finish();
   void prepare(const Keyframe& keyframe, std::size_t place);
+  bool goes_in_step() const { return options_.backend == Backend::kCuda && options_.devices.size() > 1; }
   void advance(bool last);
   void advance_in_step(bool last);
   std::optional<Task> next_task(bool last);

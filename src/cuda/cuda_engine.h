@@ -35,6 +35,9 @@ int device_count();
 /// Devices read each other's memory without the host between them, where they can.
 void connect(const std::vector<int>& devices);
 
+/// See close_devices.
+void close(const std::vector<int>& devices) noexcept;
+
 /// The stages on the CUDA devices `context.options.devices`. `executor`: for what little the host does.
 std::unique_ptr<Engine> make_engine(const EngineContext& context, Executor executor);
 

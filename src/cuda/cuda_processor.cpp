@@ -40,7 +40,7 @@ CudaProcessor::CudaProcessor(const EngineContext& context, const Executor& execu
 
 CudaProcessor::~CudaProcessor() {
   device_.enter();
-  for (const Stream* stream : {&compute_, &up_, &down_}) cudaStreamSynchronize(stream->get());
+  for (const Stream* stream : {&compute_, &up_, &down_, &across_}) cudaStreamSynchronize(stream->get());
 }
 
 CudaProcessor::Mark CudaProcessor::mark() {
@@ -53,14 +53,17 @@ CudaProcessor::Mark CudaProcessor::mark() {
 void CudaProcessor::bring_bytes(void* to, std::shared_ptr<const void> from, std::size_t bytes,
                                 const CudaProcessor& home, const Mark& made) {
   while (!borrowed_.empty() && borrowed_.front().first->has_come()) borrowed_.pop_front();
-  made->wait_on(compute_);
-  PMSP_CUDA_CHECK(cudaMemcpyPeerAsync(to, device_number_, from.get(), home.device_number_, bytes, compute_.get()));
-  borrowed_.emplace_back(mark(), std::move(from));
+  made->wait_on(across_);
+  PMSP_CUDA_CHECK(cudaMemcpyPeerAsync(to, device_number_, from.get(), home.device_number_, bytes, across_.get()));
+  const Mark here = marks_.get();
+  here->record(across_);
+  here->wait_on(compute_);
+  borrowed_.emplace_back(here, std::move(from));
 }
 
 void CudaProcessor::settle() {
   const DeviceScope scope = enter();
-  cudaStreamSynchronize(compute_.get());
+  cudaStreamSynchronize(across_.get());
   borrowed_.clear();
 }
 

@@ -78,7 +78,7 @@ class CudaProcessor {
   Mark mark();  ///< none where there is nobody else
   template <class T>
   Array<T> bring(const Array<T>& from, std::size_t count, const CudaProcessor& home, const Mark& made) {
-    const Array<T> copy = array<T>(count);
+    const Array<T> copy = copies_.get<T>(count);
     bring_bytes(copy.get(), {from, from.get()}, count * sizeof(T), home, made);
     return copy;
   }
@@ -230,7 +230,9 @@ class CudaProcessor {
   std::optional<DeviceScope> making_;  ///< while the members that follow are made
   LastScope device_;                   ///< before all that lies on the device
   Stream compute_, up_, down_;
+  Stream across_;  ///< from other devices
   DevicePool memory_;
+  CopyPool copies_{across_, compute_};
   int image_width_ = 0;
   int image_height_ = 0;
   ImageSize compared_{};  ///< what images of that size are compared at

@@ -25,6 +25,13 @@ void connect(const std::vector<int>& devices) {
   cudaGetLastError();  // that they are connected already is no error; without it copies take longer
 }
 
+void close(const std::vector<int>& devices) noexcept {
+  for (const int device : devices) {
+    if (cudaSetDevice(device) == cudaSuccess) cudaDeviceReset();
+  }
+  cudaGetLastError();  // clears it
+}
+
 Device find_device(int number) {
   Device device;
   int count = 0;

@@ -80,6 +80,34 @@ void DevicePool::release() {
   }
 }
 
+CopyPool::Block CopyPool::take(std::size_t bytes) {
+  std::deque<Block>& free = free_[bytes];
+  if (free.empty()) {
+    auto read = std::make_shared<Event>();
+    void* data = nullptr;
+    if (cudaMalloc(&data, bytes) == cudaSuccess) return {data, std::move(read)};
+    cudaGetLastError();  // clears it
+    release();           // what lies idle in other sizes may do
+    return {DeviceMemory::allocate(bytes), std::move(read)};
+  }
+  Block block = std::move(free.front());
+  free.pop_front();
+  block.read->wait_on(copies_);
+  return block;
+}
+
+void CopyPool::give_back(std::size_t bytes, Block block) {
+  cudaEventRecord(block.read->get(), compute_.get());
+  free_[bytes].push_back(std::move(block));
+}
+
+void CopyPool::release() {
+  for (auto& [bytes, free] : free_) {
+    for (const Block& block : free) DeviceMemory::free(block.data);
+    free.clear();
+  }
+}
+
 void* PinnedMemory::allocate(std::size_t bytes) {
   void* data = nullptr;
   PMSP_CUDA_CHECK(cudaHostAlloc(&data, bytes, cudaHostAllocDefault));

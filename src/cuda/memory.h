@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <utility>
@@ -171,6 +172,38 @@ class DevicePool {
   void release();  ///< what nobody has
 
   std::map<std::size_t, std::vector<void*>> free_;  ///< by size
+};
+
+/// Device memory for copies that are made on a stream of their own, beside kernels: a copy waits for those that read
+/// what it overwrites. The pool must outlive what it lends, and the streams the pool.
+class CopyPool {
+ public:
+  CopyPool(const Stream& copies, const Stream& compute) : copies_(copies), compute_(compute) {}
+  ~CopyPool() { release(); }
+  CopyPool(const CopyPool&) = delete;
+  CopyPool& operator=(const CopyPool&) = delete;
+
+  /// Uninitialised, to be filled on the stream of the copies.
+  template <class T>
+  std::shared_ptr<T[]> get(std::size_t count) {
+    const std::size_t bytes = count * sizeof(T);
+    const Block block = take(bytes);
+    return {static_cast<T*>(block.data), [this, bytes, block](T* /*data*/) { give_back(bytes, block); }};
+  }
+
+ private:
+  struct Block {
+    void* data;
+    std::shared_ptr<Event> read;  ///< by all kernels that were queued when it was given back
+  };
+
+  Block take(std::size_t bytes);
+  void give_back(std::size_t bytes, Block block);
+  void release();  ///< what nobody has
+
+  const Stream& copies_;
+  const Stream& compute_;
+  std::map<std::size_t, std::deque<Block>> free_;  ///< by size; the first one has waited longest
 };
 
 /// Objects that are made once and used again. All their users work on one stream, so that whoever gets one may

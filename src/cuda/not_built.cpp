@@ -15,6 +15,8 @@ int device_count() { return 0; }
 
 void connect(const std::vector<int>& /*devices*/) {}
 
+void close(const std::vector<int>& /*devices*/) noexcept {}
+
 std::unique_ptr<Engine> make_engine(const EngineContext& /*context*/, Executor /*executor*/) {
   throw BackendUnavailable(find_device(0).why_not);
 }

@@ -59,6 +59,12 @@ std::string difference(const Recording& a, const Recording& b) {
   return {};
 }
 
+Recording by_kind(Recording recording) {
+  std::stable_sort(recording.order.begin(), recording.order.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  return recording;
+}
+
 DensifierOptions fast_options(int width, int threads) {
   DensifierOptions options = preset(Quality::kOnline);
   options.width = width;

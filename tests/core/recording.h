@@ -25,6 +25,9 @@ struct Recording {
 bool same(const KeyframeCloud& a, const KeyframeCloud& b);
 bool same(const Recording& a, const Recording& b);
 
+/// Results of one kind after the other: in which order kinds come from several devices is another matter.
+Recording by_kind(Recording recording);
+
 /// What differs first; empty if nothing does.
 std::string difference(const Recording& a, const Recording& b);
 

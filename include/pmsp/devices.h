@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <vector>
+
+#include "pmsp/api.h"
+
+namespace pmsp {
+
+/// Gives back all that this process holds of CUDA devices (DensifierOptions::devices), their contexts included, which
+/// takes about a tenth of a second. The end of a process does the same: this is for programs that have something else
+/// to wait for meanwhile, such as a disk. No Densifier may exist, and what anybody else in the process has on these
+/// devices is lost. Later Densifiers start the devices anew. Nothing happens in builds without CUDA.
+PMSP_API void close_devices(const std::vector<int>& devices) noexcept;
+
+}  // namespace pmsp
