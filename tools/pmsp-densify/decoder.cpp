@@ -2,6 +2,7 @@
 #include "decoder.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "pmsp/error.h"
 
@@ -47,14 +48,43 @@ int images_ahead(const SlamMap& map, int threads) {
 ImageReader::ImageReader(ImageSource& source, const SlamMap& map, int threads, PairingVerifier* verifier)
     : decoder_(source), map_(map), verifier_(verifier) {
   source.read_ahead(images_ahead(map, threads));
-  begin();
+  thread_ = std::thread([this] { work(); });
 }
 
-void ImageReader::begin() {
-  next_ = std::async(std::launch::async, [this, done = std::exchange(done_, std::nullopt)]() mutable {
+ImageReader::~ImageReader() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void ImageReader::work() {
+  for (bool is_last = false; !is_last;) {
+    std::optional<ImageSource::Item> done;
+    {
+      std::unique_lock<std::mutex> lock(mutex_);
+      changed_.wait(lock, [&] { return stop_ || !ready_; });
+      if (stop_) return;
+      done.swap(done_);
+    }
     done.reset();
-    return read();
-  });
+    Read image;
+    std::exception_ptr failed;
+    try {
+      image = read();
+    } catch (...) {
+      failed = std::current_exception();
+    }
+    is_last = failed || !image.item;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      ready_ = std::move(image);
+      failed_ = failed;
+    }
+    changed_.notify_all();
+  }
 }
 
 ImageReader::Read ImageReader::read() {
@@ -74,12 +104,23 @@ ImageReader::Read ImageReader::read() {
 }
 
 ImageReader::Read ImageReader::next() {
-  Read read = next_.get();
-  if (read.item) {
-    read.keyframe.image = read.item->image.view();
-    begin();
+  Read read;
+  {
+    std::unique_lock<std::mutex> lock(mutex_);
+    changed_.wait(lock, [&] { return ready_.has_value(); });
+    if (failed_) std::rethrow_exception(failed_);
+    read = *std::move(ready_);
+    ready_.reset();
   }
+  changed_.notify_all();
+  if (read.item) read.keyframe.image = read.item->image.view();
   return read;
+}
+
+void ImageReader::let_go(ImageSource::Item item) {
+  std::optional<ImageSource::Item> before;  // that the thread has not come to
+  const std::lock_guard<std::mutex> lock(mutex_);
+  before = std::exchange(done_, std::move(item));
 }
 
 }  // namespace pmsp::tool

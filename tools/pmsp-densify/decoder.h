@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <condition_variable>
 #include <cstddef>
-#include <cstdint>
-#include <filesystem>
-#include <future>
+#include <exception>
+#include <mutex>
 #include <optional>
 #include <string>
-#include <utility>
+#include <thread>
 #include <vector>
 
 #include "pmsp/io/image_source.h"
@@ -44,36 +44,45 @@ class Decoder {
 /// How many images may be decoded ahead by so many threads: as many as take 512 MiB, but two at least.
 int images_ahead(const SlamMap& map, int threads);
 
-/// Decodes and verifies the next images, and takes their keyframes from the map, on other threads, while whoever asks
+/// Decodes and verifies the next image, and takes its keyframe from the map, on a thread of its own, while whoever asks
 /// works on one.
 class ImageReader {
  public:
-  /// Nothing else may ask the source meanwhile. `threads`: that decode. `verifier`: nullptr = images are not compared
-  /// with the map.
+  /// Begins at once. Nothing else may ask the source meanwhile. `threads`: that decode. `verifier`: nullptr = images
+  /// are not compared with the map.
   ImageReader(ImageSource& source, const SlamMap& map, int threads, PairingVerifier* verifier);
+  ~ImageReader();
+  ImageReader(const ImageReader&) = delete;
+  ImageReader& operator=(const ImageReader&) = delete;
 
   struct Read : Decoded {
     Keyframe keyframe;                                ///< that the image belongs to, with it; the mask is left out
     std::optional<PairingVerifier::Verdict> pairing;  ///< of the images so far
   };
-  /// Throws InvalidInput where the images so far evidently belong to other keyframes, or the map lacks one's keyframe.
+  /// Not after the last image, or after it threw. Throws InvalidInput where the images so far evidently belong to other
+  /// keyframes, or the map lacks one's keyframe.
   Read next();
 
-  /// Another thread gives the image's memory back, which takes a while.
-  void let_go(ImageSource::Item item) { done_ = std::move(item); }
+  /// The thread gives the image's memory back, which takes a while.
+  void let_go(ImageSource::Item item);
 
   /// When there is no image any more: as Decoder::first_error.
   const std::string& first_error() const { return decoder_.first_error(); }
 
  private:
-  void begin();
+  void work();
   Read read();
 
   Decoder decoder_;
   const SlamMap& map_;
   PairingVerifier* verifier_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<Read> ready_;
+  std::exception_ptr failed_;
   std::optional<ImageSource::Item> done_;
-  std::future<Read> next_;  ///< after all that it uses
+  bool stop_ = false;
+  std::thread thread_;  ///< after all that it uses
 };
 
 }  // namespace pmsp::tool

@@ -3,12 +3,9 @@
 
 #include <utility>
 
-#include "decoder.h"
-
 namespace pmsp::tool {
 
 ImageLoop::End ImageLoop::operator()(const InterruptGuard& guard) const {
-  ImageReader images(source, map, threads, verifier);
   End end;
   for (;; ++end.images) {
     std::optional<TimeAccount::Scope> waiting;

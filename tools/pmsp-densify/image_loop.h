@@ -6,9 +6,9 @@
 #include <optional>
 #include <string>
 
+#include "decoder.h"
 #include "interrupt.h"
 #include "pmsp/io/image_source.h"
-#include "pmsp/io/map.h"
 #include "pmsp/io/pairing.h"
 #include "time_account.h"
 
@@ -16,11 +16,8 @@ namespace pmsp::tool {
 
 /// Looks at image after image, while other threads decode the next ones.
 struct ImageLoop {
-  ImageSource& source;
-  const SlamMap& map;
-  int threads;                          ///< that decode
-  PairingVerifier* verifier = nullptr;  ///< nullptr = images are not compared with the map
-  TimeAccount* time = nullptr;          ///< that waiting is counted in
+  ImageReader& images;
+  TimeAccount* time = nullptr;  ///< that waiting is counted in
 
   /// A keyframe before the next image turned out to have none.
   std::function<void(const SkippedKeyframe&)> lost;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cloud_report.h"
+#include "decoder.h"
 #include "engine_text.h"
 #include "exit_code.h"
 #include "follow.h"
@@ -20,6 +21,7 @@
 #include "live_view.h"
 #include "map_input.h"
 #include "pmsp/densifier.h"
+#include "pmsp/devices.h"
 #include "pmsp/executor.h"
 #include "pmsp/io/files.h"
 #include "pmsp/io/map.h"
@@ -99,6 +101,8 @@ class Run {
     if (!arguments.no_verify) verifier_ = std::make_unique<PairingVerifier>(map_);
     if (workspace != nullptr) open_step(*workspace, options);
     open_results(options);
+    const bool all_images = !step_ && given_ == nullptr;
+    if (all_images) begin_reading();  // while the device starts
     {
       const Spent spent(report_.time, Busy::kStart);
       if (device.valid()) report_.device_start = device.get();
@@ -106,7 +110,7 @@ class Run {
                    : given_ != nullptr ? given_->densifier(callbacks())
                                        : std::make_unique<Densifier>(options, callbacks());
     }
-    if (step_ || given_ != nullptr) need_images(densifier_->images());
+    if (!all_images) need_images(densifier_->images());
     announce_backend();
   }
 
@@ -138,6 +142,7 @@ class Run {
       report_.stats.depth_maps = step_->depth_maps();
       report_.workspace = step_->report();
     }
+    close_device();
     results_->finish_depth_maps();
     results_->complete();
     report_.points_written = results_->points();
@@ -168,6 +173,15 @@ class Run {
           "--points takes a PLY file with points of the same frame");
     }
     for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);
+  }
+
+  /// While the disk takes what has been written.
+  void close_device() {
+    if (report_.options.backend != Backend::kCuda || arguments_.follow) return;  // the next round will need it
+    closing_ = std::async(std::launch::async, [this, devices = report_.options.devices] {
+      densifier_.reset();
+      close_devices(devices);
+    });
   }
 
   /// "" = there are points.
@@ -239,14 +253,17 @@ class Run {
       const InterruptGuard guard(nullptr);
       const std::unique_ptr<ImageSource> images = source_->again();
       images->restrict_to(fresh);
+      ImageReader reader(*images, map_, threads_, verifier_.get());
       const std::string error =
-          each_image(*images, guard, [&](std::size_t, const Keyframe& keyframe) { step_->look_at(keyframe); });
+          each_image(reader, guard, [&](std::size_t, const Keyframe& keyframe) { step_->look_at(keyframe); });
       if (!error.empty() && fresh.size() + unreadable.size() == source_->keyframe_ids().size()) refuse_images(error);
       verifier_.reset();  // once is enough
     }
     step_->decide(merge_ != nullptr ? merge_->job.engine : "");
     if (merge_ != nullptr) merge_->join(*step_);
   }
+
+  void begin_reading() { images_.emplace(*source_, map_, threads_, verifier_.get()); }
 
   void need_images(const std::vector<std::int64_t>& needed) {
     source_->restrict_to({needed.begin(), needed.end()});
@@ -269,8 +286,10 @@ class Run {
   }
 
   void densify(const InterruptGuard& guard) {
+    if (!images_) begin_reading();
     const std::string error =
-        each_image(*source_, guard, [&](std::size_t index, Keyframe& keyframe) { add(index, keyframe); });
+        each_image(*images_, guard, [&](std::size_t index, Keyframe& keyframe) { add(index, keyframe); });
+    images_.reset();
     if (!error.empty()) refuse_images(error);
     progress_.stage("finishing the last keyframes");
     const Spent spent(report_.time, Busy::kDensify);
@@ -291,14 +310,14 @@ class Run {
   }
 
   /// Returns why the first image cannot be read where none can; else "".
-  std::string each_image(ImageSource& source, const InterruptGuard& guard, const decltype(ImageLoop::visit)& visit) {
+  std::string each_image(ImageReader& images, const InterruptGuard& guard, const decltype(ImageLoop::visit)& visit) {
     const auto lost = [this](const SkippedKeyframe& skipped) {
       if (densifier_ && step_) refuse_lost(skipped);
       skip(skipped);
       if (given_ != nullptr) densifier_->add(given_->without_image(skipped.keyframe_id));
       --report_.with_image;
     };
-    const ImageLoop::End end = ImageLoop{source, map_, threads_, verifier_.get(), &report_.time, lost, visit}(guard);
+    const ImageLoop::End end = ImageLoop{images, &report_.time, lost, visit}(guard);
     if (end.pairing) report_.pairing = end.pairing;
     if (verifier_ && report_.pairing && report_.pairing->doubtful) progress_.warning(report_.pairing->message);
     return end.first_error;
@@ -358,8 +377,10 @@ class Run {
   PriorDepths priors_{arguments_};
   std::unique_ptr<WorkspaceStep> step_;  ///< before the densifier, which calls it
   std::size_t steps_ = 0;                ///< images that it needs
+  std::optional<ImageReader> images_;    ///< after all that it uses
   std::unique_ptr<Densifier> densifier_;
   std::string announced_backend_;
+  std::future<void> closing_;  ///< after all that it uses
 };
 
 std::vector<std::filesystem::path> written_before(const Arguments& arguments, const workspace::Workspace& workspace) {

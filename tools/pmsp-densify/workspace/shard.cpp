@@ -192,8 +192,8 @@ class ShardRun {
       step_->save_look(keyframe.id);
       ++readable_;
     };
-    const ImageLoop::End end =
-        ImageLoop{*images, map_, threads(), verifier ? &*verifier : nullptr, nullptr, lost, look}(guard);
+    ImageReader reader(*images, map_, threads(), verifier ? &*verifier : nullptr);
+    const ImageLoop::End end = ImageLoop{reader, nullptr, lost, look}(guard);
     if (end.pairing && end.pairing->doubtful) progress_.warning(end.pairing->message);
   }
 
@@ -262,7 +262,8 @@ class ShardRun {
       const Standing standing = standing_of(densifier.stats(), needed.size());
       progress_.step({name_of(wave_), index + 1, needed.size(), keyframe.id, taken, standing});
     };
-    ImageLoop{*images, map_, threads(), nullptr, nullptr, lost, add}(guard);
+    ImageReader reader(*images, map_, threads(), nullptr);
+    ImageLoop{reader, nullptr, lost, add}(guard);
     progress_.stage("finishing the last keyframes");
     densifier.flush();
     guard.check();
