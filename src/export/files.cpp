@@ -191,6 +191,20 @@ void AtomicFile::put(std::int64_t offset, const char* data, std::size_t bytes) c
   }
 }
 
+std::string target_of_temporary(const std::string& name) {
+  const std::string end = ".tmp";
+  if (name.size() <= end.size() || name[0] != '.' || name.compare(name.size() - end.size(), end.size(), end) != 0) {
+    return "";
+  }
+  const std::string inner = name.substr(1, name.size() - 1 - end.size());  // NAME.PID-N
+  const std::size_t dot = inner.rfind('.');
+  const std::size_t dash = inner.rfind('-');
+  if (dot == std::string::npos || dash == std::string::npos || dash < dot + 2 || dash + 1 == inner.size()) return "";
+  const bool has_numbers = inner.find_first_not_of("0123456789", dot + 1) == dash &&
+                           inner.find_first_not_of("0123456789", dash + 1) == std::string::npos;
+  return has_numbers ? inner.substr(0, dot) : "";
+}
+
 void make_folder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);

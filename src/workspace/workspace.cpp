@@ -29,11 +29,7 @@ bool consists_of(const std::string& text, const char* characters) {
 
 /// Whether a workspace gives its files such names: ID-STEP, or what AtomicFile names beside it while it is written.
 bool is_own_name(std::string name) {
-  if (name[0] == '.') {
-    const std::size_t end = name.find('.', 1);
-    if (end == std::string::npos || fs::path(name).extension() != ".tmp") return false;
-    name = name.substr(1, end - 1);
-  }
+  if (name[0] == '.') name = target_of_temporary(name);
   constexpr std::size_t kStepDigits = 16;
   const std::size_t dash = name.rfind('-');
   if (dash == std::string::npos || dash == 0 || name.size() - dash - 1 != kStepDigits) return false;

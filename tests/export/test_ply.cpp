@@ -296,6 +296,19 @@ TEST_CASE("temporary files that killed runs left, with names of this process, ar
   CHECK(dir.entries() == kLeft + 1);
 }
 
+TEST_CASE("temporary files tell what they were to become") {
+  CHECK(target_of_temporary(".c.ply.123-0.tmp") == "c.ply");
+  CHECK(target_of_temporary(".status.json.1-22.tmp") == "status.json");
+  CHECK(target_of_temporary(".1-00112233445566aa.77-0.tmp") == "1-00112233445566aa");
+  CHECK(target_of_temporary("..hidden.7-1.tmp") == ".hidden");
+  for (const char* name :
+       {"", ".", ".tmp", "c.ply", "c.ply.123-0.tmp", ".c.ply.tmp", ".c.ply.123.tmp", ".c.ply.-0.tmp", ".c.ply.123-.tmp",
+        ".c.ply.12x-0.tmp", ".c.ply.123-0x.tmp", ".c.ply.1-2-3.tmp", ".c.ply.1-2", ".1-2.tmp"}) {
+    CAPTURE(name);
+    CHECK(target_of_temporary(name).empty());
+  }
+}
+
 TEST_CASE("targets that cannot be written are refused before any work") {
   const TempDir dir;
   CHECK_THROWS_AS(CloudOutput(dir / "no/such/c.ply"), OutputError);

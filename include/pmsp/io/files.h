@@ -65,6 +65,10 @@ class PMSP_API AtomicFile {
   std::vector<char> buffer_;
 };
 
+/// The file that one of this name was to become which AtomicFile has written beside it: "a.ply" for ".a.ply.123-0.tmp";
+/// "" for names that AtomicFile gives to none.
+PMSP_API std::string target_of_temporary(const std::string& name);
+
 /// Writes a whole file or nothing; `bytes` is a string or a vector of bytes. Throws OutputError.
 template <class Bytes>
 void write_file(const std::filesystem::path& path, const Bytes& bytes) {

@@ -96,9 +96,7 @@ std::optional<MissionStatus> read_status(const fs::path& folder) {
   }
 }
 
-bool is_unfinished_status(const std::string& name) {
-  return name.rfind("." + std::string(kFile) + ".", 0) == 0 && fs::path(name).extension() == ".tmp";
-}
+bool is_unfinished_status(const std::string& name) { return target_of_temporary(name) == kFile; }
 
 void write_status(const fs::path& folder, const MissionStatus& status) {
   write_file(folder / kFile, json_text(to_json(status)));
