@@ -191,8 +191,8 @@ void Pipeline::run_task(const Task& task, bool last) {
   if (callbacks_.worked) callbacks_.worked();
 }
 
-/// One task of each stage that needs nothing of the others: then no processor waits for what another one has just
-/// begun.
+/// One task of each stage that needs nothing of the others: then hardly a processor waits for what another one has just
+/// begun (see is_ready).
 void Pipeline::advance_in_step(bool last) {
   std::vector<Task> tasks;
   do {
@@ -231,8 +231,8 @@ std::vector<Task> Pipeline::ready_tasks(bool last) {
 
 /// Stages that are needed must have been at all keyframes up to those that the task may look at, not only at these:
 /// then none of them has gone on by more than one pass, or one round, and what the task looks at is still there. Where
-/// several devices share the work, at one more, which is another one's: what that device has just begun nobody waits
-/// for.
+/// several devices share the work, at one more, which is another one's: what that device has just begun only the first
+/// pass waits for, which starts from the keyframe before.
 bool Pipeline::is_ready(const Task& task, bool last) {
   if (!last && !is_planned(task)) return false;
   const Stage& stage = schedule_.stages()[task.stage];

@@ -53,15 +53,17 @@ std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptio
     for (int k = 0; options.devices.empty() && k < std::max(1, std::min(kMostDevices, cuda::device_count())); ++k) {
       devices.push_back(k);
     }
+    DensifierOptions shared = options;
+    shared.devices = devices;
     bool keeps_scratch = false;
     std::string names;
     for (const int number : devices) {
       cuda::Device device = cuda::find_device(number);
       device.free_bytes /= static_cast<std::size_t>(std::count(devices.begin(), devices.end(), number));
       why_not = device.why_not;
-      if (why_not.empty()) why_not = why_too_small(device, options);
+      if (why_not.empty()) why_not = why_too_small(device, shared);
       if (!why_not.empty()) break;
-      keeps_scratch = keeps_scratch || !needs_no_scratch(device, options);
+      keeps_scratch = keeps_scratch || !needs_no_scratch(device, shared);
       names += (names.empty() ? "CUDA device " : "; device ") + std::to_string(number) + ", " + device.name;
     }
     if (why_not.empty()) {

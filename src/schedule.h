@@ -49,7 +49,7 @@ struct Lifetime {
 
   Artefact artefact;
   std::vector<Reader> readers;
-  std::int64_t keyframes = 0;  ///< that have it at the same time, at most
+  std::int64_t keyframes = 0;  ///< that have it at the same time, at most, on one device
 };
 
 /// In which order a Densifier runs the stages and when it lets go of what they leave: a function of its options, and of
@@ -64,7 +64,7 @@ class Schedule {
   const std::vector<Stage>& stages() const { return stages_; }
   const std::vector<Lifetime>& lifetimes() const { return lifetimes_; }
 
-  /// Keyframes that have an artefact at the same time, at most.
+  /// Keyframes that have an artefact at the same time, at most, on one device.
   std::int64_t keyframes_with(Artefact artefact) const;
 
  private:

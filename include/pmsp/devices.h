@@ -10,7 +10,8 @@ namespace pmsp {
 /// Gives back all that this process holds of CUDA devices (DensifierOptions::devices), their contexts included, which
 /// takes about a tenth of a second. The end of a process does the same: this is for programs that have something else
 /// to wait for meanwhile, such as a disk. No Densifier may exist, and what anybody else in the process has on these
-/// devices is lost. Later Densifiers start the devices anew. Nothing happens in builds without CUDA.
+/// devices is lost. Later Densifiers start the devices anew. The calling thread's current CUDA device is one of these
+/// afterwards. Nothing happens in builds without CUDA.
 PMSP_API void close_devices(const std::vector<int>& devices) noexcept;
 
 }  // namespace pmsp

@@ -45,8 +45,9 @@ class ResultQueue {
 };
 
 /// A CUDA device (see processor.h). All work is queued on one stream, in the order of the calls; only copies run beside
-/// it. So whatever a kernel reads was written by an earlier one, and memory that goes back to its pool may be used
-/// again at once. What is to be called when work is done is called in that order, too, by `deliver` or before.
+/// it. So whatever a kernel reads was written by an earlier one, or the stream waits for it, and memory that goes back
+/// to its pool may be used again at once: CopyPool sees to it for copies from other devices. What is to be called when
+/// work is done is called in that order, too, by `deliver` or before.
 class CudaProcessor {
  public:
   using Views = DeviceMachine;
@@ -232,7 +233,7 @@ class CudaProcessor {
   Stream compute_, up_, down_;
   Stream across_;  ///< from other devices
   DevicePool memory_;
-  CopyPool copies_{across_, compute_};
+  CopyPool copies_{across_, compute_, memory_};
   int image_width_ = 0;
   int image_height_ = 0;
   ImageSize compared_{};  ///< what images of that size are compared at

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+
 #include "cuda/cuda_engine.h"
 #include "cuda/launch.h"
 #include "cuda/memory.h"
@@ -26,8 +28,9 @@ void connect(const std::vector<int>& devices) {
 }
 
 void close(const std::vector<int>& devices) noexcept {
-  for (const int device : devices) {
-    if (cudaSetDevice(device) == cudaSuccess) cudaDeviceReset();
+  for (auto device = devices.begin(); device != devices.end(); ++device) {
+    const bool is_closed = std::find(devices.begin(), device, *device) != device;
+    if (!is_closed && cudaSetDevice(*device) == cudaSuccess) cudaDeviceReset();
   }
   cudaGetLastError();  // clears it
 }

@@ -43,6 +43,16 @@ std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::si
   return 0;
 }
 
+/// How many keyframes more have an artefact where several devices share the work: they do a task of each stage at a
+/// time, and a stage waits for one keyframe more. What waits for the rest of a mission is dealt out to them.
+std::int64_t keyframes_more(const Lifetime& lifetime, const DensifierOptions& options) {
+  const bool waits_long = lifetime.artefact == Artefact::kRangeMap || lifetime.artefact == Artefact::kSurfels;
+  if (options.devices.size() < 2 || waits_long) return 0;
+  std::size_t last = 0;
+  for (const Lifetime::Reader& reader : lifetime.readers) last = std::max(last, reader.stage);
+  return 2 * static_cast<std::int64_t>(last);
+}
+
 }  // namespace
 
 std::size_t device_memory_needed(const DensifierOptions& options, int image_width) {
@@ -52,7 +62,8 @@ std::size_t device_memory_needed(const DensifierOptions& options, int image_widt
   const Schedule schedule(options, true);
   std::size_t bytes = 0;
   for (const Lifetime& lifetime : schedule.lifetimes()) {
-    bytes += static_cast<std::size_t>(lifetime.keyframes) * bytes_of(lifetime.artefact, options, pixels, texels);
+    const std::int64_t keyframes = lifetime.keyframes + keyframes_more(lifetime, options);
+    bytes += static_cast<std::size_t>(keyframes) * bytes_of(lifetime.artefact, options, pixels, texels);
   }
   if (!options.scratch_folder.empty()) {  // what waits is there, but for copies of what a stage looks at
     for (const Artefact artefact : {Artefact::kRangeMap, Artefact::kSurfels}) {

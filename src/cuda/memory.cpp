@@ -62,17 +62,21 @@ void* DeviceMemory::allocate(std::size_t bytes) {
 
 void* DevicePool::take(std::size_t bytes) {
   std::vector<void*>& free = free_[bytes];
-  if (free.empty()) {
-    void* data = nullptr;
-    if (cudaMalloc(&data, bytes) == cudaSuccess) return data;
-    cudaGetLastError();  // clears it
-    release();           // what lies idle in other sizes may do
-    return DeviceMemory::allocate(bytes);
-  }
+  if (free.empty()) return allocate(bytes);
   void* const data = free.back();
   free.pop_back();
   return data;
 }
+
+void* DevicePool::allocate(std::size_t bytes) {
+  void* data = nullptr;
+  if (cudaMalloc(&data, bytes) == cudaSuccess) return data;
+  cudaGetLastError();  // clears it
+  release();           // what lies idle in other sizes may do
+  if (copies_ != nullptr) copies_->release();
+  return DeviceMemory::allocate(bytes);
+}
+
 void DevicePool::release() {
   for (auto& [bytes, free] : free_) {
     for (void* data : free) DeviceMemory::free(data);
@@ -80,15 +84,21 @@ void DevicePool::release() {
   }
 }
 
+CopyPool::CopyPool(const Stream& copies, const Stream& compute, DevicePool& other)
+    : copies_(copies), compute_(compute), other_(other) {
+  other_.copies_ = this;
+}
+
+CopyPool::~CopyPool() {
+  other_.copies_ = nullptr;
+  release();
+}
+
 CopyPool::Block CopyPool::take(std::size_t bytes) {
   std::deque<Block>& free = free_[bytes];
   if (free.empty()) {
     auto read = std::make_shared<Event>();
-    void* data = nullptr;
-    if (cudaMalloc(&data, bytes) == cudaSuccess) return {data, std::move(read)};
-    cudaGetLastError();  // clears it
-    release();           // what lies idle in other sizes may do
-    return {DeviceMemory::allocate(bytes), std::move(read)};
+    return {other_.allocate(bytes), std::move(read)};
   }
   Block block = std::move(free.front());
   free.pop_front();

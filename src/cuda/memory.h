@@ -151,6 +151,8 @@ class CubeTexture {
   cudaSurfaceObject_t surface_ = 0;
 };
 
+class CopyPool;
+
 /// Device memory that is used again: whoever gets some may overwrite it at once, since all work on one stream. The pool
 /// must outlive what it lends.
 class DevicePool {
@@ -168,18 +170,21 @@ class DevicePool {
   }
 
  private:
+  friend class CopyPool;
   void* take(std::size_t bytes);
+  void* allocate(std::size_t bytes);
   void release();  ///< what nobody has
 
   std::map<std::size_t, std::vector<void*>> free_;  ///< by size
+  CopyPool* copies_ = nullptr;                      ///< whose idle memory may be given back, too
 };
 
 /// Device memory for copies that are made on a stream of their own, beside kernels: a copy waits for those that read
-/// what it overwrites. The pool must outlive what it lends, and the streams the pool.
+/// what it overwrites. The pool must outlive what it lends; the other pool of the device, and the streams, it.
 class CopyPool {
  public:
-  CopyPool(const Stream& copies, const Stream& compute) : copies_(copies), compute_(compute) {}
-  ~CopyPool() { release(); }
+  CopyPool(const Stream& copies, const Stream& compute, DevicePool& other);
+  ~CopyPool();
   CopyPool(const CopyPool&) = delete;
   CopyPool& operator=(const CopyPool&) = delete;
 
@@ -192,6 +197,7 @@ class CopyPool {
   }
 
  private:
+  friend class DevicePool;
   struct Block {
     void* data;
     std::shared_ptr<Event> read;  ///< by all kernels that were queued when it was given back
@@ -203,11 +209,13 @@ class CopyPool {
 
   const Stream& copies_;
   const Stream& compute_;
+  DevicePool& other_;
   std::map<std::size_t, std::deque<Block>> free_;  ///< by size; the first one has waited longest
 };
 
 /// Objects that are made once and used again. All their users work on one stream, so that whoever gets one may
-/// overwrite it at once. The pool must outlive what it lends.
+/// overwrite it at once; events, too, for what waits for one already waits for what it was. The pool must outlive what
+/// it lends.
 template <class T>
 class Pool {
  public:

@@ -155,3 +155,19 @@ TEST_CASE("what a flight takes on the CPU is bounded, and grows with it before")
     }
   }
 }
+
+TEST_CASE("devices that share a flight are each asked for somewhat more memory than one alone") {
+  for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh, Quality::kPaper}) {
+    DensifierOptions options = preset(quality);
+    options.width = 640;
+    options.height = 320;
+    options.devices = {1};
+    const std::size_t one = device_memory_needed(options);
+    options.devices = {0, 1};
+    const std::size_t two = device_memory_needed(options);
+    options.devices = {0, 1, 2, 3};
+    CHECK(two > one);
+    CHECK(two < 2 * one);
+    CHECK(device_memory_needed(options) == two);
+  }
+}

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -102,7 +103,8 @@ class Run {
     if (workspace != nullptr) open_step(*workspace, options);
     open_results(options);
     const bool all_images = !step_ && given_ == nullptr;
-    if (all_images) begin_reading();  // while the device starts
+    // While the device starts. A video would be read up to its first keyframe before an error is told.
+    if (all_images && device.valid() && arguments.video.empty()) begin_reading();
     {
       const Spent spent(report_.time, Busy::kStart);
       if (device.valid()) report_.device_start = device.get();
@@ -178,10 +180,13 @@ class Run {
   /// While the disk takes what has been written.
   void close_device() {
     if (report_.options.backend != Backend::kCuda || arguments_.follow) return;  // the next round will need it
-    closing_ = std::async(std::launch::async, [this, devices = report_.options.devices] {
-      densifier_.reset();
-      close_devices(devices);
-    });
+    try {
+      closing_ = std::async(std::launch::async, [this, devices = report_.options.devices] {
+        densifier_.reset();
+        close_devices(devices);
+      });
+    } catch (const std::system_error&) {  // no thread; the end of the process closes it
+    }
   }
 
   /// "" = there are points.

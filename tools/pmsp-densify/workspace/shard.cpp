@@ -262,8 +262,10 @@ class ShardRun {
       const Standing standing = standing_of(densifier.stats(), needed.size());
       progress_.step({name_of(wave_), index + 1, needed.size(), keyframe.id, taken, standing});
     };
-    ImageReader reader(*images, map_, threads(), nullptr);
-    ImageLoop{reader, nullptr, lost, add}(guard);
+    {
+      ImageReader reader(*images, map_, threads(), nullptr);
+      ImageLoop{reader, nullptr, lost, add}(guard);
+    }
     progress_.stage("finishing the last keyframes");
     densifier.flush();
     guard.check();
