@@ -4,6 +4,12 @@
 #include <algorithm>
 
 namespace pmsp {
+namespace {
+
+constexpr std::size_t kShare = std::size_t{1} << 14;  ///< points that a thread takes at a time
+constexpr std::size_t kPiece = 8 * kShare;
+
+}  // namespace
 
 PointPlacer::PointPlacer(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map)
     : cloud_(cloud),
@@ -38,7 +44,6 @@ void place_points(const KeyframeCloud& cloud, const KeyframePose& pose, const Si
 }
 
 std::vector<std::uint32_t> points_in_box(const PointPlacer& points, const Box& box, ThreadPool& pool) {
-  constexpr std::size_t kShare = std::size_t{1} << 14;
   std::vector<std::vector<std::uint32_t>> of_share((points.size() + kShare - 1) / kShare);
   pool.for_each(static_cast<int>(of_share.size()), [&](int number) {
     const std::size_t share = static_cast<std::size_t>(number);

@@ -44,9 +44,6 @@ class PlacedPoints {
                       const std::function<void(const OutputPoint* points, std::size_t count)>& take);
 
  private:
-  static constexpr std::size_t kShare = std::size_t{1} << 14;
-  static constexpr std::size_t kPiece = 8 * kShare;
-
   ThreadPool& pool_;
   std::vector<OutputPoint> piece_;
 };
