@@ -117,6 +117,13 @@ ImageReader::Read ImageReader::next() {
   return read;
 }
 
+void ImageReader::each(const std::function<void(Keyframe& keyframe)>& visit) {
+  for (Read read = next(); read.item; read = next()) {
+    visit(read.keyframe);
+    let_go(*std::move(read.item));
+  }
+}
+
 void ImageReader::let_go(ImageSource::Item item) {
   std::optional<ImageSource::Item> before;  // that the thread has not come to
   const std::lock_guard<std::mutex> lock(mutex_);

@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <exception>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -65,6 +66,9 @@ class ImageReader {
 
   /// The thread gives the image's memory back, which takes a while.
   void let_go(ImageSource::Item item);
+
+  /// Shows all images to `visit`, with their keyframes; passes over those that cannot be read. Throws as `next`.
+  void each(const std::function<void(Keyframe& keyframe)>& visit);
 
   /// When there is no image any more: as Decoder::first_error.
   const std::string& first_error() const { return decoder_.first_error(); }

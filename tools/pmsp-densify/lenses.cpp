@@ -4,7 +4,6 @@
 #include <memory>
 #include <set>
 #include <sstream>
-#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -30,14 +29,10 @@ LensDistance estimate(const Arguments& arguments, const DensifierOptions& option
   ImageReader images(*source, map, executor.threads(), nullptr);
   MaskSource masks = open_masks(arguments);
   LensDistanceEstimator estimator;
-  while (true) {
-    ImageReader::Read read = images.next();
-    if (!read.item) break;
-    Keyframe& keyframe = read.keyframe;
+  images.each([&](Keyframe& keyframe) {
     keyframe.mask = masks.mask_for(source->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
     estimator.add(keyframe, &executor);
-    images.let_go(std::move(*read.item));
-  }
+  });
   return estimator.estimate(executor);
 }
 

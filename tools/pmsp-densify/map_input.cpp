@@ -56,14 +56,10 @@ std::string sweep_landmarks(SlamMap& map, const Arguments& arguments, int thread
   ImageReader images(*source, map, threads > 0 ? threads : usable_cpus(), nullptr);
   MaskSource masks = open_masks(arguments);
   LandmarkSweep sweep(map);
-  while (true) {
-    ImageReader::Read read = images.next();
-    if (!read.item) break;
-    sweep.add(read.item->keyframe_id, read.item->image.view(),
-              masks.mask_for(source->origin(read.item->keyframe_id).file, read.item->image.width(),
-                             read.item->image.height()));
-    images.let_go(std::move(*read.item));
-  }
+  images.each([&](const Keyframe& keyframe) {
+    sweep.add(keyframe.id, keyframe.image,
+              masks.mask_for(source->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height));
+  });
   const LandmarkSweep::Result result = sweep.make_landmarks(map, threads, !arguments.no_verify);
   const auto percent = [](double share) { return std::to_string(std::lround(100.0 * share)) + " %"; };
   if (!result.fits_better.empty()) {
