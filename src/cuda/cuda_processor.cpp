@@ -17,6 +17,8 @@ constexpr int kGrayBits =
 constexpr int kUsableBits = 8;
 constexpr std::size_t kDownloads = 2;     ///< depth maps on their way down at once, and clouds
 constexpr std::size_t kMostPending = 64;  ///< how far the host may run ahead, so that it can stop when told to
+/// Room for a keyframe's; where it does not do, the host waits for all devices to exchange page-locked memory.
+constexpr std::size_t kUsualLandmarks = 8192;
 
 static_assert(sizeof(DevicePoint) == sizeof(CloudPoint) &&
                   offsetof(DevicePoint, normal) == offsetof(CloudPoint, normal) &&
@@ -180,7 +182,7 @@ CudaProcessor::Cubes CudaProcessor::unpack(const Array<std::uint16_t>& packed, c
 std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyframe& keyframe, double lens) {
   const std::size_t most = keyframe.landmarks.size();
   points_arrived_.wait();  // the previous keyframe's
-  if (points_host_.size() < most) points_host_ = PinnedArray<kernels::SparsePoint>(2 * most);
+  if (points_host_.size() < most) points_host_ = PinnedArray<kernels::SparsePoint>(std::max(2 * most, kUsualLandmarks));
   const std::size_t count = sparse_points(keyframe, lens, grid().width, grid().height, points_host_.get());
   const auto points = array<kernels::SparsePoint>(points_host_.size());
   PMSP_CUDA_CHECK(cudaMemcpyAsync(points.get(), points_host_.get(), count * sizeof(kernels::SparsePoint),
