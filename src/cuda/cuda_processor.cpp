@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "cuda/cuda_processor.h"
 
+#include <algorithm>
 #include <cstddef>
 
 #include "init/init_setup.h"
