@@ -20,8 +20,8 @@ void copy_up(T* to, const T* from, std::size_t count, const Stream& stream) {
   PMSP_CUDA_CHECK(cudaMemcpyAsync(to, from, count * sizeof(T), cudaMemcpyHostToDevice, stream.get()));
 }
 
-/// `pinned`: the memory of `to`. It grows to twice what is asked for: to exchange page-locked memory, the host waits for
-/// all devices. Where the host refuses to lock it, the copy takes longer.
+/// `pinned`: the memory of `to`. It grows to twice what is asked for: to exchange page-locked memory, the host waits
+/// for all devices. Where the host refuses to lock it, the copy takes longer.
 template <class T, class From>
 void copy_down(std::vector<T>& to, const From* from, std::size_t count, std::optional<PinnedRange>& pinned,
                const Stream& stream) {
