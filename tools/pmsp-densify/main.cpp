@@ -48,8 +48,8 @@ int main(int argc, char** argv) {
   // memory than one for each. Pages of their own for each array would cost a fourth more time on the CPU.
   mallopt(M_ARENA_MAX, 4);
 #endif
-  // CUDA else loads a kernel at its first launch, and waits for what the device is at: with several devices, all the
-  // others run dry meanwhile.
+  // All kernels at the start: CUDA would load each at its first launch, and wait for what the device is at. With
+  // several devices, the others run dry meanwhile.
   setenv("CUDA_MODULE_LOADING", "EAGER", 0);
   try {
     return guarded_main(argc, argv);
