@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -59,8 +60,14 @@ class StageEngine final : public Engine {
       const int compared = compared_size(keyframe.image.width, options.width, options.height, scale).width;
       frame->noise = image_noise(keyframe.image, keyframe.mask, options.width, compared, pool_of(executor_));
     }
-    for (const auto& on : processors_) frame->cubes.push_back(prepare(keyframe, *on, *frame));
-    if (options.unordered && (scratch_ || context_.image_again)) put_away(*frame);
+    for (const auto& on : processors_) make_ready(*on);
+    frame->cubes.resize(processors_.size());
+    prepare(keyframe, *frame);
+    if (options.unordered && (scratch_ || context_.image_again)) {
+      put_away(*frame);
+    } else if (processors_.size() > 1) {
+      pack(*frame);
+    }
     return frame;
   }
 
@@ -323,7 +330,7 @@ class StageEngine final : public Engine {
     StageFrame(const Keyframe& keyframe, Processor& on, std::size_t at, ScratchFile* scratch, ScratchFile* brief)
         : Frame(keyframe),
           home(at),
-          packed(on, scratch),
+          packed(on, brief),
           color(on, brief),
           mask(on, brief),
           raws{{on, brief}, {on, brief}},
@@ -341,10 +348,11 @@ class StageEngine final : public Engine {
     using Waiting = Shelved<Processor, T>;
 
     using Plane = typename Planes::element_type;
-    std::size_t home;                         ///< number of the processor that works on it
-    float noise = 0.0F;                       ///< of the image, see image_noise
-    std::vector<Cubes> cubes;                 ///< matched with, on each processor; none while they are put away
-    Waiting<std::uint16_t> packed;            ///< those that are, in the file
+    std::size_t home;    ///< number of the processor that works on it
+    float noise = 0.0F;  ///< of the image, see image_noise
+    /// Matched with, on each processor; none while they are put away, or nobody has looked at them there.
+    mutable std::vector<Cubes> cubes;
+    mutable Waiting<std::uint16_t> packed;    ///< those, for whoever looks at them next
     CubePacking packing;                      ///< how they lie there
     Waiting<Color> color;                     ///< of the depth map's pixels
     Waiting<std::uint8_t> mask;               ///< there, too; none: see Processor::mask
@@ -451,11 +459,15 @@ class StageEngine final : public Engine {
 
   /// None after cancel.
   Cubes cubes_of(const StageFrame& frame, Processor& on) {
-    const Cubes& prepared = frame.cubes[on.number()];
+    Cubes& prepared = frame.cubes[on.number()];
     if (prepared.gray) return prepared;
     if (frame.packed.count() > 0) {
       Cubes cubes;
       on.timed(context_.stats.seconds_prepare, [&] { cubes = on.unpack(frame.packed.get(on), frame.packing); });
+      if (!frame.cubes[frame.home].gray) return cubes;
+      prepared = cubes;
+      const auto is_there = [](const Cubes& its) { return its.gray != nullptr; };
+      if (std::all_of(frame.cubes.begin(), frame.cubes.end(), is_there)) frame.packed.reset();
       return cubes;
     }
     const auto ask = [&] {
@@ -469,33 +481,41 @@ class StageEngine final : public Engine {
 
   /// Lets a keyframe's cubes go: packed into the file, or to be made again of the image.
   void put_away(StageFrame& frame) {
-    Processor& on = processor_of(frame);
-    [[maybe_unused]] const auto scope = on.enter();
-    const Cubes& cubes = frame.cubes[frame.home];
-    if (scratch_) {
-      frame.packing = on.packing(cubes);
-      frame.packed.put(on.pack(cubes), frame.packing.count);
-    }
+    if (scratch_) pack(frame);
     frame.cubes.assign(processors_.size(), {});
   }
 
-  /// The keyframe's image on a processor, and on the frame's own what else is made of it.
-  Cubes prepare(const Keyframe& keyframe, Processor& on, StageFrame& frame) {
+  void pack(StageFrame& frame) {
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
+    const Cubes& cubes = frame.cubes[frame.home];
+    frame.packing = on.packing(cubes);
+    frame.packed.put(on.pack(cubes), frame.packing.count);
+  }
+
+  void make_ready(Processor& on) {
     [[maybe_unused]] const auto scope = on.enter();
     const DensifierOptions& options = context_.options;
     on.set_size(options.width, options.height);
-    const bool priors = options.patchmatch.plane_priors && options.patchmatch.geometric_passes > 0;
     Array<int>& looks = looks_[on.number()];
-    if (!looks && priors) looks = on.upload(look_table({options.width, options.height}));
+    if (!looks && has_priors()) looks = on.upload(look_table({options.width, options.height}));
+  }
+  bool has_priors() const {
+    return context_.options.patchmatch.plane_priors && context_.options.patchmatch.geometric_passes > 0;
+  }
+
+  /// The keyframe's image, and what else is made of it.
+  void prepare(const Keyframe& keyframe, StageFrame& frame) {
+    Processor& on = processor_of(frame);
+    [[maybe_unused]] const auto scope = on.enter();
+    const DensifierOptions& options = context_.options;
     typename Processor::Prepared prepared = on.prepare(keyframe, context_.stats.seconds_prepare);
-    if (&on == &processor_of(frame)) {
-      frame.color.put(std::move(prepared.color), pixels());
-      if (prepared.mask) frame.mask.put(std::move(prepared.mask), pixels());
-      if (priors && !keyframe.prior_depth.empty()) {
-        frame.given = on.upload(given_planes(keyframe.prior_depth, keyframe.scale, {options.width, options.height}));
-      }
+    frame.color.put(std::move(prepared.color), pixels());
+    if (prepared.mask) frame.mask.put(std::move(prepared.mask), pixels());
+    if (has_priors() && !keyframe.prior_depth.empty()) {
+      frame.given = on.upload(given_planes(keyframe.prior_depth, keyframe.scale, {options.width, options.height}));
     }
-    return std::move(prepared.cubes);
+    frame.cubes[frame.home] = std::move(prepared.cubes);
   }
 
   void look_around(const MatchTask& task, Pass& pass, const Sources& sources, Processor& on) const {

@@ -23,7 +23,7 @@ std::size_t cube_texels(int width) {
 std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::size_t pixels, std::size_t texels) {
   switch (artefact) {
     case Artefact::kImage:
-      return 2 * texels + cube_texels(options.width);
+      return (options.devices.size() < 2 ? 2 : 4) * texels + cube_texels(options.width);  // packed for others, too
     case Artefact::kColor:
       return 4 * pixels;
     case Artefact::kLandmarks:
