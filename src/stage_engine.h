@@ -457,17 +457,18 @@ class StageEngine final : public Engine {
     }
   }
 
-  /// None after cancel.
+  /// None after cancel. Where the keyframe's own processor has kept them, one that looks at them keeps them, too.
   Cubes cubes_of(const StageFrame& frame, Processor& on) {
-    Cubes& prepared = frame.cubes[on.number()];
-    if (prepared.gray) return prepared;
+    Cubes& here = frame.cubes[on.number()];
+    if (here.gray) return here;
     if (frame.packed.count() > 0) {
       Cubes cubes;
       on.timed(context_.stats.seconds_prepare, [&] { cubes = on.unpack(frame.packed.get(on), frame.packing); });
-      if (!frame.cubes[frame.home].gray) return cubes;
-      prepared = cubes;
-      const auto is_there = [](const Cubes& its) { return its.gray != nullptr; };
-      if (std::all_of(frame.cubes.begin(), frame.cubes.end(), is_there)) frame.packed.reset();
+      if (frame.cubes[frame.home].gray) {
+        here = cubes;
+        const auto is_there = [](const Cubes& its) { return its.gray != nullptr; };
+        if (std::all_of(frame.cubes.begin(), frame.cubes.end(), is_there)) frame.packed.reset();
+      }
       return cubes;
     }
     const auto ask = [&] {
@@ -485,6 +486,7 @@ class StageEngine final : public Engine {
     frame.cubes.assign(processors_.size(), {});
   }
 
+  /// For whoever looks at them next: another processor, or one that the keyframe comes back to.
   void pack(StageFrame& frame) {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
@@ -493,6 +495,7 @@ class StageEngine final : public Engine {
     frame.packed.put(on.pack(cubes), frame.packing.count);
   }
 
+  /// The tables that a processor's stages look into; made with the first keyframe.
   void make_ready(Processor& on) {
     [[maybe_unused]] const auto scope = on.enter();
     const DensifierOptions& options = context_.options;
