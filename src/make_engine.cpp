@@ -43,6 +43,11 @@ bool has_cuda() { return cuda::kBuilt; }
 
 void close_devices(const std::vector<int>& devices) noexcept { cuda::close(devices); }
 
+std::size_t free_device_memory(int device) {
+  const cuda::Device found = cuda::find_device(device);
+  return found.why_not.empty() ? found.free_bytes : 0;
+}
+
 std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptions& options, std::string& description) {
   Executor executor(options.threads, options.simd);
   options.threads = executor.threads();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "pmsp/api.h"
@@ -13,5 +14,9 @@ namespace pmsp {
 /// devices is lost. Later Densifiers start the devices anew. The calling thread's current CUDA device is one of these
 /// afterwards. Nothing happens in builds without CUDA.
 PMSP_API void close_devices(const std::vector<int>& devices) noexcept;
+
+/// Bytes of a CUDA device's memory that are free now; 0 where it cannot be used: in builds without CUDA, without a
+/// driver, and where there is no such device. Starts the device where this process has not done so.
+PMSP_API std::size_t free_device_memory(int device);
 
 }  // namespace pmsp

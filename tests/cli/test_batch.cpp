@@ -12,6 +12,7 @@
 
 #include "batch_run.h"
 #include "cli/command.h"
+#include "memory_shares.h"
 #include "report_page.h"
 
 using namespace pmsp_test;
@@ -254,6 +255,118 @@ TEST_CASE("a signal ends a batch and its runs, the same command goes on") {
   CHECK(missions.batch().code == 0);
 }
 
+TEST_CASE("missions whose memory is not there wait for others, and are made then") {
+  const Missions missions;
+  missions.write({Missions::line("a"), Missions::line("b"), Missions::line("c", {{"map", "nowhere.msg"}})});
+  const std::vector<std::string> words = missions.words({"--jobs", "2", "--memory", "0.001"});  // each alone
+  Command command(densify_words(words));
+  const auto is_running = [&](const char* name) { return missions.status(name).contains("process"); };
+  REQUIRE(comes([&] { return is_running("a") || is_running("b"); }));
+  const bool is_a = is_running("a");
+  const pid_t first = stop_run_of(missions, is_a ? "a" : "b");
+  const std::string second = is_a ? "b" : "a";
+  REQUIRE(comes([&] { return command.err_so_far().find(second + ": waits until others have") != std::string::npos; }));
+  CHECK(missions.status(second)["state"] == "running");
+  CHECK_FALSE(is_running(second.c_str()));
+  CHECK_FALSE(fs::exists(missions.result(second) / "work"));
+
+  SECTION("when these have ended") {
+    kill(first, SIGCONT);
+    const Result result = command.wait();
+    INFO(result.err);
+    CHECK(result.code == 7);  // c has no map
+    CHECK(missions.status("a")["state"] == "done");
+    CHECK(missions.status("b")["state"] == "done");
+    CHECK_THAT(missions.status("c")["reason"].get<std::string>(), Contains("nowhere.msg: there is no such file"));
+  }
+  SECTION("and a signal ends their wait") {
+    kill(command.pid(), SIGTERM);
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    kill(first, SIGCONT);
+    CHECK(command.wait().code == 143);
+    for (const char* name : {"a", "b"}) CHECK(missions.status(name)["state"] == "interrupted");
+    CHECK(missions.batch().code == 7);
+    CHECK(missions.status(second)["state"] == "done");
+  }
+}
+
+TEST_CASE("memory of the host is shared out among missions, who is alone gets what it needs", "[batch]") {
+  pmsp::tool::MemoryNeed need;
+  need.host = 60.0;
+  pmsp::tool::MemoryShares shares(100.0);
+  const auto first = shares.take(need);
+  REQUIRE(first);
+  CHECK_FALSE(shares.take(need));
+  CHECK(shares.take({}));  // nobody knows what it needs
+  need.host = 40.0;
+  CHECK(shares.take(need));
+  shares.give_back(*first);
+  CHECK(shares.take(need));
+  need.host = 1000.0;
+  CHECK_FALSE(shares.take(need));
+  CHECK(pmsp::tool::MemoryShares(100.0).take(need));
+}
+
+TEST_CASE("memory of GPUs is shared out among the missions that each of them has", "[batch]") {
+  constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
+  pmsp::tool::MemoryNeed need;
+  need.host = 50.0 * kGiB;
+  need.gpu_host = 1.0 * kGiB;
+  need.device = 5.0 * kGiB;
+  need.device_least = 2.0 * kGiB;
+  need.device_free = 8.0 * kGiB;
+  need.devices = {0};
+  pmsp::tool::MemoryShares shares(4.0 * kGiB);
+  const auto first = shares.take(need);
+  REQUIRE(first);
+  CHECK(first->host == need.gpu_host);  // what it would take on the CPU is no matter
+  CHECK(first->devices == need.devices);
+  need.device_free = 3.0 * kGiB;  // while the first one works there
+  CHECK_FALSE(shares.take(need));
+  pmsp::tool::MemoryNeed other = need;
+  other.devices = {1};
+  other.device_free = 8.0 * kGiB;
+  CHECK(shares.take(other));
+  pmsp::tool::MemoryNeed both = other;
+  both.devices = {0, 1};
+  CHECK_FALSE(shares.take(both));
+  shares.give_back(*first);
+  CHECK(shares.take(need));
+
+  // What does not find room on a device has less there, and what not even then does is for the CPU.
+  need.device = 20.0 * kGiB;
+  pmsp::tool::MemoryShares least(100.0 * kGiB);
+  const auto with_scratch = least.take(need);
+  REQUIRE(with_scratch);
+  CHECK(with_scratch->device < 3.0 * kGiB);
+  need.device_least = 10.0 * kGiB;
+  const auto on_cpu = least.take(need);
+  REQUIRE(on_cpu);
+  CHECK(on_cpu->host == need.host);
+  CHECK(on_cpu->devices.empty());
+}
+
+TEST_CASE("what is no answer about memory asks for none, and a host has some", "[batch]") {
+  for (const char* text : {"", "{", "[]", "{\"cpu\": 3}", "pmsp-densify: map.msg: there is no such file"}) {
+    const pmsp::tool::MemoryNeed need = pmsp::tool::memory_need_from(text);
+    CHECK(need.host == 0.0);
+    CHECK(need.device_free == 0.0);
+  }
+  const std::string answer =
+      R"({
+  "cpu": {"memory_bytes": 7},
+  "gpu": {"memory_bytes": 1, "device_bytes": 2, "least_device_bytes": 3, "free_device_bytes": 4, "devices": [1, 0]}
+}
+)";
+  for (const std::string& log : {answer, "[h264] no frame {\n" + answer}) {
+    const pmsp::tool::MemoryNeed need = pmsp::tool::memory_need_from(log);
+    CHECK(need.host == 7.0);
+    CHECK(need.device_free == 4.0);
+    CHECK(need.devices == std::vector<int>{1, 0});
+  }
+  CHECK(pmsp::tool::free_host_memory() > 1e6);
+}
+
 TEST_CASE("a table and JSON lines say the same") {
   const Missions missions;
   missions.write({Missions::line("a", {{"options", {{"fusion", {{"window", 7}}}, {"median", {{"enabled", false}}}}}}),
@@ -344,6 +457,9 @@ TEST_CASE("a manifest or a command line that makes no sense ends a batch before 
   refused("", 3, {}, "there is no mission in it");
   refused("name\tmap\tpicture\n", 3, {}, "there is no column \"picture\"");
   refused(good, 2, {"--jobs", "0"}, "--jobs is \"0\"");
+  refused(good, 2, {"--memory", "0"}, "--memory is \"0\"");
+  refused(good, 2, {"--memory", "8G"}, "--memory is \"8G\"");
+  refused(good, 2, {"--print-memory"}, "there is no option --print-memory");
   refused(good, 2, {"--device", "0,x"}, "--device is \"0,x\"");
   refused(good, 2, {"--fusion-window", "99"}, "--fusion-window is 99");
   refused(good, 2, {"--fusion-windw", "9"}, "did you mean --fusion-window?");

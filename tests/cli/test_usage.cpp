@@ -280,6 +280,32 @@ TEST_CASE("info predicts what a run takes") {
   CHECK(wide["gpu"]["device_bytes"].get<double>() > 2.0 * normal["gpu"]["device_bytes"].get<double>());
 }
 
+TEST_CASE("run --print-memory says what info says of memory, and runs nothing") {
+  const TempDir dir;
+  const std::string map = (mission() / "map.msg").string();
+  const std::string images = (mission() / "images").string();
+  const std::vector<std::string> inputs{map, "--images", images, "--quality", "high", "--backend", "cpu"};
+  std::vector<std::string> words{"run", "-o", (dir / "cloud.ply").string(), "--print-memory"};
+  words.insert(words.end(), inputs.begin(), inputs.end());
+  const Result result = densify(words);
+  CHECK(result.code == 0);
+  CHECK_FALSE(std::filesystem::exists(dir / "cloud.ply"));
+  const nlohmann::json said = nlohmann::json::parse(result.out);
+  const nlohmann::json predicted = budget_of(inputs);
+  CHECK(said["gpu"]["device_bytes"] == predicted["gpu"]["device_bytes"]);
+  CHECK(said["gpu"]["least_device_bytes"] == predicted["gpu"]["least_device_bytes"]);
+  CHECK(said["gpu"]["free_device_bytes"] == 0);                     // of none
+  const double memory = said["cpu"]["memory_bytes"].get<double>();  // of all keyframes: who is used is not known yet
+  CHECK(memory >= predicted["cpu"]["memory_bytes"].get<double>());
+  CHECK(memory < 1.2 * predicted["cpu"]["memory_bytes"].get<double>());
+
+  words[1] = "--workspace";
+  words[2] = (dir / "work").string();
+  const Result with_workspace = densify(words);
+  CHECK(nlohmann::json::parse(with_workspace.out)["cpu"]["memory_bytes"].get<double>() > memory);
+  CHECK_FALSE(std::filesystem::exists(dir / "work"));
+}
+
 TEST_CASE("what info predicts grows with the mission, and is what a run takes") {
   const TempDir dir;
   const std::string map = (mission() / "map.msg").string();
@@ -342,7 +368,7 @@ TEST_CASE("keyframes that are not used take no memory of a predicted run") {
   const DensifierOptions options = preset(Quality::kNormal);
   const tool::Budget before = tool::estimate_budget({map, plan, options, 0, 0, {}});
   CHECK(before.used == 6);
-  CHECK(before.memory_bytes > 0.0);
+  CHECK(before.memory.host > 0.0);
   for (std::int64_t id = 6; id < 300; ++id) {
     PlanEntry entry;
     entry.id = id;
@@ -352,6 +378,6 @@ TEST_CASE("keyframes that are not used take no memory of a predicted run") {
   const tool::Budget after = tool::estimate_budget({map, plan, options, 0, 0, {}});
   CHECK(after.keyframes == 300);
   CHECK(after.used == 6);
-  CHECK(after.memory_bytes == before.memory_bytes);
-  CHECK(after.scratch_bytes == before.scratch_bytes);
+  CHECK(after.memory.host == before.memory.host);
+  CHECK(after.memory.scratch == before.memory.scratch);
 }

@@ -399,6 +399,10 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   for (CLI::App* verb : {&run, &fuse, &merge, &info, &config}) verb->allow_extras();
   add_run(run, a);
   run.add_flag("--print-config", a.print_config, "Print the options in force as JSON and stop")->group("Behaviour");
+  run.add_flag("--print-memory", a.print_memory,
+               "Print the memory that the run is expected to take as JSON, by the map and the size of the first image, "
+               "and stop")
+      ->group("Behaviour");
   add_shard_options(run, a);
   add_live_options(run, a.live);
   add_fuse(fuse, a);

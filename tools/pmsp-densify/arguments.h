@@ -63,6 +63,7 @@ struct Arguments {
   bool verbose = false;
   bool json = false;  ///< info
   bool print_config = false;
+  bool print_memory = false;
 
   std::optional<std::string> quality;
   std::filesystem::path config;

@@ -114,7 +114,28 @@ double map_bytes(const SlamMap& map) {
   return bytes;
 }
 
+int threads_of(const DensifierOptions& options) { return options.threads > 0 ? options.threads : usable_cpus(); }
+
 }  // namespace
+
+MemoryBudget estimate_memory(const SlamMap& map, DensifierOptions options, std::int64_t used, int image_width,
+                             int image_height) {
+  options.scratch_folder = options.free_space.whole_mission ? "beside the cloud" : "";
+  const HostMemory densifier = host_memory_needed(options, used, image_width);
+  constexpr double kProcess = 72.0 * kMiB, kGpuProcess = 100.0 * kMiB;  // libraries, a driver's context, threads
+  const double image = 3.0 * image_width * image_height;
+  const double of_map = map_bytes(map);
+  const int ahead = images_ahead(map, threads_of(options));
+  MemoryBudget memory;
+  memory.scratch = densifier.scratch;
+  memory.host = kProcess + of_map + image * (ahead + 3) + densifier.memory;
+  memory.gpu_host = kGpuProcess + of_map + 3.0 * image * ahead;  // twice while it is decoded, and in heaps
+  options.scratch_folder.clear();
+  memory.gpu = static_cast<double>(device_memory_needed(options, image_width));
+  options.scratch_folder = "beside the cloud";
+  memory.gpu_least = std::min(memory.gpu, static_cast<double>(device_memory_needed(options, image_width)));
+  return memory;
+}
 
 Budget estimate_budget(const BudgetQuestion& question) {
   BudgetQuestion sized = question;
@@ -128,7 +149,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
   Budget b;
   b.width = options.width;
   b.height = options.height;
-  b.threads = options.threads > 0 ? options.threads : usable_cpus();
+  b.threads = threads_of(options);
   const double pixels = static_cast<double>(b.width) * b.height;
 
   const OwnShare own_share(question.map, options);
@@ -151,19 +172,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
   b.workspace_bytes =
       kPlanesBytes * all_pixels + kPointBytes * b.points + kRecordBytes * static_cast<double>(b.keyframes);
 
-  options.scratch_folder = options.free_space.whole_mission ? "beside the cloud" : "";
-  const HostMemory memory = host_memory_needed(options, b.used, sized.image_width);
-  b.scratch_bytes = memory.scratch;
-  constexpr double kProcess = 72.0 * kMiB, kGpuProcess = 100.0 * kMiB;  // libraries, a driver's context, threads
-  const double image = 3.0 * one_image;
-  const double map = map_bytes(question.map);
-  const int ahead = images_ahead(question.map, b.threads);
-  b.memory_bytes = kProcess + map + image * (ahead + 3) + memory.memory;
-  b.gpu_host_bytes = kGpuProcess + map + 3.0 * image * ahead;  // twice while it is decoded, and in heaps
-  options.scratch_folder.clear();
-  b.gpu_bytes = static_cast<double>(device_memory_needed(options, sized.image_width));
-  options.scratch_folder = "beside the cloud";
-  b.gpu_least_bytes = std::min(b.gpu_bytes, static_cast<double>(device_memory_needed(options, sized.image_width)));
+  b.memory = estimate_memory(question.map, options, b.used, sized.image_width, sized.image_height);
 
   const double image_pixels = one_image * static_cast<double>(b.keyframes);
   const CpuPace& pace = question.pace;

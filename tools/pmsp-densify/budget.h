@@ -11,6 +11,19 @@
 
 namespace pmsp::tool {
 
+/// Memory that a run is expected to take at the most [bytes].
+struct MemoryBudget {
+  double scratch = 0.0;    ///< on disk: on the CPU, and on a GPU on which not all finds room
+  double host = 0.0;       ///< on the CPU
+  double gpu_host = 0.0;   ///< the host's, with a GPU
+  double gpu = 0.0;        ///< of a GPU
+  double gpu_least = 0.0;  ///< of one that puts into the scratch folder what waits
+};
+
+/// What is expected of a run with so many keyframes. `options`: with sizes. The same without a plan.
+MemoryBudget estimate_memory(const SlamMap& map, DensifierOptions options, std::int64_t used, int image_width,
+                             int image_height);
+
 /// What a run is expected to take. Bytes are bytes.
 struct Budget {
   int width = 0;  ///< of the depth maps
@@ -22,12 +35,8 @@ struct Budget {
   double points_per_pixel = 0.0;
   double points = 0.0;
   double cloud_bytes = 0.0;
-  double workspace_bytes = 0.0;    ///< where one is kept
-  double scratch_bytes = 0.0;      ///< on the CPU, and on a GPU on which not all finds room
-  double memory_bytes = 0.0;       ///< of the host at the most, on the CPU
-  double gpu_host_bytes = 0.0;     ///< the same with a GPU
-  double gpu_bytes = 0.0;          ///< of a GPU
-  double gpu_least_bytes = 0.0;    ///< of one that puts into the scratch folder what waits
+  double workspace_bytes = 0.0;  ///< where one is kept
+  MemoryBudget memory;
   double cpu_seconds = 0.0;        ///< of all threads together
   double reference_seconds = 0.0;  ///< on the GPU that figures are known of
   int threads = 1;                 ///< that the CPU backend would use

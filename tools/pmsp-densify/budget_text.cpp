@@ -49,16 +49,16 @@ nlohmann::ordered_json to_json(const Budget& b) {
           {"points", whole(b.points)},
           {"cloud_bytes", whole(b.cloud_bytes)},
           {"workspace_bytes", whole(b.workspace_bytes)},
-          {"scratch_bytes", whole(b.scratch_bytes)},
+          {"scratch_bytes", whole(b.memory.scratch)},
           {"cpu",
-           {{"memory_bytes", whole(b.memory_bytes)},
+           {{"memory_bytes", whole(b.memory.host)},
             {"threads", b.threads},
             {"cpu_seconds", b.cpu_seconds},
             {"seconds", b.cpu_seconds / b.threads}}},
           {"gpu",
-           {{"memory_bytes", whole(b.gpu_host_bytes)},
-            {"device_bytes", whole(b.gpu_bytes)},
-            {"least_device_bytes", whole(b.gpu_least_bytes)},
+           {{"memory_bytes", whole(b.memory.gpu_host)},
+            {"device_bytes", whole(b.memory.gpu)},
+            {"least_device_bytes", whole(b.memory.gpu_least)},
             {"reference", kReferenceGpu},
             {"reference_seconds", b.reference_seconds}}}};
 }
@@ -70,15 +70,15 @@ std::string budget_text(const Budget& b) {
   std::string text = "a run:      " + std::to_string(b.depth_maps) + " depth maps of " + size + " px; about " +
                      count_text(whole(b.points)) + points + "; as a rule within 30 %\n";
   text += "  disk:     cloud " + bytes_text(b.cloud_bytes);
-  if (b.scratch_bytes > 0.0) text += ", scratch file meanwhile " + bytes_text(b.scratch_bytes);
+  if (b.memory.scratch > 0.0) text += ", scratch file meanwhile " + bytes_text(b.memory.scratch);
   text += ", a workspace, where one is kept, " + bytes_text(b.workspace_bytes) + "\n";
   text += "  CPU:      " + time_text(b.cpu_seconds / b.threads) + " on " + std::to_string(b.threads) +
           (b.threads == 1 ? " thread" : " threads") + " (" + time_text(b.cpu_seconds) +
-          " of CPU time at the pace of a test on this machine), " + bytes_text(b.memory_bytes) + " of memory\n";
-  text += "  GPU:      " + bytes_text(b.gpu_bytes) + " of its memory";
-  if (b.gpu_least_bytes < 0.9 * b.gpu_bytes)
-    text += " (" + bytes_text(b.gpu_least_bytes) + " do, with the scratch file)";
-  text += ", " + bytes_text(b.gpu_host_bytes) + " of the host's; " + time_text(b.reference_seconds) + " with an " +
+          " of CPU time at the pace of a test on this machine), " + bytes_text(b.memory.host) + " of memory\n";
+  text += "  GPU:      " + bytes_text(b.memory.gpu) + " of its memory";
+  if (b.memory.gpu_least < 0.9 * b.memory.gpu)
+    text += " (" + bytes_text(b.memory.gpu_least) + " do, with the scratch file)";
+  text += ", " + bytes_text(b.memory.gpu_host) + " of the host's; " + time_text(b.reference_seconds) + " with an " +
           kReferenceGpu + "\n";
   return text;
 }

@@ -1,12 +1,21 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "image_input.h"
 
+#include <exception>
 #include <filesystem>
 #include <system_error>
 
 #include <nlohmann/json.hpp>
 
 namespace pmsp::tool {
+
+ImageSize first_size(ImageSource& source) {
+  try {
+    if (const auto item = source.next()) return {item->image.width(), item->image.height()};
+  } catch (const std::exception&) {  // a run will tell
+  }
+  return {};
+}
 
 MaskSource open_masks(const Arguments& arguments) {
   return MaskSource({arguments.mask, arguments.images, arguments.mask_nadir});

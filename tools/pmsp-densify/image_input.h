@@ -15,6 +15,13 @@ namespace pmsp::tool {
 /// What --images or --video names; nullptr without either.
 std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamMap& map);
 
+struct ImageSize {
+  int width = 0;
+  int height = 0;
+};
+/// Of the first image that is left, which is decoded; none where it cannot be read.
+ImageSize first_size(ImageSource& source);
+
 /// What --mask and --mask-nadir say. Throws as MaskSource.
 MaskSource open_masks(const Arguments& arguments);
 

@@ -75,20 +75,6 @@ Json images_json(const ImageSource& source, const std::vector<SkippedKeyframe>& 
   return images;
 }
 
-struct ImageSize {
-  int width = 0;
-  int height = 0;
-};
-
-/// Of the first image that is left; none where it cannot be read.
-ImageSize first_size(ImageSource& source) {
-  try {
-    if (const auto item = source.next()) return {item->image.width(), item->image.height()};
-  } catch (const std::exception&) {  // a run will tell
-  }
-  return {};
-}
-
 /// The keyframes that have images, as a plan sees them; `skipped` takes those whose images turn out unusable.
 std::vector<PlanKeyframe> keyframes_with_image(const SlamMap& map, ImageSource& source, const DensifierOptions& options,
                                                std::vector<SkippedKeyframe>& skipped, ImageSize& size) {

@@ -30,6 +30,8 @@ int guarded_main(int argc, char** argv) {
     config(*arguments);
   } else if (arguments->verb == Verb::kFuse) {
     fuse(with_needed_images(*arguments));
+  } else if (arguments->print_memory) {
+    print_memory(with_needed_images(*arguments));
   } else if (arguments->shard) {
     run_shard(with_needed_images(*arguments));
   } else {

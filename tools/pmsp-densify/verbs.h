@@ -9,6 +9,8 @@ namespace pmsp::tool {
 void run(const Arguments& arguments);
 /// run --shard
 void run_shard(const Arguments& arguments);
+/// run --print-memory
+void print_memory(const Arguments& arguments);
 void fuse(const Arguments& arguments);
 void merge(const Arguments& arguments);
 void info(const Arguments& arguments);

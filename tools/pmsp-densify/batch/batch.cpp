@@ -18,6 +18,7 @@
 #include "child_process.h"
 #include "depth_output.h"
 #include "exit_code.h"
+#include "memory_shares.h"
 #include "pmsp/executor.h"
 #include "pmsp/io/files.h"
 #include "pmsp/io/folder_lock.h"
@@ -37,7 +38,8 @@ class Batch {
   explicit Batch(const BatchArguments& arguments)
       : arguments_(arguments),
         progress_(arguments.progress, arguments.quiet, false),
-        slots_(static_cast<std::size_t>(arguments.jobs)) {
+        slots_(static_cast<std::size_t>(arguments.jobs)),
+        shares_(arguments.memory ? *arguments.memory * kGiB : free_host_memory()) {
     const Manifest manifest = read_manifest(arguments.manifest);
     inputs_ = manifest.folder;
     report_.manifest = arguments.manifest;
@@ -75,10 +77,27 @@ class Batch {
 
  private:
   struct Slot {
+    enum class Step {
+      kAsks,   ///< a process says how much memory the mission will take
+      kWaits,  ///< until that much is there
+      kRuns
+    };
+
     BatchMission* mission = nullptr;  ///< nullptr: free
+    Step step = Step::kRuns;
     pid_t process = -1;
     Clock::time_point start;
+    MemoryNeed need;
+    std::optional<MemoryShares::Share> share;
     std::optional<FolderLock> lock;  ///< of the mission's folder
+
+    bool waits() const { return mission != nullptr && step == Step::kWaits; }
+    void free() {
+      mission = nullptr;
+      need = {};
+      share.reset();
+      lock.reset();
+    }
   };
 
   bool is_ours(std::size_t mission) const {
@@ -204,35 +223,100 @@ class Batch {
       } else {
         stopped = signal;
         for (const Slot& slot : slots_) {
-          if (slot.mission != nullptr) kill(slot.process, signal);
+          if (slot.mission != nullptr && !slot.waits()) kill(slot.process, signal);
         }
       }
+      for (Slot& slot : slots_) {
+        if (stopped != 0 && slot.waits()) end(slot, MissionState::kInterrupted, "");
+      }
+      share_out_memory();
     }
     return stopped;
   }
 
+  /// Who came first has it first, and others wait behind it: no mission waits until all smaller ones are done.
+  void share_out_memory() {
+    std::vector<Slot*> waiting;
+    for (Slot& slot : slots_) {
+      if (slot.waits()) waiting.push_back(&slot);
+    }
+    std::sort(waiting.begin(), waiting.end(), [](const Slot* a, const Slot* b) { return a->mission < b->mission; });
+    for (Slot* slot : waiting) {
+      slot->share = shares_.take(slot->need);
+      if (!slot->share) return tell_waiting(*slot);
+      run(*slot);
+    }
+  }
+
   void start(std::size_t index, BatchMission& mission) {
     Slot& slot = slots_[index];
+    slot.mission = &mission;
     MissionStatus& status = mission.status;
     try {
-      if (!is_still_to_do(slot, mission)) return;
+      if (!is_still_to_do(slot, mission)) return slot.free();
       mission.has_run = true;
       status.command = run_words(mission, arguments_, inputs_);
       share_out(index, status.command);
       status.started = time_text();
       status.state = MissionState::kRunning;
       write_status(mission.folder, status);  // first: it says whose folder it is
-      slot.start = Clock::now();
-      slot.process = start_child(status.command, log_of(mission.folder));
-      slot.mission = &mission;
-      status.process = slot.process;
-      write_status(mission.folder, status);
+      if (arguments_.jobs > 1) {
+        ask(slot);
+      } else {
+        run(slot);
+      }
     } catch (const std::exception& error) {
-      if (slot.mission != nullptr) return;  // it runs; its end will be written
-      finish(mission, MissionState::kFailed, error.what());
-      slot.lock.reset();
-      tell_end(mission);
+      end(slot, MissionState::kFailed, error.what());
     }
+  }
+
+  /// In a process of its own: a map that nothing can read costs its mission, not the batch.
+  void ask(Slot& slot) {
+    std::vector<std::string> words = slot.mission->status.command;
+    words.emplace_back("--print-memory");
+    slot.step = Slot::Step::kAsks;
+    slot.process = start_child(words, log_of(slot.mission->folder));
+  }
+
+  /// What could not be told is taken for nothing: the run will say why.
+  static void look_at_answer(Slot& slot) {
+    slot.step = Slot::Step::kWaits;
+    try {
+      slot.need = memory_need_from(read_whole_file(log_of(slot.mission->folder)));
+    } catch (const IoError&) {  // nobody can read it
+    }
+  }
+
+  void run(Slot& slot) {
+    MissionStatus& status = slot.mission->status;
+    try {
+      slot.step = Slot::Step::kRuns;
+      slot.start = Clock::now();
+      slot.process = start_child(status.command, log_of(slot.mission->folder));
+    } catch (const std::exception& error) {
+      return end(slot, MissionState::kFailed, error.what());
+    }
+    try {
+      status.process = slot.process;
+      write_status(slot.mission->folder, status);
+    } catch (const std::exception&) {  // it runs; its end will be written
+    }
+  }
+
+  /// The slot is free again.
+  void end(Slot& slot, MissionState state, const std::string& reason) {
+    BatchMission& mission = *slot.mission;
+    finish(mission, state, reason);
+    if (mission.status.state == MissionState::kDone) drop_workspace(mission);
+    if (slot.share) shares_.give_back(*slot.share);
+    slot.free();
+    tell_end(mission);
+  }
+
+  void tell_waiting(const Slot& slot) {
+    if (slot.mission == told_waiting_) return;
+    told_waiting_ = slot.mission;
+    progress_.message(slot.mission->mission.name + ": waits until others have given back memory");
   }
 
   /// Takes its folder. Another process may have made it meanwhile, or may be about to: then nothing is written there.
@@ -246,7 +330,6 @@ class Batch {
     if (earlier->state == MissionState::kRunning) wait_for_killed(workspace_of(mission.folder));
     if (!is_settled(*earlier, mission.status, mission)) return true;
     mission.status = *earlier;
-    slot.lock.reset();
     return false;
   }
 
@@ -267,31 +350,26 @@ class Batch {
   }
 
   void look_for_end(Slot& slot, bool is_stopped) {
-    if (slot.mission == nullptr) return;
-    const std::optional<ChildEnd> end = end_of_child(slot.process);
-    if (!end) return;
+    if (slot.mission == nullptr || slot.waits()) return;
+    const std::optional<ChildEnd> its_end = end_of_child(slot.process);
+    if (!its_end) return;
+    if (slot.step == Slot::Step::kAsks) return look_at_answer(slot);
     BatchMission& mission = *slot.mission;
     MissionStatus& status = mission.status;
-    slot.mission = nullptr;
     status.process.reset();
-    status.exit_code = end->exit_code;
-    status.signal = end->signal;
+    status.exit_code = its_end->exit_code;
+    status.signal = its_end->signal;
     status.seconds = seconds_since(slot.start);
-    status.peak_memory_mib = end->peak_memory_mib;
-    if (end->exit_code == kExitOk) {
+    status.peak_memory_mib = its_end->peak_memory_mib;
+    const bool is_interrupted = is_stopped && (its_end->signal || *its_end->exit_code > kExitSignal);
+    if (its_end->exit_code == kExitOk) {
       status.points = points_in(stats_of(mission.folder));
-      finish(mission, MissionState::kDone, "");
-      if (status.state == MissionState::kDone) drop_workspace(mission);
+      end(slot, MissionState::kDone, "");
+    } else if (is_interrupted) {
+      end(slot, MissionState::kInterrupted, "");
     } else {
-      const bool is_interrupted = is_stopped && (end->signal || *end->exit_code > kExitSignal);
-      if (is_interrupted) {
-        finish(mission, MissionState::kInterrupted, "");
-      } else {
-        finish(mission, MissionState::kFailed, reason_of(*end, log_of(mission.folder)));
-      }
+      end(slot, MissionState::kFailed, reason_of(*its_end, log_of(mission.folder)));
     }
-    slot.lock.reset();
-    tell_end(mission);
   }
 
   void finish(BatchMission& mission, MissionState state, const std::string& reason) {
@@ -344,6 +422,7 @@ class Batch {
     progress_.done(json);
   }
 
+  static constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
   static constexpr const char* kLockedFolder = "folder of a mission";
   static constexpr std::chrono::seconds kPatience{20};  ///< with a process that has been killed
 
@@ -353,6 +432,8 @@ class Batch {
   fs::path inputs_;
   BatchReport report_;
   std::vector<Slot> slots_;
+  MemoryShares shares_;
+  const BatchMission* told_waiting_ = nullptr;
   int cpus_ = 0;  ///< to share out; 0 = each run takes what there is
   std::size_t to_do_ = 0;
   std::size_t ended_ = 0;  ///< of these

@@ -73,12 +73,22 @@ void add_own(CLI::App& app, BatchArguments& a) {
       ->type_name("DIR");
   app.add_option_function<std::string>(
          "--jobs", [&a](const std::string& text) { a.jobs = jobs_from(text); },
-         "Missions at once, which share the CPUs: each has its share as --threads, unless that is given [1 to 256; "
-         "default 1]")
+         "Missions at once, which share the CPUs: each has its share as --threads, unless that is given; and memory, "
+         "see "
+         "--memory [1 to 256; default 1]")
       ->type_name("N");
   app.add_option_function<std::string>(
+         "--memory",
+         [&a](const std::string& text) {
+           a.memory = number_in<double>("--memory", text, 0.001, 1e6, "a number from 0.001 to 1000000");
+         },
+         "Memory that the missions of --jobs may take together; one waits while its share is not there [GiB; default "
+         "what is free at the start]")
+      ->type_name("SIZE");
+  app.add_option_function<std::string>(
          "--device", [&a](const std::string& text) { a.devices = devices_from(text); },
-         "CUDA devices, such as 0,1: the first job has the first one, and so on, in turns")
+         "CUDA devices, such as 0,1: the first job has the first one, and so on, in turns; jobs share a device's "
+         "memory as they do the host's")
       ->type_name("LIST");
   app.add_option_function<std::string>(
          "--only", [&a](const std::string& text) { a.only = shard_from(text, "--only"); },

@@ -18,6 +18,7 @@ struct BatchArguments {
   std::filesystem::path scan;  ///< instead of a manifest
   std::filesystem::path output;
   int jobs = 1;
+  std::optional<double> memory;          ///< of the host for all jobs together [GiB]
   std::optional<workspace::Shard> only;  ///< every count-th mission, from number index on
   bool summary = false;                  ///< no mission
   std::string slurm;                     ///< "", "print" or "submit"

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <iostream>
+#include <limits>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "budget.h"
+#include "image_input.h"
+#include "map_input.h"
+#include "pmsp/devices.h"
+#include "verbs.h"
+
+namespace pmsp::tool {
+namespace {
+
+constexpr double kWorkspaceKeyframe = 60e3;  // what a run that works on one knows of each
+
+/// CUDA devices that the run would use.
+std::vector<int> devices_of(const DensifierOptions& options) {
+  if (options.backend == Backend::kCpu) return {};
+  return options.devices.empty() ? std::vector<int>{0} : options.devices;
+}
+
+/// Of the one that has least; 0 = one of them cannot be used, or there is none.
+std::size_t free_on(const std::vector<int>& devices) {
+  std::size_t least = devices.empty() ? 0 : std::numeric_limits<std::size_t>::max();
+  for (const int device : devices) least = std::min(least, free_device_memory(device));
+  return least;
+}
+
+std::int64_t whole(double bytes) { return static_cast<std::int64_t>(std::llround(bytes)); }
+
+}  // namespace
+
+void print_memory(const Arguments& arguments) {
+  DensifierOptions options = effective_options(arguments);
+  const SlamMap map = read_map(arguments);
+  const std::unique_ptr<ImageSource> source = open_images(arguments, map);
+  const std::int64_t keyframes = static_cast<std::int64_t>(source->keyframe_ids().size());
+  ImageSize size = first_size(*source);
+  if (size.width == 0 && !map.cameras.empty()) size = {map.cameras[0].width, map.cameras[0].height};
+  fill_in_size(options, size.width, size.height);
+  const MemoryBudget memory = estimate_memory(map, options, keyframes, size.width, size.height);
+  const double workspace = arguments.workspace.empty() ? 0.0 : kWorkspaceKeyframe * static_cast<double>(keyframes);
+  const std::vector<int> devices = devices_of(options);
+  const nlohmann::ordered_json json{{"cpu", {{"memory_bytes", whole(memory.host + workspace)}}},
+                                    {"gpu",
+                                     {{"memory_bytes", whole(memory.gpu_host + workspace)},
+                                      {"device_bytes", whole(memory.gpu)},
+                                      {"least_device_bytes", whole(memory.gpu_least)},
+                                      {"devices", devices},
+                                      {"free_device_bytes", free_on(devices)}}}};
+  std::cout << json.dump(2) << "\n";
+}
+
+}  // namespace pmsp::tool
