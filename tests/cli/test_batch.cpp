@@ -13,6 +13,7 @@
 #include "batch_run.h"
 #include "cli/command.h"
 #include "memory_shares.h"
+#include "pmsp/devices.h"
 #include "report_page.h"
 
 using namespace pmsp_test;
@@ -365,6 +366,7 @@ TEST_CASE("what is no answer about memory asks for none, and a host has some", "
     CHECK(need.devices == std::vector<int>{1, 0});
   }
   CHECK(pmsp::tool::free_host_memory() > 1e6);
+  CHECK(pmsp::free_device_memory(255) == 0);  // there is none
 }
 
 TEST_CASE("a table and JSON lines say the same") {

@@ -5,6 +5,7 @@
 #include "core/recording.h"
 #include "cuda/cuda_engine.h"
 #include "cuda/memory.h"
+#include "pmsp/devices.h"
 #include "pmsp/error.h"
 #include "support/temp_dir.h"
 
@@ -101,6 +102,7 @@ TEST_CASE("without enough memory auto takes the CPU, and cuda says how much it t
   options.backend = Backend::kCuda;
   Densifier(options, {});  // context and code are there
   const Hog hog(device_memory_needed(options) / 2);
+  CHECK(free_device_memory(0) > 0);
   CHECK_THROWS_AS(Densifier(options, {}), BackendUnavailable);
   CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("MiB") && Catch::Contains("2880 x 1440"));
   options.backend = Backend::kAuto;
