@@ -16,7 +16,7 @@ namespace {
 constexpr int kGrayBits =
     16;  ///< of the cube maps' texels, as the CPU's: finer than the camera's, since resampling averages
 constexpr int kUsableBits = 8;
-constexpr std::size_t kDownloads = 2;     ///< depth maps on their way down at once, and clouds
+constexpr std::size_t kDownloads = 2;     ///< depth maps on their way down at once, planes, and clouds
 constexpr std::size_t kMostPending = 64;  ///< how far the host may run ahead, so that it can stop when told to
 /// Room for a keyframe's; where it does not do, the host waits for all devices to exchange page-locked memory.
 constexpr std::size_t kUsualLandmarks = 8192;
@@ -195,34 +195,33 @@ std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyfr
 /// Depths, normals and confidences of the planes.
 void CudaProcessor::hand_out_depths(std::int64_t id, const KeyframePose& pose, const DevicePlanes& map,
                                     const float* confidence, std::function<void(const DepthMap&)> to) {
-  MapDownload& download = free_download();
-  launch(kernels::DepthImage<DeviceMachine>{map, confidence, grid(), download.depth(), download.normal(),
-                                            download.confidence()},
-         nullptr);
-  download.busy = true;
-  download.start(compute_, down_);
-  expect([this, &download, id, pose, to = std::move(to)] {
-    const DepthMap& arrived = download.finish(id, pose);
-    download.busy = false;  // nobody else can ask for it before `to` returns or throws
-    if (!cancelled()) to(arrived);
-  });
+  MapDownload<DepthMap>& download = free_one(depths_);
+  launch(
+      kernels::DepthImage<DeviceMachine>{map, confidence, grid(), download.part(0), download.part(1), download.part(2)},
+      nullptr);
+  hand_out(download, id, pose, std::move(to));
 }
 
 void CudaProcessor::hand_out_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
-                                    const std::function<void(const PlaneMap&)>& to) {
-  std::vector<float4> from(pixels());
-  copy_bytes(from.data(), planes.get(), from.size() * sizeof(float4), cudaMemcpyDeviceToHost);
-  PlaneMap map(grid().width, grid().height);
-  map.keyframe_id = id;
-  map.cam_from_world = pose.cam_from_world;
-  map.scale = pose.scale;
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    map.x.pixels()[i] = from[i].x;
-    map.y.pixels()[i] = from[i].y;
-    map.z.pixels()[i] = from[i].z;
-    map.score.pixels()[i] = from[i].w;
-  }
-  if (!cancelled()) to(map);
+                                    std::function<void(const PlaneMap&)> to) {
+  MapDownload<PlaneMap>& download = free_one(planes_);
+  launch(kernels::PlaneImage<DeviceMachine>{map(planes), grid(), download.part(0), download.part(1), download.part(2),
+                                            download.part(3)},
+         nullptr);
+  hand_out(download, id, pose, std::move(to));
+}
+
+/// What kernels have been told to fill.
+template <class Map>
+void CudaProcessor::hand_out(MapDownload<Map>& download, std::int64_t id, const KeyframePose& pose,
+                             std::function<void(const Map&)> to) {
+  download.busy = true;
+  download.start(compute_, down_);
+  expect([this, &download, id, pose, to = std::move(to)] {
+    const Map& arrived = download.finish(id, pose);
+    download.busy = false;  // nobody else can ask for it before `to` returns or throws
+    if (!cancelled()) to(arrived);
+  });
 }
 
 CudaProcessor::Planes CudaProcessor::planes_of(const PlaneMap& map) {
@@ -267,13 +266,14 @@ void ResultQueue::deliver(bool all) {
   ++round_;
 }
 
-MapDownload& CudaProcessor::free_download() {
+template <class Map>
+MapDownload<Map>& CudaProcessor::free_one(Downloads<Map>& downloads) {
   for (;;) {
-    for (const auto& download : downloads_) {
+    for (const auto& download : downloads) {
       if (!download->busy) return *download;
     }
-    if (downloads_.size() < kDownloads) {
-      downloads_.push_back(std::make_unique<MapDownload>(grid().width, grid().height));
+    if (downloads.size() < kDownloads) {
+      downloads.push_back(std::make_unique<MapDownload<Map>>(grid().width, grid().height));
     } else {
       queue_.hand_out_first();
     }

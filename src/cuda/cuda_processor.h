@@ -170,9 +170,8 @@ class CudaProcessor {
                        std::function<void(const DepthMap&)> to);
   void hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
                        std::function<void(const KeyframeCloud&)> to);
-  /// Waits for what is queued.
   void hand_out_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
-                       const std::function<void(const PlaneMap&)>& to);
+                       std::function<void(const PlaneMap&)> to);
   Planes planes_of(const PlaneMap& map);
 
   template <class T>
@@ -210,12 +209,19 @@ class CudaProcessor {
     DeviceArray<unsigned int> pixels;
     DeviceArray<std::uint32_t> agree;
   };
+  template <class Map>
+  using Downloads = std::vector<std::unique_ptr<MapDownload<Map>>>;
+
   void set_image_size(int width, int height);
   std::shared_ptr<CubeTexture> gray_cube(int size);
   void expect(std::function<void()> hand_out) { queue_.push(device_number_, std::move(hand_out)); }
   void bring_bytes(void* to, std::shared_ptr<const void> from, std::size_t bytes, const CudaProcessor& home,
                    const Mark& made);
-  MapDownload& free_download();
+  template <class Map>
+  MapDownload<Map>& free_one(Downloads<Map>& downloads);
+  template <class Map>
+  void hand_out(MapDownload<Map>& download, std::int64_t id, const KeyframePose& pose,
+                std::function<void(const Map&)> to);
   /// After what is queued; waits.
   void copy_bytes(void* to, const void* from, std::size_t bytes, cudaMemcpyKind kind) const;
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
@@ -250,7 +256,8 @@ class CudaProcessor {
   Pool<PointsDownload> clouds_;
   DeviceArray<unsigned char> select_scratch_;
   Pool<Record> records_;
-  std::vector<std::unique_ptr<MapDownload>> downloads_;
+  Downloads<DepthMap> depths_;
+  Downloads<PlaneMap> planes_;
   Pool<Event> marks_;
   /// What others have, until the copies of it are made.
   std::deque<std::pair<std::shared_ptr<Event>, std::shared_ptr<const void>>> borrowed_;

@@ -78,7 +78,8 @@ std::size_t device_memory_needed(const DensifierOptions& options, int image_widt
                                                                       static_cast<std::size_t>(compared.height);
   const std::size_t priors =
       options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 16 * pixels : 0;
-  const std::size_t copies = (2 * 20 + 2 * 40 + 2) * pixels;  // depth maps and points on their way down
+  const std::size_t copies =
+      (2 * 20 + 2 * 16 + 2 * 40 + 2) * pixels;  // depth maps, planes and points on their way down
   const std::size_t uploads = 2 * (3 + 1) * std::max(pixels, kCameraPixels);
   return bytes + working + priors + copies + uploads;
 }

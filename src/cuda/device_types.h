@@ -12,6 +12,7 @@
 #include "match.h"
 #include "median.h"
 #include "ownership.h"
+#include "plane_image.h"
 #include "plane_prior.h"
 #include "ranges.h"
 #include "weighted_median.h"

@@ -107,6 +107,7 @@ template void launch(const kernels::ReorderPlanes<DeviceMachine>&, Counts*, cuda
 template void launch(const kernels::ScoresWithoutPriors<DeviceMachine>&, Counts*, cudaStream_t);
 template void launch(const kernels::WarpPixels<DeviceMachine, DeviceKeys>&, Counts*, cudaStream_t);
 template void launch(const kernels::DepthImage<DeviceMachine>&, Counts*, cudaStream_t);
+template void launch(const kernels::PlaneImage<DeviceMachine>&, Counts*, cudaStream_t);
 
 void splat_landmarks(const kernels::SplatLandmarks<DeviceKeys>& splat, int count, cudaStream_t stream) {
   constexpr int kPointThreads = 64;

@@ -41,6 +41,40 @@ void copy_down(std::vector<T>& to, const From* from, std::size_t count, std::opt
   PMSP_CUDA_CHECK(cudaMemcpyAsync(to.data(), from, count * sizeof(T), cudaMemcpyDeviceToHost, stream.get()));
 }
 
+/// Without depths.
+template <class Map>
+Map blank(int width, int height);
+
+template <>
+DepthMap blank(int width, int height) {
+  DepthMap map;
+  map.depth = Image<float>(width, height, 0.0F);
+  map.normal = Image<Eigen::Vector3f>(width, height, Eigen::Vector3f::Zero());
+  map.confidence = Image<float>(width, height, 0.0F);
+  return map;
+}
+
+template <>
+PlaneMap blank(int width, int height) {
+  return {width, height};
+}
+
+using Numbers = std::pair<float*, std::size_t>;
+
+std::vector<Numbers> images_of(DepthMap& map) {
+  return {{map.depth.pixels().data(), map.depth.size()},
+          {map.normal.pixels().data()->data(), 3 * map.normal.size()},
+          {map.confidence.pixels().data(), map.confidence.size()}};
+}
+
+std::vector<Numbers> images_of(PlaneMap& map) {
+  std::vector<Numbers> images;
+  for (Image<float>* const image : {&map.x, &map.y, &map.z, &map.score}) {
+    images.emplace_back(image->pixels().data(), image->size());
+  }
+  return images;
+}
+
 }  // namespace
 
 DeviceGrid::DeviceGrid(int width, int height, const Stream& stream) {
@@ -119,34 +153,32 @@ const KeyframeCloud& CloudDownload::fetch(KeyframeCloud head, const DevicePoint*
   return cloud_;
 }
 
-MapDownload::MapDownload(int width, int height)
-    : size_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)), arrays_(5 * size_) {
-  map_.depth = Image<float>(width, height, 0.0F);
-  map_.normal = Image<Eigen::Vector3f>(width, height, Eigen::Vector3f::Zero());
-  map_.confidence = Image<float>(width, height, 0.0F);
-  pinned_[0].emplace(map_.depth.pixels().data(), size_ * sizeof(float));
-  pinned_[1].emplace(map_.normal.pixels().data(), 3 * size_ * sizeof(float));
-  pinned_[2].emplace(map_.confidence.pixels().data(), size_ * sizeof(float));
+template <class Map>
+MapDownload<Map>::MapDownload(int width, int height) : map_(blank<Map>(width, height)) {
+  for (const auto& [data, count] : images_of(map_)) parts_.emplace_back(data, count);
 }
 
-void MapDownload::start(const Stream& compute, const Stream& copies) {
+template <class Map>
+void MapDownload<Map>::start(const Stream& compute, const Stream& copies) {
   written_.record(compute);
   written_.wait_on(copies);
-  const auto copy = [&](void* to, const float* from, std::size_t count) {
-    PMSP_CUDA_CHECK(cudaMemcpyAsync(to, from, count * sizeof(float), cudaMemcpyDeviceToHost, copies.get()));
-  };
-  copy(map_.depth.pixels().data(), depth(), size_);
-  copy(map_.normal.pixels().data(), normal(), 3 * size_);
-  copy(map_.confidence.pixels().data(), confidence(), size_);
+  for (const Part& part : parts_) {
+    PMSP_CUDA_CHECK(cudaMemcpyAsync(part.host, part.device.get(), part.device.size() * sizeof(float),
+                                    cudaMemcpyDeviceToHost, copies.get()));
+  }
   arrived_.record(copies);
 }
 
-const DepthMap& MapDownload::finish(std::int64_t id, const KeyframePose& pose) {
+template <class Map>
+const Map& MapDownload<Map>::finish(std::int64_t id, const KeyframePose& pose) {
   arrived_.wait();
   map_.keyframe_id = id;
   map_.cam_from_world = pose.cam_from_world;
   map_.scale = pose.scale;
   return map_;
 }
+
+template class MapDownload<DepthMap>;
+template class MapDownload<PlaneMap>;
 
 }  // namespace pmsp::cuda

@@ -3,11 +3,13 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <optional>
 
 #include "cuda/launch.h"
 #include "cuda/memory.h"
 #include "pmsp/depth_map.h"
+#include "pmsp/plane_map.h"
 #include "pmsp/point_cloud.h"
 #include "util/thread_pool.h"
 
@@ -73,23 +75,28 @@ class CloudDownload {
   Event arrived_;
 };
 
-/// A depth map on its way down. The host's images are page-locked, so that copies go straight into them.
+/// A DepthMap or a PlaneMap on its way down. The host's images are page-locked, so that copies go straight into them.
+template <class Map>
 class MapDownload {
  public:
   MapDownload(int width, int height);
-  float* depth() const { return arrays_.get(); }  ///< what kernels fill
-  float* normal() const { return arrays_.get() + size_; }
-  float* confidence() const { return arrays_.get() + 4 * size_; }
-  void start(const Stream& compute, const Stream& copies);            ///< after the kernels queued so far
-  const DepthMap& finish(std::int64_t id, const KeyframePose& pose);  ///< waits
+  float* part(std::size_t k) const { return parts_[k].device.get(); }  ///< of the map's k-th image: what kernels fill
+  void start(const Stream& compute, const Stream& copies);             ///< after the kernels queued so far
+  const Map& finish(std::int64_t id, const KeyframePose& pose);        ///< waits
 
   bool busy = false;
 
  private:
-  std::size_t size_;
-  DeviceArray<float> arrays_;
-  DepthMap map_;
-  std::optional<PinnedRange> pinned_[3];
+  struct Part {
+    Part(float* data, std::size_t count) : host(data), device(count), pinned(data, count * sizeof(float)) {}
+
+    float* host;
+    DeviceArray<float> device;
+    PinnedRange pinned;
+  };
+
+  Map map_;
+  std::deque<Part> parts_;
   Event written_, arrived_;
 };
 

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "stage.h"
+
+namespace pmsp::kernels {
+
+/// A map's planes as a user receives them (pmsp::PlaneMap); a stage.
+template <class Machine>
+struct PlaneImage {
+  static constexpr int kCounts = 0;
+
+  typename Machine::Map map;
+  GridView grid;
+  float* x;
+  float* y;
+  float* z;
+  float* score;
+
+  PMSP_HD int width() const { return grid.width; }
+  PMSP_HD int height() const { return grid.height; }
+
+  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+    const Vec3<float> plane = plane_at<float>(map, at.index);
+    x[at.index] = plane.x;
+    y[at.index] = plane.y;
+    z[at.index] = plane.z;
+    score[at.index] = score_at<float>(map, at.index);
+  }
+};
+
+}  // namespace pmsp::kernels
