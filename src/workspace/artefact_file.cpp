@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/io/workspace/artefact_file.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <fstream>
@@ -21,17 +22,41 @@ constexpr char kPoints[17] = "pmsp points    1";
 constexpr char kLook[17] = "pmsp look      1";
 constexpr std::size_t kKindBytes = 16;
 
+/// Of a point: position, normal, confidence; colour and number of views.
+constexpr std::size_t kPointBytes = 7 * sizeof(float) + 4;
+
+/// Returns the end.
+char* encode(const CloudPoint& point, char* to) {
+  std::memcpy(to, point.position.data(), 3 * sizeof(float));
+  std::memcpy(to + 3 * sizeof(float), point.normal.data(), 3 * sizeof(float));
+  std::memcpy(to + 6 * sizeof(float), &point.confidence, sizeof(float));
+  const std::uint8_t bytes[] = {point.color.r, point.color.g, point.color.b, point.views};
+  std::memcpy(to + 7 * sizeof(float), bytes, sizeof(bytes));
+  return to + kPointBytes;
+}
+
+const char* decode(const char* from, CloudPoint& point) {
+  std::uint8_t bytes[4];
+  std::memcpy(point.position.data(), from, 3 * sizeof(float));
+  std::memcpy(point.normal.data(), from + 3 * sizeof(float), 3 * sizeof(float));
+  std::memcpy(&point.confidence, from + 6 * sizeof(float), sizeof(float));
+  std::memcpy(bytes, from + 7 * sizeof(float), sizeof(bytes));
+  point.color = {bytes[0], bytes[1], bytes[2]};
+  point.views = bytes[3];
+  return from + kPointBytes;
+}
+
 /// Writes what is put into it, and its checksum at the end.
 class Writer {
  public:
-  Writer(const std::filesystem::path& path, const char* kind) : file_(path) {
+  Writer(const std::filesystem::path& path, const char* kind) : file_(std::make_unique<AtomicFile>(path)) {
     XXH3_64bits_reset(&hash_);
     put(kind, kKindBytes);
   }
   void put(const void* data, std::size_t bytes) {
     if (bytes == 0) return;
     XXH3_64bits_update(&hash_, data, bytes);
-    file_.write(data, bytes);
+    file_->write(data, bytes);
   }
   template <class T>
   void put(const T& value) {
@@ -49,14 +74,28 @@ class Writer {
     for (int i = 0; i < 3; ++i) put(pose.cam_from_world.translation[i]);
     put(pose.scale);
   }
-  void commit() {
+  /// Many at once: a call for each number of millions would take longer than the disk.
+  void put(const std::vector<CloudPoint>& points) {
+    constexpr std::size_t kAtOnce = 4096;
+    std::vector<char> bytes;
+    put(static_cast<std::uint64_t>(points.size()));
+    for (std::size_t first = 0; first < points.size(); first += kAtOnce) {
+      const std::size_t count = std::min(kAtOnce, points.size() - first);
+      bytes.resize(count * kPointBytes);
+      char* to = bytes.data();
+      for (std::size_t i = 0; i < count; ++i) to = encode(points[first + i], to);
+      put(bytes.data(), bytes.size());
+    }
+  }
+  /// Not yet in its place.
+  std::unique_ptr<AtomicFile> finish() {
     const std::uint64_t sum = XXH3_64bits_digest(&hash_);
-    file_.write(&sum, sizeof(sum));
-    file_.commit();
+    file_->write(&sum, sizeof(sum));
+    return std::move(file_);
   }
 
  private:
-  AtomicFile file_;
+  std::unique_ptr<AtomicFile> file_;
   XXH3_state_t hash_;
 };
 
@@ -82,6 +121,13 @@ class Reader {
     if (bytes > end_ - at_) refuse();
     if (bytes > 0) std::memcpy(data, bytes_.data() + at_, bytes);
     at_ += bytes;
+  }
+  std::vector<CloudPoint> points() {
+    std::vector<CloudPoint> points(count(kPointBytes));
+    const char* from = bytes_.data() + at_;
+    for (CloudPoint& point : points) from = decode(from, point);
+    at_ += points.size() * kPointBytes;
+    return points;
   }
   template <class T>
   T get() {
@@ -122,7 +168,7 @@ class Reader {
 
 }  // namespace
 
-void write_planes(const std::filesystem::path& path, const PlaneMap& planes) {
+std::unique_ptr<AtomicFile> planes_file(const std::filesystem::path& path, const PlaneMap& planes) {
   Writer file(path, kPlanes);
   file.put(planes.keyframe_id);
   file.put(planes.pose());
@@ -131,8 +177,10 @@ void write_planes(const std::filesystem::path& path, const PlaneMap& planes) {
   for (const Image<float>* part : {&planes.x, &planes.y, &planes.z, &planes.score}) {
     file.put(part->pixels().data(), part->size() * sizeof(float));
   }
-  file.commit();
+  return file.finish();
 }
+
+void write_planes(const std::filesystem::path& path, const PlaneMap& planes) { planes_file(path, planes)->commit(); }
 
 PlaneMap read_planes(const std::filesystem::path& path) {
   Reader file(path, kPlanes);
@@ -151,22 +199,18 @@ PlaneMap read_planes(const std::filesystem::path& path) {
   return planes;
 }
 
-void write_points(const std::filesystem::path& path, const KeyframeCloud& cloud) {
+std::unique_ptr<AtomicFile> points_file(const std::filesystem::path& path, const KeyframeCloud& cloud) {
   Writer file(path, kPoints);
   file.put(cloud.keyframe_id);
   file.put(cloud.pose());
-  file.put(static_cast<std::uint64_t>(cloud.points.size()));
-  for (const CloudPoint& point : cloud.points) {
-    file.put(point.position.data(), 3 * sizeof(float));
-    file.put(point.normal.data(), 3 * sizeof(float));
-    file.put(point.confidence);
-    for (const std::uint8_t byte : {point.color.r, point.color.g, point.color.b, point.views}) file.put(byte);
-  }
+  file.put(cloud.points);
   file.put_all(cloud.pixels);
   file.put_all(cloud.agree);
   file.put_all(cloud.window_ids);
-  file.commit();
+  return file.finish();
 }
+
+void write_points(const std::filesystem::path& path, const KeyframeCloud& cloud) { points_file(path, cloud)->commit(); }
 
 KeyframeCloud read_points(const std::filesystem::path& path) {
   Reader file(path, kPoints);
@@ -175,15 +219,7 @@ KeyframeCloud read_points(const std::filesystem::path& path) {
   const KeyframePose pose = file.pose();
   cloud.cam_from_world = pose.cam_from_world;
   cloud.scale = pose.scale;
-  cloud.points.resize(file.count(7 * sizeof(float) + 4));
-  for (CloudPoint& point : cloud.points) {
-    file.get(point.position.data(), 3 * sizeof(float));
-    file.get(point.normal.data(), 3 * sizeof(float));
-    point.confidence = file.get<float>();
-    for (std::uint8_t* byte : {&point.color.r, &point.color.g, &point.color.b, &point.views}) {
-      *byte = file.get<std::uint8_t>();
-    }
-  }
+  cloud.points = file.points();
   cloud.pixels = file.get_all<std::uint32_t>();
   cloud.agree = file.get_all<std::uint32_t>();
   cloud.window_ids = file.get_all<std::int64_t>();
@@ -200,7 +236,7 @@ void write_look(const std::filesystem::path& path, const Look& look) {
     file.put(at.horizontal);
     file.put(at.vertical);
   }
-  file.commit();
+  file.finish()->commit();
 }
 
 Look read_look(const std::filesystem::path& path) {

@@ -237,6 +237,14 @@ void ShardFolder::end(const std::string& step) const {
   }
 }
 
+void ShardFolder::remove() const {
+  std::error_code ignored;
+  for (const char* kind : {"planes-", "points-", "job-"}) {
+    for (const fs::path& path : files(kind)) fs::remove(path, ignored);
+  }
+  fs::remove(folder_, ignored);
+}
+
 std::string difference(const ShardJob& mine, const ShardJob& job) {
   if (mine.count != job.count) {
     return "it is shared out among " + std::to_string(job.count) + ", not " + std::to_string(mine.count);

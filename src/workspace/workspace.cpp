@@ -9,6 +9,7 @@
 #include "pmsp/io/files.h"
 #include "pmsp/io/workspace/artefact_file.h"
 #include "pmsp/io/workspace/fingerprint.h"
+#include "workspace/saver.h"
 
 namespace pmsp::workspace {
 
@@ -50,7 +51,14 @@ void delete_all_but(const std::set<std::string>& names, const fs::path& folder) 
 
 }  // namespace
 
-Workspace::Workspace(const fs::path& folder, Access access) : folder_(folder), shards_(folder / "shards") {
+struct Workspace::Saving {
+  Copies<PlaneMap> planes;
+  Copies<KeyframeCloud> points;
+  Saver saver;  ///< goes first
+};
+
+Workspace::Workspace(const fs::path& folder, Access access)
+    : folder_(folder), shards_(folder / "shards"), saving_(std::make_unique<Saving>()) {
   std::error_code error;
   const fs::path record = folder / kRecord;
   if (!holds_record() && fs::exists(fs::symlink_status(folder, error))) {
@@ -84,12 +92,17 @@ Workspace::Workspace(const fs::path& folder, Access access) : folder_(folder), s
   look_again();
 }
 
+Workspace::~Workspace() = default;
+
 bool Workspace::holds_record() const {
   std::error_code ignored;
   return fs::exists(fs::symlink_status(folder_ / kRecord, ignored));
 }
 
-void Workspace::look_again() { drop_missing(record_); }
+void Workspace::look_again() {
+  wait_until_saved();
+  drop_missing(record_);
+}
 
 std::string Workspace::fingerprint(const fs::path& file) {
   std::error_code error;
@@ -113,11 +126,20 @@ bool Workspace::has_planes(const StepKeyframePlan& keyframe) const { return is_t
 bool Workspace::has_points(const StepKeyframePlan& keyframe) const { return is_there(points() / keyframe.points_file); }
 
 PlaneMap Workspace::load_planes(const std::string& file) const { return read_planes(planes() / file); }
-void Workspace::save_planes(const std::string& file, const PlaneMap& map) const { write_planes(planes() / file, map); }
-KeyframeCloud Workspace::load_points(const std::string& file) const { return read_points(points() / file); }
-void Workspace::save_points(const std::string& file, const KeyframeCloud& cloud) const {
-  write_points(points() / file, cloud);
+void Workspace::save_planes(const std::string& file, const PlaneMap& map) {
+  const std::size_t bytes = 4 * sizeof(float) * map.x.size();
+  saving_->saver.make_room(bytes);
+  const auto copy = saving_->planes.copy(map);
+  saving_->saver.take(bytes, [path = planes() / file, copy] { return planes_file(path, *copy); });
 }
+KeyframeCloud Workspace::load_points(const std::string& file) const { return read_points(points() / file); }
+void Workspace::save_points(const std::string& file, const KeyframeCloud& cloud) {
+  const std::size_t bytes = (sizeof(CloudPoint) + 2 * sizeof(std::uint32_t)) * cloud.points.size();
+  saving_->saver.make_room(bytes);
+  const auto copy = saving_->points.copy(cloud);
+  saving_->saver.take(bytes, [path = points() / file, copy] { return points_file(path, *copy); });
+}
+void Workspace::wait_until_saved() { saving_->saver.finish(); }
 
 std::optional<Look> Workspace::find_look(const std::string& file) const {
   if (!is_there(looks() / file)) return std::nullopt;
@@ -126,10 +148,28 @@ std::optional<Look> Workspace::find_look(const std::string& file) const {
 void Workspace::save_look(const std::string& file, const Look& look) const { write_look(looks() / file, look); }
 
 void Workspace::commit(Record record) {
+  wait_until_saved();
   drop_missing(record);
   write_file(folder_ / kRecord, record_json(record));
   record_ = std::move(record);
   delete_unnamed();
+}
+
+/// The record and the lock go last: until then the folder is a workspace.
+void Workspace::remove() {
+  saving_->saver.drop();
+  shards_.remove();
+  std::error_code ignored;
+  bool has_others = fs::exists(shards_.path(), ignored);
+  for (const fs::path& folder : {planes(), points(), looks()}) {
+    delete_all_but({}, folder);
+    fs::remove(folder, ignored);  // if it is empty
+    has_others = has_others || fs::exists(folder, ignored);
+  }
+  if (has_others) return;
+  fs::remove(folder_ / kRecord, ignored);
+  fs::remove(folder_ / FolderLock::kName, ignored);
+  fs::remove(folder_, ignored);
 }
 
 void Workspace::delete_unnamed() const {

@@ -274,6 +274,7 @@ TEST_CASE("what does not go with shards is a usage error", "[shards]") {
   check_fails(shard(dir, "0/2", {"--depth-maps", "d"}), 2, {"merge"});
   check_fails(shard(dir, "0/2", {"--follow"}), 2, {"--follow"});
   check_fails(shard(dir, "0/2", {"--growing"}), 2, {"--growing"});
+  check_fails(shard(dir, "0/2", {"--delete-workspace"}), 2, {"--delete-workspace"});
   check_fails(shard(dir, "0/2", {"--quality", "paper"}), 2, {"init.chain_keyframes"});
   check_fails(quick_run(dir / "c.ply", {"--shard", "0/2"}), 2, {"--shard needs --workspace"});
   check_fails(quick_run(dir / "c.ply", {"--wave", "planes"}), 2, {"--wave needs --shard"});

@@ -154,6 +154,31 @@ TEST_CASE("killed at any moment and run again, a step ends with the same bytes")
   CHECK(files > 6);
 }
 
+TEST_CASE("a workspace that is to be deleted serves until the cloud is there") {
+  std::mt19937 random(static_cast<std::uint32_t>(std::chrono::steady_clock::now().time_since_epoch().count()));
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  require_ok(densify(quick_run(dir / "plain.ply")));
+  const auto words = step(dir, {"--delete-workspace"});
+  run_with_kills(words, kKills, random);
+  CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));
+  CHECK_FALSE(fs::exists(dir / "work"));
+
+  fs::remove(dir / "c.ply");
+  std::string line = "ulimit -f 400; trap '' XFSZ; exec";  // room for planes, not for the cloud
+  for (const std::string& word : densify_words(words)) line += " '" + word + "'";
+  const Result full = Command({"/bin/sh", "-c", line}).wait();
+  INFO(full.err);
+  CHECK(full.code == 6);
+  CHECK(files_in(dir / "work" / "planes").size() == 5);
+  CHECK(files_in(dir / "work" / "points").empty());
+  const Result again = densify(words);
+  require_ok(again);
+  CHECK_THAT(again.err, Contains("0 made, 5 found from an interrupted run"));
+  CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));
+  CHECK_FALSE(fs::exists(dir / "work"));
+}
+
 TEST_CASE("a full disk ends a step with 6, with more room it goes on to the same bytes") {
   const TempDir dir;
   copy_images(dir / "images", 9);
@@ -344,5 +369,8 @@ TEST_CASE("what does not go with a workspace is refused before any work") {
   refused(with(step(dir), {"-o", (dir / "work/planes/c.ply").string()}), 2, "--workspace");
   refused(with(step(dir), {"--workspace", (dir / "images").string()}), 3, "no workspace");
   refused(with(step(dir), {"--workspace", ""}), 2, "--workspace is empty");
+  refused(quick_run(dir / "c.ply", {"--delete-workspace"}), 2, "--delete-workspace needs --workspace");
+  refused(step(dir, {"--delete-workspace", "--growing"}), 2, "--growing exclude each other");
+  refused(step(dir, {"--delete-workspace", "--follow"}), 2, "--follow exclude each other");
   CHECK_FALSE(fs::exists(dir / "c.ply"));
 }

@@ -79,6 +79,73 @@ TEST_CASE("what is not the workspace's stays, wherever it lies") {
   CHECK(left == 10);
 }
 
+TEST_CASE("what is saved comes to the disk, at the latest when the workspace is closed") {
+  constexpr int kFiles = 200;
+  const TempDir dir;
+  const auto name_of = [](int id) { return std::to_string(id) + "-0123456789abcdef"; };
+  const auto save = [&](Workspace& workspace, int first) {
+    for (int id = first; id < first + kFiles; ++id) {
+      PlaneMap planes(8, 4);
+      planes.keyframe_id = id;
+      KeyframeCloud cloud;
+      cloud.keyframe_id = id;
+      cloud.points.resize(static_cast<std::size_t>(id));
+      workspace.save_planes(name_of(id), planes);
+      workspace.save_points(name_of(id), cloud);
+    }
+  };
+  {
+    Workspace workspace(dir / "work");
+    save(workspace, 0);
+    workspace.wait_until_saved();
+    for (int id = 0; id < kFiles; ++id) {
+      REQUIRE(workspace.load_planes(name_of(id)).keyframe_id == id);
+      REQUIRE(workspace.load_points(name_of(id)).points.size() == static_cast<std::size_t>(id));
+    }
+    save(workspace, kFiles);
+  }
+  const Workspace workspace(dir / "work");
+  for (int id = 0; id < 2 * kFiles; ++id) {
+    REQUIRE(workspace.load_planes(name_of(id)).keyframe_id == id);
+    REQUIRE(workspace.load_points(name_of(id)).points.size() == static_cast<std::size_t>(id));
+  }
+}
+
+TEST_CASE("what cannot be saved is told once, by whoever saves or waits next") {
+  const TempDir dir;
+  Workspace workspace(dir / "work");
+  std::filesystem::create_directories(dir / "work" / "planes" / kKept);
+  workspace.save_planes(kKept, PlaneMap(4, 2));
+  workspace.save_planes(kOld, PlaneMap(4, 2));
+  CHECK_THROWS_WITH(workspace.wait_until_saved(), Contains(kKept) && Contains("names a folder"));
+  CHECK_NOTHROW(workspace.wait_until_saved());
+  CHECK(workspace.load_planes(kOld).width() == 4);
+  workspace.save_planes(kKept, PlaneMap(4, 2));
+  CHECK_THROWS_AS(workspace.commit({}), OutputError);
+}
+
+TEST_CASE("a workspace that nobody needs any more is removed, other files stay") {
+  const TempDir dir;
+  for (const bool has_others : {false, true}) {
+    CAPTURE(has_others);
+    const std::filesystem::path folder = dir / "work";
+    {
+      Workspace workspace(folder);
+      workspace.save_planes(kKept, PlaneMap(4, 2));
+      workspace.commit(record_naming(kKept));
+        workspace.save_planes(kOld, PlaneMap(4, 2));
+      workspace.save_points(kOld, {});
+      if (has_others) write_text(folder / "planes" / "notes.txt", "mine");
+      workspace.remove();
+    }
+    CHECK(std::filesystem::exists(folder) == has_others);
+    CHECK_FALSE(std::filesystem::exists(folder / "planes" / kKept));
+    CHECK_FALSE(std::filesystem::exists(folder / "planes" / kOld));
+  }
+  CHECK(std::filesystem::exists(dir / "work" / "planes" / "notes.txt"));
+  CHECK_NOTHROW(Workspace(dir / "work"));  // what is left is one
+}
+
 TEST_CASE("a folder is a workspace from its first moment, and may be a link") {
   const TempDir dir;
   std::filesystem::create_directories(dir / "elsewhere");

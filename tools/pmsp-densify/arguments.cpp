@@ -200,6 +200,13 @@ void add_run_outputs(CLI::App& app, Arguments& a) {
          "a point)")
       ->type_name("DIR")
       ->group(group);
+  app.add_flag(
+         "--delete-workspace", a.delete_workspace,
+         "Delete the workspace when the cloud is there. It serves to go on after a kill, and keeps planes only (16 "
+         "bytes a pixel of the depth maps); none where they come at more than 100 MB/s, as from a GPU, which makes "
+         "them "
+         "anew in less time than they are read")
+      ->group(group);
   app.add_flag("--growing", a.growing,
                "With --workspace: more keyframes will come; the newest make do with fewer passes until a run without "
                "this option")
@@ -334,6 +341,11 @@ void check_fuse(Arguments& a) {
 void check_run(const Arguments& a) {
   if (a.print_config) return;
   if (a.map.empty()) throw UsageError("MAP is missing: pmsp-densify MAP --images DIR; see --help");
+  if (a.delete_workspace && a.workspace.empty()) throw UsageError("--delete-workspace needs --workspace DIR");
+  if (a.delete_workspace && (a.growing || a.follow)) {
+    throw UsageError(std::string("--delete-workspace and ") + (a.growing ? "--growing" : "--follow") +
+                     " exclude each other: the next run needs the workspace");
+  }
   if (a.growing && a.workspace.empty()) throw UsageError("--growing needs --workspace DIR, which keeps what is made");
   if (a.growing && a.follow) throw UsageError("--follow expects more keyframes as it is; leave out --growing");
   if (a.follow && a.workspace.empty()) throw UsageError("--follow needs --workspace DIR, which keeps what is made");

@@ -52,6 +52,7 @@ struct Arguments {
   std::filesystem::path scratch;  ///< empty = the folder of the output
   std::filesystem::path plan;     ///< info
   std::filesystem::path workspace;
+  bool delete_workspace = false;
   bool growing = false;
   bool follow = false;
   std::optional<double> until_idle;  ///< [s]

@@ -17,7 +17,10 @@
 namespace pmsp::tool {
 namespace {
 
-constexpr double kWorkspaceKeyframe = 60e3;  // what a run that works on one knows of each
+// What a run with a workspace holds besides.
+constexpr double kWorkspaceKeyframe = 60e3;            // of each
+constexpr double kWorkspacePixel = 16 + 40;            // of depth maps: planes and points on their way to their files
+constexpr double kWorkspaceGpu = 128.0 * 1024 * 1024;  // these, where they come faster than the disk takes them
 
 /// CUDA devices that the run would use.
 std::vector<int> devices_of(const DensifierOptions& options) {
@@ -45,11 +48,15 @@ void print_memory(const Arguments& arguments) {
   if (size.width == 0 && !map.cameras.empty()) size = {map.cameras[0].width, map.cameras[0].height};
   fill_in_size(options, size.width, size.height);
   const MemoryBudget memory = estimate_memory(map, options, keyframes, size.width, size.height);
-  const double workspace = arguments.workspace.empty() ? 0.0 : kWorkspaceKeyframe * static_cast<double>(keyframes);
+  const double pixels = static_cast<double>(options.width) * static_cast<double>(options.height);
+  const double workspace = arguments.workspace.empty()
+                               ? 0.0
+                               : kWorkspaceKeyframe * static_cast<double>(keyframes) + kWorkspacePixel * pixels;
+  const double gpu_workspace = arguments.workspace.empty() ? 0.0 : kWorkspaceGpu;
   const std::vector<int> devices = devices_of(options);
   const nlohmann::ordered_json json{{"cpu", {{"memory_bytes", whole(memory.host + workspace)}}},
                                     {"gpu",
-                                     {{"memory_bytes", whole(memory.gpu_host + workspace)},
+                                     {{"memory_bytes", whole(memory.gpu_host + workspace + gpu_workspace)},
                                       {"device_bytes", whole(memory.gpu)},
                                       {"least_device_bytes", whole(memory.gpu_least)},
                                       {"devices", devices},

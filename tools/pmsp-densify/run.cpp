@@ -138,7 +138,7 @@ class Run {
     report_.stats = densifier_->stats();
     if (given_ != nullptr) given_->count_pixels(report_.stats);
     if (step_) {
-      step_->commit(report_.lenses.images);
+      if (!arguments_.delete_workspace) step_->commit(report_.lenses.images);
       step_->count_keyframes(report_.stats);
       report_.stats.points = results_->points_in();
       report_.stats.depth_maps = step_->depth_maps();
@@ -150,7 +150,10 @@ class Run {
     report_.points_written = results_->points();
     if (priors_.wanted()) report_.prior_depth = priors_.report();
     report_.empty_reason = why_empty();
-    if (report_.empty_reason.empty()) write_results();
+    if (report_.empty_reason.empty()) {
+      write_results();
+      if (step_ && arguments_.delete_workspace) step_->remove();
+    }
     if (!arguments_.stats.empty()) write_file(arguments_.stats, json_text(to_json(report_)));
     tell_end();
   }
@@ -248,7 +251,7 @@ class Run {
 
   /// What a workspace lacks. Images that it does not know are looked at first.
   void open_step(workspace::Workspace& workspace, const DensifierOptions& options) {
-    step_ = std::make_unique<WorkspaceStep>(workspace, arguments_, options, map_, growing_);
+    step_ = std::make_unique<WorkspaceStep>(workspace, arguments_, options, map_, growing_, &report_.time);
     std::vector<SkippedKeyframe> unreadable;
     const std::set<std::int64_t> fresh = step_->new_images(*source_, unreadable);
     for (const SkippedKeyframe& skipped : unreadable) skip(skipped);

@@ -77,6 +77,7 @@ constexpr struct {
                             {"densify", "densifying"},
                             {"points", "writing points"},
                             {"depth_maps", "writing depth maps"},
+                            {"workspace", "writing and reading the workspace"},
                             {"preview", "drawing"},
                             {"finish", "waiting for the disk"}};
 

@@ -17,6 +17,7 @@ enum class Busy {
   kDensify,    ///< stages on the CPU; waiting for them on a device
   kPoints,     ///< encoding points, waiting for the thread that writes them
   kDepthMaps,  ///< encoding and writing them
+  kWorkspace,  ///< what goes to a workspace, and what comes from it; waiting for the disk where it takes too long
   kPreview,    ///< drawing
   kFinish,     ///< until all is on the disk
 };

@@ -19,9 +19,9 @@ namespace {
 namespace fs = std::filesystem;
 
 /// What batch says for each mission, or has a column or an option of its own for.
-constexpr std::array kOfBatch{"--images",    "--video",          "--output",    "--force",       "--stats",
-                              "--workspace", "--growing",        "--follow",    "--until-idle",  "--progress",
-                              "--quiet",     "--raw-depth-maps", "--live-view", "--live-address"};
+constexpr std::array kOfBatch{"--images",    "--video",          "--output",    "--force",        "--stats",
+                              "--workspace", "--growing",        "--follow",    "--until-idle",   "--progress",
+                              "--quiet",     "--raw-depth-maps", "--live-view", "--live-address", "--delete-workspace"};
 constexpr std::array kOfMachine{"--threads", "--device", "--backend", "--simd", "--pipelined", "--scratch"};
 constexpr std::array kFilesToRead{"--config", "--mask",      "--prior-depth", "--scratch",
                                   "--align",  "--transform", "--crs"};

@@ -87,6 +87,7 @@ std::vector<std::string> run_words(const BatchMission& mission, const BatchArgum
   }
   if (!m.mask.empty()) words.push_back("--mask=" + (inputs / m.mask).string());
   words.push_back("--workspace=" + workspace_of(folder).string());
+  if (!batch.keep_workspaces) words.emplace_back("--delete-workspace");
   for (const fs::path& cloud : clouds_of(mission, batch)) words.push_back("--output=" + cloud.string());
   words.push_back("--stats=" + stats_of(folder).string());
   words.insert(words.end(), {"--force", "--progress=plain"});

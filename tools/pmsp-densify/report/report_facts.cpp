@@ -97,6 +97,7 @@ Json report_times(const Json& stats) {
   add("Ownership", "seconds", "ownership");
   add("Writing points", "critical_path", "points");
   add("Writing depth maps", "critical_path", "depth_maps");
+  add("Writing and reading the workspace", "critical_path", "workspace");
   add("Drawing", "critical_path", "preview");
   add("Waiting for the disk", "critical_path", "finish");
   return times;

@@ -86,7 +86,7 @@ class ShardRun {
     const Lenses lenses = find_lenses(arguments_, options_, map_, *source_, false, workspace_.record());
     options_.lens_distance = lenses.distance;  // of all shards the same: they look at the same images
     if (lenses.estimated) progress_.message(describe(lenses));
-    step_ = std::make_unique<WorkspaceStep>(workspace_, arguments_, options_, map_, false);
+    step_ = std::make_unique<WorkspaceStep>(workspace_, arguments_, options_, map_, false, nullptr);
     const std::optional<workspace::ShardJob> before = workspace_.shards().job(workspace_.record().step);
     if (before) require_same(*before);
     look();
@@ -104,6 +104,7 @@ class ShardRun {
       wave_ = wave;
       const Clock::time_point start = Clock::now();
       WaveReport report = wave == Wave::kPlanes ? make_planes() : make_points();
+      workspace_.wait_until_saved();
       report.seconds = seconds_since(start);
       workspace_.shards().mark(marker(report));
       tell(report);

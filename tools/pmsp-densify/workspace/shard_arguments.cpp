@@ -80,6 +80,7 @@ void check_shard(Arguments& a, bool names_output) {
   if (a.workspace.empty()) throw UsageError("--shard needs --workspace DIR, which all shards share");
   if (a.follow) throw UsageError("--shard and --follow exclude each other");
   if (a.growing) throw UsageError("--shard and --growing exclude each other");
+  if (a.delete_workspace) throw UsageError("--shard and --delete-workspace exclude each other: merge needs it");
   if (names_output || !a.depth_maps.empty() || !a.preview.empty() || !a.report.path.empty() ||
       a.cloud.double_positions) {
     throw UsageError(

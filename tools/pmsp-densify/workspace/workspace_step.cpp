@@ -27,6 +27,17 @@ T own(std::int64_t id, T loaded) {
                 " as that of keyframe " + std::to_string(id) + "; delete the workspace, or name another one");
 }
 
+/// Counts for the workspace as long as it lives.
+class Spent {
+ public:
+  explicit Spent(TimeAccount* time) {
+    if (time != nullptr) scope_.emplace(*time, Busy::kWorkspace);
+  }
+
+ private:
+  std::optional<TimeAccount::Scope> scope_;
+};
+
 /// A name for what is seen of an image: whatever that depends on has a say in it.
 std::string look_file(const workspace::StepKeyframe& it) {
   workspace::Fingerprint inputs;
@@ -63,11 +74,12 @@ std::string relative_text(const std::filesystem::path& path, const std::filesyst
 }
 
 WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& arguments,
-                             const DensifierOptions& options, const SlamMap& map, bool growing)
+                             const DensifierOptions& options, const SlamMap& map, bool growing, TimeAccount* time)
     : workspace_(workspace),
       arguments_(arguments),
       options_(options),
       map_(map),
+      time_(time),
       executor_(options.threads, options.simd) {
   workspace_.look_again();
   inputs_.options = options;
@@ -181,6 +193,7 @@ Shortcuts WorkspaceStep::find_shortcuts() const {
     shortcuts.keyframes[id] = {Shortcut::Planes::kResult, it.passes, false};
   }
   shortcuts.load = [this](std::int64_t id) {
+    const Spent spent(time_);
     const StepKeyframePlan& it = step_.keyframes.at(id);
     return own(
         id, workspace_.load_planes(it.has_planes ? workspace_.record().keyframes.at(id).planes->file : it.planes_file));
@@ -237,11 +250,23 @@ std::unique_ptr<Densifier> WorkspaceStep::points_densifier(
                                      planes_are_there ? final_planes() : find_shortcuts());
 }
 
+/// For a run that goes on after a kill. From a GPU planes come faster than a disk takes them, and are made again in
+/// less time than it takes to read and check them.
+bool WorkspaceStep::is_worth_keeping(const PlaneMap& planes) {
+  constexpr double kMostBytesPerSecond = 100e6;
+  constexpr std::size_t kPlaneBytes = 4 * sizeof(float);
+  bytes_made_ += static_cast<double>(kPlaneBytes * planes.x.size());
+  return bytes_made_ < kMostBytesPerSecond * std::chrono::duration<double>(Clock::now() - begin_).count();
+}
+
 void WorkspaceStep::save(const PlaneMap& planes) const {
+  const Spent spent(time_);
   workspace_.save_planes(step_.keyframes.at(planes.keyframe_id).planes_file, planes);
 }
 
 void WorkspaceStep::save(const KeyframeCloud& cloud) const {
+  if (arguments_.delete_workspace) return;  // of planes they are made in no time
+  const Spent spent(time_);
   workspace_.save_points(step_.keyframes.at(cloud.keyframe_id).points_file, cloud);
 }
 
@@ -253,7 +278,10 @@ void WorkspaceStep::join(bool is_repeated) {
 
 std::unique_ptr<Densifier> WorkspaceStep::densifier(DensifierCallbacks callbacks) {
   take_cloud_ = callbacks.cloud;
-  callbacks.planes = [this](const PlaneMap& planes) { save(planes); };
+  begin_ = Clock::now();
+  callbacks.planes = [this](const PlaneMap& planes) {
+    if (!arguments_.delete_workspace || is_worth_keeping(planes)) save(planes);
+  };
   callbacks.cloud = [this](const KeyframeCloud& cloud) {
     hand_on_until(cloud.keyframe_id);
     save(cloud);
@@ -265,6 +293,7 @@ std::unique_ptr<Densifier> WorkspaceStep::densifier(DensifierCallbacks callbacks
 
 /// Clouds that are there and come before this keyframe's; nullopt = all.
 void WorkspaceStep::hand_on_until(std::optional<std::int64_t> keyframe_id) {
+  const Spent spent(time_);
   for (; next_ < step_.plan.entries.size() && step_.plan.entries[next_].id != keyframe_id; ++next_) {
     const std::int64_t id = step_.plan.entries[next_].id;
     if (there_.count(id) == 0) continue;
@@ -283,7 +312,13 @@ double WorkspaceStep::scale_of(std::int64_t keyframe_id) const {
 
 void WorkspaceStep::finish() { hand_on_until(std::nullopt); }
 
+void WorkspaceStep::remove() {
+  const Spent spent(time_);
+  workspace_.remove();
+}
+
 void WorkspaceStep::commit(std::size_t lenses_looked_at) {
+  const Spent spent(time_);
   workspace::Record record = record_of(step_, inputs_, workspace_.record());
   record.map = relative_text(arguments_.map, arguments_.workspace);
   record.images = relative_text(arguments_.images.empty() ? arguments_.video : arguments_.images, arguments_.workspace);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -19,6 +20,7 @@
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
 #include "pmsp/io/workspace/workspace.h"
+#include "time_account.h"
 
 namespace pmsp::tool {
 
@@ -30,9 +32,9 @@ class WorkspaceStep {
  public:
   using TakeCloud = std::function<void(const KeyframeCloud&)>;
 
-  /// All must outlive it.
+  /// All must outlive it. `time`: where that of the workspace is counted; nullptr = nobody asks.
   WorkspaceStep(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
-                const SlamMap& map, bool growing);
+                const SlamMap& map, bool growing, TimeAccount* time);
 
   /// Takes stock of the images; returns the keyframes whose images must be looked at. `unreadable` have none.
   std::set<std::int64_t> new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable);
@@ -76,6 +78,8 @@ class WorkspaceStep {
   void finish();
   /// `lenses_looked_at`: keyframes with an image, where this run has estimated the distance of the lenses; else 0.
   void commit(std::size_t lenses_looked_at);
+  /// With --delete-workspace, in place of `commit`, when the cloud is there.
+  void remove();
 
   /// Calls `take(id, width, height)` for each image of the mission.
   template <class Take>
@@ -89,9 +93,12 @@ class WorkspaceStep {
   nlohmann::ordered_json report() const;
 
  private:
+  using Clock = std::chrono::steady_clock;
+
   void hand_on_until(std::optional<std::int64_t> keyframe_id);
   Shortcuts find_shortcuts() const;
   Shortcuts final_planes() const;
+  bool is_worth_keeping(const PlaneMap& planes);
   void save(const PlaneMap& planes) const;
   void save(const KeyframeCloud& cloud) const;
 
@@ -99,6 +106,7 @@ class WorkspaceStep {
   const Arguments& arguments_;
   DensifierOptions options_;  ///< as told; once it is decided, with sizes, backend and simd in force
   const SlamMap& map_;
+  TimeAccount* const time_;
   Executor executor_;
   std::vector<std::int64_t> ids_;  ///< of keyframes with an image, in order
   std::map<std::int64_t, workspace::StepKeyframe> stock_;
@@ -109,6 +117,8 @@ class WorkspaceStep {
   Shortcuts shortcuts_;
   bool is_joined_ = false;
   bool is_repeated_ = false;
+  Clock::time_point begin_;  ///< of the densifier, and
+  double bytes_made_ = 0.0;  ///< of planes since then
   TakeCloud take_cloud_;
   std::size_t next_ = 0;  ///< entry of the plan whose cloud comes next
 };

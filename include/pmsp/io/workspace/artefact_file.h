@@ -2,8 +2,10 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 
 #include "pmsp/api.h"
+#include "pmsp/io/files.h"
 #include "pmsp/plan.h"
 #include "pmsp/plane_map.h"
 #include "pmsp/point_cloud.h"
@@ -18,6 +20,10 @@ struct Look {
   int width = 0, height = 0;  ///< [px]
   SharpnessRecord sharpness;
 };
+
+/// All is in the file, but it is not in its place: that `commit` does, which waits for the disk.
+PMSP_API std::unique_ptr<AtomicFile> planes_file(const std::filesystem::path& path, const PlaneMap& planes);
+PMSP_API std::unique_ptr<AtomicFile> points_file(const std::filesystem::path& path, const KeyframeCloud& cloud);
 
 PMSP_API void write_planes(const std::filesystem::path& path, const PlaneMap& planes);
 PMSP_API PlaneMap read_planes(const std::filesystem::path& path);

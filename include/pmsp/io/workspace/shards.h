@@ -89,6 +89,8 @@ class PMSP_API ShardFolder {
 
   /// The step is recorded: deletes all but its job.
   void end(const std::string& step) const;
+  /// Nobody will ask any more: deletes all, and the folder if that is all.
+  void remove() const;
 
   const std::filesystem::path& path() const { return folder_; }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -47,10 +48,11 @@ class PMSP_API Workspace {
   /// Makes the folder where there is none. Throws OutputError where that fails or another process works in it,
   /// InvalidInput where it holds other things, or a record that cannot be read.
   explicit Workspace(const std::filesystem::path& folder, Access access = Access::kAlone);
+  ~Workspace();  ///< after all that was saved has come to the disk
   Workspace(const Workspace&) = delete;
   Workspace& operator=(const Workspace&) = delete;
 
-  /// Without what had been deleted when it was last looked for.
+  /// Without what had been deleted when it was last looked for. Looking throws OutputError, as `wait_until_saved`.
   const Record& record() const { return record_; }
   void look_again();
 
@@ -61,11 +63,14 @@ class PMSP_API Workspace {
   bool has_planes(const StepKeyframePlan& keyframe) const;
   bool has_points(const StepKeyframePlan& keyframe) const;
 
-  /// Throw IoError and OutputError.
+  /// Throw IoError and OutputError. What is saved is written by a few threads and appears when it has reached the disk;
+  /// an error in that is thrown by the next call that saves or waits.
   PlaneMap load_planes(const std::string& file) const;
-  void save_planes(const std::string& file, const PlaneMap& planes) const;
+  void save_planes(const std::string& file, const PlaneMap& planes);
   KeyframeCloud load_points(const std::string& file) const;
-  void save_points(const std::string& file, const KeyframeCloud& cloud) const;
+  void save_points(const std::string& file, const KeyframeCloud& cloud);
+  /// Throws OutputError.
+  void wait_until_saved();
 
   /// What shards have seen of an image; nullopt = nothing under this name. Throw IoError and OutputError.
   std::optional<Look> find_look(const std::string& file) const;
@@ -74,7 +79,12 @@ class PMSP_API Workspace {
   const ShardFolder& shards() const { return shards_; }
 
   /// The step is through: its record takes the place of the earlier one, and files that it does not name are deleted.
+  /// Waits until all is saved.
   void commit(Record record);
+
+  /// Nobody will need the folder any more: deletes what a workspace consists of, and the folder if that is all.
+  /// For kAlone. Nothing else may be called then.
+  void remove();
 
  private:
   std::filesystem::path planes() const { return folder_ / "planes"; }
@@ -86,6 +96,7 @@ class PMSP_API Workspace {
 
   std::filesystem::path folder_;
   ShardFolder shards_;
+  struct Saving;
   struct Known {
     std::int64_t time = 0;
     std::uintmax_t size = 0;
@@ -93,6 +104,7 @@ class PMSP_API Workspace {
   };
 
   std::optional<FolderLock> lock_;
+  std::unique_ptr<Saving> saving_;  ///< while the folder is locked
   std::map<std::string, Known> known_;
   Record record_;
 };
