@@ -29,25 +29,10 @@ void add(Fingerprint& to, const StepKeyframe& it) {
   for (const Landmark& landmark : it.keyframe.landmarks) {
     to.add(landmark.id).add(landmark.position_world.data(), 3 * sizeof(double));
   }
-  to.add(it.keyframe.sharpness.landmarks.size());
-  for (const LandmarkSharpness& at : it.keyframe.sharpness.landmarks) to.add(at.id).add(at.horizontal).add(at.vertical);
 }
 
 void add(Fingerprint& to, const std::vector<std::int64_t>& ids) {
   to.add(ids.size()).add(ids.data(), ids.size() * sizeof(std::int64_t));
-}
-
-/// What a record holds follows from its step, but for files that have been deleted since.
-std::string name_of(const Record& record, const StepInputs& inputs) {
-  Fingerprint name;
-  name.add(record.step).add(record.keyframes.size());
-  for (const auto& [id, keyframe] : record.keyframes) {
-    name.add(id).add(keyframe.planes ? keyframe.planes->file : "").add(keyframe.points ? keyframe.points->file : "");
-  }
-  name.add(inputs.options_json).add(inputs.engine).add(inputs.mask);
-  name.add(inputs.ask_all_again).add(inputs.growing);
-  for (const StepKeyframe& it : inputs.keyframes) add(name, it);
-  return name.text().substr(0, 16);
 }
 
 /// While a mission grows, keyframes with fewer newer used ones make do with a first pass, and are matched anew later.
@@ -84,7 +69,7 @@ class StepPlanner {
 
   Step plan() {
     Step step;
-    step.name = name_of(record_, inputs_);
+    step.name = step_name(record_, inputs_);
     const bool grows = inputs_.growing && record_.options == inputs_.options_json;  // else the plan is that of a run
     step.ranges = std::move(landmark_ranges_);
     Planner planner(inputs_.options, grows ? &record_.plan : nullptr);  // keeps no landmarks of a long mission
@@ -158,7 +143,7 @@ class StepPlanner {
     if (!it.has_planes) it.pose.scale = poses_[entry.id].scale = 1.0;
     const int had = it.has_planes ? recorded(entry.id)->planes->passes : 0;
     step.unfinished += had + it.passes < full_passes();
-    it.planes_file = it.passes == 0 ? recorded(entry.id)->planes->file : std::to_string(entry.id) + "-" + step.name;
+    it.planes_file = it.passes == 0 ? recorded(entry.id)->planes->file : planes_name(entry.id, step.name);
   }
 
   /// In how many passes the keyframe is matched, and from where on.
@@ -275,6 +260,23 @@ std::map<std::int64_t, Shortcut> Step::shortcuts(int passes) const {
     if (!it.has_planes && it.passes <= passes) result[id] = {Shortcut::Planes::kNone, it.passes, false};
   }
   return result;
+}
+
+/// What a record holds follows from its step, but for files that have been deleted since.
+std::string step_name(const Record& record, const StepInputs& inputs) {
+  Fingerprint name;
+  name.add(record.step).add(record.keyframes.size());
+  for (const auto& [id, keyframe] : record.keyframes) {
+    name.add(id).add(keyframe.planes ? keyframe.planes->file : "").add(keyframe.points ? keyframe.points->file : "");
+  }
+  name.add(inputs.options_json).add(inputs.engine).add(inputs.mask);
+  name.add(inputs.ask_all_again).add(inputs.growing);
+  for (const StepKeyframe& it : inputs.keyframes) add(name, it);
+  return name.text().substr(0, 16);
+}
+
+std::string planes_name(std::int64_t keyframe_id, const std::string& step) {
+  return std::to_string(keyframe_id) + "-" + step;
 }
 
 Step plan_step(const Record& record, const StepInputs& inputs) { return StepPlanner(record, inputs).plan(); }

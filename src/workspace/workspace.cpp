@@ -122,6 +122,12 @@ void Workspace::drop_missing(Record& record) const {
   }
 }
 
+bool Workspace::is_blank() const {
+  std::error_code ignored;
+  const auto is_empty = [&](const fs::path& folder) { return fs::is_empty(folder, ignored); };
+  return record_.keyframes.empty() && is_empty(planes()) && is_empty(points());
+}
+
 bool Workspace::has_planes(const StepKeyframePlan& keyframe) const { return is_there(planes() / keyframe.planes_file); }
 bool Workspace::has_points(const StepKeyframePlan& keyframe) const { return is_there(points() / keyframe.points_file); }
 

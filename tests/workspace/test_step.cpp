@@ -123,6 +123,9 @@ TEST_CASE("a step's name tells apart whatever its inputs may differ by") {
   StepInputs other = inputs;
   other.keyframes[5].image = "another";
   CHECK(plan_step({}, other).name != name);
+  other = inputs;
+  for (StepKeyframe& it : other.keyframes) it.keyframe.sharpness = {};
+  CHECK(step_name({}, other) == name);  // it follows from the images
 }
 
 TEST_CASE("a keyframe that moves is matched further, with those that look at it, far ones are left alone") {

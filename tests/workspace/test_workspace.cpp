@@ -133,7 +133,7 @@ TEST_CASE("a workspace that nobody needs any more is removed, other files stay")
       Workspace workspace(folder);
       workspace.save_planes(kKept, PlaneMap(4, 2));
       workspace.commit(record_naming(kKept));
-        workspace.save_planes(kOld, PlaneMap(4, 2));
+      workspace.save_planes(kOld, PlaneMap(4, 2));
       workspace.save_points(kOld, {});
       if (has_others) write_text(folder / "planes" / "notes.txt", "mine");
       workspace.remove();

@@ -21,6 +21,7 @@
 #include "lenses.h"
 #include "live_view.h"
 #include "map_input.h"
+#include "plane_keeper.h"
 #include "pmsp/densifier.h"
 #include "pmsp/devices.h"
 #include "pmsp/executor.h"
@@ -100,7 +101,7 @@ class Run {
     }
     if (given_ != nullptr) look_at_given(options);
     if (!arguments.no_verify) verifier_ = std::make_unique<PairingVerifier>(map_);
-    if (workspace != nullptr) open_step(*workspace, options);
+    if (workspace != nullptr) open_workspace(*workspace, options);
     open_results(options);
     const bool all_images = !step_ && given_ == nullptr;
     // While the device starts. A video would be read up to its first keyframe before an error is told.
@@ -152,6 +153,7 @@ class Run {
     report_.empty_reason = why_empty();
     if (report_.empty_reason.empty()) {
       write_results();
+      if (keeper_) keeper_->remove();
       if (step_ && arguments_.delete_workspace) step_->remove();
     }
     if (!arguments_.stats.empty()) write_file(arguments_.stats, json_text(to_json(report_)));
@@ -249,6 +251,14 @@ class Run {
     progress_.message(given_->summary());
   }
 
+  void open_workspace(workspace::Workspace& workspace, const DensifierOptions& options) {
+    if (arguments_.delete_workspace && workspace.is_blank()) {
+      keeper_ = std::make_unique<PlaneKeeper>(workspace, arguments_, options, map_, *source_, report_.time);
+    } else {
+      open_step(workspace, options);
+    }
+  }
+
   /// What a workspace lacks. Images that it does not know are looked at first.
   void open_step(workspace::Workspace& workspace, const DensifierOptions& options) {
     step_ = std::make_unique<WorkspaceStep>(workspace, arguments_, options, map_, growing_, &report_.time);
@@ -280,6 +290,7 @@ class Run {
 
   DensifierCallbacks callbacks() {
     DensifierCallbacks callbacks = results_->callbacks();
+    if (keeper_) callbacks.planes = [this](const PlaneMap& planes) { keeper_->keep(planes, *densifier_); };
     callbacks.worked = [this] { progress_.standing(standing()); };
     return callbacks;
   }
@@ -383,7 +394,8 @@ class Run {
   std::unique_ptr<PairingVerifier> verifier_;
   MaskSource masks_{open_masks(arguments_)};
   PriorDepths priors_{arguments_};
-  std::unique_ptr<WorkspaceStep> step_;  ///< before the densifier, which calls it
+  std::unique_ptr<WorkspaceStep> step_;  ///< before the densifier, which calls it; or
+  std::unique_ptr<PlaneKeeper> keeper_;  ///< in its place
   std::size_t steps_ = 0;                ///< images that it needs
   std::optional<ImageReader> images_;    ///< after all that it uses
   std::unique_ptr<Densifier> densifier_;

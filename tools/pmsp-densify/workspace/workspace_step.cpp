@@ -150,6 +150,28 @@ void WorkspaceStep::look_at(const Keyframe& keyframe) {
   it.height = keyframe.image.height;
 }
 
+/// What is done, and by whom. `options_`: with sizes, backend and simd in force.
+void WorkspaceStep::describe(const std::string& engine) {
+  inputs_.engine = engine;
+  inputs_.width = options_.width;
+  nlohmann::ordered_json json = options_of_results(options_);
+  inputs_.options_json = json.dump();
+  for (const char* later : {"view_filter", "consistency", "fusion", "free_space"}) json.erase(later);
+  inputs_.planes_options_json = json.dump();
+}
+
+std::string WorkspaceStep::name_of_run(const ImageSource& source, const Densifier& densifier) {
+  std::vector<SkippedKeyframe> unreadable;
+  new_images(source, unreadable);
+  for (const std::int64_t id : ids_) inputs_.keyframes.push_back(std::move(stock_.at(id)));
+  options_.width = densifier.options().width;
+  options_.height = densifier.options().height;
+  options_.backend = densifier.options().backend;
+  options_.simd = densifier.options().simd;
+  describe(engine_text(options_, densifier.backend(), arguments_));
+  return workspace::step_name(workspace_.record(), inputs_);
+}
+
 void WorkspaceStep::decide(const std::string& engine) {
   for (const std::int64_t id : ids_) {
     if (stock_.at(id).width > 0) inputs_.keyframes.push_back(std::move(stock_.at(id)));
@@ -158,12 +180,7 @@ void WorkspaceStep::decide(const std::string& engine) {
   const Densifier probe(options_, {});  // with sizes: whether a device's memory suffices depends on them
   options_.backend = probe.options().backend;
   options_.simd = probe.options().simd;
-  inputs_.engine = engine.empty() ? engine_text(options_, probe.backend(), arguments_) : engine;
-  inputs_.width = options_.width;
-  nlohmann::ordered_json json = options_of_results(options_);
-  inputs_.options_json = json.dump();
-  for (const char* later : {"view_filter", "consistency", "fusion", "free_space"}) json.erase(later);
-  inputs_.planes_options_json = json.dump();
+  describe(engine.empty() ? engine_text(options_, probe.backend(), arguments_) : engine);
   step_ = plan_step(workspace_.record(), inputs_);
   for (workspace::StepKeyframe& it : inputs_.keyframes) std::vector<Landmark>().swap(it.keyframe.landmarks);
   shortcuts_ = find_shortcuts();
@@ -250,15 +267,6 @@ std::unique_ptr<Densifier> WorkspaceStep::points_densifier(
                                      planes_are_there ? final_planes() : find_shortcuts());
 }
 
-/// For a run that goes on after a kill. From a GPU planes come faster than a disk takes them, and are made again in
-/// less time than it takes to read and check them.
-bool WorkspaceStep::is_worth_keeping(const PlaneMap& planes) {
-  constexpr double kMostBytesPerSecond = 100e6;
-  constexpr std::size_t kPlaneBytes = 4 * sizeof(float);
-  bytes_made_ += static_cast<double>(kPlaneBytes * planes.x.size());
-  return bytes_made_ < kMostBytesPerSecond * std::chrono::duration<double>(Clock::now() - begin_).count();
-}
-
 void WorkspaceStep::save(const PlaneMap& planes) const {
   const Spent spent(time_);
   workspace_.save_planes(step_.keyframes.at(planes.keyframe_id).planes_file, planes);
@@ -278,9 +286,8 @@ void WorkspaceStep::join(bool is_repeated) {
 
 std::unique_ptr<Densifier> WorkspaceStep::densifier(DensifierCallbacks callbacks) {
   take_cloud_ = callbacks.cloud;
-  begin_ = Clock::now();
   callbacks.planes = [this](const PlaneMap& planes) {
-    if (!arguments_.delete_workspace || is_worth_keeping(planes)) save(planes);
+    if (!arguments_.delete_workspace || pace_.is_worth_keeping(planes)) save(planes);
   };
   callbacks.cloud = [this](const KeyframeCloud& cloud) {
     hand_on_until(cloud.keyframe_id);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -15,6 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "plane_keeper.h"
 #include "pmsp/densifier.h"
 #include "pmsp/executor.h"
 #include "pmsp/io/image_source.h"
@@ -39,6 +39,10 @@ class WorkspaceStep {
   /// Takes stock of the images; returns the keyframes whose images must be looked at. `unreadable` have none.
   std::set<std::int64_t> new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable);
   void look_at(const Keyframe& keyframe);  ///< with its image
+
+  /// The name of this step where nothing lies in the workspace, for a run that does not need to know more. `densifier`:
+  /// that of the run.
+  std::string name_of_run(const ImageSource& source, const Densifier& densifier);
 
   /// What a shard has seen of a new image, in place of looking at it; returns whether one has.
   bool find_look(std::int64_t keyframe_id);
@@ -93,12 +97,10 @@ class WorkspaceStep {
   nlohmann::ordered_json report() const;
 
  private:
-  using Clock = std::chrono::steady_clock;
-
+  void describe(const std::string& engine);
   void hand_on_until(std::optional<std::int64_t> keyframe_id);
   Shortcuts find_shortcuts() const;
   Shortcuts final_planes() const;
-  bool is_worth_keeping(const PlaneMap& planes);
   void save(const PlaneMap& planes) const;
   void save(const KeyframeCloud& cloud) const;
 
@@ -117,8 +119,7 @@ class WorkspaceStep {
   Shortcuts shortcuts_;
   bool is_joined_ = false;
   bool is_repeated_ = false;
-  Clock::time_point begin_;  ///< of the densifier, and
-  double bytes_made_ = 0.0;  ///< of planes since then
+  PlanesPace pace_;
   TakeCloud take_cloud_;
   std::size_t next_ = 0;  ///< entry of the plan whose cloud comes next
 };

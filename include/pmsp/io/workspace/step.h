@@ -74,6 +74,13 @@ constexpr double kMovedMove = 3.0;
 /// And relative to keyframes that its points depend on before these are asked again [px].
 constexpr double kPointsMove = 0.1;
 
+/// The name of the step from this record with these inputs. How sharp images are has no say in it: that follows from
+/// the rest.
+PMSP_API std::string step_name(const Record& record, const StepInputs& inputs);
+
+/// Of the file with the planes of a keyframe that the step makes.
+PMSP_API std::string planes_name(std::int64_t keyframe_id, const std::string& step);
+
 /// Decides a step: a pure function. Planes are kept where image, mask, options and engine are the same and the
 /// keyframe has hardly moved relative to those that it was matched with; refined where it has been given other
 /// neighbours, or has moved a little; made anew else. Scales that a monocular SLAM's loop closure has changed are found

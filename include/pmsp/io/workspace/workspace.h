@@ -59,6 +59,9 @@ class PMSP_API Workspace {
   /// Of a file's bytes; remembered while its size and time stay. Throws IoError.
   std::string fingerprint(const std::filesystem::path& file);
 
+  /// Whether no step was finished here, and none has left anything.
+  bool is_blank() const;
+
   /// What an interrupted run of this step has left.
   bool has_planes(const StepKeyframePlan& keyframe) const;
   bool has_points(const StepKeyframePlan& keyframe) const;
