@@ -203,9 +203,8 @@ void add_run_outputs(CLI::App& app, Arguments& a) {
   app.add_flag(
          "--delete-workspace", a.delete_workspace,
          "Delete the workspace when the cloud is there. It serves to go on after a kill, and keeps planes only (16 "
-         "bytes a pixel of the depth maps); none where they come at more than 100 MB/s, as from a GPU, which makes "
-         "them "
-         "anew in less time than they are read")
+         "bytes a pixel of the depth maps); none that come at more than 100 MB/s, as from a GPU: it makes them anew in "
+         "less time than they are read")
       ->group(group);
   app.add_flag("--growing", a.growing,
                "With --workspace: more keyframes will come; the newest make do with fewer passes until a run without "
