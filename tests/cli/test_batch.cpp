@@ -12,8 +12,6 @@
 
 #include "batch_run.h"
 #include "cli/command.h"
-#include "memory_shares.h"
-#include "pmsp/devices.h"
 #include "report_page.h"
 
 using namespace pmsp_test;
@@ -289,84 +287,6 @@ TEST_CASE("missions whose memory is not there wait for others, and are made then
     CHECK(missions.batch().code == 7);
     CHECK(missions.status(second)["state"] == "done");
   }
-}
-
-TEST_CASE("memory of the host is shared out among missions, who is alone gets what it needs", "[batch]") {
-  pmsp::tool::MemoryNeed need;
-  need.host = 60.0;
-  pmsp::tool::MemoryShares shares(100.0);
-  const auto first = shares.take(need);
-  REQUIRE(first);
-  CHECK_FALSE(shares.take(need));
-  CHECK(shares.take({}));  // nobody knows what it needs
-  need.host = 40.0;
-  CHECK(shares.take(need));
-  shares.give_back(*first);
-  CHECK(shares.take(need));
-  need.host = 1000.0;
-  CHECK_FALSE(shares.take(need));
-  CHECK(pmsp::tool::MemoryShares(100.0).take(need));
-}
-
-TEST_CASE("memory of GPUs is shared out among the missions that each of them has", "[batch]") {
-  constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
-  pmsp::tool::MemoryNeed need;
-  need.host = 50.0 * kGiB;
-  need.gpu_host = 1.0 * kGiB;
-  need.device = 5.0 * kGiB;
-  need.device_least = 2.0 * kGiB;
-  need.device_free = 8.0 * kGiB;
-  need.devices = {0};
-  pmsp::tool::MemoryShares shares(4.0 * kGiB);
-  const auto first = shares.take(need);
-  REQUIRE(first);
-  CHECK(first->host == need.gpu_host);  // what it would take on the CPU is no matter
-  CHECK(first->devices == need.devices);
-  need.device_free = 3.0 * kGiB;  // while the first one works there
-  CHECK_FALSE(shares.take(need));
-  pmsp::tool::MemoryNeed other = need;
-  other.devices = {1};
-  other.device_free = 8.0 * kGiB;
-  CHECK(shares.take(other));
-  pmsp::tool::MemoryNeed both = other;
-  both.devices = {0, 1};
-  CHECK_FALSE(shares.take(both));
-  shares.give_back(*first);
-  CHECK(shares.take(need));
-
-  // What does not find room on a device has less there, and what not even then does is for the CPU.
-  need.device = 20.0 * kGiB;
-  pmsp::tool::MemoryShares least(100.0 * kGiB);
-  const auto with_scratch = least.take(need);
-  REQUIRE(with_scratch);
-  CHECK(with_scratch->device < 3.0 * kGiB);
-  need.device_least = 10.0 * kGiB;
-  const auto on_cpu = least.take(need);
-  REQUIRE(on_cpu);
-  CHECK(on_cpu->host == need.host);
-  CHECK(on_cpu->devices.empty());
-}
-
-TEST_CASE("what is no answer about memory asks for none, and a host has some", "[batch]") {
-  for (const char* text : {"", "{", "[]", "{\"cpu\": 3}", "pmsp-densify: map.msg: there is no such file"}) {
-    const pmsp::tool::MemoryNeed need = pmsp::tool::memory_need_from(text);
-    CHECK(need.host == 0.0);
-    CHECK(need.device_free == 0.0);
-  }
-  const std::string answer =
-      R"({
-  "cpu": {"memory_bytes": 7},
-  "gpu": {"memory_bytes": 1, "device_bytes": 2, "least_device_bytes": 3, "free_device_bytes": 4, "devices": [1, 0]}
-}
-)";
-  for (const std::string& log : {answer, "[h264] no frame {\n" + answer}) {
-    const pmsp::tool::MemoryNeed need = pmsp::tool::memory_need_from(log);
-    CHECK(need.host == 7.0);
-    CHECK(need.device_free == 4.0);
-    CHECK(need.devices == std::vector<int>{1, 0});
-  }
-  CHECK(pmsp::tool::free_host_memory() > 1e6);
-  CHECK(pmsp::free_device_memory(255) == 0);  // there is none
 }
 
 TEST_CASE("a table and JSON lines say the same") {
