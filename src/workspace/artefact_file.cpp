@@ -180,8 +180,6 @@ std::unique_ptr<AtomicFile> planes_file(const std::filesystem::path& path, const
   return file.finish();
 }
 
-void write_planes(const std::filesystem::path& path, const PlaneMap& planes) { planes_file(path, planes)->commit(); }
-
 PlaneMap read_planes(const std::filesystem::path& path) {
   Reader file(path, kPlanes);
   const std::int64_t id = file.get<std::int64_t>();
@@ -209,8 +207,6 @@ std::unique_ptr<AtomicFile> points_file(const std::filesystem::path& path, const
   file.put_all(cloud.window_ids);
   return file.finish();
 }
-
-void write_points(const std::filesystem::path& path, const KeyframeCloud& cloud) { points_file(path, cloud)->commit(); }
 
 KeyframeCloud read_points(const std::filesystem::path& path) {
   Reader file(path, kPoints);

@@ -59,7 +59,7 @@ KeyframeCloud some_points(bool with_keys) {
 TEST_CASE("planes and points come back from their files as they were") {
   const TempDir dir;
   const PlaneMap planes = some_planes();
-  write_planes(dir / "p", planes);
+  planes_file(dir / "p", planes)->commit();
   const PlaneMap same = read_planes(dir / "p");
   CHECK(same.keyframe_id == planes.keyframe_id);
   CHECK(same.pose() == planes.pose());
@@ -70,7 +70,7 @@ TEST_CASE("planes and points come back from their files as they were") {
   CHECK(same.score.pixels() == planes.score.pixels());
   for (const bool with_keys : {false, true}) {
     const KeyframeCloud cloud = some_points(with_keys);
-    write_points(dir / "c", cloud);
+    points_file(dir / "c", cloud)->commit();
     const KeyframeCloud back = read_points(dir / "c");
     CHECK(back.keyframe_id == cloud.keyframe_id);
     CHECK(back.pose() == cloud.pose());
@@ -92,8 +92,8 @@ TEST_CASE("planes and points come back from their files as they were") {
 
 TEST_CASE("a damaged file is refused wherever the damage is, and named") {
   const TempDir dir;
-  write_planes(dir / "planes", some_planes());
-  write_points(dir / "points", some_points(true));
+  planes_file(dir / "planes", some_planes())->commit();
+  points_file(dir / "points", some_points(true))->commit();
   const std::string planes = read_text(dir / "planes");
   const std::string points = read_text(dir / "points");
   for (std::size_t at = 0; at < planes.size(); at += 13) {

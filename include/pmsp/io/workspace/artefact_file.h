@@ -23,12 +23,9 @@ struct Look {
 
 /// All is in the file, but it is not in its place: that `commit` does, which waits for the disk.
 PMSP_API std::unique_ptr<AtomicFile> planes_file(const std::filesystem::path& path, const PlaneMap& planes);
-PMSP_API std::unique_ptr<AtomicFile> points_file(const std::filesystem::path& path, const KeyframeCloud& cloud);
-
-PMSP_API void write_planes(const std::filesystem::path& path, const PlaneMap& planes);
 PMSP_API PlaneMap read_planes(const std::filesystem::path& path);
 
-PMSP_API void write_points(const std::filesystem::path& path, const KeyframeCloud& cloud);
+PMSP_API std::unique_ptr<AtomicFile> points_file(const std::filesystem::path& path, const KeyframeCloud& cloud);
 PMSP_API KeyframeCloud read_points(const std::filesystem::path& path);
 
 PMSP_API void write_look(const std::filesystem::path& path, const Look& look);
