@@ -159,7 +159,7 @@ TEST_CASE("a workspace that is to be deleted serves until the cloud is there") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   require_ok(densify(quick_run(dir / "plain.ply")));
-  const auto words = step(dir, {"--delete-workspace"});
+  const auto words = step(dir, {"--delete-workspace", "--threads", "1"});
   run_with_kills(words, kKills, random);
   CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));
   CHECK_FALSE(fs::exists(dir / "work"));

@@ -8,10 +8,10 @@ namespace pmsp::tool {
 ImageLoop::End ImageLoop::operator()(const InterruptGuard& guard) const {
   End end;
   for (;; ++end.images) {
-    std::optional<TimeAccount::Scope> waiting;
-    if (time != nullptr) waiting.emplace(*time, Busy::kWait);
-    ImageReader::Read read = images.next();
-    waiting.reset();
+    ImageReader::Read read = [this] {
+      const TimeAccount::Scope waiting(time, Busy::kWait);
+      return images.next();
+    }();
     if (read.pairing) end.pairing = read.pairing;
     guard.check();
     for (const SkippedKeyframe& skipped : read.skipped) lost(skipped);

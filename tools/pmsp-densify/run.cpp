@@ -51,6 +51,7 @@ class Run {
   Run(const Arguments& arguments, DensifierOptions options, workspace::Workspace* workspace, bool growing,
       const Merge* merge = nullptr, LiveView* live = nullptr, GivenDepths* given = nullptr)
       : arguments_(arguments),
+        workspace_(workspace),
         growing_(growing),
         merge_(merge),
         live_(live),
@@ -101,7 +102,7 @@ class Run {
     }
     if (given_ != nullptr) look_at_given(options);
     if (!arguments.no_verify) verifier_ = std::make_unique<PairingVerifier>(map_);
-    if (workspace != nullptr) open_workspace(*workspace, options);
+    if (workspace_ != nullptr) open_workspace(options);
     open_results(options);
     const bool all_images = !step_ && given_ == nullptr;
     // While the device starts. A video would be read up to its first keyframe before an error is told.
@@ -153,8 +154,10 @@ class Run {
     report_.empty_reason = why_empty();
     if (report_.empty_reason.empty()) {
       write_results();
-      if (keeper_) keeper_->remove();
-      if (step_ && arguments_.delete_workspace) step_->remove();
+      if (arguments_.delete_workspace) {
+        const Spent spent(report_.time, Busy::kWorkspace);
+        workspace_->remove();
+      }
     }
     if (!arguments_.stats.empty()) write_file(arguments_.stats, json_text(to_json(report_)));
     tell_end();
@@ -251,17 +254,17 @@ class Run {
     progress_.message(given_->summary());
   }
 
-  void open_workspace(workspace::Workspace& workspace, const DensifierOptions& options) {
-    if (arguments_.delete_workspace && workspace.is_blank()) {
-      keeper_ = std::make_unique<PlaneKeeper>(workspace, arguments_, options, map_, *source_, report_.time);
+  void open_workspace(const DensifierOptions& options) {
+    if (arguments_.delete_workspace && workspace_->is_blank()) {
+      keeper_ = std::make_unique<PlaneKeeper>(*workspace_, arguments_, options, map_, *source_, report_.time);
     } else {
-      open_step(workspace, options);
+      open_step(options);
     }
   }
 
   /// What a workspace lacks. Images that it does not know are looked at first.
-  void open_step(workspace::Workspace& workspace, const DensifierOptions& options) {
-    step_ = std::make_unique<WorkspaceStep>(workspace, arguments_, options, map_, growing_, &report_.time);
+  void open_step(const DensifierOptions& options) {
+    step_ = std::make_unique<WorkspaceStep>(*workspace_, arguments_, options, map_, growing_, &report_.time);
     std::vector<SkippedKeyframe> unreadable;
     const std::set<std::int64_t> fresh = step_->new_images(*source_, unreadable);
     for (const SkippedKeyframe& skipped : unreadable) skip(skipped);
@@ -380,6 +383,7 @@ class Run {
 
   RunReport report_;  ///< its clock runs
   const Arguments& arguments_;
+  workspace::Workspace* const workspace_;
   const bool growing_;
   const Merge* const merge_;
   LiveView* const live_;

@@ -29,14 +29,22 @@ class TimeAccount {
  public:
   class Scope {
    public:
-    Scope(TimeAccount& account, Busy with) : account_(account), before_(account.now_) { account_.turn_to(with); }
-    ~Scope() { account_.turn_to(before_); }
+    Scope(TimeAccount& account, Busy with) : Scope(&account, with) {}
+    /// nullptr = nobody asks.
+    Scope(TimeAccount* account, Busy with) : account_(account) {
+      if (account_ == nullptr) return;
+      before_ = account_->now_;
+      account_->turn_to(with);
+    }
+    ~Scope() {
+      if (account_ != nullptr) account_->turn_to(before_);
+    }
     Scope(const Scope&) = delete;
     Scope& operator=(const Scope&) = delete;
 
    private:
-    TimeAccount& account_;
-    Busy before_;
+    TimeAccount* account_;
+    Busy before_ = Busy::kOther;
   };
 
   /// Up to now.

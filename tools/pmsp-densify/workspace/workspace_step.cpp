@@ -17,6 +17,7 @@
 namespace pmsp::tool {
 namespace {
 
+using Spent = TimeAccount::Scope;
 using workspace::StepKeyframePlan;
 
 /// What a file of a keyframe holds, if it is the keyframe's.
@@ -26,17 +27,6 @@ T own(std::int64_t id, T loaded) {
   throw IoError("the record of the workspace names a file of keyframe " + std::to_string(loaded.keyframe_id) +
                 " as that of keyframe " + std::to_string(id) + "; delete the workspace, or name another one");
 }
-
-/// Counts for the workspace as long as it lives.
-class Spent {
- public:
-  explicit Spent(TimeAccount* time) {
-    if (time != nullptr) scope_.emplace(*time, Busy::kWorkspace);
-  }
-
- private:
-  std::optional<TimeAccount::Scope> scope_;
-};
 
 /// A name for what is seen of an image: whatever that depends on has a say in it.
 std::string look_file(const workspace::StepKeyframe& it) {
@@ -210,7 +200,7 @@ Shortcuts WorkspaceStep::find_shortcuts() const {
     shortcuts.keyframes[id] = {Shortcut::Planes::kResult, it.passes, false};
   }
   shortcuts.load = [this](std::int64_t id) {
-    const Spent spent(time_);
+    const Spent spent(time_, Busy::kWorkspace);
     const StepKeyframePlan& it = step_.keyframes.at(id);
     return own(
         id, workspace_.load_planes(it.has_planes ? workspace_.record().keyframes.at(id).planes->file : it.planes_file));
@@ -268,13 +258,13 @@ std::unique_ptr<Densifier> WorkspaceStep::points_densifier(
 }
 
 void WorkspaceStep::save(const PlaneMap& planes) const {
-  const Spent spent(time_);
+  const Spent spent(time_, Busy::kWorkspace);
   workspace_.save_planes(step_.keyframes.at(planes.keyframe_id).planes_file, planes);
 }
 
 void WorkspaceStep::save(const KeyframeCloud& cloud) const {
   if (arguments_.delete_workspace) return;  // of planes they are made in no time
-  const Spent spent(time_);
+  const Spent spent(time_, Busy::kWorkspace);
   workspace_.save_points(step_.keyframes.at(cloud.keyframe_id).points_file, cloud);
 }
 
@@ -300,7 +290,7 @@ std::unique_ptr<Densifier> WorkspaceStep::densifier(DensifierCallbacks callbacks
 
 /// Clouds that are there and come before this keyframe's; nullopt = all.
 void WorkspaceStep::hand_on_until(std::optional<std::int64_t> keyframe_id) {
-  const Spent spent(time_);
+  const Spent spent(time_, Busy::kWorkspace);
   for (; next_ < step_.plan.entries.size() && step_.plan.entries[next_].id != keyframe_id; ++next_) {
     const std::int64_t id = step_.plan.entries[next_].id;
     if (there_.count(id) == 0) continue;
@@ -319,13 +309,8 @@ double WorkspaceStep::scale_of(std::int64_t keyframe_id) const {
 
 void WorkspaceStep::finish() { hand_on_until(std::nullopt); }
 
-void WorkspaceStep::remove() {
-  const Spent spent(time_);
-  workspace_.remove();
-}
-
 void WorkspaceStep::commit(std::size_t lenses_looked_at) {
-  const Spent spent(time_);
+  const Spent spent(time_, Busy::kWorkspace);
   workspace::Record record = record_of(step_, inputs_, workspace_.record());
   record.map = relative_text(arguments_.map, arguments_.workspace);
   record.images = relative_text(arguments_.images.empty() ? arguments_.video : arguments_.images, arguments_.workspace);

@@ -14,7 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
-#include "plane_keeper.h"
+#include "planes_pace.h"
 #include "pmsp/densifier.h"
 #include "pmsp/executor.h"
 #include "pmsp/io/image_source.h"
@@ -82,8 +82,6 @@ class WorkspaceStep {
   void finish();
   /// `lenses_looked_at`: keyframes with an image, where this run has estimated the distance of the lenses; else 0.
   void commit(std::size_t lenses_looked_at);
-  /// With --delete-workspace, in place of `commit`, when the cloud is there.
-  void remove();
 
   /// Calls `take(id, width, height)` for each image of the mission.
   template <class Take>

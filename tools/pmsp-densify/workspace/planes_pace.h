@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <chrono>
+#include <optional>
+
+#include "pmsp/plane_map.h"
+
+namespace pmsp::tool {
+
+/// Whether planes are worth keeping for a run after a kill: from a GPU they come faster than a disk takes them, and are
+/// made again in less time than it takes to read and check them.
+class PlanesPace {
+ public:
+  bool is_worth_keeping(const PlaneMap& planes);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  std::optional<Clock::time_point> first_;  ///< when the first ones came, which tell no pace, and
+  double bytes_ = 0.0;                      ///< of planes since then
+};
+
+}  // namespace pmsp::tool
