@@ -35,6 +35,7 @@ Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, 
   results_.raw_depth = callbacks_.raw_depth;
   results_.filtered_depth = callbacks_.filtered_depth;
   results_.planes = callbacks_.planes;
+  results_.wants_planes = callbacks_.wants_planes;
   if (callbacks_.cloud) {
     results_.cloud = [this](const KeyframeCloud& cloud) {
       stats_.points += static_cast<std::int64_t>(cloud.points.size());

@@ -22,7 +22,8 @@ namespace pmsp {
 struct EngineResults {
   std::function<void(const DepthMap&)> raw_depth;       ///< after the last pass of PatchMatch
   std::function<void(const DepthMap&)> filtered_depth;  ///< after the consistency filter
-  std::function<void(const PlaneMap&)> planes;          ///< after the last pass and the median filter
+  std::function<void(const PlaneMap&)> planes;          ///< after the last pass and the median filter, of those that
+  std::function<bool(std::int64_t id)> wants_planes;    ///< names; not set: of all
   std::function<void(const KeyframeCloud&)> cloud;
 };
 

@@ -619,10 +619,15 @@ class StageEngine final : public Engine {
           stats.pixels_matched += numbers[1];
           stats.pixels_after_median += numbers[2];
         });
-    if (context_.results.planes && !cancelled()) {
+    if (wants_planes(reference.id)) {
       on.hand_out_planes(reference.id, reference.pose, median, context_.results.planes);
     }
     reference.median.put(std::move(median), on.plane_numbers());
+  }
+
+  bool wants_planes(std::int64_t id) const {
+    const EngineResults& to = context_.results;
+    return to.planes && !cancelled() && (!to.wants_planes || to.wants_planes(id));
   }
 
   void find_ranges(StageFrame& frame, const kernels::FilteredMap<Map>& map, Processor& on) {

@@ -61,6 +61,8 @@ struct DensifierCallbacks {
   /// After the last pass and the median filter, for Shortcuts: of all keyframes that are matched, those too that a
   /// given plan's results merely depend on. In the order in which they are made.
   std::function<void(const PlaneMap&)> planes;
+  /// Whether `planes` is to be called for this keyframe, whose planes are about to be made. Not set: for each.
+  std::function<bool(std::int64_t keyframe_id)> wants_planes;
   /// What each keyframe is used for, and which others its results depend on, once nothing changes it any more. Not with
   /// a given plan.
   std::function<void(const PlanEntry&)> planned;

@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <random>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -115,6 +116,36 @@ TEST_CASE("with all planes there nothing is matched, and the points are the same
     CHECK(again.depth_maps == 0);
     CHECK(again.planes.empty());
     CHECK(difference(again.results, whole.results) == "");
+  }
+}
+
+TEST_CASE("planes come of those keyframes of which they are wanted, and change nothing else", "[densifier]") {
+  for (const SmallMission& mission : small_missions()) {
+    INFO(mission.name);
+    const Plan plan = plan_of(mission);
+    const Ids all = with_depth_map(plan);
+    const Outcome whole = run_with(mission, plan, all, {});
+    Ids asked;
+    Maps planes;
+    Recording recording;
+    DensifierCallbacks callbacks = recording.callbacks();
+    callbacks.raw_depth = nullptr;
+    callbacks.wants_planes = [&](std::int64_t id) {
+      asked.push_back(id);
+      return id % 2 == 0;
+    };
+    callbacks.planes = [&](const PlaneMap& map) { CHECK(planes.emplace(map.keyframe_id, map).second); };
+    Densifier densifier(mission.options, plan, all, callbacks);
+    for (const std::int64_t id : densifier.images()) densifier.add(keyframe_of(mission, id));
+    densifier.flush();
+    CHECK(difference(by_id(recording), whole.results) == "");
+    CHECK(std::set<std::int64_t>(asked.begin(), asked.end()).size() == asked.size());
+    CHECK(asked.size() == whole.planes.size());
+    for (const auto& [id, map] : whole.planes) {
+      INFO(id);
+      CHECK(planes.count(id) == (id % 2 == 0 ? 1U : 0U));
+      if (planes.count(id) != 0) CHECK(same_planes(planes.at(id), map));
+    }
   }
 }
 

@@ -293,7 +293,10 @@ class Run {
 
   DensifierCallbacks callbacks() {
     DensifierCallbacks callbacks = results_->callbacks();
-    if (keeper_) callbacks.planes = [this](const PlaneMap& planes) { keeper_->keep(planes, *densifier_); };
+    if (keeper_) {
+      callbacks.wants_planes = [this](std::int64_t /*keyframe_id*/) { return keeper_->wants_planes(*densifier_); };
+      callbacks.planes = [this](const PlaneMap& planes) { keeper_->keep(planes, *densifier_); };
+    }
     callbacks.worked = [this] { progress_.standing(standing()); };
     return callbacks;
   }

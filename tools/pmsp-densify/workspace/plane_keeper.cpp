@@ -9,8 +9,9 @@ PlaneKeeper::PlaneKeeper(workspace::Workspace& workspace, const Arguments& argum
                          const SlamMap& map, const ImageSource& source, TimeAccount& time)
     : workspace_(workspace), arguments_(arguments), options_(options), map_(map), source_(source), time_(time) {}
 
+bool PlaneKeeper::wants_planes(const Densifier& densifier) { return pace_.is_worth_keeping(densifier.options()); }
+
 void PlaneKeeper::keep(const PlaneMap& planes, const Densifier& densifier) {
-  if (!pace_.is_worth_keeping(planes)) return;
   const TimeAccount::Scope spent(time_, Busy::kWorkspace);
   if (step_.empty()) {
     WorkspaceStep step(workspace_, arguments_, options_, map_, false, nullptr);

@@ -21,7 +21,8 @@ class PlaneKeeper {
   PlaneKeeper(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
               const SlamMap& map, const ImageSource& source, TimeAccount& time);
 
-  /// `densifier`: that which makes them.
+  /// For DensifierCallbacks. `densifier`: that which makes them.
+  bool wants_planes(const Densifier& densifier);
   void keep(const PlaneMap& planes, const Densifier& densifier);
 
  private:

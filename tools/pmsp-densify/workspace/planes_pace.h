@@ -4,7 +4,7 @@
 #include <chrono>
 #include <optional>
 
-#include "pmsp/plane_map.h"
+#include "pmsp/options.h"
 
 namespace pmsp::tool {
 
@@ -12,12 +12,13 @@ namespace pmsp::tool {
 /// made again in less time than it takes to read and check them.
 class PlanesPace {
  public:
-  bool is_worth_keeping(const PlaneMap& planes);
+  /// Asked for each keyframe whose planes are about to be made. `options`: those in force.
+  bool is_worth_keeping(const DensifierOptions& options);
 
  private:
   using Clock = std::chrono::steady_clock;
 
-  std::optional<Clock::time_point> first_;  ///< when the first ones came, which tell no pace, and
+  std::optional<Clock::time_point> first_;  ///< when the first ones were made, which tell no pace, and
   double bytes_ = 0.0;                      ///< of planes since then
 };
 

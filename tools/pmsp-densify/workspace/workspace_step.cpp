@@ -276,9 +276,10 @@ void WorkspaceStep::join(bool is_repeated) {
 
 std::unique_ptr<Densifier> WorkspaceStep::densifier(DensifierCallbacks callbacks) {
   take_cloud_ = callbacks.cloud;
-  callbacks.planes = [this](const PlaneMap& planes) {
-    if (!arguments_.delete_workspace || pace_.is_worth_keeping(planes)) save(planes);
-  };
+  if (arguments_.delete_workspace) {
+    callbacks.wants_planes = [this](std::int64_t /*keyframe_id*/) { return pace_.is_worth_keeping(options_); };
+  }
+  callbacks.planes = [this](const PlaneMap& planes) { save(planes); };
   callbacks.cloud = [this](const KeyframeCloud& cloud) {
     hand_on_until(cloud.keyframe_id);
     save(cloud);
