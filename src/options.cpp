@@ -61,6 +61,10 @@ void FreeSpaceOptions::validate() const { check(&DensifierOptions::free_space, *
 
 void DensifierOptions::validate() const {
   check(*this, "");
+  if (expected_keyframes < 0) {
+    throw InvalidOption("expected_keyframes is " + std::to_string(expected_keyframes) +
+                        "; expected 0 (not known) or more");
+  }
   view_filter.validate();
   patchmatch.validate();
   consistency.validate();

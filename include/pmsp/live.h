@@ -47,7 +47,7 @@ struct PMSP_API LiveOptions {
   /// Size, quality, seed, backend. With `free_space.whole_mission` points of a place that several keyframes see are
   /// made by one of them, wherever these are; else only neighbours are asked, and keyframes that a loop closure brings
   /// together.
-  /// `unordered`, `pipelined` and `scratch_folder` do not apply.
+  /// `unordered`, `pipelined`, `scratch_folder` and `expected_keyframes` do not apply.
   DensifierOptions densifier = preset(Quality::kOnline);
   /// Of the worker threads, on Linux, 0 to 19, as of the command `nice`; 19: they run only where a core is idle. More
   /// than 0: on a GPU, at the lowest priority.

@@ -51,7 +51,7 @@ struct PMSP_API OptionEntry {
   void check(const DensifierOptions& options) const;
 };
 
-/// All fields of DensifierOptions but `scratch_folder`, stage by stage.
+/// All fields of DensifierOptions but `scratch_folder` and `expected_keyframes`, stage by stage.
 PMSP_API const std::vector<OptionEntry>& option_table();
 
 /// nullptr when there is none.

@@ -175,6 +175,9 @@ struct PMSP_API DensifierOptions {
   /// passed again (2.5 bytes a pixel), and in unordered sets for all that waits; "" = in memory. With CUDA it is used
   /// for sets, and for flights that would not find room on the device. It changes no byte of the result.
   std::string scratch_folder;
+  /// How many keyframes will come; 0 = not known. With CUDA, backend and scratch folder are chosen by the memory that
+  /// so many take, or else a long flight. It changes no byte of the result.
+  std::int64_t expected_keyframes = 0;
   /// Distance of the camera's two lenses along its forward axis, -1e12 to 1e12 [scene units; with LiveDensifier in the
   /// unit that the SLAM had when the keyframe came]: the forward half of the panorama (z > 0) is seen from half of it
   /// in front of the camera's centre, the other half from as much behind it, as where two fisheye images are stitched

@@ -4,84 +4,81 @@
 #include <algorithm>
 
 #include "fusion/fusion_setup.h"
-#include "ownership.h"
+#include "rehearsal.h"
 #include "schedule.h"
 #include "sphere/cube_map.h"
 
 namespace pmsp {
 namespace {
 
-/// Of the largest images that are usual; those to come are not known when memory is asked for.
-constexpr std::size_t kCameraPixels = std::size_t{5760} * 2880;
+/// Of which each one finds what those before have let go of.
+constexpr std::int64_t kLongFlight = std::int64_t{1} << 40;
 
-std::size_t cube_texels(int width) {
-  const std::size_t side = static_cast<std::size_t>(cube_size_for(width));
-  return 6 * side * side;
+/// Of images whose width is not known: of the largest that are usual.
+double camera_pixels(int width) {
+  return width == kAnyImageWidth ? 5760.0 * 2880.0 : static_cast<double>(width) * width / 2.0;
 }
 
-/// Of one keyframe (see StageEngine). `texels`: of the image as it is compared; the mask's have the size of the pixels.
-std::size_t bytes_of(Artefact artefact, const DensifierOptions& options, std::size_t pixels, std::size_t texels) {
-  switch (artefact) {
-    case Artefact::kImage:
-      return (options.devices.size() < 2 ? 2 : 4) * texels + cube_texels(options.width);  // packed for others, too
-    case Artefact::kColor:
-      return 4 * pixels;
-    case Artefact::kLandmarks:
-      return 0;
-    case Artefact::kPlanes:
-      if (options.patchmatch.geometric_passes == 0) return 16 * pixels;
-      return (32 + (options.patchmatch.plane_priors ? 8 : 0)) * pixels;  // what the picture tells, too
-    case Artefact::kMedian:
-      return 16 * pixels;
-    case Artefact::kFiltered:
-      return 4 * pixels;
-    case Artefact::kRangeMap:
-      return 2 * pixels;
-    case Artefact::kSurfels:
-      return (3 * 4 + 2 + static_cast<std::size_t>(agree_bytes(options.fusion))) * pixels;
-  }
-  return 0;
+double cube_texels(int width) {
+  const double side = cube_size_for(width);
+  return 6.0 * side * side;
 }
 
 /// How many keyframes more have an artefact where several devices share the work: they do a task of each stage at a
 /// time, and a stage waits for one keyframe more. What waits for the rest of a mission is dealt out to them.
-std::int64_t keyframes_more(const Lifetime& lifetime, const DensifierOptions& options) {
-  const bool waits_long = lifetime.artefact == Artefact::kRangeMap || lifetime.artefact == Artefact::kSurfels;
-  if (options.devices.size() < 2 || waits_long) return 0;
+double keyframes_more(Artefact artefact, const Schedule& schedule, const DensifierOptions& options) {
+  if (options.devices.size() < 2) return 0.0;
   std::size_t last = 0;
-  for (const Lifetime::Reader& reader : lifetime.readers) last = std::max(last, reader.stage);
-  return 2 * static_cast<std::int64_t>(last);
+  for (const Lifetime& lifetime : schedule.lifetimes()) {
+    if (lifetime.artefact != artefact) continue;
+    for (const Lifetime::Reader& reader : lifetime.readers) last = std::max(last, reader.stage);
+  }
+  return 2.0 * static_cast<double>(last);
 }
 
 }  // namespace
 
 std::size_t device_memory_needed(const DensifierOptions& options, int image_width) {
-  const std::size_t pixels = static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);
+  const double pixels = static_cast<double>(options.width) * options.height;
   const ImageSize compared = compared_size(image_width, options.width, options.height, options.patchmatch.image_scale);
-  const std::size_t texels = cube_texels(compared.width);
-  const Schedule schedule(options, true);
-  std::size_t bytes = 0;
-  for (const Lifetime& lifetime : schedule.lifetimes()) {
-    const std::int64_t keyframes = lifetime.keyframes + keyframes_more(lifetime, options);
-    bytes += static_cast<std::size_t>(keyframes) * bytes_of(lifetime.artefact, options, pixels, texels);
+  const double image =
+      (options.devices.size() < 2 ? 2.0 : 4.0) * cube_texels(compared.width) +  // packed for others, too
+      cube_texels(options.width);                                               // the mask
+  const bool waits_in_file = !options.scratch_folder.empty();
+  const std::int64_t used = options.expected_keyframes > 0 ? options.expected_keyframes : kLongFlight;
+
+  Rehearsal rehearsal(options);
+  const auto with_more = [&](double held, Artefact artefact) {
+    const double more = keyframes_more(artefact, rehearsal.schedule(), options);
+    return held > 0.0 ? std::max(held, std::min(held + more, static_cast<double>(used))) : 0.0;
+  };
+  // What keyframes have. Memory of one size is not used again for another.
+  double images = 0.0, of16 = 0.0, of8 = 0.0, of4 = 0.0, of1 = 0.0;
+  rehearsal.run(used, [&](const Rehearsal::Held& all) {
+    const double surfels = waits_in_file ? 0.0 : all.surfels;
+    const double range_maps = waits_in_file ? 0.0 : all.range_maps;
+    const double planes = with_more(all.planes, Artefact::kPlanes) + with_more(all.medians, Artefact::kMedian);
+    const double words = with_more(all.colors, Artefact::kColor) + with_more(all.filtered, Artefact::kFiltered) +
+                         3.0 * surfels;  // surfel, details, and who is still to be asked
+    images = std::max(images, image * with_more(all.images, Artefact::kImage));
+    of16 = std::max(of16, 16.0 * pixels * planes);
+    of8 = std::max(of8, 8.0 * pixels * with_more(all.evidence, Artefact::kPlanes));
+    of4 = std::max(of4, 4.0 * pixels * words);
+    of1 = std::max(of1, pixels * (2.0 * range_maps + (2.0 + agree_bytes(options.fusion)) * surfels));
+  });
+  double bytes = images + of16 + of8 + of4 + of1;
+  if (waits_in_file) {               // copies of what a stage looks at
+    constexpr double kOfMost = 6.0;  // of a viewer: range map, surfels and standings; a pool keeps each size apart
+    bytes += (kernels::kMaxViewers * kOfMost + 3.0 * 4.0 + 2.0 + agree_bytes(options.fusion)) * pixels;
   }
-  if (!options.scratch_folder.empty()) {  // what waits is there, but for copies of what a stage looks at
-    for (const Artefact artefact : {Artefact::kRangeMap, Artefact::kSurfels}) {
-      bytes -=
-          static_cast<std::size_t>(schedule.keyframes_with(artefact)) * bytes_of(artefact, options, pixels, texels);
-    }
-    constexpr std::size_t kOfMost = 6;  // of a viewer: range map, surfels and standings; a pool keeps each size apart
-    bytes += (kernels::kMaxViewers * kOfMost + bytes_of(Artefact::kSurfels, options, 1, 0)) * pixels;
-  }
-  // State, warped planes, keys, masks; what is known of mirrors; gray values.
-  const std::size_t working = (2 * 16 + 2 * 8 + 1 + 2) * pixels + 2 * 4 * static_cast<std::size_t>(compared.width) *
-                                                                      static_cast<std::size_t>(compared.height);
-  const std::size_t priors =
-      options.patchmatch.geometric_passes > 0 && options.patchmatch.plane_priors ? 16 * pixels : 0;
-  const std::size_t copies =
-      (2 * 20 + 2 * 16 + 2 * 40 + 2) * pixels;  // depth maps, planes and points on their way down
-  const std::size_t uploads = 2 * (3 + 1) * std::max(pixels, kCameraPixels);
-  return bytes + working + priors + copies + uploads;
+  // A stage's own: state, result, and what passes begin with; keys, what the picture tells; masks; what is known of
+  // mirrors; gray values.
+  const double working = (5.0 * 16.0 + 2.0 * 8.0 + 8.0 + 1.0 + 2.0) * pixels +
+                         2.0 * 4.0 * static_cast<double>(compared.width) * compared.height;
+  const double copies = (2.0 * 20.0 + 2.0 * 16.0 + 2.0 * 40.0 + 2.0) * pixels;  // depth maps, planes and points on
+                                                                                // their way down
+  const double uploads = 2.0 * (3.0 + 1.0) * std::max(pixels, camera_pixels(image_width));
+  return static_cast<std::size_t>(bytes + working + copies + uploads);
 }
 
 }  // namespace pmsp

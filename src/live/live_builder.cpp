@@ -35,6 +35,7 @@ DensifierOptions suitable(DensifierOptions options) {
   options.unordered = false;
   options.pipelined = false;
   options.scratch_folder.clear();
+  options.expected_keyframes = 0;
   options.free_space.whole_mission = false;
   return options;
 }

@@ -29,6 +29,7 @@ DensifierOptions preview_options(const DensifierOptions& final) {
   options.unordered = false;
   options.pipelined = false;
   options.scratch_folder.clear();
+  options.expected_keyframes = 0;
   options.patchmatch.neighbours = kNeighbours;
   options.patchmatch.iterations = 1;
   options.patchmatch.geometric_passes = 0;

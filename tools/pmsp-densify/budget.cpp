@@ -118,6 +118,14 @@ int threads_of(const DensifierOptions& options) { return options.threads > 0 ? o
 
 }  // namespace
 
+DeviceBudget estimate_device(DensifierOptions options, std::int64_t used, int image_width) {
+  options.expected_keyframes = used;
+  options.scratch_folder.clear();
+  const double all = static_cast<double>(device_memory_needed(options, image_width));
+  options.scratch_folder = "beside the cloud";
+  return {all, std::min(all, static_cast<double>(device_memory_needed(options, image_width)))};
+}
+
 MemoryBudget estimate_memory(const SlamMap& map, DensifierOptions options, std::int64_t used, int image_width,
                              int image_height) {
   options.scratch_folder = options.free_space.whole_mission ? "beside the cloud" : "";
@@ -130,10 +138,7 @@ MemoryBudget estimate_memory(const SlamMap& map, DensifierOptions options, std::
   memory.scratch = densifier.scratch;
   memory.host = kProcess + of_map + image * (ahead + 3) + densifier.memory;
   memory.gpu_host = kGpuProcess + of_map + 3.0 * image * ahead;  // twice while it is decoded, and in heaps
-  options.scratch_folder.clear();
-  memory.gpu = static_cast<double>(device_memory_needed(options, image_width));
-  options.scratch_folder = "beside the cloud";
-  memory.gpu_least = std::min(memory.gpu, static_cast<double>(device_memory_needed(options, image_width)));
+  memory.device = estimate_device(options, used, image_width);
   return memory;
 }
 

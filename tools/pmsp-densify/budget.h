@@ -11,14 +11,22 @@
 
 namespace pmsp::tool {
 
+/// Memory of a GPU [bytes].
+struct DeviceBudget {
+  double all = 0.0;
+  double least = 0.0;  ///< where what waits lies in the scratch folder
+};
+
 /// Memory that a run is expected to take at the most [bytes].
 struct MemoryBudget {
-  double scratch = 0.0;    ///< on disk: on the CPU, and on a GPU on which not all finds room
-  double host = 0.0;       ///< on the CPU
-  double gpu_host = 0.0;   ///< the host's, with a GPU
-  double gpu = 0.0;        ///< of a GPU
-  double gpu_least = 0.0;  ///< of one that puts into the scratch folder what waits
+  double scratch = 0.0;   ///< on disk: on the CPU, and on a GPU on which not all finds room
+  double host = 0.0;      ///< on the CPU
+  double gpu_host = 0.0;  ///< the host's, with a GPU
+  DeviceBudget device;
 };
+
+/// With images of this width. A run, which does not know it, asks for as much as with kAnyImageWidth (pmsp/cost.h).
+DeviceBudget estimate_device(DensifierOptions options, std::int64_t used, int image_width);
 
 /// What is expected of a run with so many keyframes. `options`: with sizes. The same without a plan.
 MemoryBudget estimate_memory(const SlamMap& map, DensifierOptions options, std::int64_t used, int image_width,

@@ -11,6 +11,7 @@
 #include "budget.h"
 #include "image_input.h"
 #include "map_input.h"
+#include "pmsp/cost.h"
 #include "pmsp/devices.h"
 #include "verbs.h"
 
@@ -48,6 +49,7 @@ void print_memory(const Arguments& arguments) {
   if (size.width == 0 && !map.cameras.empty()) size = {map.cameras[0].width, map.cameras[0].height};
   fill_in_size(options, size.width, size.height);
   const MemoryBudget memory = estimate_memory(map, options, keyframes, size.width, size.height);
+  const DeviceBudget asked = estimate_device(options, keyframes, kAnyImageWidth);
   const double pixels = static_cast<double>(options.width) * static_cast<double>(options.height);
   const double workspace = arguments.workspace.empty()
                                ? 0.0
@@ -57,8 +59,8 @@ void print_memory(const Arguments& arguments) {
   const nlohmann::ordered_json json{{"cpu", {{"memory_bytes", whole(memory.host + workspace)}}},
                                     {"gpu",
                                      {{"memory_bytes", whole(memory.gpu_host + workspace + gpu_workspace)},
-                                      {"device_bytes", whole(memory.gpu)},
-                                      {"least_device_bytes", whole(memory.gpu_least)},
+                                      {"device_bytes", whole(asked.all)},
+                                      {"least_device_bytes", whole(asked.least)},
                                       {"devices", devices},
                                       {"free_device_bytes", free_on(devices)}}}};
   std::cout << json.dump(2) << "\n";

@@ -87,6 +87,7 @@ class Run {
     frame_ = find_cloud_frame(arguments.cloud.frame, map_, files);
     report_.keyframes = map_.keyframes.size();
     report_.with_image = source_->keyframe_ids().size();
+    options.expected_keyframes = static_cast<std::int64_t>(report_.with_image);
     announce(about_map);
     if (live_ != nullptr) {
       live_->begin(map_, {map_.path.filename().string() + ": live",

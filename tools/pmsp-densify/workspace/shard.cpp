@@ -84,6 +84,7 @@ class ShardRun {
       progress_.message(sweep_landmarks(map_, arguments_, options_.threads));
     }
     const Lenses lenses = find_lenses(arguments_, options_, map_, *source_, false, workspace_.record());
+    options_.expected_keyframes = static_cast<std::int64_t>(source_->keyframe_ids().size());
     options_.lens_distance = lenses.distance;  // of all shards the same: they look at the same images
     if (lenses.estimated) progress_.message(describe(lenses));
     step_ = std::make_unique<WorkspaceStep>(workspace_, arguments_, options_, map_, false, nullptr);

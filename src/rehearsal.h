@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "schedule.h"
+
+namespace pmsp {
+
+/// The order of work of a flight (see Pipeline), without the work: how many keyframes have what at a time.
+class Rehearsal {
+ public:
+  /// Numbers of keyframes.
+  struct Held {
+    double images = 0.0;
+    double colors = 0.0;
+    double planes = 0.0;    ///< of the pass before, and of the one before that
+    double evidence = 0.0;  ///< of what the picture tells, between passes
+    double medians = 0.0;
+    double filtered = 0.0;
+    double range_maps = 0.0;
+    double surfels = 0.0;
+  };
+
+  explicit Rehearsal(const DensifierOptions& options)
+      : passes_(options.patchmatch.geometric_passes),
+        has_evidence_(passes_ > 0 && options.patchmatch.plane_priors),
+        schedule_(options, true),
+        next_(schedule_.stages().size(), 0),
+        kept_(schedule_.lifetimes().size(), 0) {}
+
+  /// Of so many keyframes; `look` is called with what is held whenever that has changed.
+  template <class Look>
+  void run(std::int64_t keyframes, const Look& look) {
+    std::int64_t enough = 0;  // later keyframes find what those before have let go of
+    for (const Lifetime& lifetime : schedule_.lifetimes()) enough = std::max(enough, 2 * lifetime.keyframes);
+    keyframes = std::min(keyframes, enough);
+    for (end_ = 1; end_ <= keyframes; ++end_) {
+      look(held());
+      advance(false, look);
+    }
+    end_ = keyframes;
+    advance(true, look);
+  }
+
+  const Schedule& schedule() const { return schedule_; }
+
+ private:
+  Held held() const {
+    const std::int64_t matched = through(Stage::Kind::kMatch, passes_);
+    const std::int64_t filtered = through(Stage::Kind::kFilter);
+    Held held;
+    held.images = left(Artefact::kImage, end_);
+    held.colors = left(Artefact::kColor, end_);
+    const double between =
+        passes_ > 0 ? left(Artefact::kPlanes, through(Stage::Kind::kMatch, 1)) - left(Artefact::kPlanes, matched) : 0.0;
+    held.planes = left(Artefact::kPlanes, through(Stage::Kind::kMatch, 0)) + between;
+    held.evidence = has_evidence_ ? between : 0.0;
+    held.medians = left(Artefact::kMedian, matched);
+    held.filtered = left(Artefact::kFiltered, filtered);
+    held.range_maps = left(Artefact::kRangeMap, filtered);
+    held.surfels = left(Artefact::kSurfels, through(Stage::Kind::kFuse));
+    return held;
+  }
+  /// How many keyframes have been through a stage.
+  std::int64_t through(Stage::Kind kind, int step = 0) const {
+    for (std::size_t i = 0; i < next_.size(); ++i) {
+      if (schedule_.stages()[i].kind == kind && schedule_.stages()[i].step == step) return next_[i];
+    }
+    return 0;
+  }
+  /// Of `made` keyframes, the first ones, those that still have the artefact.
+  double left(Artefact artefact, std::int64_t made) const {
+    for (std::size_t k = 0; k < kept_.size(); ++k) {
+      if (schedule_.lifetimes()[k].artefact == artefact) {
+        return static_cast<double>(std::max<std::int64_t>(0, made - kept_[k]));
+      }
+    }
+    return 0.0;
+  }
+  template <class Look>
+  void advance(bool last, const Look& look) {
+    for (std::size_t stage = next_.size(); stage-- > 0;) {
+      if (!is_ready(stage, last)) continue;
+      ++next_[stage];
+      look(held());
+      forget(last);
+      stage = next_.size();  // the last one that has something to do
+    }
+  }
+  bool is_ready(std::size_t at, bool last) const {
+    const Stage& stage = schedule_.stages()[at];
+    const std::int64_t keyframe = next_[at];
+    if (keyframe + (last ? 0 : stage.lead) >= end_) return false;
+    return std::all_of(stage.needs.begin(), stage.needs.end(), [&](const Stage::Need& need) {
+      return next_[need.stage] >= std::min(end_, keyframe + need.ahead + 1);
+    });
+  }
+  void forget(bool last) {
+    for (std::size_t k = 0; k < kept_.size(); ++k) {
+      std::int64_t until = end_;
+      for (const Lifetime::Reader& reader : schedule_.lifetimes()[k].readers) {
+        const std::int64_t at = next_[reader.stage];
+        if (!last || at < end_) until = std::min(until, at - reader.behind);
+      }
+      kept_[k] = std::max(kept_[k], until);
+    }
+  }
+
+  int passes_;
+  bool has_evidence_;
+  Schedule schedule_;
+  std::vector<std::int64_t> next_;  ///< by stage
+  std::vector<std::int64_t> kept_;  ///< by lifetime, the first keyframe that has the artefact
+  std::int64_t end_ = 0;
+};
+
+}  // namespace pmsp
