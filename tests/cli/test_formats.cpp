@@ -47,8 +47,13 @@ std::vector<std::string> run_on(const fs::path& map, const fs::path& images, con
 /// The share of points that another cloud has within 2 % of the room.
 double share_in(const PlyCloud& cloud, const PlyCloud& other) {
   constexpr double kNear = 0.1;
+  std::vector<Eigen::Vector3d> along_x = other.positions;
+  std::sort(along_x.begin(), along_x.end(), [](const auto& a, const auto& b) { return a.x() < b.x(); });
+  const auto first_from = [&](double x) {
+    return std::lower_bound(along_x.begin(), along_x.end(), x, [](const auto& p, double at) { return p.x() < at; });
+  };
   const auto near = std::count_if(cloud.positions.begin(), cloud.positions.end(), [&](const Eigen::Vector3d& point) {
-    return std::any_of(other.positions.begin(), other.positions.end(),
+    return std::any_of(first_from(point.x() - kNear), first_from(point.x() + kNear),
                        [&](const Eigen::Vector3d& p) { return (p - point).squaredNorm() < kNear * kNear; });
   });
   return static_cast<double>(near) / static_cast<double>(cloud.positions.size());
