@@ -74,12 +74,10 @@ class Rehearsal {
   }
   /// Of `made` keyframes, the first ones, those that still have the artefact.
   double left(Artefact artefact, std::int64_t made) const {
-    for (std::size_t k = 0; k < kept_.size(); ++k) {
-      if (schedule_.lifetimes()[k].artefact == artefact) {
-        return static_cast<double>(std::max<std::int64_t>(0, made - kept_[k]));
-      }
-    }
-    return 0.0;
+    const Lifetime* const lifetime = schedule_.lifetime(artefact);
+    if (lifetime == nullptr) return 0.0;
+    const std::int64_t first = kept_[static_cast<std::size_t>(lifetime - schedule_.lifetimes().data())];
+    return static_cast<double>(std::max<std::int64_t>(0, made - first));
   }
   template <class Look>
   void advance(bool last, const Look& look) {

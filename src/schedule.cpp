@@ -76,11 +76,15 @@ void Schedule::keep(Artefact artefact, std::int64_t made_at, std::vector<Lifetim
   lifetimes_.push_back({artefact, std::move(readers), until - made_at + 1});
 }
 
+const Lifetime* Schedule::lifetime(Artefact artefact) const {
+  const auto found = std::find_if(lifetimes_.begin(), lifetimes_.end(),
+                                  [&](const Lifetime& lifetime) { return lifetime.artefact == artefact; });
+  return found == lifetimes_.end() ? nullptr : &*found;
+}
+
 std::int64_t Schedule::keyframes_with(Artefact artefact) const {
-  for (const Lifetime& lifetime : lifetimes_) {
-    if (lifetime.artefact == artefact) return lifetime.keyframes;
-  }
-  return 0;
+  const Lifetime* const found = lifetime(artefact);
+  return found == nullptr ? 0 : found->keyframes;
 }
 
 }  // namespace pmsp

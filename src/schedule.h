@@ -64,6 +64,8 @@ class Schedule {
   const std::vector<Stage>& stages() const { return stages_; }
   const std::vector<Lifetime>& lifetimes() const { return lifetimes_; }
 
+  /// nullptr where nobody asks for it.
+  const Lifetime* lifetime(Artefact artefact) const;
   /// Keyframes that have an artefact at the same time, at most, on one device.
   std::int64_t keyframes_with(Artefact artefact) const;
 
