@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <stdexcept>
 
@@ -7,6 +8,7 @@
 #include "budget.h"
 #include "cli/command.h"
 #include "exit_code.h"
+#include "pmsp/cost.h"
 #include "pmsp/io/plan_io.h"
 
 using namespace pmsp;
@@ -292,10 +294,18 @@ TEST_CASE("run --print-memory says what info says of memory, and runs nothing") 
   CHECK_FALSE(std::filesystem::exists(dir / "cloud.ply"));
   const nlohmann::json said = nlohmann::json::parse(result.out);
   const nlohmann::json predicted = budget_of(inputs);
-  for (const char* key : {"device_bytes", "least_device_bytes"}) {  // for images of any width
-    const double asked = said["gpu"][key].get<double>();
-    CHECK(asked > predicted["gpu"][key].get<double>());
-    CHECK(asked < predicted["gpu"][key].get<double>() + 256e6);
+  DensifierOptions options =
+      preset(Quality::kHigh);  // a device is asked before images are seen: they may be of any width
+  options.width = predicted["width"];
+  options.height = predicted["height"];
+  options.expected_keyframes = predicted["keyframes"];
+  CHECK(said["gpu"]["device_bytes"] == device_memory_needed(options));
+  options.scratch_folder = "somewhere";
+  CHECK(said["gpu"]["least_device_bytes"] ==
+        std::min(device_memory_needed(options), said["gpu"]["device_bytes"].get<std::size_t>()));
+  for (const char* key : {"device_bytes", "least_device_bytes"}) {
+    CHECK(said["gpu"][key].get<double>() > predicted["gpu"][key].get<double>());
+    CHECK(said["gpu"][key].get<double>() < predicted["gpu"][key].get<double>() + 256e6);
   }
   CHECK(said["gpu"]["free_device_bytes"] == 0);                     // of none
   const double memory = said["cpu"]["memory_bytes"].get<double>();  // of all keyframes: who is used is not known yet

@@ -76,6 +76,16 @@ class Rehearsal {
   std::vector<std::int64_t> next_;
 };
 
+std::vector<DensifierOptions> small_presets() {
+  std::vector<DensifierOptions> all;
+  for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh, Quality::kPaper}) {
+    all.push_back(preset(quality));
+    all.back().width = 640;
+    all.back().height = 320;
+  }
+  return all;
+}
+
 }  // namespace
 
 TEST_CASE("no more keyframes hold an artefact than the schedule says, however long the flight", "[schedule]") {
@@ -140,10 +150,7 @@ TEST_CASE("a long flight takes no more memory than a short one", "[schedule][den
 }
 
 TEST_CASE("what a flight takes on the CPU is bounded, and grows with it before") {
-  for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh, Quality::kPaper}) {
-    DensifierOptions options = preset(quality);
-    options.width = 640;
-    options.height = 320;
+  for (DensifierOptions options : small_presets()) {
     for (const char* folder : {"", "somewhere"}) {
       options.scratch_folder = folder;
       const HostMemory few = host_memory_needed(options, 5);
@@ -158,10 +165,7 @@ TEST_CASE("what a flight takes on the CPU is bounded, and grows with it before")
 }
 
 TEST_CASE("a short flight takes less of a device's memory, one that is not known as much as a long one") {
-  for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh, Quality::kPaper}) {
-    DensifierOptions options = preset(quality);
-    options.width = 640;
-    options.height = 320;
+  for (DensifierOptions options : small_presets()) {
     for (const char* folder : {"", "somewhere"}) {
       options.scratch_folder = folder;
       const auto needed = [&](std::int64_t keyframes) {
@@ -185,10 +189,7 @@ TEST_CASE("a short flight takes less of a device's memory, one that is not known
 }
 
 TEST_CASE("devices that share a flight are each asked for somewhat more memory than one alone") {
-  for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh, Quality::kPaper}) {
-    DensifierOptions options = preset(quality);
-    options.width = 640;
-    options.height = 320;
+  for (DensifierOptions options : small_presets()) {
     options.devices = {1};
     const std::size_t one = device_memory_needed(options);
     options.devices = {0, 1};

@@ -138,7 +138,6 @@ MemoryBudget estimate_memory(const SlamMap& map, DensifierOptions options, std::
   memory.scratch = densifier.scratch;
   memory.host = kProcess + of_map + image * (ahead + 3) + densifier.memory;
   memory.gpu_host = kGpuProcess + of_map + 3.0 * image * ahead;  // twice while it is decoded, and in heaps
-  memory.device = estimate_device(options, used, image_width);
   return memory;
 }
 
@@ -178,6 +177,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
       kPlanesBytes * all_pixels + kPointBytes * b.points + kRecordBytes * static_cast<double>(b.keyframes);
 
   b.memory = estimate_memory(question.map, options, b.used, sized.image_width, sized.image_height);
+  b.device = estimate_device(options, b.used, sized.image_width);
 
   const double image_pixels = one_image * static_cast<double>(b.keyframes);
   const CpuPace& pace = question.pace;

@@ -11,18 +11,17 @@
 
 namespace pmsp::tool {
 
-/// Memory of a GPU [bytes].
-struct DeviceBudget {
-  double all = 0.0;
-  double least = 0.0;  ///< where what waits lies in the scratch folder
-};
-
-/// Memory that a run is expected to take at the most [bytes].
+/// Memory of the host that a run is expected to take at the most [bytes].
 struct MemoryBudget {
   double scratch = 0.0;   ///< on disk: on the CPU, and on a GPU on which not all finds room
   double host = 0.0;      ///< on the CPU
   double gpu_host = 0.0;  ///< the host's, with a GPU
-  DeviceBudget device;
+};
+
+/// Memory of a GPU that it is expected to take at the most [bytes].
+struct DeviceBudget {
+  double all = 0.0;
+  double least = 0.0;  ///< where what waits lies in the scratch folder
 };
 
 /// With images of this width. A run, which does not know it, asks for as much as with kAnyImageWidth (pmsp/cost.h).
@@ -45,6 +44,7 @@ struct Budget {
   double cloud_bytes = 0.0;
   double workspace_bytes = 0.0;  ///< where one is kept
   MemoryBudget memory;
+  DeviceBudget device;
   double cpu_seconds = 0.0;        ///< of all threads together
   double reference_seconds = 0.0;  ///< on the GPU that figures are known of
   int threads = 1;                 ///< that the CPU backend would use

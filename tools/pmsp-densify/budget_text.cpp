@@ -57,8 +57,8 @@ nlohmann::ordered_json to_json(const Budget& b) {
             {"seconds", b.cpu_seconds / b.threads}}},
           {"gpu",
            {{"memory_bytes", whole(b.memory.gpu_host)},
-            {"device_bytes", whole(b.memory.device.all)},
-            {"least_device_bytes", whole(b.memory.device.least)},
+            {"device_bytes", whole(b.device.all)},
+            {"least_device_bytes", whole(b.device.least)},
             {"reference", kReferenceGpu},
             {"reference_seconds", b.reference_seconds}}}};
 }
@@ -75,9 +75,8 @@ std::string budget_text(const Budget& b) {
   text += "  CPU:      " + time_text(b.cpu_seconds / b.threads) + " on " + std::to_string(b.threads) +
           (b.threads == 1 ? " thread" : " threads") + " (" + time_text(b.cpu_seconds) +
           " of CPU time at the pace of a test on this machine), " + bytes_text(b.memory.host) + " of memory\n";
-  text += "  GPU:      " + bytes_text(b.memory.device.all) + " of its memory";
-  if (b.memory.device.least < 0.9 * b.memory.device.all)
-    text += " (" + bytes_text(b.memory.device.least) + " do, with the scratch file)";
+  text += "  GPU:      " + bytes_text(b.device.all) + " of its memory";
+  if (b.device.least < 0.9 * b.device.all) text += " (" + bytes_text(b.device.least) + " do, with the scratch file)";
   text += ", " + bytes_text(b.memory.gpu_host) + " of the host's; " + time_text(b.reference_seconds) + " with an " +
           kReferenceGpu + "\n";
   return text;
