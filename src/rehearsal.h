@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "plan/reach.h"
 #include "schedule.h"
 
 namespace pmsp {
@@ -23,10 +24,15 @@ class Rehearsal {
     double filtered = 0.0;
     double range_maps = 0.0;
     double surfels = 0.0;
+    double ranked = 0.0;  ///< of these, those that have been through a round of ownership,
+    double asked = 0.0;   ///< and will be through another one
   };
 
-  explicit Rehearsal(const DensifierOptions& options)
-      : passes_(options.patchmatch.geometric_passes),
+  /// `in_step`: as several devices work that share a flight.
+  explicit Rehearsal(const DensifierOptions& options, bool in_step = false)
+      : in_step_(in_step),
+        passes_(options.patchmatch.geometric_passes),
+        rounds_(ownership_rounds(options)),
         has_evidence_(passes_ > 0 && options.patchmatch.plane_priors),
         schedule_(options, true),
         next_(schedule_.stages().size(), 0),
@@ -63,6 +69,9 @@ class Rehearsal {
     held.filtered = left(Artefact::kFiltered, filtered);
     held.range_maps = left(Artefact::kRangeMap, filtered);
     held.surfels = left(Artefact::kSurfels, through(Stage::Kind::kFuse));
+    const std::int64_t ranked = through(Stage::Kind::kRound, 1);
+    held.ranked = left(Artefact::kSurfels, ranked);
+    held.asked = static_cast<double>(ranked - through(Stage::Kind::kRound, rounds_));
     return held;
   }
   /// How many keyframes have been through a stage.
@@ -81,6 +90,7 @@ class Rehearsal {
   }
   template <class Look>
   void advance(bool last, const Look& look) {
+    if (in_step_) return advance_in_step(last, look);
     for (std::size_t stage = next_.size(); stage-- > 0;) {
       if (!is_ready(stage, last)) continue;
       ++next_[stage];
@@ -89,12 +99,28 @@ class Rehearsal {
       stage = next_.size();  // the last one that has something to do
     }
   }
+  template <class Look>
+  void advance_in_step(bool last, const Look& look) {
+    std::vector<std::size_t> ready;
+    do {
+      ready.clear();
+      for (std::size_t stage = next_.size(); stage-- > 0;) {
+        if (is_ready(stage, last)) ready.push_back(stage);
+      }
+      for (const std::size_t stage : ready) {
+        ++next_[stage];
+        look(held());
+        forget(last);
+      }
+    } while (last && !ready.empty());
+  }
   bool is_ready(std::size_t at, bool last) const {
     const Stage& stage = schedule_.stages()[at];
     const std::int64_t keyframe = next_[at];
     if (keyframe + (last ? 0 : stage.lead) >= end_) return false;
     return std::all_of(stage.needs.begin(), stage.needs.end(), [&](const Stage::Need& need) {
-      return next_[need.stage] >= std::min(end_, keyframe + need.ahead + 1);
+      const std::int64_t until = keyframe + need.ahead + 1 + (in_step_ ? 1 : 0);
+      return next_[need.stage] >= (last ? std::min(until, end_) : until);
     });
   }
   void forget(bool last) {
@@ -108,7 +134,9 @@ class Rehearsal {
     }
   }
 
+  bool in_step_;
   int passes_;
+  int rounds_;
   bool has_evidence_;
   Schedule schedule_;
   std::vector<std::int64_t> next_;  ///< by stage

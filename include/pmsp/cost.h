@@ -23,8 +23,9 @@ constexpr int kAnyImageWidth = 1 << 20;
 PMSP_API HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used,
                                        int image_width = kAnyImageWidth);
 
-/// Device memory that a Densifier takes at most [bytes], for `options.expected_keyframes`; for a long flight where that
-/// is 0, and for sets (`unordered`), of which it is no more than a guess. Builds without CUDA know it, too.
+/// Memory of each of its devices that a Densifier takes at most [bytes], beside CUDA's own (0.5 GiB), for
+/// `options.expected_keyframes`; for a long flight where that is 0, and for sets (`unordered`), of which it is no more
+/// than a guess. Builds without CUDA know it, too.
 PMSP_API std::size_t device_memory_needed(const DensifierOptions& options, int image_width = kAnyImageWidth);
 
 /// Planes that a pixel tries in all passes: what the time of PatchMatch grows with.

@@ -2,6 +2,7 @@
 #include "pmsp/cost.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "fusion/fusion_setup.h"
 #include "rehearsal.h"
@@ -14,6 +15,12 @@ namespace {
 /// More keyframes than flights have: later ones find what those before have let go of.
 constexpr std::int64_t kLongFlight = std::int64_t{1} << 40;
 
+/// Memory is handed out in pages; what is smaller shares one with others of its size.
+double on_pages(double bytes) {
+  constexpr double kPage = 2.0 * 1024.0 * 1024.0;
+  return bytes <= kPage / 2.0 ? kPage / std::floor(kPage / bytes) : kPage * std::ceil(bytes / kPage);
+}
+
 /// Of images whose width is not known: of the largest that are usual.
 double camera_pixels(int width) {
   return width == kAnyImageWidth ? 5760.0 * 2880.0 : static_cast<double>(width) * width / 2.0;
@@ -24,61 +31,50 @@ double cube_texels(int width) {
   return 6.0 * side * side;
 }
 
-/// How many keyframes more have an artefact where several devices share the work: they do a task of each stage at a
-/// time, and a stage waits for one keyframe more. What waits for the rest of a mission is dealt out to them.
-double keyframes_more(Artefact artefact, const Schedule& schedule, const DensifierOptions& options) {
-  const Lifetime* const lifetime = schedule.lifetime(artefact);
-  if (options.devices.size() < 2 || lifetime == nullptr) return 0.0;
-  std::size_t last = 0;
-  for (const Lifetime::Reader& reader : lifetime->readers) last = std::max(last, reader.stage);
-  return 2.0 * static_cast<double>(last);
-}
-
 }  // namespace
 
 std::size_t device_memory_needed(const DensifierOptions& options, int image_width) {
   const double pixels = static_cast<double>(options.width) * options.height;
   const ImageSize compared = compared_size(image_width, options.width, options.height, options.patchmatch.image_scale);
-  const double image =
-      (options.devices.size() < 2 ? 2.0 : 4.0) * cube_texels(compared.width) +  // packed for others, too
-      cube_texels(options.width);                                               // the mask
+  const double image = (options.devices.size() < 2 ? 1.0 : 2.0) * on_pages(2.0 * cube_texels(compared.width)) +
+                       on_pages(cube_texels(options.width));  // packed for others, too; the mask
   const bool waits_in_file = !options.scratch_folder.empty();
   const bool is_short = options.expected_keyframes > 0 && !options.unordered;  // in a set all wait for all
   const std::int64_t used = is_short ? options.expected_keyframes : kLongFlight;
-  const double bytes_of_standings = 2.0 + agree_bytes(options.fusion);
 
-  Rehearsal rehearsal(options);
-  const auto with_more = [&](double held, Artefact artefact) {
-    const double more = keyframes_more(artefact, rehearsal.schedule(), options);
-    return held > 0.0 ? std::max(held, std::min(held + more, static_cast<double>(used))) : 0.0;
-  };
-  // What keyframes have. Memory of one size is not used again for another.
-  double images = 0.0, of16 = 0.0, of8 = 0.0, of4 = 0.0, of1 = 0.0;
-  rehearsal.run(used, [&](const Rehearsal::Held& all) {
-    const double surfels = waits_in_file ? 0.0 : all.surfels;
-    const double range_maps = waits_in_file ? 0.0 : all.range_maps;
-    const double planes = with_more(all.planes, Artefact::kPlanes) + with_more(all.medians, Artefact::kMedian);
-    const double words = with_more(all.colors, Artefact::kColor) + with_more(all.filtered, Artefact::kFiltered) +
-                         3.0 * surfels;  // surfel, details, and who is still to be asked
-    images = std::max(images, image * with_more(all.images, Artefact::kImage));
-    of16 = std::max(of16, 16.0 * pixels * planes);
-    of8 = std::max(of8, 8.0 * pixels * with_more(all.evidence, Artefact::kPlanes));
-    of4 = std::max(of4, 4.0 * pixels * words);
-    of1 = std::max(of1, pixels * (2.0 * range_maps + bytes_of_standings * surfels));
+  // How many arrays keyframes have at most, of 16, 4 and 1 bytes a pixel: memory of one size is not used again for
+  // another. A device has its share, and of what others look at a copy of all the rest.
+  const double share = 1.0 / static_cast<double>(std::max<std::size_t>(1, options.devices.size()));
+  double images = 0.0, of16 = 0.0, of4 = 0.0, of1 = 0.0;
+  const double agree = agree_bytes(options.fusion);
+  Rehearsal(options, options.devices.size() > 1).run(used, [&](const Rehearsal::Held& all) {
+    images = std::max(images, all.images);
+    of16 = std::max(of16, all.planes + all.medians);
+    double words = all.colors + all.filtered + 2.0 * share * all.evidence;
+    double bytes = 0.0;
+    if (!waits_in_file) {
+      words += (1.0 + share) * all.surfels + share * all.asked;
+      bytes = 2.0 * all.range_maps + (1.0 + share * agree) * all.surfels + share * all.ranked;
+    }
+    of4 = std::max(of4, words);
+    of1 = std::max(of1, bytes);
   });
-  double bytes = images + of16 + of8 + of4 + of1;
-  if (waits_in_file) {               // copies of what a stage looks at
-    constexpr double kOfMost = 6.0;  // of a viewer: range map, surfels and standings; a pool keeps each size apart
-    bytes += (kernels::kMaxViewers * kOfMost + 3.0 * 4.0 + bytes_of_standings) * pixels;
+  if (waits_in_file) {  // copies of what a stage looks at, a range map, surfels and standings of each viewer
+    of4 += kernels::kMaxViewers + 3.0;
+    of1 += 2.0 * kernels::kMaxViewers + 2.0 + agree;
   }
-  // A stage's own: state, result, and what passes begin with; keys, what the picture tells; masks; what is known of
-  // mirrors; gray values.
-  const double working = (5.0 * 16.0 + 2.0 * 8.0 + 8.0 + 1.0 + 2.0) * pixels +
-                         2.0 * 4.0 * static_cast<double>(compared.width) * compared.height;
+  // A stage's own, beside its result.
+  of16 += 3.0;  // a pass's state and priors, or medians
+  of1 += 1.0;
+  const double of8 = 2.0;  // keys
+  const double kept = images * image + of16 * on_pages(16.0 * pixels) + of8 * on_pages(8.0 * pixels) +
+                      of4 * on_pages(4.0 * pixels) + of1 * on_pages(pixels);
+  constexpr double kTables = 16.0 * 1024.0 * 1024.0;  // what the plane priors' cells have, and what is looked up
+  const double gray = 2.0 * on_pages(4.0 * static_cast<double>(compared.width) * compared.height) + pixels;
   // Depth maps, planes and points on their way down.
   const double copies = (2.0 * 20.0 + 2.0 * 16.0 + 2.0 * 40.0 + 2.0) * pixels;
   const double uploads = 2.0 * (3.0 + 1.0) * std::max(pixels, camera_pixels(image_width));
-  return static_cast<std::size_t>(bytes + working + copies + uploads);
+  return static_cast<std::size_t>(kept + kTables + gray + copies + uploads);
 }
 
 }  // namespace pmsp

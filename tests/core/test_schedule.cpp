@@ -188,15 +188,16 @@ TEST_CASE("a short flight takes less of a device's memory, one that is not known
   CHECK_THROWS_AS(options.validate(), InvalidOption);
 }
 
-TEST_CASE("devices that share a flight are each asked for somewhat more memory than one alone") {
+TEST_CASE(
+    "devices that share a flight are each asked for more than their share of one's memory, and not for twice it") {
   for (DensifierOptions options : small_presets()) {
     options.devices = {1};
     const std::size_t one = device_memory_needed(options);
     options.devices = {0, 1};
     const std::size_t two = device_memory_needed(options);
     options.devices = {0, 1, 2, 3};
-    CHECK(two > one);
+    CHECK(two > one / 2);
     CHECK(two < 2 * one);
-    CHECK(device_memory_needed(options) == two);
+    CHECK(device_memory_needed(options) <= two);
   }
 }

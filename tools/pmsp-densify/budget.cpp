@@ -8,6 +8,7 @@
 #include "decoder.h"
 #include "pmsp/cost.h"
 #include "pmsp/executor.h"
+#include "pmsp/lens_distance.h"
 
 namespace pmsp::tool {
 
@@ -158,8 +159,9 @@ Budget estimate_budget(const BudgetQuestion& question) {
 
   const OwnShare own_share(question.map, options);
   Mean share, views, owners;
+  std::vector<std::int64_t> ids;
   for (const PlanEntry& entry : question.plan.entries) {
-    ++b.keyframes;
+    ids.push_back(entry.id);
     b.used += entry.used();
     if (!entry.has_depth_map()) continue;
     ++b.depth_maps;
@@ -167,6 +169,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
     owners.add(static_cast<double>(entry.owners.size()));
     share.add(own_share.of(entry));
   }
+  b.keyframes = static_cast<std::int64_t>(ids.size());
   const double all_pixels = pixels * static_cast<double>(b.depth_maps);
   b.views = views.value();
   const double give_way = options.fusion.suppression > 0.0 ? kGiveWay * std::min(1.0, b.width / kGiveWayWidth) : 0.0;
@@ -186,9 +189,11 @@ Budget estimate_budget(const BudgetQuestion& question) {
                   kImagePixelSeconds * image_pixels + kPointSeconds * b.points;
   // Fits what whole runs take on that machine, from 54 keyframes to 1,080 and from 640 x 320 to 4096 x 2048, to 25 %;
   // at first the start of the device and the map's, at last what the disk has still to take.
-  constexpr double kStartSeconds = 0.5;
+  constexpr double kStartSeconds = 0.42, kLookSeconds = 1.6e-9;  // a pixel's that the lenses are told from
+  const double looked_at = static_cast<double>(keyframes_for_lens_distance(ids).size());
   const double matching = planes_tried(options.patchmatch) * (1.15e-10 + 0.37e-10 * b.views);
-  b.reference_seconds = kStartSeconds + all_pixels * (matching + 3e-9) + 0.8e-9 * image_pixels + 4.5e-9 * b.points;
+  b.reference_seconds = kStartSeconds + all_pixels * (matching + 1.8e-9) + 0.8e-9 * image_pixels +
+                        kLookSeconds * one_image * looked_at + 4.5e-9 * b.points;
   return b;
 }
 
