@@ -187,7 +187,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
   const double rest = pace.rest * std::pow(static_cast<double>(b.width) / kPaceWidth, -kRestFalls);
   b.cpu_seconds = all_pixels * (pace.matching * b.views + rest + pace.ownership * owners.value()) +
                   kImagePixelSeconds * image_pixels + kPointSeconds * b.points;
-  // Fits what whole runs take on that machine, from 54 keyframes to 1,080 and from 640 x 320 to 4096 x 2048, to 25 %;
+  // Fits what whole runs take on that machine, from 5 keyframes to 1,080 and from 640 x 320 to 5760 x 2880, to 20 %;
   // at first the start of the device and the map's, at last what the disk has still to take.
   constexpr double kStartSeconds = 0.42, kLookSeconds = 1.6e-9;  // a pixel's that the lenses are told from
   const double looked_at = static_cast<double>(keyframes_for_lens_distance(ids).size());
