@@ -52,8 +52,6 @@ class Rehearsal {
     advance(true, look);
   }
 
-  const Schedule& schedule() const { return schedule_; }
-
  private:
   Held held() const {
     const std::int64_t matched = through(Stage::Kind::kMatch, passes_);

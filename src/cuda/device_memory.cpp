@@ -6,7 +6,6 @@
 
 #include "fusion/fusion_setup.h"
 #include "rehearsal.h"
-#include "schedule.h"
 #include "sphere/cube_map.h"
 
 namespace pmsp {

@@ -294,8 +294,7 @@ TEST_CASE("run --print-memory says what info says of memory, and runs nothing") 
   CHECK_FALSE(std::filesystem::exists(dir / "cloud.ply"));
   const nlohmann::json said = nlohmann::json::parse(result.out);
   const nlohmann::json predicted = budget_of(inputs);
-  DensifierOptions options =
-      preset(Quality::kHigh);  // a device is asked before images are seen: they may be of any width
+  DensifierOptions options = preset(Quality::kHigh);  // of a device, before images are seen: they may be of any width
   options.width = predicted["width"];
   options.height = predicted["height"];
   options.expected_keyframes = predicted["keyframes"];
