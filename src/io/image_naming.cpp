@@ -147,7 +147,7 @@ class ReadingFinder {
   void find_all() {
     // An explicit offset says that the names are frame indices.
     if (options_.frame_offset == 0) {
-      read_ids();
+      if (!map_.ids_are_row_numbers) read_ids();
       read_timestamps();
     }
     const bool unix_time = has_unix_time(map_);

@@ -122,6 +122,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& options) {
   SlamMap map;
   map.path = file.path();
   map.format = "TUM trajectory";
+  map.ids_are_row_numbers = true;
   map.cameras.push_back(panorama_of_any_size());
   TextInput in(file.path());
   while (in.next()) {

@@ -68,6 +68,16 @@ TEST_CASE("File names are read as keyframe ids") {
   CHECK(drain(*source).frames == kAllFrames);
 }
 
+TEST_CASE("Row numbers of a file without ids are no names of images") {
+  TempDir folder;
+  SlamMap map = bare_map({{0, 0.0}, {1, 0.7}, {2, 1.3}, {3, 2.1}});
+  map.cameras[0].fps = 0.0;
+  for (int i = 0; i < 4; ++i) write_gray_frame(folder / numbered("%06lld.png", 2 * i), 2 * i);
+  CHECK_THAT(open_image_folder(map, folder.path())->description(), Contains("keyframe ids"));
+  map.ids_are_row_numbers = true;
+  CHECK_THROWS_WITH(open_image_folder(map, folder.path()), Contains("--fps"));
+}
+
 TEST_CASE("File names are read as timestamps in any unit") {
   TempDir folder;
   const auto shots = shots_from(kUnix);

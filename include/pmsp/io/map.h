@@ -73,6 +73,7 @@ struct PMSP_API SlamMap {
 
   bool half_row_may_remain = false;     ///< pixel centres are at whole numbers in the file, see above
   bool observations_are_tested = true;  ///< false: the file does not say who sees what; observations are projections
+  bool ids_are_row_numbers = false;     ///< the file has no ids; images are never paired by them
   std::vector<std::string> notes{};     ///< what was left out, and why; sentences for people
 
   /// nullptr when there is no such id.
