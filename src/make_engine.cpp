@@ -48,6 +48,8 @@ std::size_t free_device_memory(int device) {
   return found.why_not.empty() ? found.free_bytes : 0;
 }
 
+int device_count() { return std::min(kMostDevices, cuda::device_count()); }
+
 std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptions& options, std::string& description) {
   Executor executor(options.threads, options.simd);
   options.threads = executor.threads();
@@ -55,7 +57,7 @@ std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptio
   std::string why_not;
   if (options.backend != Backend::kCpu) {
     std::vector<int> devices = options.devices;
-    for (int k = 0; options.devices.empty() && k < std::max(1, std::min(kMostDevices, cuda::device_count())); ++k) {
+    for (int k = 0; options.devices.empty() && k < std::max(1, device_count()); ++k) {
       devices.push_back(k);
     }
     DensifierOptions shared = options;

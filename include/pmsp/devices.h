@@ -19,4 +19,8 @@ PMSP_API void close_devices(const std::vector<int>& devices) noexcept;
 /// driver, and where there is no such device. Starts the device where this process has not done so.
 PMSP_API std::size_t free_device_memory(int device);
 
+/// Number of CUDA devices that `DensifierOptions::devices` stands for where it is empty, 16 at most; 0 in builds
+/// without CUDA and without a driver.
+PMSP_API int device_count();
+
 }  // namespace pmsp

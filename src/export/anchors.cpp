@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <map>
+#include <sstream>
+#include <utility>
 
 #include <Eigen/Geometry>
 
 #include "export/number_table.h"
+#include "io/map_file.h"
+#include "io/trajectory.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud_frame.h"
 
@@ -26,6 +32,9 @@ Anchor control_point(const Row& row) {
 Anchor camera_place(const std::filesystem::path& path, const Row& row, const SlamMap& map) {
   const std::vector<double>& v = row.numbers;
   const bool is_whole = std::floor(v[0]) == v[0] && std::abs(v[0]) < 9e15;
+  if (map.keyframes.empty()) {
+    throw InvalidInput(where(path, row) + "names a keyframe, and none are known; give --map MAP, or lines x y z X Y Z");
+  }
   const MapKeyframe* keyframe = is_whole ? map.find_keyframe(static_cast<std::int64_t>(v[0])) : nullptr;
   if (keyframe == nullptr) {
     throw InvalidInput(where(path, row) + "the map has no keyframe of that id; expected ID X Y Z");
@@ -34,25 +43,124 @@ Anchor camera_place(const std::filesystem::path& path, const Row& row, const Sla
       "keyframe " + std::to_string(keyframe->id), keyframe->cam_from_world.center(), {v[1], v[2], v[3]}, std::nullopt};
 }
 
+/// The keyframes by their images' names, without folders and endings.
+class Images {
+ public:
+  Images(const SlamMap& map, const ImageFiles& files) {
+    for (const MapKeyframe& keyframe : map.keyframes) {
+      const auto file = files.find(keyframe.id);
+      std::filesystem::path image = keyframe.image;
+      if (image.empty() && file != files.end()) image = file->second;
+      if (!image.empty()) by_stem_[image.stem().string()].push_back({image, &keyframe});
+    }
+  }
+
+  /// The keyframe whose image a name means: of those with that name the one whose folders are the same from the last
+  /// one on, as far as both have them; absolute ones may be those of another machine. nullptr: none.
+  const MapKeyframe* find(const std::filesystem::path& table, const Row& row) const {
+    std::string text = row.name;
+    std::replace(text.begin(), text.end(), '\\', '/');
+    if (text.size() > 1 && text[1] == ':') text.erase(0, 2);  // a drive
+    const std::filesystem::path name(text);
+    auto found = by_stem_.find(name.stem().string());
+    if (found == by_stem_.end()) found = by_stem_.find(name.filename().string());  // without an ending, "1600000000.25"
+    if (found == by_stem_.end()) return nullptr;
+    const MapKeyframe* best = nullptr;
+    std::ptrdiff_t best_folders = -1;
+    bool is_one = true;
+    for (const auto& [image, keyframe] : found->second) {
+      const std::filesystem::path own = image.parent_path();
+      const std::filesystem::path its = name.parent_path();
+      const std::ptrdiff_t folders = common_tail(own, its);
+      const bool are_all =
+          folders == std::min(std::distance(own.begin(), own.end()), std::distance(its.begin(), its.end()));
+      if (folders < best_folders || (!are_all && !image.is_absolute() && !name.is_absolute())) continue;
+      is_one = folders > best_folders;
+      best_folders = folders;
+      best = keyframe;
+    }
+    if (is_one) return best;
+    throw InvalidInput(where(table, row) + "several keyframes have an image named \"" + row.name +
+                       "\"; expected its folder, too");
+  }
+
+ private:
+  static std::ptrdiff_t common_tail(const std::filesystem::path& a, const std::filesystem::path& b) {
+    std::ptrdiff_t count = 0;
+    for (auto of_a = a.end(), of_b = b.end(); of_a != a.begin() && of_b != b.begin(); ++count) {
+      if (*--of_a != *--of_b) break;
+    }
+    return count;
+  }
+
+  std::map<std::string, std::vector<std::pair<std::filesystem::path, const MapKeyframe*>>> by_stem_;
+};
+
+/// Rows "NAME X Y Z". A table may have images that are no keyframes.
+std::vector<Anchor> places_of_images(const std::filesystem::path& path, const std::vector<Row>& rows,
+                                     const SlamMap& map, const ImageFiles& files) {
+  constexpr std::size_t kFewest = 3;
+  const Images images(map, files);
+  std::vector<Anchor> anchors;
+  std::string missing;
+  for (const Row& row : rows) {
+    const MapKeyframe* const keyframe = images.find(path, row);
+    if (keyframe == nullptr) {
+      if (missing.empty()) missing = row.name;
+      continue;
+    }
+    anchors.push_back(
+        {row.name, keyframe->cam_from_world.center(), {row.numbers[0], row.numbers[1], row.numbers[2]}, std::nullopt});
+  }
+  if (anchors.size() < kFewest && !missing.empty()) {
+    throw InvalidInput(path.string() + ": names the images of " + std::to_string(anchors.size()) +
+                       " keyframes, at least 3 are needed; no keyframe has \"" + missing + "\"");
+  }
+  return anchors;
+}
+
+/// Degrees taken for metres would give a cloud a hundred thousand times too small.
+void refuse_degrees(const std::filesystem::path& path, std::string names) {
+  std::transform(names.begin(), names.end(), names.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::istringstream words(names);
+  for (std::string word; words >> word;) {
+    if (word.rfind("lat", 0) != 0 && word.rfind("lon", 0) != 0 && word != "lng") continue;
+    throw InvalidInput(path.string() +
+                       ": its columns are latitude and longitude, expected metres along three axes, "
+                       "such as UTM; convert it, or take the places in the images' EXIF data (exif)");
+  }
+}
+
 struct Pose {
   double time;
   Eigen::Vector3d position;
   Eigen::Quaterniond rotation;
 };
 
-Pose pose_of(const std::filesystem::path& path, const Row& row) {
-  const std::vector<double>& v = row.numbers;
-  const Eigen::Quaterniond rotation(v[7], v[4], v[5], v[6]);
-  if (std::abs(rotation.norm() - 1.0) > 0.01) {
-    throw InvalidInput(where(path, row) + "the quaternion has length " + std::to_string(rotation.norm()) +
-                       ", expected 1: timestamp tx ty tz qx qy qz qw");
+std::vector<Pose> poses_of(const std::filesystem::path& path) {
+  const map_detail::Trajectory trajectory = map_detail::read_trajectory(path);
+  if (!trajectory.has_times) {
+    throw InvalidInput(path.string() + ": its poses have no times (KITTI), expected a trajectory with timestamps");
   }
-  return {v[0], {v[1], v[2], v[3]}, rotation.normalized()};
+  std::vector<Pose> poses;
+  for (const map_detail::TrajectoryPose& pose : trajectory.poses) {
+    const RigidTransform& body_from_world = pose.body_from_world;
+    if (!body_from_world.rotation.allFinite() || !body_from_world.translation.allFinite()) continue;
+    poses.push_back({pose.timestamp, body_from_world.center(),
+                     Eigen::Quaterniond(Eigen::Matrix3d(body_from_world.rotation.transpose()))});
+  }
+  if (poses.empty()) throw InvalidInput(path.string() + ": holds no pose that is not lost");
+  return poses;
 }
 
 /// Of the keyframes at whose time the trajectory tells where the camera was.
 std::vector<Anchor> along_trajectory(std::vector<Pose> poses, const std::filesystem::path& path, const SlamMap& map,
                                      double time_offset) {
+  if (std::none_of(map.keyframes.begin(), map.keyframes.end(),
+                   [](const MapKeyframe& keyframe) { return std::isfinite(keyframe.timestamp); })) {
+    throw InvalidInput(path.string() + ": is a trajectory, and no times of keyframes are known; give --map MAP");
+  }
   constexpr double kMostApart = 1.0;  // [s]
   constexpr double kAtOnce = 0.02;    // [s]
   std::stable_sort(poses.begin(), poses.end(), [](const Pose& a, const Pose& b) { return a.time < b.time; });
@@ -87,27 +195,32 @@ std::vector<Anchor> along_trajectory(std::vector<Pose> poses, const std::filesys
 
 }  // namespace
 
-std::vector<Anchor> read_anchors(const std::filesystem::path& path, const SlamMap& map, double time_offset) {
-  const std::vector<Row> rows = read_number_table(path);
+std::vector<Anchor> read_anchors(const std::filesystem::path& path, const SlamMap& map, double time_offset,
+                                 const ImageFiles& images) {
+  const map_detail::MapFile file(path);
+  if (file.is_text() && map_detail::is_trajectory(file.head())) {
+    return along_trajectory(poses_of(path), path, map, time_offset);
+  }
+  std::string names;
+  const std::vector<Row> rows = read_number_table(path, &names);
+  refuse_degrees(path, names);
   if (rows.empty()) throw InvalidInput(path.string() + ": holds no line of numbers; expected a table (see --help)");
   const std::size_t columns = rows.front().numbers.size();
+  const bool is_named = columns == 3 && !rows.front().name.empty();
   std::vector<Anchor> anchors;
-  std::vector<Pose> poses;
   for (const Row& row : rows) {
-    const bool may_have_name = columns == 6;
-    const bool is_known = columns == 4 || columns == 6 || columns == 8;
-    if (!is_known || row.numbers.size() != columns || (!row.name.empty() && !may_have_name)) {
-      throw InvalidInput(
-          where(path, row) +
-          "expected lines of one kind: [NAME] x y z X Y Z (point in the map, point in "
-          "the frame of the file), ID X Y Z (keyframe, place of its camera), or timestamp tx ty tz qx qy "
-          "qz qw (TUM trajectory)");
+    const bool has_right_name = row.name.empty() ? !is_named : is_named || columns == 6;
+    if ((!is_named && columns != 4 && columns != 6) || row.numbers.size() != columns || !has_right_name) {
+      throw InvalidInput(where(path, row) +
+                         "expected lines of one kind: [NAME] x y z X Y Z (point in the map, point in "
+                         "the frame of the file), ID X Y Z or IMAGE X Y Z (keyframe, place of its camera), or "
+                         "timestamp tx ty tz qx qy "
+                         "qz qw (TUM trajectory)");
     }
     if (columns == 6) anchors.push_back(control_point(row));
     if (columns == 4) anchors.push_back(camera_place(path, row, map));
-    if (columns == 8) poses.push_back(pose_of(path, row));
   }
-  return poses.empty() ? anchors : along_trajectory(std::move(poses), path, map, time_offset);
+  return is_named ? places_of_images(path, rows, map, images) : anchors;
 }
 
 }  // namespace pmsp

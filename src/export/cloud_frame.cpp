@@ -28,7 +28,7 @@ void align(const FrameOptions& options, const SlamMap& map, const ImageFiles& im
   const bool is_exif = options.align == kAlignExif;
   std::string origin;
   const std::vector<Anchor> anchors =
-      is_exif ? gps_anchors(map, images, origin) : read_anchors(options.align, map, options.align_time_offset);
+      is_exif ? gps_anchors(map, images, origin) : read_anchors(options.align, map, options.align_time_offset, images);
   std::vector<Eigen::Vector3d> source, target;
   Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
   bool has_turns = true;
@@ -86,14 +86,26 @@ double CloudFrame::residual_max() const {
   return most;
 }
 
+CloudUnit unit_of_frame(const FrameOptions& options) {
+  constexpr double kRounding = 1e-6;  // of a matrix as text
+  if (options.scale) return {CloudUnit::Kind::kMetres, "--scale"};
+  if (!options.transform.empty() && std::abs(read_similarity(options.transform).scale - 1.0) > kRounding) {
+    return {CloudUnit::Kind::kMetres, "--transform"};
+  }
+  if (options.align == kAlignExif) return {CloudUnit::Kind::kMetres, "--align exif"};
+  if (!options.align.empty()) return {CloudUnit::Kind::kMetres, "--align"};
+  return {CloudUnit::Kind::kMap, ""};
+}
+
 CloudFrame find_cloud_frame(const FrameOptions& options, const SlamMap& map, const ImageFiles& images) {
   CloudFrame frame;
+  frame.unit = unit_of_frame(options);
   if (!options.align.empty()) align(options, map, images, frame);
   if (options.up) turn_up(map, frame);
   if (!options.transform.empty()) frame.file_from_map = read_similarity(options.transform) * frame.file_from_map;
-  if (options.scale != 1.0) {
+  if (options.scale) {
     frame.file_from_map =
-        Similarity{options.scale, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()} * frame.file_from_map;
+        Similarity{*options.scale, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()} * frame.file_from_map;
   }
   return frame;
 }

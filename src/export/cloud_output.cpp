@@ -34,6 +34,12 @@ struct CloudOutput::Impl {
     if (amount.thinning.is_needed()) thinning = std::make_unique<Thinning>(amount.thinning, header.scratch.string());
   }
 
+  void require_open() const {
+    if (!committed) return;
+    throw OutputError((targets.empty() ? std::string("cloud") : targets[0].path.string()) +
+                      ": points added after the file was finished");
+  }
+
   /// All that the points go to.
   std::vector<CloudWriter*> all_writers() const {
     std::vector<CloudWriter*> all;
@@ -61,6 +67,7 @@ struct CloudOutput::Impl {
   int threads;
   std::optional<ThreadPool> pool;
   std::optional<PlacedPoints> placed;  ///< for points that writers do not take themselves
+  std::vector<OutputPoint> moved;
   std::int64_t come = 0, written = 0;
   bool committed = false;
 };
@@ -84,6 +91,8 @@ CloudOutput::CloudOutput(const CloudHeader& header, const CloudAmount& amount, c
 CloudOutput::CloudOutput(const std::filesystem::path& path, const CloudHeader& header)
     : CloudOutput(header, {}, target_of(path)) {}
 
+CloudOutput::CloudOutput(const std::filesystem::path& path) : CloudOutput(path, CloudHeader()) {}
+
 CloudOutput::~CloudOutput() = default;
 
 void CloudOutput::also_to(CloudWriter& writer) { impl_->others.push_back(&writer); }
@@ -92,10 +101,7 @@ void CloudOutput::add(const KeyframeCloud& cloud) { add(cloud, cloud.pose()); }
 
 void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   Impl& impl = *impl_;
-  if (impl.committed) {
-    throw OutputError((impl.targets.empty() ? std::string("cloud") : impl.targets[0].path.string()) +
-                      ": points added after the file was finished");
-  }
+  impl.require_open();
   for (const auto& writer : impl.writers) writer->set_window(cloud.keyframe_id, cloud.window_ids);
   impl.come += static_cast<std::int64_t>(cloud.points.size());
   const PointPlacer points(cloud, pose, impl.file_from_map);
@@ -124,6 +130,28 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   });
 }
 
+void CloudOutput::add(const OutputPoint* points, std::size_t count, const Similarity& file_from_points) {
+  Impl& impl = *impl_;
+  impl.require_open();
+  const bool moves = !file_from_points.is_identity();
+  const Eigen::Matrix3f rotation = file_from_points.rotation.cast<float>();
+  impl.come += static_cast<std::int64_t>(count);
+  impl.moved.clear();
+  for (const OutputPoint* point = points; point != points + count; ++point) {
+    OutputPoint it = *point;
+    if (moves) {
+      it.position = file_from_points * it.position;
+      it.normal = rotation * it.normal;
+    }
+    if (!impl.crop || impl.crop->contains(it.position)) impl.moved.push_back(it);
+  }
+  if (impl.thinning) {
+    impl.thinning->add(impl.moved.data(), impl.moved.size());
+  } else if (!impl.moved.empty()) {
+    impl.write(impl.all_writers(), impl.moved.data(), impl.moved.size());
+  }
+}
+
 std::int64_t CloudOutput::points_in() const { return impl_->come; }
 std::int64_t CloudOutput::points() const { return impl_->written; }
 
@@ -137,7 +165,11 @@ void CloudOutput::complete() {
 void CloudOutput::commit() {
   if (impl_->committed) return;
   complete();
-  for (const auto& writer : impl_->writers) writer->finish();
+  for (const bool folders : {true, false}) {  // these first: most of what they write, which may fail, is still to come
+    for (std::size_t i = 0; i < impl_->writers.size(); ++i) {
+      if (impl_->targets[i].format->is_folder() == folders) impl_->writers[i]->finish();
+    }
+  }
   impl_->committed = true;
 }
 

@@ -14,6 +14,11 @@
 #include "pmsp/io/little_endian.h"
 
 namespace pmsp {
+
+bool is_colmap_name(const std::string& name) {
+  return name == "sparse" || name == "images" || name == "masks" || name == "pmsp.txt";
+}
+
 namespace {
 
 constexpr std::int32_t kEquirectangular = 17;  // of COLMAP's camera models
@@ -35,7 +40,7 @@ void append_pose(std::string& text, const RigidTransform& pose) {
 
 class Colmap final : public CloudWriter {
  public:
-  Colmap(const std::filesystem::path& path, const CloudHeader& header) : dataset_(path, header) {}
+  Colmap(const std::filesystem::path& path, const CloudHeader& header) : dataset_(path, is_colmap_name, header) {}
 
   void set_window(std::int64_t keyframe_id, const std::vector<std::int64_t>& window_ids) override {
     windows_[keyframe_id] = window_ids;
@@ -65,6 +70,7 @@ class Colmap final : public CloudWriter {
     std::string notes;
     for (const std::string& comment : dataset_.header().comments) notes += comment + "\n";
     write_file(dataset_.folder() / "pmsp.txt", notes);
+    dataset_.commit(views_);
   }
 
  private:
@@ -190,10 +196,6 @@ class Colmap final : public CloudWriter {
 
 std::unique_ptr<CloudWriter> open_colmap(const std::filesystem::path& path, const CloudHeader& header) {
   return std::make_unique<Colmap>(path, header);
-}
-
-bool is_colmap_name(const std::string& name) {
-  return name == "sparse" || name == "images" || name == "masks" || name == "pmsp.txt";
 }
 
 }  // namespace pmsp

@@ -3,41 +3,22 @@
 
 #include <filesystem>
 #include <system_error>
-#include <utility>
 #include <vector>
 
 #include "export/thinning.h"
+#include "pmsp/io/atomic_folder.h"
 #include "pmsp/io/cloud_writer.h"
 #include "pmsp/io/files.h"
 
 namespace pmsp {
 
-/// A folder that a writer makes. If it is empty in the end, it goes again.
-class MadeFolder {
- public:
-  /// Throws OutputError.
-  explicit MadeFolder(std::filesystem::path path) : path_(std::move(path)) { make_folder(path_); }
-  ~MadeFolder() {
-    std::error_code ignored;
-    if (std::filesystem::is_empty(path_, ignored) && !ignored) std::filesystem::remove(path_, ignored);
-  }
-  MadeFolder(const MadeFolder&) = delete;
-  MadeFolder& operator=(const MadeFolder&) = delete;
-
-  const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path operator/(const char* name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
-
 /// What all datasets for trainers have in common: a folder, images in it, and a share of the points.
 class DatasetFolder {
  public:
-  DatasetFolder(const std::filesystem::path& path, const CloudHeader& header)
-      : folder_(path), header_(header), thinning_({0.0, header.dataset_points}, header.scratch.string()) {}
+  DatasetFolder(const std::filesystem::path& path, AtomicFolder::IsOwn is_own, const CloudHeader& header)
+      : folder_(path, is_own), header_(header), thinning_({0.0, header.dataset_points}, header.scratch.string()) {}
 
-  const MadeFolder& folder() const { return folder_; }
+  const AtomicFolder& folder() const { return folder_; }
   const CloudHeader& header() const { return header_; }
   void add(const OutputPoint* points, std::size_t count) { thinning_.add(points, count); }
 
@@ -48,8 +29,19 @@ class DatasetFolder {
     return header_.export_views ? header_.export_views(folder_.path()) : std::vector<OutputView>{};
   }
 
+  /// When all is written.
+  void commit(const std::vector<OutputView>& views) {
+    folder_.commit();
+    const std::filesystem::path masks = folder_.target() / "masks";
+    std::error_code ignored;
+    for (const OutputView& view : views) {  // masks of an earlier run would be taken for theirs
+      if (!view.has_mask) std::filesystem::remove(masks / (view.name + ".png"), ignored);
+    }
+    if (std::filesystem::is_empty(masks, ignored)) std::filesystem::remove(masks, ignored);
+  }
+
  private:
-  MadeFolder folder_;
+  AtomicFolder folder_;
   CloudHeader header_;
   Thinning thinning_;
 };

@@ -13,6 +13,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "export/sync_folder.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
@@ -22,7 +23,7 @@ constexpr std::size_t kBufferBytes = std::size_t{1} << 20;
 
 }  // namespace
 
-AtomicFile::AtomicFile(const std::filesystem::path& target) : target_(target) {
+AtomicFile::AtomicFile(const std::filesystem::path& target) : target_(end_of_links(target)) {
   namespace fs = std::filesystem;
   std::error_code ignored;
   const fs::file_status status = fs::status(target_, ignored);
@@ -112,11 +113,7 @@ void AtomicFile::finish() {
   const int closed = ::close(fd_);
   fd_ = -1;
   if (closed != 0) fail("close");
-  const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (folder >= 0) {
-    ::fsync(folder);
-    ::close(folder);
-  }
+  sync_folder(folder_);
 }
 
 void AtomicFile::discard() noexcept {
@@ -189,6 +186,17 @@ void AtomicFile::put(std::int64_t offset, const char* data, std::size_t bytes) c
     offset += written;
     bytes -= static_cast<std::size_t>(written);
   }
+}
+
+std::filesystem::path end_of_links(std::filesystem::path path) {
+  namespace fs = std::filesystem;
+  constexpr int kMost = 40;  // as the system follows
+  std::error_code ignored;
+  for (int i = 0; fs::is_symlink(fs::symlink_status(path, ignored)); ++i) {
+    if (i == kMost) throw OutputError(path.string() + ": cannot be written, it is a symbolic link to itself");
+    path = path.parent_path() / fs::read_symlink(path, ignored);  // an absolute one stands alone
+  }
+  return path;
 }
 
 std::string target_of_temporary(const std::string& name) {

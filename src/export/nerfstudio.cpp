@@ -11,6 +11,10 @@ namespace pmsp {
 
 std::unique_ptr<CloudWriter> open_ply(const std::filesystem::path& path, const CloudHeader& header);
 
+bool is_nerfstudio_name(const std::string& name) {
+  return name == "transforms.json" || name == "images" || name == "masks" || name == "points.ply";
+}
+
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -39,7 +43,7 @@ void set_size(Json& json, const OutputView& view) {
 class Nerfstudio final : public CloudWriter {
  public:
   Nerfstudio(const std::filesystem::path& path, const CloudHeader& header)
-      : dataset_(path, header), ply_(open_ply(dataset_.folder() / "points.ply", header)) {}
+      : dataset_(path, is_nerfstudio_name, header), ply_(open_ply(dataset_.folder() / "points.ply", header)) {}
 
   void add(const OutputPoint* points, std::size_t count) override { dataset_.add(points, count); }
 
@@ -65,6 +69,7 @@ class Nerfstudio final : public CloudWriter {
     }
     json["comments"] = dataset_.header().comments;
     write_file(dataset_.folder() / "transforms.json", json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+    dataset_.commit(views);
   }
 
  private:
@@ -76,10 +81,6 @@ class Nerfstudio final : public CloudWriter {
 
 std::unique_ptr<CloudWriter> open_nerfstudio(const std::filesystem::path& path, const CloudHeader& header) {
   return std::make_unique<Nerfstudio>(path, header);
-}
-
-bool is_nerfstudio_name(const std::string& name) {
-  return name == "transforms.json" || name == "images" || name == "masks" || name == "points.ply";
 }
 
 }  // namespace pmsp

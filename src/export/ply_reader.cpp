@@ -3,20 +3,19 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <cstring>
-#include <fstream>
+#include <memory>
 #include <optional>
 #include <string>
 #include <system_error>
 
+#include "export/cloud_fields.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 #include "pmsp/io/ply.h"
 
 namespace pmsp {
 namespace {
 
-enum class Type { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
+using Type = NumberType;
 enum class Format { kAscii, kLittleEndian, kBigEndian };
 
 struct Property {
@@ -41,11 +40,9 @@ struct Header {
 constexpr std::size_t kMaxHeaderLine = 1 << 16;
 constexpr std::size_t kMaxHeaderLines = 1 << 16;
 constexpr std::size_t kMaxToken = 512;
+constexpr const char* kContinued = "... ";
 
-std::size_t size_of(Type type) {
-  constexpr std::array<std::size_t, 8> kSizes{1, 1, 2, 2, 4, 4, 4, 8};
-  return kSizes[static_cast<std::size_t>(type)];
-}
+bool is_float(Type type) { return type == Type::kFloat || type == Type::kDouble; }
 
 std::optional<Type> type_from_name(const std::string& name) {
   constexpr std::array<std::array<const char*, 2>, 8> kNames{{{"char", "int8"},
@@ -62,38 +59,6 @@ std::optional<Type> type_from_name(const std::string& name) {
   return std::nullopt;
 }
 
-template <class T>
-double load(const unsigned char* bytes, bool swap) {
-  unsigned char ordered[sizeof(T)];
-  std::memcpy(ordered, bytes, sizeof(T));
-  if (swap) std::reverse(ordered, ordered + sizeof(T));
-  T value;
-  std::memcpy(&value, ordered, sizeof(T));
-  return static_cast<double>(value);
-}
-
-double load(const unsigned char* bytes, Type type, bool swap) {
-  switch (type) {
-    case Type::kInt8:
-      return load<std::int8_t>(bytes, swap);
-    case Type::kUint8:
-      return load<std::uint8_t>(bytes, swap);
-    case Type::kInt16:
-      return load<std::int16_t>(bytes, swap);
-    case Type::kUint16:
-      return load<std::uint16_t>(bytes, swap);
-    case Type::kInt32:
-      return load<std::int32_t>(bytes, swap);
-    case Type::kUint32:
-      return load<std::uint32_t>(bytes, swap);
-    case Type::kFloat:
-      return load<float>(bytes, swap);
-    case Type::kDouble:
-      break;
-  }
-  return load<double>(bytes, swap);
-}
-
 std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> words;
   std::size_t at = 0;
@@ -105,62 +70,9 @@ std::vector<std::string> split(const std::string& line) {
   return words;
 }
 
-// The file as a stream of lines, tokens or bytes, through a buffer of fixed size.
-class Input {
- public:
-  explicit Input(const std::filesystem::path& path) : name_(path.string()) {
-    require_regular_file(path);
-    std::error_code error;
-    stream_.open(path, std::ios::binary);
-    size_ = std::filesystem::file_size(path, error);
-    if (!stream_ || error) throw IoError(name_ + ": cannot be opened for reading");
-    buffer_.resize(std::size_t{1} << 20);
-  }
-
-  [[noreturn]] void fail(const std::string& what) const { throw InvalidInput(name_ + ": " + what); }
-  std::string here() const { return "byte " + std::to_string(position()); }
-  std::uint64_t position() const { return consumed_ + at_; }
-  std::uint64_t remaining() const { return size_ > position() ? size_ - position() : 0; }
-
-  int get() {
-    if (at_ == end_ && !refill()) return -1;
-    return buffer_[at_++];
-  }
-
-  // At most buffer-size bytes; valid until the next call.
-  const unsigned char* take(std::size_t bytes) {
-    while (end_ - at_ < bytes) {
-      if (!refill()) fail("ends at byte " + std::to_string(size_) + ", in the middle of the data");
-    }
-    at_ += bytes;
-    return buffer_.data() + at_ - bytes;
-  }
-
- private:
-  bool refill() {
-    std::copy(buffer_.begin() + static_cast<std::ptrdiff_t>(at_), buffer_.begin() + static_cast<std::ptrdiff_t>(end_),
-              buffer_.begin());
-    consumed_ += at_;
-    end_ -= at_;
-    at_ = 0;
-    stream_.read(reinterpret_cast<char*>(buffer_.data() + end_), static_cast<std::streamsize>(buffer_.size() - end_));
-    const std::streamsize got = stream_.gcount();
-    end_ += static_cast<std::size_t>(got);
-    return got > 0;
-  }
-
-  std::string name_;
-  std::ifstream stream_;
-  std::uint64_t size_ = 0;
-  std::uint64_t consumed_ = 0;
-  std::vector<unsigned char> buffer_;
-  std::size_t at_ = 0;
-  std::size_t end_ = 0;
-};
-
 class HeaderParser {
  public:
-  explicit HeaderParser(Input& input) : input_(input) {}
+  explicit HeaderParser(BufferedInput& input) : input_(input) {}
 
   Header parse() {
     if (next_line() != "ply") input_.fail("is no PLY: the first line is not \"ply\"");
@@ -170,7 +82,7 @@ class HeaderParser {
       if (words.empty()) continue;
       if (words[0] == "end_header") break;
       if (words[0] == "comment") {
-        if (words.size() > 1) header_.comments.push_back(line.substr(line.find("comment") + 8));
+        if (words.size() > 1) add_comment(line.substr(line.find("comment") + 8));
       } else if (words[0] == "format") {
         format(words);
       } else if (words[0] == "element") {
@@ -199,6 +111,15 @@ class HeaderParser {
     }
     if (!line.empty() && line.back() == '\r') line.pop_back();
     return line;
+  }
+
+  // Our writer cuts long lines; what follows begins with "... ".
+  void add_comment(const std::string& text) {
+    if (text.rfind(kContinued, 0) == 0 && !header_.comments.empty()) {
+      header_.comments.back() += text.substr(std::string(kContinued).size());
+    } else {
+      header_.comments.push_back(text);
+    }
   }
 
   void format(const std::vector<std::string>& words) {
@@ -236,7 +157,7 @@ class HeaderParser {
     if (!property.is_list && words.size() != 3) fail("is no property: expected \"property TYPE NAME\"");
     const std::optional<Type> type = type_from_name(words[words.size() - 2]);
     const std::optional<Type> count_type = property.is_list ? type_from_name(words[2]) : Type::kUint8;
-    if (!type || !count_type || *count_type == Type::kFloat || *count_type == Type::kDouble) {
+    if (!type || !count_type || is_float(*count_type)) {
       fail("has an unknown type; expected char, uchar, short, ushort, int, uint, float or double");
     }
     property.name = words.back();
@@ -249,7 +170,7 @@ class HeaderParser {
     properties.push_back(property);
   }
 
-  Input& input_;
+  BufferedInput& input_;
   Header header_;
   std::size_t line_ = 0;
   bool has_format_ = false;
@@ -258,15 +179,10 @@ class HeaderParser {
 // Numbers of the body, one after the other, whatever the format.
 class Body {
  public:
-  Body(Input& input, Format format) : input_(input), ascii_(format == Format::kAscii) {
-#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
-    swap_ = format == Format::kLittleEndian;
-#else
-    swap_ = format == Format::kBigEndian;
-#endif
-  }
+  Body(BufferedInput& input, Format format)
+      : input_(input), ascii_(format == Format::kAscii), swap_(kSwapsLittle != (format == Format::kBigEndian)) {}
 
-  double number(Type type) { return ascii_ ? token() : load(input_.take(size_of(type)), type, swap_); }
+  double number(Type type) { return ascii_ ? token() : load_number(input_.take(size_of(type)), type, swap_); }
 
   void skip_list(const Property& property) {
     const double count = number(property.count_type);
@@ -315,19 +231,17 @@ class Body {
     return value;
   }
 
-  Input& input_;
+  BufferedInput& input_;
   bool ascii_;
-  bool swap_ = false;
+  bool swap_;
 };
 
-// Where a property of the vertices goes.
-enum Slot { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kConfidence, kViews, kSlots };
-
+// Where the properties of the vertices go.
 struct VertexLayout {
-  std::array<const Property*, kSlots> property{};
+  std::array<const Property*, kCloudFields> property{};
   std::vector<int> slot;  // of each property, -1 = not wanted
 
-  bool has(Slot first, int count) const {
+  bool has(CloudField first, int count) const {
     for (int i = 0; i < count; ++i) {
       if (property[static_cast<std::size_t>(first + i)] == nullptr) return false;
     }
@@ -335,9 +249,9 @@ struct VertexLayout {
   }
 };
 
-VertexLayout layout_of(const Element& vertex, const Input& input) {
-  constexpr std::array<const char*, kSlots> kNames{"x",   "y",     "z",    "nx",         "ny",   "nz",
-                                                   "red", "green", "blue", "confidence", "views"};
+VertexLayout layout_of(const Element& vertex, const BufferedInput& input) {
+  constexpr std::array<const char*, kCloudFields> kNames{"x",   "y",     "z",    "nx",         "ny",   "nz",
+                                                         "red", "green", "blue", "confidence", "views"};
   constexpr std::size_t kPrefix = sizeof("scalar_") - 1;  // before 0.2, our files had no such prefix
   VertexLayout layout;
   for (const Property& property : vertex.properties) {
@@ -352,49 +266,6 @@ VertexLayout layout_of(const Element& vertex, const Input& input) {
   return layout;
 }
 
-std::uint8_t to_byte(double value) {
-  return static_cast<std::uint8_t>(value >= 255.0 ? 255.0 : value > 0.0 ? value + 0.5 : 0.0);
-}
-
-void read_vertices(const Element& vertex, Body& body, Input& input, PlyCloud& cloud) {
-  const VertexLayout layout = layout_of(vertex, input);
-  const bool normals = layout.has(kNx, 3);
-  const bool colors = layout.has(kRed, 3);
-  const bool confidence = layout.has(kConfidence, 1);
-  const bool views = layout.has(kViews, 1);
-  const bool unit_colors = colors && layout.property[kRed]->type >= Type::kFloat;  // 0 to 1 instead of 0 to 255
-  const std::size_t count = static_cast<std::size_t>(vertex.count);
-  cloud.positions.reserve(count);
-  if (normals) cloud.normals.reserve(count);
-  if (colors) cloud.colors.reserve(count);
-  if (confidence) cloud.confidence.reserve(count);
-  if (views) cloud.views.reserve(count);
-  std::array<double, kSlots> v{};
-  for (std::size_t i = 0; i < count; ++i) {
-    for (std::size_t p = 0; p < vertex.properties.size(); ++p) {
-      const Property& property = vertex.properties[p];
-      if (property.is_list) {
-        body.skip_list(property);
-        continue;
-      }
-      const double value = body.number(property.type);
-      if (layout.slot[p] >= 0) v[static_cast<std::size_t>(layout.slot[p])] = value;
-    }
-    const Eigen::Vector3d position(v[kX], v[kY], v[kZ]);
-    if (!position.allFinite()) {
-      input.fail("vertex " + std::to_string(i) + ", before " + input.here() + ", has a position that is not finite");
-    }
-    cloud.positions.push_back(position);
-    if (normals) cloud.normals.push_back(Eigen::Vector3d(v[kNx], v[kNy], v[kNz]).cast<float>());
-    const double scale = unit_colors ? 255.0 : 1.0;
-    if (colors) {
-      cloud.colors.push_back({to_byte(v[kRed] * scale), to_byte(v[kGreen] * scale), to_byte(v[kBlue] * scale)});
-    }
-    if (confidence) cloud.confidence.push_back(static_cast<float>(v[kConfidence]));
-    if (views) cloud.views.push_back(to_byte(v[kViews]));
-  }
-}
-
 void skip_element(const Element& element, Body& body) {
   for (std::int64_t i = 0; i < element.count; ++i) {
     for (const Property& property : element.properties) {
@@ -407,23 +278,88 @@ void skip_element(const Element& element, Body& body) {
   }
 }
 
+class PlyReader final : public CloudReader {
+ public:
+  explicit PlyReader(const std::filesystem::path& path) : input_(path), header_(HeaderParser(input_).parse()) {
+    info_.format = "PLY";
+    info_.comments = header_.comments;
+    Body body(input_, header_.format);
+    for (const Element& element : header_.elements) {
+      body.check_size(element);
+      if (element.name == "vertex") {
+        vertex_ = &element;
+        break;
+      }
+      skip_element(element, body);
+    }
+    if (vertex_ == nullptr) input_.fail("has no element vertex");
+    begin_ = input_.position();
+    layout_ = layout_of(*vertex_, input_);
+    info_.points = vertex_->count;
+    info_.has_normals = layout_.has(kNx, 3);
+    info_.has_colors = layout_.has(kRed, 3);
+    info_.has_confidence = layout_.has(kConfidence, 1);
+    info_.has_views = layout_.has(kViews, 1);
+    info_.double_positions = layout_.property[kX]->type == Type::kDouble;
+    read_origin(info_);
+  }
+
+  void read(const Take& take) override {
+    const bool unit_colors = info_.has_colors && is_float(layout_.property[kRed]->type);  // 0 to 1 instead of 0 to 255
+    PointBatch batch(info_, unit_colors ? 255.0 : 1.0, take);
+    input_.seek(begin_);
+    Body body(input_, header_.format);
+    CloudNumbers v{};
+    for (std::int64_t i = 0; i < vertex_->count; ++i) {
+      for (std::size_t p = 0; p < vertex_->properties.size(); ++p) {
+        const Property& property = vertex_->properties[p];
+        if (property.is_list) {
+          body.skip_list(property);
+          continue;
+        }
+        const double value = body.number(property.type);
+        if (layout_.slot[p] >= 0) v[static_cast<std::size_t>(layout_.slot[p])] = value;
+      }
+      batch.add(v, input_);
+    }
+    batch.flush();
+  }
+
+ private:
+  BufferedInput input_;
+  Header header_;
+  const Element* vertex_ = nullptr;
+  std::uint64_t begin_ = 0;
+  VertexLayout layout_;
+};
+
 }  // namespace
 
+std::unique_ptr<CloudReader> open_ply_reader(const std::filesystem::path& path) {
+  return std::make_unique<PlyReader>(path);
+}
+
 PlyCloud read_ply(const std::filesystem::path& path) {
-  Input input(path);
-  const Header header = HeaderParser(input).parse();
+  PlyReader reader(path);
+  const CloudInfo& info = reader.info();
+  const auto count = static_cast<std::size_t>(info.points);
   PlyCloud cloud;
-  cloud.comments = header.comments;
-  Body body(input, header.format);
-  for (const Element& element : header.elements) {
-    body.check_size(element);
-    if (element.name == "vertex") {
-      read_vertices(element, body, input, cloud);
-      return cloud;
+  cloud.comments = info.comments;
+  cloud.positions.reserve(count);
+  if (info.has_normals) cloud.normals.reserve(count);
+  if (info.has_colors) cloud.colors.reserve(count);
+  if (info.has_confidence) cloud.confidence.reserve(count);
+  if (info.has_views) cloud.views.reserve(count);
+  reader.read([&](const OutputPoint* points, std::size_t number) {
+    for (const OutputPoint* point = points; point != points + number; ++point) {
+      cloud.positions.push_back(point->position);
+      if (info.has_normals) cloud.normals.push_back(point->normal);
+      if (info.has_colors) cloud.colors.push_back(point->color);
+      if (info.has_confidence) cloud.confidence.push_back(point->confidence);
+      if (info.has_views) cloud.views.push_back(point->views);
     }
-    skip_element(element, body);
-  }
-  input.fail("has no element vertex");
+  });
+  return cloud;
 }
 
 }  // namespace pmsp

@@ -5,18 +5,24 @@
 #include <cstdio>
 #include <limits>
 #include <string>
-#include <system_error>
 
 #include <nlohmann/json.hpp>
 
 #include "export/background_file.h"
-#include "export/dataset_folder.h"
 #include "export/integer_frame.h"
 #include "export/octree.h"
 #include "pmsp/error.h"
+#include "pmsp/io/atomic_folder.h"
+#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/files.h"
 #include "pmsp/io/little_endian.h"
 
 namespace pmsp {
+
+bool is_potree_name(const std::string& name) {
+  return name == "metadata.json" || name == "hierarchy.bin" || name == "octree.bin";
+}
+
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -48,7 +54,7 @@ Json attribute(const char* name, const char* type, int elements, int bytes, cons
 class Potree final : public CloudWriter {
  public:
   Potree(const std::filesystem::path& path, const CloudHeader& header)
-      : folder_(path),
+      : folder_(path, is_potree_name),
         header_(header),
         frame_(integer_frame(header)),
         octree_(header.scratch.string(), header.reach / frame_.scale) {}
@@ -87,16 +93,15 @@ class Potree final : public CloudWriter {
     });
     file.write(std::move(block));
     const std::string nodes = hierarchy();
-    std::error_code ignored;
-    std::filesystem::remove(folder_ / "metadata.json", ignored);  // without it, a folder is no cloud
     file.commit();
     write_file(folder_ / "hierarchy.bin", nodes);
     write_file(folder_ / "metadata.json", metadata(nodes.size()).dump(1) + "\n");
+    folder_.commit();
   }
 
  private:
   [[noreturn]] void refuse(const OutputPoint& point) const {
-    throw OutputError(folder_.path().string() + ": a point at " + std::to_string(point.position.x()) + " " +
+    throw OutputError(folder_.target().string() + ": a point at " + std::to_string(point.position.x()) + " " +
                       std::to_string(point.position.y()) + " " + std::to_string(point.position.z()) +
                       " is too far away for whole numbers; give a larger --resolution, or --crop such points");
   }
@@ -159,7 +164,7 @@ class Potree final : public CloudWriter {
     return json;
   }
 
-  MadeFolder folder_;
+  AtomicFolder folder_;
   CloudHeader header_;
   IntegerFrame frame_;
   Octree octree_;
@@ -171,10 +176,6 @@ class Potree final : public CloudWriter {
 
 std::unique_ptr<CloudWriter> open_potree(const std::filesystem::path& path, const CloudHeader& header) {
   return std::make_unique<Potree>(path, header);
-}
-
-bool is_potree_name(const std::string& name) {
-  return name == "metadata.json" || name == "hierarchy.bin" || name == "octree.bin";
 }
 
 }  // namespace pmsp

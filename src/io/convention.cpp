@@ -2,7 +2,6 @@
 #include "pmsp/io/convention.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <vector>
@@ -25,14 +24,6 @@ constexpr double kStillFits = 0.01;     ///< of the width: what fits worse fits 
 constexpr double kHalf = 0.5;
 constexpr double kHalfTolerance = 0.15;  ///< [px]
 constexpr double kStandardErrors = 6.0;
-
-Eigen::Matrix3d axes(double x, double y, double z) { return Eigen::Vector3d(x, y, z).asDiagonal(); }
-
-Eigen::Matrix3d quarter_turn(double sign) {
-  Eigen::Matrix3d turn;
-  turn << 0.0, 0.0, -sign, 0.0, 1.0, 0.0, sign, 0.0, 0.0;
-  return turn;
-}
 
 /// An observation, where its landmark is, and by which camera it was made.
 struct Sample {
@@ -130,34 +121,6 @@ void check_half_pixel(const SlamMap& map, const std::vector<Sample>& samples, Co
 }
 
 }  // namespace
-
-namespace map_detail {
-
-std::vector<PoseConvention> other_conventions() {
-  struct Camera {
-    const char* as_they_are;
-    const char* inverted;
-    Eigen::Matrix3d axes;
-  };
-  const std::array<Camera, 7> cameras{{
-      {"", "inverted poses (world_from_cam where cam_from_world is expected, or the other way round)", axes(1, 1, 1)},
-      {"mirrored images or poses (left and right swapped)", "inverted poses of mirrored images", axes(-1, 1, 1)},
-      {"flipped images or poses (latitude upside down)", "inverted poses of flipped images", axes(1, -1, 1)},
-      {"camera axes of OpenGL (y up, z backward)", "inverted poses with camera axes of OpenGL", axes(1, -1, -1)},
-      {"cameras that look backward (the image turned by half its width)",
-       "inverted poses of cameras that look backward", axes(-1, 1, -1)},
-      {"images turned by a quarter of their width to the left", "inverted poses of turned images", quarter_turn(1.0)},
-      {"images turned by a quarter of their width to the right", "inverted poses of turned images", quarter_turn(-1.0)},
-  }};
-  std::vector<PoseConvention> conventions;
-  for (const Camera& camera : cameras) {
-    if (*camera.as_they_are != '\0') conventions.push_back({camera.as_they_are, false, camera.axes});
-    conventions.push_back({camera.inverted, true, camera.axes});
-  }
-  return conventions;
-}
-
-}  // namespace map_detail
 
 ConventionCheck check_convention(const SlamMap& map) {
   ConventionCheck check;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <functional>
 #include <initializer_list>
 #include <utility>
 
@@ -20,8 +21,9 @@ using Bytes = std::vector<std::uint8_t>;
 /// A TIFF block, which holds the tags. Reading beyond its end gives 0.
 class Tiff {
  public:
-  Tiff(const Bytes& bytes, std::size_t begin, std::size_t size)
-      : bytes_(bytes), begin_(begin), size_(size), little_(byte(0) == 'I' && byte(1) == 'I') {}
+  /// `byte_at`: the byte at an offset below `size`.
+  Tiff(std::function<std::uint8_t(std::size_t)> byte_at, std::size_t size)
+      : byte_at_(std::move(byte_at)), size_(size), little_(byte(0) == 'I' && byte(1) == 'I') {}
 
   bool is_valid() const { return (little_ || (byte(0) == 'M' && byte(1) == 'M')) && number(2, 2) == 42; }
 
@@ -47,12 +49,36 @@ class Tiff {
     return below > 0.0 ? static_cast<double>(number(at, 4)) / below : std::nan("");
   }
 
-  std::uint8_t byte(std::size_t at) const { return at < size_ ? bytes_[begin_ + at] : std::uint8_t{0}; }
+  std::uint8_t byte(std::size_t at) const { return at < size_ ? byte_at_(at) : std::uint8_t{0}; }
 
  private:
-  const Bytes& bytes_;
-  std::size_t begin_, size_;
+  std::function<std::uint8_t(std::size_t)> byte_at_;
+  std::size_t size_;
   bool little_;
+};
+
+/// The bytes of a file, a piece at a time: the tags of a TIFF file may lie behind its pixels.
+class FileBytes {
+ public:
+  explicit FileBytes(std::ifstream& file) : file_(&file) {}
+
+  std::uint8_t operator()(std::size_t at) {
+    if (at < begin_ || at >= begin_ + piece_.size()) {
+      begin_ = at / kPiece * kPiece;
+      piece_.assign(kPiece, 0);
+      file_->clear();
+      file_->seekg(static_cast<std::streamoff>(begin_));
+      file_->read(reinterpret_cast<char*>(piece_.data()), static_cast<std::streamsize>(kPiece));
+    }
+    return piece_[at - begin_];
+  }
+
+ private:
+  static constexpr std::size_t kPiece = 4096;
+
+  std::ifstream* file_;
+  Bytes piece_;
+  std::size_t begin_ = 0;
 };
 
 constexpr std::size_t kRationals = 5;  // type of an entry
@@ -116,12 +142,28 @@ std::pair<std::size_t, std::size_t> find_tiff(const Bytes& bytes) {
   return {0, 0};
 }
 
+bool is_tiff_file(const Bytes& bytes) {
+  return has_at(bytes, 0, {'I', 'I', 42, 0}) || has_at(bytes, 0, {'M', 'M', 0, 42});
+}
+
+/// The place alone: OpenCV turns TIFF files itself.
+Exif exif_of_tiff_file(const Tiff& tiff) {
+  Exif exif;
+  exif.gps = gps_of(tiff, static_cast<std::size_t>(tiff.number(4, 4)));
+  return exif;
+}
+
+std::function<std::uint8_t(std::size_t)> from(const Bytes& bytes, std::size_t begin) {
+  return [&bytes, begin](std::size_t at) { return bytes[begin + at]; };
+}
+
 }  // namespace
 
 Exif read_exif(const Bytes& bytes) {
+  if (is_tiff_file(bytes)) return exif_of_tiff_file(Tiff(from(bytes, 0), bytes.size()));
   Exif exif;
   const auto [begin, size] = find_tiff(bytes);
-  const Tiff tiff(bytes, begin, size);
+  const Tiff tiff(from(bytes, begin), size);
   if (size < 8 || !tiff.is_valid()) return exif;
   const auto first = static_cast<std::size_t>(tiff.number(4, 4));
   const std::size_t entry = tiff.find(first, 0x0112);
@@ -140,6 +182,9 @@ Exif read_exif(const std::filesystem::path& path) {
   file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   if (file.bad()) throw IoError(path.string() + ": cannot be read");
   bytes.resize(static_cast<std::size_t>(file.gcount()));
+  if (is_tiff_file(bytes)) {
+    return exif_of_tiff_file(Tiff(FileBytes(file), static_cast<std::size_t>(std::filesystem::file_size(path))));
+  }
   return read_exif(bytes);
 }
 

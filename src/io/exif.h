@@ -21,11 +21,12 @@ struct Exif {
   std::optional<GpsPosition> gps;
 };
 
-/// Of the bytes of a JPEG (its APP1 segment) or a PNG (its eXIf chunk). What is missing, broken or out of range is
-/// taken as not said.
+/// Of the bytes of a JPEG (its APP1 segment), a PNG (its eXIf chunk) or a TIFF file, of which OpenCV applies the
+/// orientation itself. What is missing, broken or out of range is taken as not said.
 Exif read_exif(const std::vector<std::uint8_t>& bytes);
 
-/// The same of a file, of which only what lies before the pixels is read, 1 MiB at most. Throws IoError.
+/// The same of a file, of which only what lies before the pixels is read, 1 MiB at most, and of a TIFF file its tags.
+/// Throws IoError.
 Exif read_exif(const std::filesystem::path& path);
 
 }  // namespace pmsp::io

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <initializer_list>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -16,6 +17,7 @@
 
 #include "exif.h"
 #include "jpeg_segments.h"
+#include "panorama_size.h"
 #include "pmsp/error.h"
 
 namespace pmsp::io {
@@ -73,8 +75,10 @@ std::optional<double> xmp_number(const std::string& text, const std::string& key
   return std::strtod(text.substr(number, 20).c_str(), nullptr);
 }
 
-/// Cameras and stitchers write how much of the sphere a JPEG covers. A part taken for the whole bends everything.
-void refuse_crop(const std::filesystem::path& path, const std::vector<std::uint8_t>& bytes) {
+/// Cameras and stitchers write how much of the sphere a JPEG covers. A part taken for the whole bends everything. Where
+/// the image has the shape of a whole one and another size than the part, the data are stale: programs that fill up or
+/// resize an image leave them as they were.
+void refuse_crop(const std::filesystem::path& path, const std::vector<std::uint8_t>& bytes, const Header& header) {
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const std::size_t begin = all.find("<x:xmpmeta");
   const std::size_t end = begin == std::string_view::npos ? begin : all.find("</x:xmpmeta>", begin);
@@ -85,6 +89,9 @@ void refuse_crop(const std::filesystem::path& path, const std::vector<std::uint8
   const auto width = xmp_number(text, "GPano:CroppedAreaImageWidthPixels");
   const auto height = xmp_number(text, "GPano:CroppedAreaImageHeightPixels");
   if (!full_width || !full_height || !width || !height || (*width >= *full_width && *height >= *full_height)) return;
+  const auto pixels = [](std::uint64_t size) { return static_cast<std::int64_t>(size); };
+  const bool is_part = std::llround(*width) == pixels(header.width) && std::llround(*height) == pixels(header.height);
+  if (!is_part && is_panorama_size(pixels(header.width), pixels(header.height))) return;
   const auto size = [](double w, double h) {
     return std::to_string(std::llround(w)) + "x" + std::to_string(std::llround(h));
   };
@@ -131,7 +138,7 @@ cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags) {
   if (header.width * header.height > kMaxPixels)  // a small file may promise gigabytes, which OpenCV would allocate
     throw IoError(path.string() + ": is " + std::to_string(header.width) + "x" + std::to_string(header.height) +
                   " pixels, which are too many; expected 16384x8192 at most");
-  if (header.is_jpeg) refuse_crop(path, bytes);
+  if (header.is_jpeg) refuse_crop(path, bytes, header);
   if (header.truncated)
     throw IoError(path.string() + ": the JPEG ends after " + std::to_string(bytes.size()) +
                   " bytes without its end marker; copy the file again");
@@ -147,16 +154,23 @@ cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags) {
 
 Image<Rgb> rgb_from_bgr(const cv::Mat& bgr) {
   if (bgr.type() != CV_8UC3) throw InvalidInput("a decoded image is not 8-bit colour");
-  Image<Rgb> rgb(bgr.cols, bgr.rows);
-  for (int y = 0; y < bgr.rows; ++y) {
-    const auto* in = bgr.ptr<cv::Vec3b>(y);
+  cv::Mat panorama = bgr;
+  if (is_panorama_size(bgr.cols, bgr.rows)) {
+    const int height = panorama_height(bgr.cols, bgr.rows);
+    const bool is_whole = bgr.cols == 2 * height && bgr.rows == height;
+    if (!is_whole) cv::resize(bgr, panorama, {2 * height, height}, 0.0, 0.0, cv::INTER_LINEAR);
+  }
+  Image<Rgb> rgb(panorama.cols, panorama.rows);
+  for (int y = 0; y < panorama.rows; ++y) {
+    const auto* in = panorama.ptr<cv::Vec3b>(y);
     Rgb* out = rgb.row(y);
-    for (int x = 0; x < bgr.cols; ++x) out[x] = {in[x][2], in[x][1], in[x][0]};
+    for (int x = 0; x < panorama.cols; ++x) out[x] = {in[x][2], in[x][1], in[x][0]};
   }
   return rgb;
 }
 
 void check_image_size(const std::string& what, int width, int height, const MapCamera& camera) {
+  if (is_panorama_size(width, height) && is_panorama_size(camera.width, camera.height)) return;
   if (width > 0 && height > 0 &&
       static_cast<std::int64_t>(width) * camera.height == static_cast<std::int64_t>(height) * camera.width)
     return;

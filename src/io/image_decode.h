@@ -18,7 +18,8 @@ cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags);
 /// 8-bit BGR to RGB.
 Image<Rgb> rgb_from_bgr(const cv::Mat& bgr);
 
-/// Throws InvalidInput unless width x height is the camera's size times one factor. `what` names the image.
+/// Throws InvalidInput unless width x height is the camera's size times one factor, within one row. `what` names the
+/// image.
 void check_image_size(const std::string& what, int width, int height, const MapCamera& camera);
 
 }  // namespace pmsp::io

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <deque>
 #include <future>
+#include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <utility>
@@ -10,19 +11,22 @@
 
 #include "image_decode.h"
 #include "image_naming.h"
-#include "pairing_series.h"
+#include "map_scene.h"
+#include "pairing_trial.h"
 #include "pmsp/error.h"
 #include "pmsp/io/image_source.h"
 
 namespace pmsp {
 namespace {
 
-constexpr std::size_t kTrialRuns = 3;  ///< pairs of neighbouring keyframes that a scheme is tried on
-constexpr std::size_t kTrialLandmarks = 300;
-constexpr int kTrialComparisons = 30;  ///< fewer say nothing
-constexpr double kTrialClear = 0.8;    ///< likeness that no shifted pairing reaches
-constexpr double kTrialBetter = 0.03;  ///< of the likeness, by which a less plausible scheme must be better
-constexpr int kTrialWidth = 960;       ///< [px] to which larger JPEGs are reduced while they are decoded
+constexpr std::size_t kTrialPairs = 3;      ///< pairs of neighbouring keyframes that a scheme is tried on
+constexpr std::size_t kMostTrials = 32;     ///< schemes
+constexpr double kSearchedFit = 1.5;        ///< times the least fit: that of a reading with an offset found by search
+constexpr double kTrialClear = 0.8;         ///< likeness that no shifted pairing reaches
+constexpr double kTrialBetter = 0.03;       ///< of the likeness, by which a less plausible scheme must be better
+constexpr std::size_t kRecentFrames = 8;    ///< that are kept decoded while an offset is looked for
+constexpr std::int64_t kMostFrames = 3000;  ///< among which the offset is looked for
+constexpr int kTrialWidth = 960;            ///< [px] to which larger JPEGs are reduced while they are decoded
 
 /// Keyframes of a scheme that have a file, in order of time.
 std::vector<std::size_t> paired_keyframes(const SlamMap& map, const io::NamingScheme& scheme) {
@@ -35,91 +39,184 @@ std::vector<std::size_t> paired_keyframes(const SlamMap& map, const io::NamingSc
   return paired;
 }
 
-/// Pairs of neighbours, evenly spread.
-std::vector<std::size_t> trial_keyframes(const std::vector<std::size_t>& paired) {
-  if (paired.size() <= 2 * kTrialRuns) return paired;
-  std::vector<std::size_t> trial;
-  for (std::size_t run = 0; run < kTrialRuns; ++run) {
-    const std::size_t at = (paired.size() - 2) * (2 * run + 1) / (2 * kTrialRuns);
-    trial.push_back(paired[at]);
-    trial.push_back(paired[at + 1]);
-  }
-  return trial;
-}
-
 int trial_flags(const MapCamera& camera) {
   if (camera.width >= 8 * kTrialWidth) return cv::IMREAD_REDUCED_COLOR_8;
   if (camera.width >= 4 * kTrialWidth) return cv::IMREAD_REDUCED_COLOR_4;
   return camera.width >= 2 * kTrialWidth ? cv::IMREAD_REDUCED_COLOR_2 : cv::IMREAD_COLOR;
 }
 
-/// How well the images of a scheme fit their keyframes, tried on a few.
-io::PairingSeries try_scheme(const SlamMap& map, const io::NamingScheme& scheme,
-                             const std::vector<io::NumberedFile>& files) {
-  io::PairingSeries series(map, kTrialLandmarks);
+/// A few keyframes of a scheme and their images.
+struct Trial {
+  io::Keyframes keyframes;
+  std::map<const MapKeyframe*, Image<Rgb>> images;
+
+  const Image<Rgb>* image_of(const MapKeyframe& keyframe) const {
+    const auto found = images.find(&keyframe);
+    return found == images.end() ? nullptr : &found->second;
+  }
+};
+
+Trial make_trial(const SlamMap& map, const io::NamingScheme& scheme, const std::vector<io::NumberedFile>& files) {
+  io::Keyframes paired;
+  for (const std::size_t k : paired_keyframes(map, scheme)) paired.push_back(&map.keyframes[k]);
+  Trial trial;
+  trial.keyframes = io::spread_pairs(paired, kTrialPairs);
   std::vector<std::pair<const MapKeyframe*, std::future<Image<Rgb>>>> images;  // all at the same time
-  for (const std::size_t k : trial_keyframes(paired_keyframes(map, scheme))) {
-    const MapCamera& camera = map.cameras[static_cast<std::size_t>(map.keyframes[k].camera)];
+  for (const MapKeyframe* keyframe : trial.keyframes) {
+    const MapCamera& camera = map.cameras[static_cast<std::size_t>(keyframe->camera)];
+    const auto k = static_cast<std::size_t>(keyframe - map.keyframes.data());
     const auto& path = files[static_cast<std::size_t>(scheme.file[k])].path;
-    images.emplace_back(&map.keyframes[k], std::async(std::launch::async, [&path, &camera] {
-      return io::rgb_from_bgr(io::decode_image_file(path, trial_flags(camera)));
-    }));
+    images.emplace_back(keyframe, std::async(std::launch::async, [&path, &camera] {
+                          return io::rgb_from_bgr(io::decode_image_file(path, trial_flags(camera)));
+                        }));
   }
   for (auto& [keyframe, image] : images) {
     try {
-      series.add(*keyframe, image.get().view());
+      trial.images.emplace(keyframe, image.get());
     } catch (const Error&) {
       continue;  // reported when the image's turn comes, if this scheme is chosen
     }
   }
-  return series;
+  return trial;
 }
+
+/// Where images cannot tell: the most plausible reading, or the only guess that pairs all keyframes with all files.
+std::optional<std::size_t> choose_by_names(const std::vector<io::NamingScheme>& schemes) {
+  if (!schemes.front().is_guess) {
+    const bool is_alone = !schemes.front().is_shifted || schemes.size() == 1 || schemes[1].is_guess ||
+                          schemes[1].found < schemes[0].found;
+    return is_alone ? std::optional<std::size_t>(0) : std::nullopt;
+  }
+  std::optional<std::size_t> complete;
+  for (std::size_t i = 0; i < schemes.size(); ++i) {
+    if (!schemes[i].is_complete) continue;
+    if (complete) return std::nullopt;
+    complete = i;
+  }
+  return complete;
+}
+
+/// A scheme, nullopt where none can be taken; and whether images have shown that it is wrong.
+struct Choice {
+  std::optional<std::size_t> scheme;
+  bool is_disproved = false;
+};
 
 /// Names alone cannot always tell (ids and frame indices of a short map look the same); the images can. Readings are
-/// tried in order of plausibility until one clearly fits.
-std::size_t choose_scheme(const SlamMap& map, const std::vector<io::NamingScheme>& schemes,
-                          const std::vector<io::NumberedFile>& files) {
-  std::size_t best = 0;
-  std::optional<double> best_likeness;
-  for (std::size_t i = 0; i < schemes.size() && schemes.size() > 1; ++i) {
-    const io::PairingSeries series = try_scheme(map, schemes[i], files);
-    if (series.found().tries() < kTrialComparisons) continue;
-    if (series.likeness() >= kTrialClear) return i;
-    if (best_likeness && series.likeness() <= *best_likeness + kTrialBetter) continue;
-    best_likeness = series.likeness();
+/// tried in order of plausibility until one clearly fits, also those of images that are mirrored or turned, which the
+/// check of the pairing names. Of guesses only one that is proved is taken.
+Choice choose_scheme(const SlamMap& map, const std::vector<io::NamingScheme>& schemes,
+                     const std::vector<io::NumberedFile>& files) {
+  if (schemes.size() == 1 && !schemes.front().is_guess) return {0};
+  bool is_conclusive = false;
+  std::optional<std::size_t> best;
+  double best_likeness = 0.0;
+  std::optional<std::size_t> poor;  ///< no guess, and may fit
+  for (std::size_t i = 0; i < std::min(schemes.size(), kMostTrials) && !map.landmarks.empty(); ++i) {
+    const bool may_be_right = best || poor || (!schemes.front().is_guess && !is_conclusive);
+    if (schemes[i].is_guess && may_be_right) break;
+    const Trial trial = make_trial(map, schemes[i], files);
+    const auto image_of = [&trial](const MapKeyframe& keyframe) { return trial.image_of(keyframe); };
+    const io::Evidence evidence = io::try_images(map, trial.keyframes, image_of);
+    if (!evidence.conclusive()) continue;
+    is_conclusive = true;
+    const bool is_searched = schemes[i].is_shifted || schemes[i].is_guess;
+    const double least = (is_searched ? kSearchedFit : 1.0) * evidence.least_fit;
+    if (!evidence.fits() || evidence.fit < least) {
+      if (!best && !is_searched && io::fit_presented(map, trial.keyframes, image_of)) return {i};
+      if (!is_searched && !poor && evidence.may_fit()) poor = i;
+      continue;
+    }
+    if (evidence.likeness >= kTrialClear) return {i};
+    if (best && evidence.likeness <= best_likeness + kTrialBetter) continue;
+    best_likeness = evidence.likeness;
     best = i;
   }
-  return best;
+  if (best) return {best};
+  if (poor) return {poor};  // for the check of the pairing to judge
+  if (!is_conclusive) return {choose_by_names(schemes)};
+  return {schemes.front().is_guess ? std::nullopt : std::optional<std::size_t>(0), true};
 }
 
-bool is_file(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::is_regular_file(path, ignored);
+/// The offset of frame indices at which all frames of a recording fit, tried with each image as that of the same
+/// keyframe. nullopt where none does.
+std::optional<std::int64_t> find_frame_offset(const SlamMap& map, const std::vector<io::NumberedFile>& files,
+                                              double rate) {
+  const std::map<std::int64_t, int> frames = io::frames_of(files);
+  if (!(rate > 0.0) || map.landmarks.empty() || frames.size() <= map.keyframes.size()) return std::nullopt;
+  const double unit = io::time_unit(map);
+  const double t0 = io::has_unix_time(map, unit) ? io::first_timestamp(map) * unit : 0.0;
+  const auto index_of = [&](const MapKeyframe& keyframe) {
+    return io::frame_index(keyframe.timestamp * unit, t0, rate).value_or(0);
+  };
+  const io::Keyframes by_time = io::keyframes_by_time(map);
+  const io::Keyframes run = io::first_run(map, by_time);
+  const int flags = trial_flags(map.cameras[static_cast<std::size_t>(run.front()->camera)]);
+  std::deque<std::pair<std::int64_t, Image<Rgb>>> recent;
+  io::FrameReading reading;
+  reading.image = [&](std::int64_t frame) -> const Image<Rgb>* {
+    const auto known =
+        std::find_if(recent.begin(), recent.end(), [&](const auto& entry) { return entry.first == frame; });
+    if (known != recent.end()) return &known->second;
+    const auto file = frames.find(frame);
+    if (file == frames.end()) return nullptr;
+    try {
+      const cv::Mat bgr = io::decode_image_file(files[static_cast<std::size_t>(file->second)].path, flags);
+      if (recent.size() == kRecentFrames) recent.pop_front();
+      recent.emplace_back(frame, io::rgb_from_bgr(bgr));
+    } catch (const Error&) {
+      return nullptr;  // reported when the image's turn comes
+    }
+    return &recent.back().second;
+  };
+  reading.frame_of = [&](const MapKeyframe& keyframe, std::int64_t anchor) {
+    return std::optional(anchor + index_of(keyframe) - index_of(*run.front()));
+  };
+  const std::int64_t first = frames.begin()->first;
+  const std::int64_t last = std::min(frames.rbegin()->first, first + kMostFrames);
+  const auto found = io::find_anchor(map, run, io::spread_pairs(by_time, kTrialPairs), reading, first, last);
+  return found ? std::optional(found->anchor - index_of(*run.front())) : std::nullopt;
 }
 
-/// The file that the map names, or where the name has no ending ("IMG_0001"), the one with that name and the ending of
-/// an image. "" where there is none.
-std::filesystem::path named_file(const std::filesystem::path& folder, const std::string& image) {
-  const std::filesystem::path path = folder / image;
-  if (is_file(path)) return path;
-  if (io::is_image_name(path)) return {};
-  for (const char* ending : {".jpg", ".JPG", ".jpeg", ".JPEG", ".png", ".PNG", ".tif", ".TIF", ".tiff", ".TIFF"}) {
-    if (is_file(path.string() + ending)) return path.string() + ending;
+/// The file of each keyframe, by the longest tail of the name that the map has for it; "" where there is none.
+/// `other_endings`: also files that were converted, "IMG_0001.jpg" for "IMG_0001.png". A name without the ending of an
+/// image ("IMG_0001") is completed in any case.
+std::vector<std::filesystem::path> named_files(const SlamMap& map, const std::filesystem::path& folder,
+                                               bool other_endings) {
+  std::vector<std::filesystem::path> files;
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const bool is_whole = io::is_image_name(keyframe.image) && !other_endings;
+    files.push_back(keyframe.image.empty() ? "" : map_detail::longest_tail(folder, keyframe.image, !is_whole));
   }
-  return {};
+  return files;
 }
 
-/// Keyframes whose images the map names take exactly these.
+/// Keyframes whose images the map names take exactly these. Of several that would take one file, because its folder's
+/// name is missing in the path, the one whose whole name that is takes it, or none.
 io::NamingScheme read_map_names(const SlamMap& map, const std::filesystem::path& folder,
                                 std::vector<io::NumberedFile>& files) {
   io::NamingScheme scheme;
   scheme.meaning = "those that " + map.path.filename().string() + " gives";
-  for (const MapKeyframe& keyframe : map.keyframes) {
-    const std::filesystem::path path = keyframe.image.empty() ? "" : named_file(folder, keyframe.image);
+  std::vector<std::filesystem::path> found = named_files(map, folder, false);
+  const auto is_empty = [](const std::filesystem::path& path) { return path.empty(); };
+  if (std::all_of(found.begin(), found.end(), is_empty)) found = named_files(map, folder, true);
+  std::map<std::filesystem::path, int> takers;
+  for (const std::filesystem::path& path : found) ++takers[path];
+  for (std::size_t k = 0; k < map.keyframes.size(); ++k) {
+    const std::string& image = map.keyframes[k].image;
+    std::filesystem::path path = found[k];
+    std::string reason;
+    if (image.empty()) {
+      reason = "the map names no image for it";
+    } else if (path.empty()) {
+      reason = "there is no " + (folder / image).string();
+    } else if (takers[path] > 1 && path != folder / image) {
+      reason = path.string() + " could be the image of " + std::to_string(takers[path]) +
+               " keyframes; give the folder from which their names (" + image + ") count";
+      path.clear();
+    }
     scheme.file.push_back(path.empty() ? -1 : static_cast<int>(files.size()));
-    scheme.reason.push_back(keyframe.image.empty() ? "the map names no image for it"
-                            : path.empty()         ? "there is no " + (folder / keyframe.image).string()
-                                                   : "");
+    scheme.reason.push_back(reason);
     if (path.empty()) continue;
     io::NumberedFile file;
     file.path = path;
@@ -127,6 +224,18 @@ io::NamingScheme read_map_names(const SlamMap& map, const std::filesystem::path&
     ++scheme.found;
   }
   return scheme;
+}
+
+/// The first files that the map names and are not there, for people; "" = all are.
+std::string missing_names(const SlamMap& map, const io::NamingScheme& scheme) {
+  constexpr std::size_t kNames = 3;
+  std::string names;
+  std::size_t missing = 0;
+  for (std::size_t k = 0; k < scheme.file.size(); ++k) {
+    if (scheme.file[k] >= 0 || map.keyframes[k].image.empty()) continue;
+    if (missing++ < kNames) names += (names.empty() ? "" : ", ") + map.keyframes[k].image;
+  }
+  return names + (missing > kNames ? " and " + std::to_string(missing - kNames) + " more" : "");
 }
 
 class ImageFolder final : public ImageSource {
@@ -235,7 +344,13 @@ std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::fi
     if (scheme.found == 0) {
       throw InvalidInput(folder.string() + ": none of the " + std::to_string(map.keyframes.size()) +
                          " images that the map names is there: " + scheme.reason.front() +
-                         "; names count from the folder that is given");
+                         ", nor a file whose path ends like it; names count from the folder that is given");
+    }
+    if (!options.allow_missing) {
+      const std::string missing = missing_names(map, scheme);
+      io::require_half(folder, static_cast<std::size_t>(scheme.found), map.keyframes.size(),
+                       missing.empty() ? "no more are named" : "missing: " + missing,
+                       missing.empty() ? "name them with --image-list" : "give the folder that the names count from");
     }
     return std::make_unique<ImageFolder>(map, folder, scheme, named, false);
   }
@@ -244,16 +359,43 @@ std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::fi
   if (files.empty())
     throw InvalidInput(folder.string() + ": no image in it (" + std::to_string(unnumbered) +
                        " found) has a number in its name; expected keyframe ids, timestamps or frame indices");
-  const std::vector<io::NamingScheme> schemes = io::find_naming_schemes(map, files, options);
+  std::vector<io::NamingScheme> schemes = io::find_naming_schemes(map, files, options);
+  const std::string remedy = "set --fps or --frame-offset, or name the images with --image-list";
   if (schemes.empty())
-    throw InvalidInput(
-        folder.string() + ": the " + std::to_string(files.size()) + " images (such as " +
-        files.front().path.filename().string() + ") fit none of the " + std::to_string(map.keyframes.size()) +
-        " keyframes of " + map.path.string() +
-        ", neither as keyframe ids nor as timestamps nor as frame indices; rename them, or set --fps and "
-        "--frame-offset");
-  const std::size_t chosen = choose_scheme(map, schemes, files);
-  return std::make_unique<ImageFolder>(map, folder, schemes[chosen], files, chosen > 0);
+    throw InvalidInput(folder.string() + ": the " + std::to_string(files.size()) + " images (such as " +
+                       files.front().path.filename().string() + ") fit none of the " +
+                       std::to_string(map.keyframes.size()) + " keyframes of " + map.path.string() + ", neither as " +
+                       (map.ids_are_row_numbers ? "" : "keyframe ids nor as ") +
+                       "timestamps nor as frame indices; rename them, or " + remedy);
+  if (!options.allow_missing) {
+    const io::NamingScheme first = schemes.front();
+    const auto has_few = [&map](const io::NamingScheme& scheme) {
+      return 2 * static_cast<std::size_t>(scheme.found) < map.keyframes.size();
+    };
+    schemes.erase(std::remove_if(schemes.begin(), schemes.end(), has_few), schemes.end());
+    if (schemes.empty()) {
+      io::require_half(folder, static_cast<std::size_t>(first.found), map.keyframes.size(),
+                       "file names taken for " + first.meaning, remedy);
+    }
+  }
+  const Choice choice = choose_scheme(map, schemes, files);
+  if (choice.is_disproved && !options.frame_offset) {
+    const double rate = options.fps > 0.0 ? options.fps : map.cameras.front().fps;
+    ImageFolderOptions shifted = options;
+    shifted.frame_offset = find_frame_offset(map, files, rate);
+    if (shifted.frame_offset) {
+      const std::vector<io::NamingScheme> found = io::find_naming_schemes(map, files, shifted);
+      if (!found.empty() && !found.front().is_guess)
+        return std::make_unique<ImageFolder>(map, folder, found.front(), files, true);
+    }
+  }
+  if (!choice.scheme) {
+    throw InvalidInput(folder.string() + ": the names of the images (such as " +
+                       files.front().path.filename().string() + ") do not say which belongs to which keyframe of " +
+                       map.path.string() + ": " + schemes.front().meaning + " would be a guess; " + remedy);
+  }
+  return std::make_unique<ImageFolder>(map, folder, schemes[*choice.scheme], files,
+                                       *choice.scheme > 0 && !map.landmarks.empty());
 }
 
 }  // namespace pmsp

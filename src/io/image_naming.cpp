@@ -3,62 +3,114 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <cstdlib>
 #include <functional>
 #include <locale>
-#include <map>
+#include <set>
 #include <sstream>
 #include <system_error>
 #include <unordered_map>
 
+#include "mask_names.h"
 #include "pmsp/error.h"
+#include "util/median_of.h"
 
 namespace pmsp::io {
 namespace {
 
 constexpr double kUnixTime = 1e8;        ///< [s] no video is that long (3 years)
 constexpr double kSameTimestamp = 1e-6;  ///< [s]
+constexpr double kMicroseconds = 5e3;    ///< between keyframes, in microseconds at least
+constexpr double kNanoseconds = 5e6;     ///< the same in nanoseconds
+constexpr double kWhole = 0.05;          ///< from a whole number [frames]
 constexpr double kMaxIndex = 1e15;       ///< beyond which a double skips whole numbers
 constexpr std::size_t kMaxOffsets = 12;  ///< frame offsets that are tried
 constexpr std::size_t kMaxSeries = 8;    ///< series of files in one folder that are tried
 constexpr std::size_t kMaxOffsetVotes = 4'000'000;
 constexpr std::size_t kMaxDigits = 18;
 
-enum Rank { kTimestamp = 0, kIndex = 1, kSourceFrame = 2, kKeyframeId = 3, kShiftedIndex = 4, kLessLikelySeries = 100 };
+/// Rates that cameras and tools that extract frames use [1/s].
+constexpr std::array kUsualRates{30.0,
+                                 30000.0 / 1001.0,
+                                 25.0,
+                                 24.0,
+                                 24000.0 / 1001.0,
+                                 60.0,
+                                 60000.0 / 1001.0,
+                                 50.0,
+                                 20.0,
+                                 15.0,
+                                 12.5,
+                                 12.0,
+                                 10.0,
+                                 8.0,
+                                 6.0,
+                                 5.0,
+                                 4.0,
+                                 3.0,
+                                 2.0,
+                                 1.0,
+                                 0.5,
+                                 48.0,
+                                 100.0,
+                                 120.0};
 
-std::string lower(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
+enum Rank {
+  kTimestamp = 0,
+  kIndex = 1,
+  kSourceFrame = 2,
+  kKeyframeId = 3,
+  kShiftedIndex = 4,
+  kGuessedRate = 5,
+  kOrder = 6,
+  kEarlierNumber = 10,  ///< for each number between the one that is read and the last one
+  kLessLikelySeries = 100
+};
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// The last number in the name, with its decimals: "cam0_1763660000.25_left" has 1763660000.25.
+/// The numbers in the name with their decimals: "cam0_1763660000.25_left" has 0 and 1763660000.25.
 std::optional<NumberedFile> parse_name(const std::filesystem::path& path) {
   const std::string stem = path.stem().string();
-  std::size_t end = stem.size();
-  while (end > 0 && !is_digit(stem[end - 1])) --end;
-  std::size_t begin = end;
-  while (begin > 0 && is_digit(stem[begin - 1])) --begin;
-  if (begin == end) return std::nullopt;
-  bool whole = true;
-  if (begin >= 2 && stem[begin - 1] == '.' && is_digit(stem[begin - 2])) {
-    whole = false;
-    --begin;
-    while (begin > 0 && is_digit(stem[begin - 1])) --begin;
-  }
   NumberedFile file;
   file.path = path;
-  file.around = stem.substr(0, begin) + "*" + stem.substr(end);
-  const std::string digits = stem.substr(begin, end - begin);
-  std::istringstream in(digits);
-  in.imbue(std::locale::classic());
-  in >> file.value;
-  if (!in || !std::isfinite(file.value)) return std::nullopt;
-  const std::size_t significant = digits.size() - std::min(digits.find_first_not_of('0'), digits.size());
-  if (whole && significant <= kMaxDigits) file.integer = std::strtoll(digits.c_str(), nullptr, 10);
+  const auto end_of_digits = [&stem](std::size_t at) {
+    while (at < stem.size() && is_digit(stem[at])) ++at;
+    return at;
+  };
+  std::size_t at = 0;
+  while (at < stem.size()) {
+    if (!is_digit(stem[at])) {
+      file.around += stem[at++];
+      continue;
+    }
+    std::size_t end = end_of_digits(at);
+    bool whole = true;
+    if (end + 1 < stem.size() && stem[end] == '.' && is_digit(stem[end + 1])) {
+      const std::size_t decimals_end = end_of_digits(end + 1);
+      const bool is_chain =
+          (at > 0 && stem[at - 1] == '.') ||
+          (decimals_end + 1 < stem.size() && stem[decimals_end] == '.' && is_digit(stem[decimals_end + 1]));
+      if (!is_chain) {  // a date or a version
+        whole = false;
+        end = decimals_end;
+      }
+    }
+    NameNumber number;
+    number.digits = stem.substr(at, end - at);
+    std::istringstream in(number.digits);
+    in.imbue(std::locale::classic());
+    in >> number.value;
+    const bool is_number = in && std::isfinite(number.value);
+    const std::size_t significant =
+        number.digits.size() - std::min(number.digits.find_first_not_of('0'), number.digits.size());
+    if (whole && significant <= kMaxDigits) number.integer = std::strtoll(number.digits.c_str(), nullptr, 10);
+    file.around += is_number ? "*" : number.digits;
+    if (is_number) file.numbers.push_back(std::move(number));
+    at = end;
+  }
+  if (file.numbers.empty()) return std::nullopt;
   return file;
 }
 
@@ -67,6 +119,9 @@ struct Series {
   const std::vector<NumberedFile>* files = nullptr;
   std::vector<std::pair<std::int64_t, int>> by_integer;
   std::vector<std::pair<double, int>> by_value;
+  int penalty = 0;  ///< added to ranks
+
+  std::size_t size() const { return by_value.size(); }
 
   int find(std::int64_t integer) const {
     const auto at = std::lower_bound(by_integer.begin(), by_integer.end(), std::make_pair(integer, 0));
@@ -89,19 +144,6 @@ struct Series {
     return best;
   }
 };
-
-Series make_series(const std::vector<NumberedFile>& files, const std::vector<int>& members) {
-  Series series;
-  series.files = &files;
-  for (const int i : members) {
-    const NumberedFile& file = files[static_cast<std::size_t>(i)];
-    series.by_value.emplace_back(file.value, i);
-    if (file.integer) series.by_integer.emplace_back(*file.integer, i);
-  }
-  std::sort(series.by_value.begin(), series.by_value.end());
-  std::sort(series.by_integer.begin(), series.by_integer.end());
-  return series;
-}
 
 /// Where a scheme looks for a keyframe's file: its index or -1, and in `key` what was looked for.
 using Finder = std::function<int(const MapKeyframe&, std::string& key)>;
@@ -140,26 +182,21 @@ NamingScheme read_names(const SlamMap& map, const Series& series, const Finder& 
 
 class ReadingFinder {
  public:
-  ReadingFinder(const SlamMap& map, const Series& series, const ImageFolderOptions& options, int penalty,
+  ReadingFinder(const SlamMap& map, const Series& series, const ImageFolderOptions& options,
                 std::vector<NamingScheme>& out)
-      : map_(map), series_(series), options_(options), penalty_(penalty), out_(out) {}
+      : map_(map), series_(series), options_(options), out_(out) {}
 
   void find_all() {
     // An explicit offset says that the names are frame indices.
-    if (options_.frame_offset == 0) {
+    if (!options_.frame_offset) {
       if (!map_.ids_are_row_numbers) read_ids();
       read_timestamps();
     }
-    const bool unix_time = has_unix_time(map_);
-    const double t0 = unix_time ? first_timestamp(map_) : 0.0;
-    const auto index = [this, t0](const MapKeyframe& k) { return frame_index(k.timestamp, t0, fps_of(k)); };
-    const auto source = [](const MapKeyframe& k) { return k.source_frame; };
-    const double fps = fps_of(map_.keyframes.front());
-    if (fps > 0.0) {
-      const std::string time = unix_time ? "(timestamp - " + format_number(t0) + ")" : "timestamp";
-      read_indices(index, true, time + " x " + format_number(fps) + " fps", unix_time ? kSourceFrame : kIndex);
-    }
-    read_indices(source, false, "the SLAM's count of frames", unix_time ? kIndex : kSourceFrame);
+    const double rate = fps_of(map_.keyframes.front());
+    if (rate > 0.0) read_times(1.0, rate, false);
+    read_indices(source_index, false, "the SLAM's count of frames", has_unix_time(map_) ? kIndex : kSourceFrame);
+    guess_rates(rate);
+    if (!options_.frame_offset) read_order();
   }
 
  private:
@@ -169,8 +206,12 @@ class ReadingFinder {
     return options_.fps > 0.0 ? options_.fps : map_.cameras[static_cast<std::size_t>(keyframe.camera)].fps;
   }
 
-  void add(const Finder& find, bool by_time, std::string meaning, int rank) {
-    out_.push_back(read_names(map_, series_, find, by_time, std::move(meaning), rank + penalty_));
+  NamingScheme& add(const Finder& find, bool by_time, std::string meaning, int rank) {
+    out_.push_back(read_names(map_, series_, find, by_time, std::move(meaning), rank + series_.penalty));
+    NamingScheme& scheme = out_.back();
+    scheme.is_complete =
+        static_cast<std::size_t>(scheme.found) == map_.keyframes.size() && map_.keyframes.size() == series_.size();
+    return scheme;
   }
 
   void read_ids() {
@@ -187,7 +228,7 @@ class ReadingFinder {
         {{"seconds", 1.0}, {"milliseconds", 1e-3}, {"microseconds", 1e-6}, {"nanoseconds", 1e-9}}};
     for (const auto& [name, unit] : kUnits) {
       const double unit_s = unit;
-      add(
+      NamingScheme& scheme = add(
           [this, unit_s](const MapKeyframe& k, std::string& key) {
             key = "timestamp " + format_number(k.timestamp) + " s";
             const double fps = fps_of(k);
@@ -195,20 +236,79 @@ class ReadingFinder {
             return series_.find_nearest(k.timestamp, unit_s, tolerance);
           },
           true, std::string("timestamps in ") + name, kTimestamp);
+      // Whole seconds of a short time may as well be frame indices.
+      scheme.is_guess = unit == 1.0 && series_.by_integer.size() == series_.size() && !has_unix_time(map_);
     }
   }
 
-  void read_indices(const IndexOf& index_of, bool by_time, const std::string& formula, int rank) {
-    add_offset(index_of, by_time, formula, options_.frame_offset, rank);
-    if (options_.frame_offset != 0) return;
-    for (const std::int64_t offset : likely_offsets(index_of))
-      if (offset != 0) add_offset(index_of, by_time, formula, offset, kShiftedIndex);
+  /// Frame indices by timestamps in this unit.
+  void read_times(double unit, double rate, bool is_guess) {
+    const bool unix_time = has_unix_time(map_, unit);
+    const double t0 = unix_time ? first_timestamp(map_) * unit : 0.0;
+    const bool has_own_rates = unit == 1.0 && !is_guess;
+    const auto index = [this, unit, t0, rate, has_own_rates](const MapKeyframe& k) {
+      return frame_index(k.timestamp * unit, t0, has_own_rates ? fps_of(k) : rate);
+    };
+    const std::string timestamp = unit == 1.0 ? "timestamp" : "timestamp x " + format_number(unit);
+    const std::string time = unix_time ? "(" + timestamp + " - " + format_number(t0) + ")" : timestamp;
+    const std::string formula = time + " x " + format_number(rate) + " fps";
+    if (!is_guess) {
+      read_indices(index, true, formula, unix_time ? kSourceFrame : kIndex);
+      return;
+    }
+    std::vector<std::int64_t> offsets{options_.frame_offset.value_or(0)};
+    if (!options_.frame_offset && !series_.by_integer.empty()) {  // the first file may be the first keyframe's
+      const auto first = frame_index(first_timestamp(map_) * unit, t0, rate);
+      offsets.insert(offsets.end(), {1, series_.by_integer.front().first - first.value_or(0)});
+    }
+    const bool are_whole = std::all_of(map_.keyframes.begin(), map_.keyframes.end(), [&](const MapKeyframe& k) {
+      const double frames = (k.timestamp * unit - t0) * rate;
+      return std::abs(frames - std::round(frames)) < kWhole;
+    });
+    for (const std::int64_t offset : offsets) {
+      NamingScheme& scheme = add_offset(index, true, formula, offset, kGuessedRate);
+      scheme.is_guess = true;
+      scheme.is_complete = scheme.is_complete && are_whole;
+    }
   }
 
-  void add_offset(const IndexOf& index_of, bool by_time, const std::string& formula, std::int64_t offset, int rank) {
+  /// Where the map has no rate, no sensible one, or timestamps in another unit.
+  void guess_rates(double known) {
+    const double unit = time_unit(map_);
+    if (known > 0.0 && unit != 1.0) read_times(unit, known, true);
+    if (options_.fps > 0.0 || !(last_timestamp(map_) > first_timestamp(map_))) return;
+    for (const double rate : kUsualRates) read_times(unit, rate, true);
+  }
+
+  /// As many files as keyframes, in the same order.
+  void read_order() {
+    if (series_.size() != map_.keyframes.size()) return;
+    std::vector<const MapKeyframe*> by_time;
+    for (const MapKeyframe& keyframe : map_.keyframes) by_time.push_back(&keyframe);
+    std::stable_sort(by_time.begin(), by_time.end(),
+                     [](const MapKeyframe* a, const MapKeyframe* b) { return a->timestamp < b->timestamp; });
+    std::unordered_map<std::int64_t, int> file_of;
+    for (std::size_t i = 0; i < by_time.size(); ++i) file_of[by_time[i]->id] = series_.by_value[i].second;
+    NamingScheme& scheme = add([&](const MapKeyframe& k, std::string& /*key*/) { return file_of.at(k.id); }, false,
+                               "in the order of the keyframes", kOrder);
+    scheme.is_guess = true;
+    // Times that differ say more than the order, and have not fitted.
+    scheme.is_complete = scheme.is_complete && !(last_timestamp(map_) > first_timestamp(map_));
+  }
+
+  void read_indices(const IndexOf& index_of, bool by_time, const std::string& formula, int rank) {
+    add_offset(index_of, by_time, formula, options_.frame_offset.value_or(0), rank);
+    if (options_.frame_offset) return;
+    out_.back().is_shifted = by_time && has_unix_time(map_);  // from a first keyframe that need not be the first frame
+    for (const std::int64_t offset : likely_offsets(index_of))
+      if (offset != 0) add_offset(index_of, by_time, formula, offset, kShiftedIndex).is_shifted = true;
+  }
+
+  NamingScheme& add_offset(const IndexOf& index_of, bool by_time, const std::string& formula, std::int64_t offset,
+                           int rank) {
     std::string meaning = "frame indices (" + formula;
     if (offset != 0) meaning += (offset > 0 ? " + " : " - ") + std::to_string(std::abs(offset));
-    add(
+    return add(
         [this, index_of, offset](const MapKeyframe& k, std::string& key) {
           const std::optional<std::int64_t> index = index_of(k);
           key = index ? "frame index " + std::to_string(*index + offset) : "its timestamp, which is no frame index";
@@ -245,35 +345,132 @@ class ReadingFinder {
   const SlamMap& map_;
   const Series& series_;
   const ImageFolderOptions& options_;
-  int penalty_;
   std::vector<NamingScheme>& out_;
 };
 
-/// Files of one series each, the largest first; programs put masks and depth beside the images under names of their
-/// own.
-std::vector<std::pair<std::string, std::vector<int>>> group_by_series(const std::vector<NumberedFile>& files) {
-  std::map<std::string, std::vector<int>> groups;
-  for (std::size_t i = 0; i < files.size(); ++i) groups[files[i].around].push_back(static_cast<int>(i));
-  std::vector<std::pair<std::string, std::vector<int>>> sorted(groups.begin(), groups.end());
-  std::stable_sort(sorted.begin(), sorted.end(),
-                   [](const auto& a, const auto& b) { return a.second.size() > b.second.size(); });
-  if (sorted.size() > kMaxSeries) sorted.resize(kMaxSeries);
-  return sorted;
+/// "7.jpg.png", "7_mask.png" and "7.mask.png" beside "7.jpg".
+void leave_out_masks(std::vector<std::filesystem::path>& paths) {
+  std::set<std::string> names, stems;
+  for (const auto& path : paths) {
+    names.insert(path.filename().string());
+    stems.insert(path.stem().string());
+  }
+  const auto is_mask = [&](const std::filesystem::path& path) {
+    const std::filesystem::path stem = path.stem();
+    if (is_image_name(stem) && names.count(stem.string()) != 0) return true;
+    if (!is_mask_name(path)) return false;
+    const std::string image = stem.string().substr(0, stem.string().size() - kMaskEnd);
+    return names.count(image) + stems.count(image) != 0;
+  };
+  paths.erase(std::remove_if(paths.begin(), paths.end(), is_mask), paths.end());
 }
 
-int series_penalty(const std::string& around) {
+int penalty_of(const std::string& around) {
   for (const char* word : {"mask", "depth", "score", "gray", "normal", "confidence"})
-    if (lower(around).find(word) != std::string::npos) return kLessLikelySeries;
+    if (lower_case(around).find(word) != std::string::npos) return kLessLikelySeries;
   return 0;
 }
+
+/// Finds what may be series of files, each with the number that counts. Programs put masks and depth beside the images
+/// under names of their own, cameras of a rig their images in one folder.
+class SeriesFinder {
+ public:
+  explicit SeriesFinder(const std::vector<NumberedFile>& files) : files_(files) {}
+
+  std::vector<Series> find() {
+    std::map<std::pair<std::string, std::size_t>, std::vector<int>> alike;
+    for (std::size_t i = 0; i < files_.size(); ++i)
+      alike[{files_[i].around, files_[i].numbers.size()}].push_back(static_cast<int>(i));
+    for (const auto& [name, members] : alike) read(members);
+    std::stable_sort(all_.begin(), all_.end(), [](const Series& a, const Series& b) { return a.size() > b.size(); });
+    if (all_.size() > kMaxSeries) all_.resize(kMaxSeries);
+    return std::move(all_);
+  }
+
+ private:
+  const NameNumber& number(int file, std::size_t column) const {
+    return files_[static_cast<std::size_t>(file)].numbers[column];
+  }
+
+  /// How many values a number has among the files.
+  std::size_t values(const std::vector<int>& members, std::size_t column) const {
+    std::set<double> seen;
+    for (const int file : members) seen.insert(number(file, column).value);
+    return seen.size();
+  }
+
+  void read(const std::vector<int>& members) {
+    const std::size_t columns = files_[static_cast<std::size_t>(members.front())].numbers.size();
+    std::vector<std::size_t> differing;
+    for (std::size_t column = columns; column-- > 0;)
+      if (values(members, column) > 1) differing.push_back(column);
+    if (differing.empty()) differing.push_back(columns - 1);
+    for (std::size_t i = 0; i < differing.size(); ++i) {
+      const std::size_t column = differing[i];
+      const int penalty = static_cast<int>(i) * kEarlierNumber;
+      if (column > 0) add_seconds(members, column - 1);
+      if (values(members, column) == members.size() || differing.size() == 1) {
+        add(members, column, penalty);
+        continue;
+      }
+      std::map<std::vector<double>, std::vector<int>> apart;  // by all other numbers
+      for (const int file : members) {
+        std::vector<double> others;
+        for (const std::size_t other : differing)
+          if (other != column) others.push_back(number(file, other).value);
+        apart[others].push_back(file);
+      }
+      for (const auto& [others, part] : apart) add(part, column, penalty);
+    }
+  }
+
+  Series empty_series(const std::vector<int>& members, int penalty) const {
+    Series series;
+    series.files = &files_;
+    series.penalty = penalty + penalty_of(files_[static_cast<std::size_t>(members.front())].around);
+    return series;
+  }
+
+  void add(const std::vector<int>& members, std::size_t column, int penalty) {
+    Series series = empty_series(members, penalty);
+    for (const int file : members) {
+      series.by_value.emplace_back(number(file, column).value, file);
+      if (number(file, column).integer) series.by_integer.emplace_back(*number(file, column).integer, file);
+    }
+    std::sort(series.by_value.begin(), series.by_value.end());
+    std::sort(series.by_integer.begin(), series.by_integer.end());
+    all_.push_back(std::move(series));
+  }
+
+  /// Two numbers that may be seconds and their decimals, as ROS names images: "1600000000_100000000".
+  void add_seconds(const std::vector<int>& members, std::size_t column) {
+    Series series = empty_series(members, 0);
+    for (const int file : members) {
+      const NameNumber& seconds = number(file, column);
+      const NameNumber& decimals = number(file, column + 1);
+      const std::size_t size = decimals.digits.size();
+      const bool is_time =
+          seconds.integer && decimals.integer && (size == 9 || ((size == 3 || size == 6) && seconds.value > kUnixTime));
+      if (!is_time) return;
+      const double value = seconds.value + decimals.value * std::pow(10.0, -static_cast<double>(size));
+      series.by_value.emplace_back(value, file);
+    }
+    std::sort(series.by_value.begin(), series.by_value.end());
+    all_.push_back(std::move(series));
+  }
+
+  const std::vector<NumberedFile>& files_;
+  std::vector<Series> all_;
+};
 
 }  // namespace
 
 bool is_image_name(const std::filesystem::path& path) {
   static constexpr std::array<const char*, 8> kExtensions = {".jpg",  ".jpeg", ".png",  ".tif",
                                                              ".tiff", ".bmp",  ".webp", ".jpe"};
-  if (path.filename().string().front() == '.') return false;
-  const std::string extension = lower(path.extension().string());
+  const std::string name = path.filename().string();
+  if (name.empty() || name.front() == '.') return false;
+  const std::string extension = lower_case(path.extension().string());
   return std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end();
 }
 
@@ -292,6 +489,7 @@ std::vector<NumberedFile> list_numbered_images(const std::filesystem::path& fold
   if (paths.empty())
     throw IoError(folder.string() + ": holds no image (.jpg, .png, .tif, .bmp or .webp; subfolders are not searched)");
   std::sort(paths.begin(), paths.end());
+  leave_out_masks(paths);
   std::vector<NumberedFile> files;
   for (const auto& path : paths) {
     if (auto file = parse_name(path)) {
@@ -307,27 +505,36 @@ std::vector<NamingScheme> find_naming_schemes(const SlamMap& map, const std::vec
                                               const ImageFolderOptions& options) {
   std::vector<NamingScheme> all;
   if (map.keyframes.empty()) return all;
-  for (const auto& [around, members] : group_by_series(files)) {
-    const Series series = make_series(files, members);
-    ReadingFinder(map, series, options, series_penalty(around), all).find_all();
-  }
+  for (const Series& series : SeriesFinder(files).find()) ReadingFinder(map, series, options, all).find_all();
   std::stable_sort(all.begin(), all.end(), [](const NamingScheme& a, const NamingScheme& b) {
     const bool likely_a = a.rank < kLessLikelySeries;
     const bool likely_b = b.rank < kLessLikelySeries;
     if (likely_a != likely_b) return likely_a;
+    if (a.is_guess != b.is_guess) return b.is_guess;
     return a.found != b.found ? a.found > b.found : a.rank < b.rank;
   });
   const int least = std::min(2, static_cast<int>(map.keyframes.size()));
-  int most = 0;
-  for (const NamingScheme& scheme : all) most = std::max(most, scheme.found);
+  int most[] = {0, 0};  // of readings, with guesses
+  for (const NamingScheme& scheme : all)
+    for (const int guesses : {0, 1})
+      if (guesses == 1 || !scheme.is_guess) most[guesses] = std::max(most[guesses], scheme.found);
   std::vector<NamingScheme> distinct;
   for (NamingScheme& scheme : all) {
-    if (scheme.found < least || 2 * scheme.found < most) continue;
+    if (scheme.found < least || 2 * scheme.found < most[scheme.is_guess ? 1 : 0]) continue;
     const bool known = std::any_of(distinct.begin(), distinct.end(),
                                    [&](const NamingScheme& other) { return other.file == scheme.file; });
     if (!known) distinct.push_back(std::move(scheme));
   }
   return distinct;
+}
+
+std::map<std::int64_t, int> frames_of(const std::vector<NumberedFile>& files) {
+  const std::vector<Series> all = SeriesFinder(files).find();
+  const auto likely = std::find_if(all.begin(), all.end(), [](const Series& series) {
+    return series.penalty < kLessLikelySeries && !series.by_integer.empty();
+  });
+  return likely == all.end() ? std::map<std::int64_t, int>()
+                             : std::map<std::int64_t, int>(likely->by_integer.begin(), likely->by_integer.end());
 }
 
 std::vector<int> earlier_with_same_timestamp(const SlamMap& map) {
@@ -352,9 +559,22 @@ std::vector<int> earlier_with_same_timestamp(const SlamMap& map) {
   return earlier;
 }
 
-bool has_unix_time(const SlamMap& map) {
+double time_unit(const SlamMap& map) {
+  std::vector<double> times;
+  for (const MapKeyframe& keyframe : map.keyframes) times.push_back(keyframe.timestamp);
+  std::sort(times.begin(), times.end());
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < times.size(); ++i)
+    if (times[i] > times[i - 1]) steps.push_back(times[i] - times[i - 1]);
+  if (steps.empty()) return 1.0;
+  const double step = median(steps);
+  if (step >= kNanoseconds) return 1e-9;
+  return step >= kMicroseconds ? 1e-6 : 1.0;
+}
+
+bool has_unix_time(const SlamMap& map, double unit) {
   return std::any_of(map.keyframes.begin(), map.keyframes.end(),
-                     [](const MapKeyframe& k) { return k.timestamp > kUnixTime; });
+                     [unit](const MapKeyframe& k) { return k.timestamp * unit > kUnixTime; });
 }
 
 double first_timestamp(const SlamMap& map) {
@@ -364,10 +584,29 @@ double first_timestamp(const SlamMap& map) {
   return first == map.keyframes.end() ? 0.0 : first->timestamp;
 }
 
+double last_timestamp(const SlamMap& map) {
+  double last = first_timestamp(map);
+  for (const MapKeyframe& keyframe : map.keyframes) last = std::max(last, keyframe.timestamp);
+  return last;
+}
+
 std::optional<std::int64_t> frame_index(double timestamp, double t0, double fps) {
   const double index = std::round((timestamp - t0) * fps);
   if (!(fps > 0.0) || !(std::abs(index) < kMaxIndex)) return std::nullopt;
   return static_cast<std::int64_t>(index);
+}
+
+std::optional<std::int64_t> source_index(const MapKeyframe& keyframe) {
+  const bool is_sensible = keyframe.source_frame && std::abs(static_cast<double>(*keyframe.source_frame)) < kMaxIndex;
+  return is_sensible ? keyframe.source_frame : std::nullopt;
+}
+
+void require_half(const std::filesystem::path& images, std::size_t found, std::size_t keyframes, const std::string& how,
+                  const std::string& remedy) {
+  if (2 * found >= keyframes) return;
+  throw InvalidInput(images.string() + ": has images for " + std::to_string(found) + " of " +
+                     std::to_string(keyframes) + " keyframes (" + how + "), expected at least half; " + remedy +
+                     ", or take what is there with --allow-missing");
 }
 
 std::string same_timestamp_reason(const MapKeyframe& earlier) {

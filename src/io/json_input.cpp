@@ -17,6 +17,76 @@ using nlohmann::json;
 
 constexpr int kMaxDepth = 64;
 
+/// The characters of a file, with null for each NaN, Infinity and -Infinity outside of texts.
+class JsonCharacters {
+ public:
+  explicit JsonCharacters(ByteSource& source) : source_(source) { replace_word(); }
+
+  bool at_end() const { return at_ == word_.size() && source_.at_end(); }
+  char peek() const { return at_ < word_.size() ? word_[at_] : source_.peek(); }
+  void advance() {
+    if (at_ < word_.size()) {
+      if (++at_ < word_.size()) return;
+    } else {
+      const char c = source_.peek();
+      if (c == '"' && !is_escaped_) is_text_ = !is_text_;
+      is_escaped_ = is_text_ && c == '\\' && !is_escaped_;
+      source_.advance();
+    }
+    replace_word();
+  }
+
+ private:
+  /// Where a word begins that may be one of those, `word_` is what is read instead of it.
+  void replace_word() {
+    if (is_text_ || source_.at_end()) return;
+    const char first = source_.peek();
+    if (first != 'N' && first != 'I' && first != '-') return;
+    word_.clear();
+    at_ = 0;
+    do {
+      word_ += source_.peek();
+      source_.advance();
+    } while (!source_.at_end() && is_letter(source_.peek()) && word_.size() < kLongest);
+    if (word_ == "NaN" || word_ == "-NaN" || word_ == "Infinity" || word_ == "-Infinity") word_ = "null";
+  }
+
+  static bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
+
+  static constexpr std::size_t kLongest = 10;
+
+  ByteSource& source_;
+  std::string word_;
+  std::size_t at_ = 0;  ///< in `word_`
+  bool is_text_ = false;
+  bool is_escaped_ = false;
+};
+
+/// What nlohmann::json reads from; without characters, the end.
+class JsonIterator {
+ public:
+  using iterator_category = std::input_iterator_tag;
+  using value_type = char;
+  using difference_type = std::ptrdiff_t;
+  using pointer = const char*;
+  using reference = char;
+
+  JsonIterator() = default;
+  explicit JsonIterator(JsonCharacters* characters) : characters_(characters) {}
+
+  char operator*() const { return characters_->peek(); }
+  JsonIterator& operator++() {
+    characters_->advance();
+    return *this;
+  }
+  friend bool operator!=(const JsonIterator& a, const JsonIterator& b) { return a.done() != b.done(); }
+
+ private:
+  bool done() const { return characters_ == nullptr || characters_->at_end(); }
+
+  JsonCharacters* characters_ = nullptr;
+};
+
 /// Looks at the parser's tokens as they come.
 class Guard {
  public:
@@ -48,9 +118,10 @@ class Guard {
 json read_json(const std::filesystem::path& path) {
   require_regular_file(path);
   ByteSource source(path);
+  JsonCharacters characters(source);
   Guard guard(path, source);
   try {
-    return json::parse(ByteIterator(&source), ByteIterator(), std::ref(guard));
+    return json::parse(JsonIterator(&characters), JsonIterator(), std::ref(guard));
   } catch (const json::exception& error) {
     const bool ended = source.at_end();
     fail(path, "byte " + std::to_string(source.offset()),
@@ -92,6 +163,8 @@ double JsonValue::number() const {
   return json_->get<double>();
 }
 
+double JsonValue::number_or_nan() const { return json_->is_null() ? std::nan("") : number(); }
+
 std::int64_t JsonValue::integer() const {
   if (json_->is_number_unsigned() && json_->get<std::uint64_t>() > static_cast<std::uint64_t>(INT64_MAX)) {
     refuse("a whole number below 2^63");
@@ -114,7 +187,7 @@ const json& JsonValue::array_of(std::size_t size, const char* expected) const {
 
 Eigen::Vector3d JsonValue::vector3() const {
   array_of(3, "an array of 3 numbers");
-  return {element(0).number(), element(1).number(), element(2).number()};
+  return {element(0).number_or_nan(), element(1).number_or_nan(), element(2).number_or_nan()};
 }
 
 Eigen::Matrix3d JsonValue::matrix3() const {
@@ -131,10 +204,10 @@ Eigen::Matrix4d JsonValue::matrix4() const {
     const JsonValue row = element(i);
     row.array_of(4, "an array of 4 numbers");
     for (std::size_t k = 0; k < 4; ++k) {
-      matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = row.element(k).number();
+      matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = row.element(k).number_or_nan();
     }
   }
-  if (!matrix.row(3).isApprox(Eigen::RowVector4d(0.0, 0.0, 0.0, 1.0))) {
+  if (matrix.allFinite() && !matrix.row(3).isApprox(Eigen::RowVector4d(0.0, 0.0, 0.0, 1.0))) {
     fail(*path_, where_, "has another last row than 0 0 0 1, expected a rotation and a translation");
   }
   return matrix;

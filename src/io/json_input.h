@@ -9,7 +9,8 @@
 
 namespace pmsp::map_detail {
 
-/// Reads a JSON file. Objects in which a key comes twice are refused, where other parsers keep one of the values.
+/// Reads a JSON file. Objects in which a key comes twice are refused, where other parsers keep one of the values. NaN,
+/// Infinity and -Infinity, which Python writes and JSON does not have, are read as null.
 /// Throws IoError, InvalidInput.
 nlohmann::json read_json(const std::filesystem::path& path);
 
@@ -24,6 +25,7 @@ class JsonValue {
   const std::filesystem::path& path() const { return *path_; }
   [[noreturn]] void refuse(const std::string& expected) const;
 
+  bool is_text() const { return json_->is_string(); }
   bool has(const char* key) const { return json_->is_object() && json_->contains(key); }
   JsonValue at(const char* key) const;  ///< member of an object
   JsonValue at(const std::string& key) const { return at(key.c_str()); }
@@ -42,9 +44,10 @@ class JsonValue {
   }
 
   double number() const;         ///< finite
+  double number_or_nan() const;  ///< NaN for null
   std::int64_t integer() const;  ///< a whole number
   const std::string& text() const;
-  Eigen::Vector3d vector3() const;
+  Eigen::Vector3d vector3() const;  ///< each number finite or NaN, as below
   Eigen::Matrix3d matrix3() const;  ///< rows
   Eigen::Matrix4d matrix4() const;  ///< rows; a missing fourth one is 0 0 0 1
 

@@ -10,6 +10,7 @@
 #include <fstream>
 #include <system_error>
 
+#include "image_list.h"
 #include "map_file.h"
 #include "map_raw.h"
 #include "pmsp/error.h"
@@ -23,6 +24,7 @@ extern const MapFormat kOpenSfm;
 extern const MapFormat kOpenMvg;
 extern const MapFormat kNerfstudio;
 extern const MapFormat kMetashape;
+extern const MapFormat kAliceVision;
 extern const MapFormat kTum;
 
 }  // namespace map_detail
@@ -74,6 +76,19 @@ std::string describe(const MapFile& file) {
   if (starts_with(head, "PK\x03\x04") || starts_with(head, "\x1F\x8B")) {
     return "this looks like a compressed archive; unpack it first";
   }
+  const std::size_t version = starts_with(head, "\x01") ? 1 : 0;  // cereal begins with it, or not
+  if (head.compare(version, 10,
+                   std::string("\x03\0\0\0\0\0\0\0"
+                               "0.",
+                               10)) == 0) {
+    return "this looks like sfm_data.bin of openMVG; convert it: openMVG_main_ConvertSfM_DataFormat -i " +
+           file.path().string() + " -o sfm_data.json";
+  }
+  if (starts_with(head, "Ogawa")) {
+    return "this looks like a scene of Alembic, as Meshroom writes it; give the cameras.sfm beside it, or convert it: "
+           "aliceVision_convertSfMFormat --input " +
+           file.path().string() + " --output cameras.sfm";
+  }
   if (starts_with(head, "SQLite format 3")) return "this looks like a SQLite database whose first bytes are damaged";
   if (starts_with(head, "7\x7F\x06")) return "this looks like the -wal file of a SQLite database; give the .db itself";
   if (starts_with(head, "\xD9\xD5\x05\xF9")) {
@@ -101,6 +116,7 @@ constexpr std::array kFormats{&kSqlite,
                               &map_detail::kOpenMvg,
                               &map_detail::kNerfstudio,
                               &map_detail::kMetashape,
+                              &map_detail::kAliceVision,
                               &map_detail::kTum};
 
 }  // namespace
@@ -121,10 +137,18 @@ SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& option
   MapFile file(path);
   for (const MapFormat* format : kFormats) {
     if (!format->matches(file)) continue;
+    if (!options.camera_from_body.empty() && format != &map_detail::kTum) {
+      throw InvalidOption("camera_from_body is " + options.camera_from_body.string() + ": " + path.string() +
+                          " holds poses of its cameras; expected a trajectory (TUM, EuRoC, VINS, KITTI)");
+    }
     SlamMap map = format->read(file, options);
     if (options.component && *options.component != map.component) {
       throw InvalidOption("component is " + std::to_string(*options.component) + ": " + path.string() +
                           " has one, component 0");
+    }
+    if (!options.image_list.empty()) {
+      name_images(map, options.image_list);
+      check_images_once(map, options.image_list);
     }
     if (map.landmarks.empty() && !options.points.empty()) {
       map.landmarks = landmarks_from_ply(options.points);

@@ -54,6 +54,7 @@ struct Model {
   std::map<std::uint32_t, std::optional<int>> cameras;  ///< place in map.cameras; nullopt: not equirectangular
   std::string other_models;                             ///< names of models that are not
   std::size_t others = 0;                               ///< images of such cameras
+  std::size_t unnormalised = 0;                         ///< quaternions
 };
 
 bool is_panorama_model(const std::string& model) {
@@ -109,7 +110,8 @@ std::optional<MapKeyframe> keyframe_of(Model& model, std::uint32_t id, const std
   keyframe.camera = *found->second;
   keyframe.image = image_name(name, path, where);
   const std::string what = where + ": image " + std::to_string(id);
-  keyframe.cam_from_world.rotation = rotation_from_quaternion({wxyz[1], wxyz[2], wxyz[3], wxyz[0]}, path, what);
+  keyframe.cam_from_world.rotation =
+      rotation_from_quaternion({wxyz[1], wxyz[2], wxyz[3], wxyz[0]}, path, what, model.unnormalised);
   keyframe.cam_from_world.translation = translation;
   return keyframe;
 }
@@ -134,9 +136,9 @@ void read_images_text(Model& model, const fs::path& path) {
   while (in.next()) {
     const auto id = in.number<std::uint32_t>("the image's id");
     std::array<double, 4> wxyz{};
-    for (double& value : wxyz) value = in.number("the quaternion");
+    for (double& value : wxyz) value = in.number_or_nan("the quaternion");
     Eigen::Vector3d translation;
-    for (double& value : translation) value = in.number("the translation");
+    for (double& value : translation) value = in.number_or_nan("the translation");
     const auto camera = in.number<std::uint32_t>("the camera's id");
     const std::string name = in.rest("the image's name");
     std::optional<MapKeyframe> keyframe = keyframe_of(model, id, wxyz, translation, camera, name, path, in.here());
@@ -157,7 +159,7 @@ void read_points_text(Model& model, const fs::path& path) {
   while (in.next()) {
     MapLandmark landmark;
     landmark.id = in.number<std::int64_t>("the point's id");
-    for (double& value : landmark.position_world) value = in.number("the point's position");
+    for (double& value : landmark.position_world) value = in.number_or_nan("the point's position");
     for (int i = 0; i < 3; ++i) in.number<int>("the colour");
     in.word("the point's error");
     while (!in.at_end()) {
@@ -285,6 +287,7 @@ SlamMap read_model(const fs::path& folder) {
     map.notes.push_back("images left out, of cameras that are not equirectangular: " + std::to_string(model.others) +
                         " (" + model.other_models + "); only panoramas can be used, not views that were cut from them");
   }
+  note_unnormalised(map, model.unnormalised);
   return finish_scene(std::move(map));
 }
 

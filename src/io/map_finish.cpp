@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "map_raw.h"
+#include "panorama_size.h"
 #include "pmsp/camera.h"
 #include "pmsp/keyframe.h"
 
@@ -19,24 +20,25 @@ std::string text(const Parts&... parts) {
   return out.str();
 }
 
+bool is_panorama(const RawCamera& camera) { return camera.model == "Equirectangular"; }
+
 /// Camera as the library sees it, or an error that names the field.
 MapCamera checked_camera(const RawMap& raw, const RawCamera& camera) {
   const auto reject = [&](const char* field, const std::string& what) {
     if (raw.dialect == Dialect::msgpack) fail(raw.path, place(raw.dialect, "cameras", camera.name, field), what);
     fail(raw.path, "table cameras, name " + in_quotes(camera.name) + ", column " + field, what);
   };
-  if (camera.model != "Equirectangular") {
+  if (!is_panorama(camera)) {
     reject("model_type", "the camera is " + in_quotes(camera.model) +
                              ", expected \"Equirectangular\": only maps of 360-degree panoramas can be used");
   }
-  if (camera.rows <= 0 || camera.rows % 2 != 0)
-    reject("rows", text("is ", camera.rows, ", expected an even number > 0"));
+  if (camera.rows <= 0) reject("rows", text("is ", camera.rows, ", expected a number > 0"));
   if (camera.cols <= 0 || camera.cols > kMaxImageWidth) {
     reject("cols", text("is ", camera.cols, ", expected 1 to ", kMaxImageWidth));
   }
-  if (camera.cols != 2 * camera.rows) {
-    reject("cols",
-           text("is ", camera.cols, " where rows is ", camera.rows, ", expected cols = 2 x rows: a full panorama"));
+  if (camera.rows > kMaxImageWidth || !io::is_panorama_size(camera.cols, camera.rows)) {
+    reject("cols", text("is ", camera.cols, " where rows is ", camera.rows,
+                        ", expected cols = 2 x rows, within one row: a full panorama"));
   }
   if (!(camera.fps >= 0.0) || !std::isfinite(camera.fps))
     reject("fps", text("is ", camera.fps, ", expected a finite number >= 0"));
@@ -45,7 +47,10 @@ MapCamera checked_camera(const RawMap& raw, const RawCamera& camera) {
 
 std::vector<MapCamera> checked_cameras(const RawMap& raw) {
   std::vector<MapCamera> cameras;
-  for (const RawCamera& camera : raw.cameras) cameras.push_back(checked_camera(raw, camera));
+  const bool has_panorama = std::any_of(raw.cameras.begin(), raw.cameras.end(), is_panorama);
+  for (const RawCamera& camera : raw.cameras) {
+    if (is_panorama(camera) || !has_panorama) cameras.push_back(checked_camera(raw, camera));
+  }
   std::sort(cameras.begin(), cameras.end(), [](const MapCamera& a, const MapCamera& b) { return a.name < b.name; });
   for (std::size_t i = 1; i < cameras.size(); ++i) {
     if (cameras[i - 1].name == cameras[i].name) {
@@ -55,24 +60,55 @@ std::vector<MapCamera> checked_cameras(const RawMap& raw) {
   return cameras;
 }
 
-RigidTransform checked_pose(const RawMap& raw, const RawKeyframe& keyframe, int image_width) {
+RigidTransform checked_pose(const RawMap& raw, const RawKeyframe& keyframe, int image_width,
+                            std::size_t& unnormalised) {
   const bool msgpack = raw.dialect == Dialect::msgpack;
   const auto where = [&](const char* field) {
     return place(raw.dialect, "keyframes", std::to_string(keyframe.keyframe.id), field);
   };
   const std::array<double, 4>& q = keyframe.rotation_xyzw;
-  const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  if (!(std::abs(norm - 1.0) <= 1e-3)) {  // NaN included
-    fail(raw.path, where(msgpack ? "rot_cw" : "pose_cw"),
-         text("the quaternion (x, y, z, w) = (", q[0], ", ", q[1], ", ", q[2], ", ", q[3], ") has length ", norm,
-              ", expected a rotation: length 1 within 0.001"));
-  }
+  const std::string where_turned = where(msgpack ? "rot_cw" : "pose_cw");
+  const Eigen::Matrix3d rotation = rotation_from_quaternion(q, raw.path, where_turned, unnormalised);
   const Eigen::Vector3d& t = keyframe.translation;
   if (!is_position(t)) {
     fail(raw.path, where(msgpack ? "trans_cw" : "pose_cw"),
          text("the translation is (", t.x(), ", ", t.y(), ", ", t.z(), "), ", kExpectedPosition));
   }
-  return cam_from_slam_cam(image_width) * RigidTransform{canonical_rotation(q, norm), t};
+  return cam_from_slam_cam(image_width) * RigidTransform{rotation, t};
+}
+
+/// Takes out what the SLAM has lost, and keyframes of other cameras than panoramas; says how many in the map's notes.
+void leave_out(RawMap& raw, SlamMap& map) {
+  std::vector<RawKeyframe>& keyframes = raw.keyframes;
+  const auto poses = std::remove_if(keyframes.begin(), keyframes.end(), [](const RawKeyframe& k) {
+    return is_lost(k.rotation_xyzw) || !k.translation.allFinite();
+  });
+  note_lost_poses(map, static_cast<std::size_t>(keyframes.end() - poses));
+  if (poses == keyframes.begin() && !keyframes.empty()) {
+    fail(raw.path, "keyframes",
+         "none of the " + std::to_string(keyframes.size()) + " keyframes has a pose that is not lost; " +
+             map.notes.back());
+  }
+  keyframes.erase(poses, keyframes.end());
+  const auto points = std::remove_if(raw.landmarks.begin(), raw.landmarks.end(),
+                                     [](const MapLandmark& l) { return !l.position_world.allFinite(); });
+  note_lost_points(map, static_cast<std::size_t>(raw.landmarks.end() - points));
+  if (points == raw.landmarks.begin() && !raw.landmarks.empty()) {
+    fail(raw.path, "landmarks",
+         "none of the " + std::to_string(raw.landmarks.size()) + " landmarks is at a finite position");
+  }
+  raw.landmarks.erase(points, raw.landmarks.end());
+  const auto is_of_panorama = [&](const RawKeyframe& keyframe) {
+    const auto camera = std::find_if(raw.cameras.begin(), raw.cameras.end(),
+                                     [&](const RawCamera& c) { return c.name == keyframe.camera; });
+    return camera == raw.cameras.end() || is_panorama(*camera);  // one that is missing is refused later
+  };
+  if (std::none_of(raw.cameras.begin(), raw.cameras.end(), is_panorama)) return;  // refused later, too
+  const auto others = std::stable_partition(keyframes.begin(), keyframes.end(), is_of_panorama);
+  if (others == keyframes.end()) return;
+  map.notes.push_back("keyframes left out, of cameras that are not equirectangular: " +
+                      std::to_string(keyframes.end() - others) + "; only panoramas can be used");
+  keyframes.erase(others, keyframes.end());
 }
 
 void sort_landmarks(RawMap& raw) {
@@ -165,23 +201,27 @@ class ObservationFilter {
 }  // namespace
 
 SlamMap finish_map(RawMap&& raw) {
+  SlamMap map;
+  leave_out(raw, map);
   sort_keyframes(raw);
   sort_landmarks(raw);
-  SlamMap map;
   map.path = raw.path;
   map.format = raw.format;
   map.cameras = checked_cameras(raw);
   map.landmarks = std::move(raw.landmarks);
   map.keyframes.reserve(raw.keyframes.size());
   ObservationFilter filter(raw, map);
+  std::size_t unnormalised = 0;
   for (RawKeyframe& keyframe : raw.keyframes) {
     MapKeyframe& result = map.keyframes.emplace_back(std::move(keyframe.keyframe));
     keyframe.keyframe.id = result.id;
     result.camera = camera_index(raw, map.cameras, keyframe);
     const MapCamera& camera = map.cameras[static_cast<std::size_t>(result.camera)];
-    result.cam_from_world = checked_pose(raw, keyframe, camera.width);
+    result.cam_from_world = checked_pose(raw, keyframe, camera.width, unnormalised);
     filter.apply(result, camera);
   }
+  note_unnormalised(map, unnormalised);
+  round_camera_sizes(map);
   map.component_keyframes = {map.keyframes.size()};
   map.half_row_may_remain = true;
   map.observations_are_tested = !raw.pixels_in_another_grid;

@@ -30,9 +30,9 @@ std::string place(const pugi::xml_node& node) {
   return std::string(node.name()) + (id.empty() ? "" : " " + id.substr(0, 40));
 }
 
-/// Numbers in the text of a node, no more and no fewer.
+/// Numbers in the text of a node, no more and no fewer. `may_be_lost`: NaN is one.
 std::vector<double> numbers(const pugi::xml_node& node, std::size_t count, const std::filesystem::path& path,
-                            const std::string& where) {
+                            const std::string& where, bool may_be_lost = false) {
   std::vector<double> values;
   const std::string text = node.child_value();
   const char* at = text.data();
@@ -42,7 +42,7 @@ std::vector<double> numbers(const pugi::xml_node& node, std::size_t count, const
     if (at == end) break;
     double value = 0.0;
     const auto [next, error] = std::from_chars(at, end, value);
-    if (error != std::errc() || !std::isfinite(value) || values.size() == count) {
+    if (error != std::errc() || (!std::isfinite(value) && !may_be_lost) || values.size() == count) {
       values.clear();
       break;
     }
@@ -111,7 +111,8 @@ std::vector<Part> parts_of(const pugi::xml_node& document) {
 
 class PartReader {
  public:
-  PartReader(const Part& part, const std::filesystem::path& path) : part_(part) {
+  PartReader(const Part& part, const std::filesystem::path& path, bool has_image_list)
+      : part_(part), has_image_list_(has_image_list) {
     map_.path = path;
     map_.format = std::string("Metashape, chunk ") + in_quotes(part.chunk.attribute("label").value());
   }
@@ -121,10 +122,12 @@ class PartReader {
     const pugi::xml_node own = part_.component.child("transform");
     world_from_chunk_ = similarity_of(own ? own : part_.chunk.child("transform"), map_.path, "transform");
     const pugi::xml_node cameras = part_.chunk.child("cameras");
-    for (const pugi::xml_node camera : cameras.children("camera")) add(camera);
+    for (const pugi::xml_node camera : cameras.children("camera")) add(camera, "");
     for (const pugi::xml_node group : cameras.children("group")) {
-      for (const pugi::xml_node camera : group.children("camera")) add(camera);
+      for (const pugi::xml_node camera : group.children("camera")) add(camera, group.attribute("label").value());
     }
+    distinguish_labels();
+    if (disabled_ > 0) map_.notes.push_back("cameras left out, disabled in Metashape: " + std::to_string(disabled_));
     if (without_pose_ > 0) map_.notes.push_back("cameras left out, not aligned: " + std::to_string(without_pose_));
     if (others_ > 0) {
       map_.notes.push_back("cameras left out, of sensors that are not spherical: " + std::to_string(others_) +
@@ -149,9 +152,13 @@ class PartReader {
     }
   }
 
-  void add(const pugi::xml_node& camera) {
+  void add(const pugi::xml_node& camera, const std::string& group) {
     if (part_.component &&
         std::string(camera.attribute("component_id").value()) != std::string(part_.component.attribute("id").value())) {
+      return;
+    }
+    if (!camera.attribute("enabled").as_bool(true)) {
+      ++disabled_;
       return;
     }
     const pugi::xml_node transform = camera.child("transform");
@@ -165,7 +172,7 @@ class PartReader {
       ++others_;
       return;
     }
-    const std::vector<double> m = numbers(transform, 16, map_.path, place(camera));
+    const std::vector<double> m = numbers(transform, 16, map_.path, place(camera), true);
     const std::string where = place(camera) + ": transform";
     const Eigen::Matrix3d chunk_from_camera = rotation_from_matrix(matrix_of(m, 4), map_.path, where);
     MapKeyframe keyframe;
@@ -177,13 +184,43 @@ class PartReader {
     const Eigen::Vector3d center = world_from_chunk_ * Eigen::Vector3d(m[3], m[7], m[11]);
     keyframe.cam_from_world = {turn, -(turn * center)};
     map_.keyframes.push_back(std::move(keyframe));
+    groups_.push_back(group);
+  }
+
+  /// The file has the photos' labels alone. Of those that share one, the group of cameras may be the folder; else only
+  /// a list of images can say which is which.
+  void distinguish_labels() {
+    std::map<std::string, std::size_t> labels;
+    for (const MapKeyframe& keyframe : map_.keyframes) ++labels[keyframe.image];
+    std::map<std::string, std::size_t> names;
+    for (std::size_t i = 0; i < map_.keyframes.size(); ++i) {
+      std::string& image = map_.keyframes[i].image;
+      if (labels[image] > 1 && !groups_[i].empty()) image = image_name(groups_[i] + "/" + image, map_.path, "group");
+      ++names[image];
+    }
+    for (MapKeyframe& keyframe : map_.keyframes) {
+      if (names[keyframe.image] == 1) continue;
+      if (!has_image_list_) {
+        fail(map_.path, "",
+             "the image " + in_quotes(keyframe.image) +
+                 " appears more than once: the file does not say in which "
+                 "folder each photo lies; give --image-list with one line for each of the " +
+                 std::to_string(map_.keyframes.size()) + " cameras in the order of their ids, such as left/" +
+                 keyframe.image +
+                 ".jpg, or rename the photos so that no two share a label and export the cameras again");
+      }
+      keyframe.image.clear();
+    }
   }
 
   Part part_;
+  bool has_image_list_ = false;
   SlamMap map_;
   Similarity world_from_chunk_;
   std::map<std::int64_t, int> sensors_;  ///< by id; -1: no panorama
+  std::vector<std::string> groups_;      ///< of each keyframe: the label of its group of cameras, or ""
   std::size_t without_pose_ = 0;
+  std::size_t disabled_ = 0;
   std::size_t others_ = 0;
 };
 
@@ -197,8 +234,9 @@ SlamMap read(MapFile& file, const ReadMapOptions& options) {
   }
   const std::vector<Part> parts = parts_of(document.child("document"));
   if (parts.empty()) fail(file.path(), "", "holds no chunk, expected cameras as Metashape exports them");
-  return read_component(parts.size(), file.path(), options,
-                        [&](std::size_t i) { return PartReader(parts[i], file.path()).read(); });
+  return read_component(parts.size(), file.path(), options, [&](std::size_t i) {
+    return PartReader(parts[i], file.path(), !options.image_list.empty()).read();
+  });
 }
 
 }  // namespace

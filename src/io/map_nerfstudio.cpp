@@ -3,9 +3,12 @@
 // nerfstudio's transforms.json: frames with camera-to-world matrices whose axes are OpenGL's, x right, y up, z
 // backward, and perhaps a PLY file with points of the same world. Nobody says who sees which point.
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <string>
+#include <system_error>
 #include <utility>
+#include <vector>
 
 #include "map_file.h"
 #include "map_scene.h"
@@ -55,6 +58,27 @@ class Cameras {
   std::map<std::int64_t, int> by_width_;
 };
 
+/// The longest end of the path that is a file in the folder; a path to none where no end is. "" = none is named.
+std::filesystem::path mask_file(const std::filesystem::path& folder, const JsonValue& value) {
+  constexpr std::size_t kLongest = 4096;
+  constexpr std::ptrdiff_t kMostParts = 8;
+  std::string name = value.is_text() ? value.text() : "";
+  std::replace(name.begin(), name.end(), '\\', '/');
+  const bool is_name = !name.empty() && name.size() <= kLongest &&
+                       std::none_of(name.begin(), name.end(), [](unsigned char c) { return c < 0x20U || c == 0x7F; });
+  if (!is_name) return {};
+  std::vector<std::filesystem::path> parts;
+  for (const auto& part : std::filesystem::path(name).lexically_normal().relative_path()) parts.push_back(part);
+  for (auto first = parts.end() - std::min(kMostParts, parts.end() - parts.begin()); first != parts.end(); ++first) {
+    std::filesystem::path file = folder;
+    for (auto part = first; part != parts.end(); ++part) file /= *part;
+    std::error_code ignored;
+    if (*first != ".." && std::filesystem::is_regular_file(file, ignored)) return file;
+  }
+  const bool is_inside = !parts.empty() && parts.front() != ".." && std::filesystem::path(name).is_relative();
+  return folder / (is_inside ? std::filesystem::path(name).lexically_normal() : std::filesystem::path(name).filename());
+}
+
 SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
   const JsonValue json(file.json(), file.path());
   SlamMap map;
@@ -73,6 +97,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
     MapKeyframe keyframe;
     keyframe.camera = cameras.of(json, frame);
     keyframe.image = image_name(frame.at("file_path").text(), map.path, frame.where());
+    if (frame.has("mask_path")) keyframe.mask = mask_file(map.images, frame.at("mask_path"));
     const JsonValue matrix = frame.at("transform_matrix");
     const Eigen::Matrix4d world_from_camera = matrix.matrix4();
     const Eigen::Matrix3d rotation =
@@ -88,7 +113,9 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
   number_by_image(map);
   if (json.has("ply_file_path")) {
     const JsonValue points = json.at("ply_file_path");
-    map.landmarks = landmarks_from_ply(map.images / image_name(points.text(), map.path, points.where()));
+    const std::string name = image_name(points.text(), map.path, points.where());
+    const std::filesystem::path found = longest_tail(map.images, name);
+    map.landmarks = landmarks_from_ply(found.empty() ? map.images / name : found);
   }
   return finish_scene(std::move(map));
 }

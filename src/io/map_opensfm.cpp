@@ -35,6 +35,7 @@ bool is_panorama(const std::string& projection) { return projection == "spherica
 
 Eigen::Matrix3d rotation_of(const JsonValue& value) {
   const Eigen::Vector3d turn = value.vector3();
+  if (!turn.allFinite()) return lost_rotation();
   const double angle = turn.norm();
   const Eigen::Matrix3d rotation =
       angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
@@ -62,6 +63,7 @@ class PointIds {
 void read_tracks(SlamMap& map, PointIds& ids, const std::filesystem::path& path) {
   std::unordered_map<std::string, MapKeyframe*> keyframes;
   for (MapKeyframe& keyframe : map.keyframes) keyframes[keyframe.image] = &keyframe;
+  std::unordered_map<std::string, MapKeyframe*> of_word;  // by the images as the file has them; nullptr: no keyframe's
   std::unordered_map<std::int64_t, bool> is_point;
   for (const MapLandmark& landmark : map.landmarks) is_point[landmark.id] = true;
   TextInput in(path, '\t');
@@ -75,10 +77,14 @@ void read_tracks(SlamMap& map, PointIds& ids, const std::filesystem::path& path)
     std::size_t words = 5;
     for (; !in.at_end(); ++words) in.number("a value behind x and y");
     if (words > kMaxWords || words < 8) in.refuse("has " + std::to_string(words) + " values, expected 8 to 11");
-    const auto found = keyframes.find(std::filesystem::path(image).lexically_normal().generic_string());
+    auto of_image = of_word.find(image);
+    if (of_image == of_word.end()) {
+      const auto named = keyframes.find(image_name(image, path, in.here()));
+      of_image = of_word.emplace(image, named == keyframes.end() ? nullptr : named->second).first;
+    }
     const std::int64_t id = ids.of(track);
-    if (found == keyframes.end() || is_point.count(id) == 0) continue;
-    MapKeyframe& keyframe = *found->second;
+    if (of_image->second == nullptr || is_point.count(id) == 0) continue;
+    MapKeyframe& keyframe = *of_image->second;
     const MapCamera& camera = map.cameras[static_cast<std::size_t>(keyframe.camera)];
     const Eigen::Vector2d pixel(x * camera.width + 0.5 * camera.width, y * camera.width + 0.5 * camera.height);
     keyframe.observations.push_back({id, pixel.cast<float>()});

@@ -11,6 +11,7 @@
 
 #include <Eigen/Geometry>
 
+#include "panorama_size.h"
 #include "pmsp/error.h"
 #include "pmsp/keyframe.h"
 
@@ -69,6 +70,22 @@ void sort_cameras(SlamMap& map) {
   for (MapKeyframe& keyframe : map.keyframes) keyframe.camera = place[static_cast<std::size_t>(keyframe.camera)];
 }
 
+/// Programs write NaN, or a quaternion of length 0, for what they have lost.
+void leave_out_lost(SlamMap& map) {
+  const auto poses = std::remove_if(map.keyframes.begin(), map.keyframes.end(), [](const MapKeyframe& k) {
+    return !k.cam_from_world.rotation.allFinite() || !k.cam_from_world.translation.allFinite();
+  });
+  note_lost_poses(map, static_cast<std::size_t>(map.keyframes.end() - poses));
+  map.keyframes.erase(poses, map.keyframes.end());
+  const auto points = std::remove_if(map.landmarks.begin(), map.landmarks.end(),
+                                     [](const MapLandmark& l) { return !l.position_world.allFinite(); });
+  if (points == map.landmarks.begin() && !map.landmarks.empty()) {
+    fail(map.path, "", "none of its " + std::to_string(map.landmarks.size()) + " points is at a finite position");
+  }
+  note_lost_points(map, static_cast<std::size_t>(map.landmarks.end() - points));
+  map.landmarks.erase(points, map.landmarks.end());
+}
+
 void sort_landmarks(SlamMap& map) {
   std::vector<MapLandmark>& landmarks = map.landmarks;
   std::sort(landmarks.begin(), landmarks.end(), [](const MapLandmark& a, const MapLandmark& b) { return a.id < b.id; });
@@ -91,7 +108,6 @@ void sort_keyframes(SlamMap& map) {
     fail(map.path, "", "holds no image with a pose and an equirectangular camera, expected at least one" + why);
   }
   std::sort(keyframes.begin(), keyframes.end(), [](const MapKeyframe& a, const MapKeyframe& b) { return a.id < b.id; });
-  std::vector<const std::string*> images;
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
     if (i > 0 && keyframes[i - 1].id == keyframes[i].id) {
       fail(map.path, name_of(keyframes[i]), "this id appears more than once, expected unique ids");
@@ -103,14 +119,8 @@ void sort_keyframes(SlamMap& map) {
       fail(map.path, name_of(keyframes[i]),
            "the camera is at " + shown(keyframes[i].cam_from_world.center()) + ", " + kExpectedPosition);
     }
-    if (!keyframes[i].image.empty()) images.push_back(&keyframes[i].image);
   }
-  std::sort(images.begin(), images.end(), [](const auto* a, const auto* b) { return *a < *b; });
-  const auto twice =
-      std::adjacent_find(images.begin(), images.end(), [](const auto* a, const auto* b) { return *a == *b; });
-  if (twice != images.end()) {
-    fail(map.path, "", "the image " + in_quotes(**twice) + " appears more than once, expected one pose for each");
-  }
+  check_images_once(map, map.path);
 }
 
 void sift_observations(SlamMap& map) {
@@ -176,18 +186,21 @@ Eigen::Matrix3d canonical_rotation(const std::array<double, 4>& xyzw, double nor
 }
 
 Eigen::Matrix3d rotation_from_quaternion(const std::array<double, 4>& q, const std::filesystem::path& path,
-                                         const std::string& where) {
+                                         const std::string& where, std::size_t& unnormalised) {
   const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  if (!(std::abs(norm - 1.0) <= 1e-3)) {  // NaN included
+  if (is_lost(q)) return lost_rotation();
+  if (norm < 0.5 || norm > 2.0) {
     fail(path, where,
          "the quaternion (x, y, z, w) = (" + shown(q[0]) + ", " + shown(q[1]) + ", " + shown(q[2]) + ", " +
-             shown(q[3]) + ") has length " + shown(norm) + ", expected a rotation: length 1 within 0.001");
+             shown(q[3]) + ") has length " + shown(norm) + ", expected a rotation: length 1");
   }
+  unnormalised += std::abs(norm - 1.0) > 1e-3 ? 1 : 0;
   return canonical_rotation(q, norm);
 }
 
 Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::filesystem::path& path,
                                      const std::string& where) {
+  if (!matrix.allFinite() || matrix.isZero(0.0)) return lost_rotation();
   const double error = (matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(error <= 1e-3)) {  // NaN included
     fail(path, where,
@@ -201,18 +214,76 @@ Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::f
   return canonical_rotation({q.x(), q.y(), q.z(), q.w()}, q.norm());
 }
 
+void note_unnormalised(SlamMap& map, std::size_t count) {
+  if (count > 0) map.notes.push_back("quaternions that were not of length 1, normalised: " + std::to_string(count));
+}
+
+void note_lost_poses(SlamMap& map, std::size_t count) {
+  if (count == 0) return;
+  map.notes.push_back("keyframes left out, whose poses are lost (not finite, or a quaternion of length 0): " +
+                      std::to_string(count));
+}
+
+void note_lost_points(SlamMap& map, std::size_t count) {
+  if (count > 0) map.notes.push_back("points left out, whose positions are not finite: " + std::to_string(count));
+}
+
 std::string image_name(const std::string& name, const std::filesystem::path& path, const std::string& where) {
   constexpr std::size_t kLongest = 4096;
   const bool has_controls =
       std::any_of(name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20U || c == 0x7F; });
-  const std::filesystem::path image = std::filesystem::path(name).lexically_normal();
-  const bool is_inside = !has_controls && name.size() <= kLongest && image.is_relative() && image.has_filename() &&
-                         *image.begin() != ".." && image != ".";
-  if (!is_inside) {
+  std::string text = name.size() <= kLongest && !has_controls ? name : "";
+  std::replace(text.begin(), text.end(), '\\', '/');
+  if (text.size() > 1 && text[1] == ':' && std::isalpha(static_cast<unsigned char>(text[0])) != 0) text.erase(0, 2);
+  std::filesystem::path image;
+  for (const std::filesystem::path& part : std::filesystem::path(text).relative_path()) {
+    if (part == "..") image = image.parent_path();
+    if (part != ".." && part != ".") image /= part;  // a separator at the end adds an empty part
+  }
+  if (!image.has_filename() || text.back() == '.') {
     fail(path, where,
          "names the image " + in_quotes(name) + ", expected a file in the image folder, by its path there");
   }
   return image.generic_string();
+}
+
+void check_images_once(const SlamMap& map, const std::filesystem::path& path) {
+  std::vector<const std::string*> images;
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    if (!keyframe.image.empty()) images.push_back(&keyframe.image);
+  }
+  std::sort(images.begin(), images.end(), [](const auto* a, const auto* b) { return *a < *b; });
+  const auto twice =
+      std::adjacent_find(images.begin(), images.end(), [](const auto* a, const auto* b) { return *a == *b; });
+  if (twice != images.end()) {
+    fail(path, "", "the image " + in_quotes(**twice) + " appears more than once, expected one pose for each");
+  }
+}
+
+std::filesystem::path longest_tail(const std::filesystem::path& folder, const std::string& name, bool other_endings) {
+  constexpr std::array<const char*, 10> kEndings{".jpg", ".JPG", ".jpeg", ".JPEG", ".png",
+                                                 ".PNG", ".tif", ".TIF",  ".tiff", ".TIFF"};
+  const auto is_there = [](const std::filesystem::path& path) {
+    std::error_code ignored;
+    return std::filesystem::is_regular_file(path, ignored);
+  };
+  // "1.jpg.png" may be the mask of "1.jpg", and what is behind the dot of "IMG.0001" is no ending.
+  const std::string own = std::filesystem::path(name).extension().string();
+  const bool has_ending =
+      own.size() > 1 && std::all_of(own.begin() + 1, own.end(), [](unsigned char c) { return std::isalpha(c) != 0; });
+  for (std::size_t at = 0; at != std::string::npos;) {
+    const std::filesystem::path path = folder / name.substr(at);
+    if (is_there(path)) return path;
+    for (std::size_t i = 0; other_endings && i < kEndings.size(); ++i) {
+      std::filesystem::path other = path;
+      if (has_ending) other.replace_extension();
+      other += kEndings[i];
+      if (is_there(other)) return other;
+    }
+    const std::size_t slash = name.find('/', at);
+    at = slash == std::string::npos ? slash : slash + 1;
+  }
+  return {};
 }
 
 std::filesystem::path inner_folder(const std::string& name, SlamMap& map) {
@@ -230,11 +301,12 @@ std::filesystem::path inner_folder(const std::string& name, SlamMap& map) {
 
 MapCamera panorama(const std::string& name, double width, double height, const std::filesystem::path& path,
                    const std::string& where) {
-  const bool is_size = width >= 2.0 && width <= kMaxImageWidth && height >= 1.0 && width == std::floor(width);
-  if (!is_size || width != 2.0 * height || std::fmod(height, 2.0) != 0.0) {
+  const bool is_size = width >= 2.0 && width <= kMaxImageWidth && height >= 1.0 && height <= kMaxImageWidth &&
+                       width == std::floor(width) && height == std::floor(height);
+  if (!is_size || !io::is_panorama_size(static_cast<std::int64_t>(width), static_cast<std::int64_t>(height))) {
     fail(path, where,
          "the images are " + shown(width) + " x " + shown(height) +
-             " pixels, expected full panoramas: twice as wide as high, an even height, at most " +
+             " pixels, expected full panoramas: twice as wide as high within one row, at most " +
              std::to_string(kMaxImageWidth) + " wide");
   }
   return {name, static_cast<int>(width), static_cast<int>(height), 0.0};
@@ -265,11 +337,34 @@ const MapLandmark* ObservationSieve::pass(std::int64_t landmark_id) {
   return landmark;
 }
 
+void round_camera_sizes(SlamMap& map) {
+  for (std::size_t i = 0; i < map.cameras.size(); ++i) {
+    MapCamera& camera = map.cameras[i];
+    const int height = io::panorama_height(camera.width, camera.height);
+    const int width = 2 * height;
+    if (width == camera.width && height == camera.height) continue;
+    const Eigen::Vector2f factor(static_cast<float>(width) / static_cast<float>(camera.width),
+                                 static_cast<float>(height) / static_cast<float>(camera.height));
+    for (MapKeyframe& keyframe : map.keyframes) {
+      if (static_cast<std::size_t>(keyframe.camera) != i) continue;
+      for (MapObservation& observation : keyframe.observations) {
+        observation.pixel = observation.pixel.cwiseProduct(factor);
+      }
+    }
+    map.notes.push_back("images of " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+                        " pixels are resized to " + std::to_string(width) + " x " + std::to_string(height));
+    camera.width = width;
+    camera.height = height;
+  }
+}
+
 SlamMap finish_scene(SlamMap&& map) {
+  leave_out_lost(map);
   sort_keyframes(map);
   sort_cameras(map);
   sort_landmarks(map);
   sift_observations(map);
+  round_camera_sizes(map);
   if (map.component_keyframes.empty()) map.component_keyframes = {map.keyframes.size()};
   return std::move(map);
 }

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -37,19 +39,46 @@ constexpr int kMaxImageWidth = 1 << 16;
 /// the rounded one. The sign of the quaternion makes no difference to it. `norm`: its length.
 Eigen::Matrix3d canonical_rotation(const std::array<double, 4>& xyzw, double norm);
 
-/// The same of what a file holds; throws InvalidInput unless it is a rotation within 0.001.
+/// NaN: stands for a pose that was lost. finish_scene leaves its keyframe out.
+inline Eigen::Matrix3d lost_rotation() { return Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN()); }
+
+/// Whether a quaternion, or what else a pose is made of, was lost: not finite, or zero.
+template <class Values>
+bool is_lost(const Values& values) {
+  double squares = 0.0;
+  for (const double value : values) squares += value * value;
+  return !std::isfinite(squares) || squares == 0.0;
+}
+
+/// The same of what a file holds; lost_rotation where that is not finite or zero. Throws InvalidInput unless the
+/// quaternion is of length 0.5 to 2, or the matrix a rotation within 0.001. `unnormalised` counts quaternions whose
+/// length is off by more than 0.001.
 Eigen::Matrix3d rotation_from_quaternion(const std::array<double, 4>& xyzw, const std::filesystem::path& path,
-                                         const std::string& where);
+                                         const std::string& where, std::size_t& unnormalised);
 Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::filesystem::path& path,
                                      const std::string& where);
+void note_unnormalised(SlamMap& map, std::size_t count);
+void note_lost_poses(SlamMap& map, std::size_t count);
+void note_lost_points(SlamMap& map, std::size_t count);
 
-/// A name in a file as a path in the image folder, "left/0001.jpg". Throws InvalidInput when it would leave that.
+/// A name in a file as a path that stays in the image folder, "left/0001.jpg": with slashes for backslashes, without
+/// a drive, leading separators and what ".." takes back. Throws InvalidInput when nothing is left of it.
 std::string image_name(const std::string& name, const std::filesystem::path& path, const std::string& where);
+
+/// Throws InvalidInput, naming `path`, where two keyframes have one image.
+void check_images_once(const SlamMap& map, const std::filesystem::path& path);
+
+/// The longest tail of a path, as image_name gives it, that is a file in the folder: for "a/b/c.jpg" a/b/c.jpg, else
+/// b/c.jpg, else c.jpg; "" where there is none. `other_endings`: also with the endings of images instead of its own, or
+/// behind a name that has none.
+std::filesystem::path longest_tail(const std::filesystem::path& folder, const std::string& name,
+                                   bool other_endings = false);
 
 /// The folder of the images as a file names it, where that lies in the folder of the file; else "", with a note.
 std::filesystem::path inner_folder(const std::string& name, SlamMap& map);
 
-/// An equirectangular camera as a file names its size. Throws InvalidInput unless that is a full panorama.
+/// An equirectangular camera as a file names its size. Throws InvalidInput unless that is a full panorama, within one
+/// row; finish_scene makes it one.
 MapCamera panorama(const std::string& name, double width, double height, const std::filesystem::path& path,
                    const std::string& where);
 
@@ -75,8 +104,11 @@ class ObservationSieve {
   int keyframe_ = -1;
 };
 
+/// Cameras that are off by a row, or of odd height, get the nearest size that is not; observations move with it.
+void round_camera_sizes(SlamMap& map);
+
 /// Takes a map of this library's conventions as its file has it, in any order, and sorts and checks it: ids, positions,
-/// observations. Throws InvalidInput.
+/// observations. Keyframes and points with NaN are left out with a note. Throws InvalidInput.
 SlamMap finish_scene(SlamMap&& map);
 
 /// The component of a file that `options` name, or that of most keyframes. `read_one(i)` reads component i of `count`.

@@ -289,9 +289,10 @@ void read_pose(const Database& database, const Rows& rows, int column, RawKeyfra
   Eigen::Matrix4d pose;
   rows.doubles(column, pose.data(), 16);
   const Eigen::Matrix3d rotation = pose.topLeftCorner<3, 3>();
+  if (!pose.allFinite() || pose.isZero(0.0)) return;  // lost: the quaternion stays zero
   const double bottom = (pose.row(3) - Eigen::RowVector4d(0.0, 0.0, 0.0, 1.0)).cwiseAbs().maxCoeff();
   const double skew = (rotation.transpose() * rotation - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!pose.allFinite() || !(bottom <= 1e-6)) {
+  if (!(bottom <= 1e-6)) {
     fail(database.path(), rows.where(column),
          "expected 16 finite numbers, column by column, whose last row is 0 0 0 1");
   }

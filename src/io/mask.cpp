@@ -1,15 +1,23 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp/io/mask.h"
+
 #include <algorithm>
-#include <opencv2/core.hpp>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "image_decode.h"
+#include "mask_image.h"
 #include "pmsp/error.h"
-#include "pmsp/io/mask.h"
 
 namespace pmsp {
 namespace {
@@ -29,75 +37,211 @@ Span covered(int i, int n_source, int n_target) {
 constexpr int kLookedAt = 640;  ///< columns and rows at most
 constexpr std::size_t kCommonest = 8;
 constexpr double kMaxOthers = 0.1;
+constexpr double kPi = 3.14159265358979323846;
 
-/// Masks have few colours; soft edges and JPEG add others to few pixels.
-void refuse_photo(const std::filesystem::path& path, const cv::Mat& image) {
+using Colours = std::vector<std::pair<std::uint64_t, double>>;  ///< with their shares, the commonest first
+
+Colours count_colours(const cv::Mat& image) {
   cv::Mat some;
   cv::resize(image, some, {std::min(image.cols, kLookedAt), std::min(image.rows, kLookedAt)}, 0, 0, cv::INTER_NEAREST);
   some.convertTo(some, CV_16U);
-  std::unordered_map<std::uint64_t, int> colours;
-  const int looked_at = some.rows * some.cols;
+  std::unordered_map<std::uint64_t, int> counts;
   for (int y = 0; y < some.rows; ++y) {
     const auto* row = some.ptr<std::uint16_t>(y);
     for (int x = 0; x < some.cols; ++x) {
       std::uint64_t colour = 0;
       for (int c = 0; c < some.channels(); ++c) colour = colour << 16U | row[x * some.channels() + c];
-      ++colours[colour];
+      ++counts[colour];
     }
   }
-  std::vector<int> counts;
-  for (const auto& colour : colours) counts.push_back(colour.second);
-  std::sort(counts.rbegin(), counts.rend());
-  int others = 0;
-  for (std::size_t i = kCommonest; i < counts.size(); ++i) others += counts[i];
-  if (others <= kMaxOthers * looked_at) return;
-  throw InvalidInput(path.string() + ": is no mask: it has " + std::to_string(counts.size()) +
-                     " colours, as a photo or a depth map; expected an image that is 0 (black) where to ignore and one "
-                     "other colour where to use");
+  Colours colours;
+  for (const auto& [colour, count] : counts)
+    colours.emplace_back(colour, static_cast<double>(count) / (static_cast<double>(some.rows) * some.cols));
+  std::sort(colours.begin(), colours.end(), [](const auto& a, const auto& b) {
+    return a.second != b.second ? a.second > b.second : a.first < b.first;
+  });
+  return colours;
 }
 
-/// 255 where any channel is not 0.
-cv::Mat usable_pixels(const cv::Mat& image) {
-  cv::Mat usable(image.rows, image.cols, CV_8UC1, cv::Scalar(0));
-  for (int c = 0; c < image.channels(); ++c) {
+/// Masks have few colours; soft edges and JPEG add others to few pixels.
+bool is_photo(const Colours& colours) {
+  double others = 0.0;
+  for (std::size_t i = kCommonest; i < colours.size(); ++i) others += colours[i].second;
+  return others > kMaxOthers;
+}
+
+/// "90 % #ffffff, 10 % #ff0000"
+std::string text_of(const Colours& colours, const cv::Mat& image) {
+  constexpr std::size_t kNamed = 3;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(kNamed, colours.size()); ++i) {
+    std::array<std::uint64_t, 3> bgr{};
+    for (int c = 0; c < image.channels() && c < 3; ++c)
+      bgr[static_cast<std::size_t>(c)] =
+          colours[i].first >> static_cast<unsigned>(16 * (image.channels() - 1 - c)) & 0xFFFFU;
+    char name[64];
+    if (image.channels() == 1) {
+      std::snprintf(name, sizeof(name), "%.0f %% gray %u", 100.0 * colours[i].second, static_cast<unsigned>(bgr[0]));
+    } else {
+      std::snprintf(name, sizeof(name), "%.0f %% #%02x%02x%02x", 100.0 * colours[i].second,
+                    static_cast<unsigned>(bgr[2]), static_cast<unsigned>(bgr[1]), static_cast<unsigned>(bgr[0]));
+    }
+    text += (i == 0 ? "" : ", ") + std::string(name);
+  }
+  return text;
+}
+
+double half_of(const cv::Mat& image) {
+  return image.depth() == CV_8U ? 128.0 : image.depth() == CV_16U ? 32768.0 : 0.5;
+}
+
+/// JPEG has no exact black.
+bool is_jpeg(const std::filesystem::path& path) {
+  std::string ending = path.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending == ".jpg" || ending == ".jpeg" || ending == ".jpe";
+}
+
+/// 255 where any channel is not black.
+cv::Mat usable_by_colour(const cv::Mat& colour, bool lossy) {
+  cv::Mat usable(colour.rows, colour.cols, CV_8UC1, cv::Scalar(0));
+  for (int c = 0; c < colour.channels(); ++c) {
     cv::Mat channel;
-    cv::extractChannel(image, channel, c);
-    usable |= channel != 0;
+    cv::extractChannel(colour, channel, c);
+    if (lossy) {
+      usable |= channel >= half_of(colour);
+    } else {
+      usable |= channel != 0;
+    }
   }
   return usable;
 }
 
+bool has_both(const cv::Mat& usable) {
+  const int count = cv::countNonZero(usable);
+  return count > 0 && count < usable.rows * usable.cols;
+}
+
+/// Empty where it hides nothing or everything: then it says nothing.
+cv::Mat usable_by_alpha(const cv::Mat& image) {
+  constexpr int kAlpha = 3;
+  if (image.channels() <= kAlpha) return {};
+  cv::Mat alpha;
+  cv::extractChannel(image, alpha, kAlpha);
+  cv::Mat usable = alpha >= half_of(image);
+  return has_both(usable) ? usable : cv::Mat();
+}
+
+bool png_may_have_alpha(const std::vector<std::uint8_t>& bytes) {
+  constexpr std::uint8_t kGrayAlpha = 4, kColourAlpha = 6;
+  if (bytes.size() < 26) return false;
+  if (bytes[25] == kGrayAlpha || bytes[25] == kColourAlpha) return true;
+  const std::string transparent = "tRNS";
+  return std::search(bytes.begin(), bytes.end(), transparent.begin(), transparent.end()) != bytes.end();
+}
+
+bool webp_may_have_alpha(const std::vector<std::uint8_t>& bytes) {
+  constexpr std::uint8_t kFlag = 0x10;
+  if (bytes.size() < 25 || bytes[12] != 'V' || bytes[13] != 'P' || bytes[14] != '8') return false;
+  if (bytes[15] == 'X') return (bytes[20] & kFlag) != 0;
+  return bytes[15] == 'L' && (bytes[24] & kFlag) != 0;
+}
+
 }  // namespace
 
-Image<std::uint8_t> read_mask(const std::filesystem::path& path, int width, int height) {
-  if (width <= 0 || height <= 0)
-    throw InvalidOption("read_mask: size " + std::to_string(width) + "x" + std::to_string(height) + ", expected > 0");
-  // Depth is kept and gray is not made here: both would round small values to 0.
-  const cv::Mat image = io::decode_image_file(path, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR);
-  refuse_photo(path, image);
-  const cv::Mat mask = usable_pixels(image);
-  if (static_cast<std::int64_t>(mask.cols) * height != static_cast<std::int64_t>(mask.rows) * width)
-    throw InvalidInput(path.string() + ": the mask is " + std::to_string(mask.cols) + "x" + std::to_string(mask.rows) +
+namespace io {
+
+MaskImage decode_mask(const std::filesystem::path& path) {
+  // As it is: conversions to gray or 8 bits would round small values to 0.
+  const cv::Mat image = decode_image_file(path, cv::IMREAD_UNCHANGED);
+  cv::Mat colour = image;
+  if (image.channels() == 4) {
+    const std::array<int, 6> kept{0, 0, 1, 1, 2, 2};
+    colour = cv::Mat(image.rows, image.cols, CV_MAKETYPE(image.depth(), 3));
+    cv::mixChannels(&image, 1, &colour, 1, kept.data(), 3);
+  }
+  const Colours colours = count_colours(colour);
+  const bool photo = is_photo(colours);
+  MaskImage mask{usable_by_colour(colour, is_jpeg(path)), text_of(colours, colour)};
+  if (photo || !has_both(mask.usable)) {
+    const cv::Mat opaque = usable_by_alpha(image);
+    mask.by_alpha = !opaque.empty();
+    if (mask.by_alpha) mask.usable = opaque;
+  }
+  if (photo && !mask.by_alpha)
+    throw InvalidInput(path.string() + ": is no mask: it has " + std::to_string(colours.size()) +
+                       " colours, as a photo or a depth map; expected an image that is 0 (black) where to ignore and "
+                       "one other colour where to use");
+  return mask;
+}
+
+Image<std::uint8_t> scale_mask(const std::string& what, const cv::Mat& usable, int width, int height) {
+  if (static_cast<std::int64_t>(usable.cols) * height != static_cast<std::int64_t>(usable.rows) * width)
+    throw InvalidInput(what + ": the mask is " + std::to_string(usable.cols) + "x" + std::to_string(usable.rows) +
                        ", but the images are " + std::to_string(width) + "x" + std::to_string(height) +
                        "; expected that size or the same shape scaled");
-  if (cv::countNonZero(mask) == 0)
-    throw InvalidInput(path.string() + ": every pixel of the mask is 0 (ignore); expected 0 = ignore, others = use");
-
-  Image<std::uint8_t> narrow(width, mask.rows);  // the least value along rows, then along columns
-  for (int y = 0; y < mask.rows; ++y) {
-    const std::uint8_t* row = mask.ptr<std::uint8_t>(y);
+  Image<std::uint8_t> narrow(width, usable.rows);  // the least value along rows, then along columns
+  for (int y = 0; y < usable.rows; ++y) {
+    const std::uint8_t* row = usable.ptr<std::uint8_t>(y);
     for (int x = 0; x < width; ++x) {
-      const Span span = covered(x, mask.cols, width);
+      const Span span = covered(x, usable.cols, width);
       narrow(x, y) = *std::min_element(row + span.begin, row + span.end);
     }
   }
   Image<std::uint8_t> out(width, height, 255);
   for (int y = 0; y < height; ++y) {
-    const Span span = covered(y, mask.rows, height);
+    const Span span = covered(y, usable.rows, height);
     for (int from = span.begin; from < span.end; ++from)
       for (int x = 0; x < width; ++x) out(x, y) = std::min(out(x, y), narrow(x, from));
   }
   return out;
+}
+
+cv::Mat image_opacity(const std::filesystem::path& image) {
+  return may_have_alpha(image) ? usable_by_alpha(decode_image_file(image, cv::IMREAD_UNCHANGED)) : cv::Mat();
+}
+
+double hidden_share(ImageView<const std::uint8_t> mask) {
+  double hidden = 0.0;
+  double all = 0.0;
+  for (int y = 0; y < mask.height; ++y) {
+    const double weight = std::sin(kPi * (y + 0.5) / mask.height);
+    const auto ignored = std::count(mask.row(y), mask.row(y) + mask.width, std::uint8_t{0});
+    hidden += weight * static_cast<double>(ignored) / mask.width;
+    all += weight;
+  }
+  return all > 0.0 ? hidden / all : 0.0;
+}
+
+}  // namespace io
+
+bool may_have_alpha(const std::filesystem::path& image) {
+  constexpr std::size_t kMost = std::size_t{1} << 14;
+  std::error_code ignored;
+  if (is_jpeg(image) || !std::filesystem::is_regular_file(image, ignored)) return false;
+  std::ifstream file(image, std::ios::binary);
+  std::vector<std::uint8_t> bytes(kMost);
+  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(file.gcount()));
+  const auto starts_with = [&](const std::string& magic) {
+    return bytes.size() > magic.size() && std::memcmp(bytes.data(), magic.data(), magic.size()) == 0;
+  };
+  if (starts_with("\x89PNG")) return png_may_have_alpha(bytes);
+  if (starts_with("RIFF")) return webp_may_have_alpha(bytes);
+  return starts_with(std::string("II*\0", 4)) || starts_with(std::string("MM\0*", 4));
+}
+
+Image<std::uint8_t> read_mask(const std::filesystem::path& path, int width, int height) {
+  if (width <= 0 || height <= 0)
+    throw InvalidOption("read_mask: size " + std::to_string(width) + "x" + std::to_string(height) + ", expected > 0");
+  const io::MaskImage mask = io::decode_mask(path);
+  Image<std::uint8_t> scaled = io::scale_mask(path.string(), mask.usable, width, height);
+  if (cv::countNonZero(mask.usable) == 0)
+    throw InvalidInput(path.string() +
+                       ": every pixel of the mask is black (0), which is ignored; expected black = ignore, white (or "
+                       "any other colour) = use");
+  return scaled;
 }
 
 }  // namespace pmsp

@@ -26,18 +26,6 @@ constexpr int kWrongEnough = 1000;
 constexpr double kSigmas = 4.0;
 constexpr double kClearlyBetter = 0.1;  ///< of a share of landmarks
 
-/// Measured on two real SLAM maps, one with a real camera, and their images with neighbouring keyframes, every 2nd to
-/// 6th of them, at 320 to 1920 px, blurred by up to 10 px, dark, overexposed: right images fit by 0.6 to 0.97, those
-/// one frame off (0.12 m of flight at 5 m) by 0.07 to 0.25, of other keyframes by -0.03 to 0.13, where the motion is
-/// small by up to 0.34.
-constexpr double kLeastFit = 0.4;
-constexpr double kExpectedFit = 0.6;
-/// Correlation of unrelated patches (root mean square): 0.25 to 0.5 in the same images, 1 / 9 in noise. With noise of
-/// 60, 90 and 120 gray levels it is 0.21, 0.16 and 0.14, and the right images fit by 0.6, 0.4 and 0.3, the wrong ones
-/// by 0.05 at most.
-constexpr double kClearLikeness = 0.32;
-constexpr double kNoiseLikeness = 0.16;
-constexpr double kLeastFitInNoise = 0.16;
 constexpr double kMostlyFlat = 0.9;  ///< share of the landmarks
 constexpr int kFewFound = 30;        ///< of the others; from then on they tell whether the images belong
 
@@ -57,13 +45,6 @@ const OtherPairing kOthers[] = {{"each taken for that of the keyframe before", -
                                 {"turned by half a turn", 0, false, {false, false, true}}};
 
 std::string percent(double share) { return std::to_string(std::lround(100.0 * share)) + " %"; }
-
-/// What right images at least find beyond chance: less, where noise hides what they show.
-double least_fit(double unrelated_likeness) {
-  const double likeness = std::sqrt(unrelated_likeness);
-  const double clear = std::clamp((likeness - kNoiseLikeness) / (kClearLikeness - kNoiseLikeness), 0.0, 1.0);
-  return kLeastFitInNoise + clear * (kLeastFit - kLeastFitInNoise);
-}
 
 }  // namespace
 
@@ -146,12 +127,12 @@ PairingVerifier::Verdict PairingVerifier::verdict() const {
   verdict.comparisons = found.tries();
   verdict.agreement = found.share();
   verdict.by_chance = chance.share();
-  verdict.fit = (verdict.agreement - verdict.by_chance) / std::max(0.5, 1.0 - verdict.by_chance);
+  verdict.fit = given.fit();
   verdict.likeness = given.likeness();
-  const double deviation = std::hypot(found.deviation(), chance.deviation()) / std::max(0.5, 1.0 - verdict.by_chance);
+  const double deviation = given.fit_deviation();
 
   const bool is_flat = given.looked_at() >= kConclusive && given.flat() > kMostlyFlat * given.looked_at() &&
-                       !(found.tries() >= kFewFound && verdict.fit >= kLeastFit);
+                       !(found.tries() >= kFewFound && verdict.fit >= io::kLeastFit);
   verdict.conclusive = is_flat || (found.tries() >= kConclusive && found.images() >= kConclusiveImages);
   if (!verdict.conclusive) {
     verdict.message =
@@ -159,11 +140,11 @@ PairingVerifier::Verdict PairingVerifier::verdict() const {
         " landmarks could be compared between keyframes (at least " + std::to_string(kConclusive) + " needed)";
     return verdict;
   }
-  const double least = least_fit(given.unrelated_likeness());
+  const double least = given.least_fit();
   const bool fits = verdict.fit + kSigmas * deviation >= least;
   const std::string advice = "check --images, --video, --frame-offset and --fps, or use --no-verify";
   verdict.belongs = !is_flat && fits && !impl_->clearly_better(impl_->best_other(kWrongConclusive));
-  verdict.doubtful = verdict.belongs && verdict.fit < kExpectedFit;
+  verdict.doubtful = verdict.belongs && verdict.fit < io::kExpectedFit;
   if (is_flat) {
     verdict.message = "the images do not belong to these keyframes: at " +
                       percent(static_cast<double>(given.flat()) / given.looked_at()) + " of " +
@@ -171,6 +152,10 @@ PairingVerifier::Verdict PairingVerifier::verdict() const {
     return verdict;
   }
   const OtherPairing* other = impl_->best_other(kWrongTold);
+  if (other != nullptr) {  // no advice where it fits as little
+    const double beyond_chance = impl_->found_by(*other).share() - verdict.by_chance;
+    if (beyond_chance < least * std::max(0.5, 1.0 - verdict.by_chance)) other = nullptr;
+  }
   std::string figures = percent(verdict.agreement) + " of " + std::to_string(verdict.comparisons) +
                         " landmarks are found where the map has them (by chance " + percent(verdict.by_chance);
   if (other != nullptr) {
@@ -182,7 +167,7 @@ PairingVerifier::Verdict PairingVerifier::verdict() const {
   } else if (verdict.doubtful) {
     verdict.message =
         "the images may not belong to their keyframes: only " + figures +
-        (least < 0.5 * (kLeastFit + kLeastFitInNoise) ? ", as where noise hides much of what they show" : "") +
+        (least < 0.5 * (io::kLeastFit + io::kLeastFitInNoise) ? ", as where noise hides much of what they show" : "") +
         "; look at the result, and check --images, --video, --frame-offset and --fps";
   } else {
     verdict.message = "the images belong to their keyframes: " + figures;

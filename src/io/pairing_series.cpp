@@ -17,6 +17,12 @@ constexpr double kMaxRescaling = 2.0;    ///< of a patch against the camera's ow
 constexpr std::size_t kHistory = 16;     ///< keyframes whose patches are kept
 constexpr double kClustering = 4.0;      ///< at least so many tries in one image count as one
 
+/// Correlation of unrelated patches (root mean square): 0.25 to 0.5 in the same images, 1 / 9 in noise. With noise of
+/// 60, 90 and 120 gray levels it is 0.21, 0.16 and 0.14, and the right images fit by 0.6, 0.4 and 0.3, the wrong ones
+/// by 0.05 at most.
+constexpr double kClearLikeness = 0.32;
+constexpr double kNoiseLikeness = 0.16;
+
 std::uint64_t hash(std::int64_t id) {
   auto h = static_cast<std::uint64_t>(id) * 0x9E3779B97F4A7C15ULL;
   h = (h ^ (h >> 29U)) * 0xBF58476D1CE4E5B9ULL;
@@ -56,6 +62,20 @@ double Tally::deviation() const {
     variance = std::max(variance, between * images_ / (images_ - 1.0));
   }
   return std::sqrt(variance) / tries_;
+}
+
+double PairingSeries::fit() const {
+  return (found_.share() - by_chance_.share()) / std::max(0.5, 1.0 - by_chance_.share());
+}
+
+double PairingSeries::fit_deviation() const {
+  return std::hypot(found_.deviation(), by_chance_.deviation()) / std::max(0.5, 1.0 - by_chance_.share());
+}
+
+double PairingSeries::least_fit() const {
+  const double likeness = std::sqrt(unrelated_likeness());
+  const double clear = std::clamp((likeness - kNoiseLikeness) / (kClearLikeness - kNoiseLikeness), 0.0, 1.0);
+  return kLeastFitInNoise + clear * (kLeastFit - kLeastFitInNoise);
 }
 
 /// A landmark in an image.

@@ -12,6 +12,14 @@
 
 namespace pmsp::io {
 
+/// Measured on two real SLAM maps, one with a real camera, and their images with neighbouring keyframes, every 2nd to
+/// 6th of them, at 320 to 1920 px, blurred by up to 10 px, dark, overexposed: right images fit by 0.6 to 0.97, those
+/// one frame off (0.12 m of flight at 5 m) by 0.07 to 0.25, of other keyframes by -0.03 to 0.13, where the motion is
+/// small by up to 0.34.
+constexpr double kExpectedFit = 0.6;
+constexpr double kLeastFit = 0.4;
+constexpr double kLeastFitInNoise = 0.16;
+
 /// How an image shows what the camera saw: as it is, or flipped or turned.
 struct Presentation {
   bool mirrored = false;  ///< left and right swapped
@@ -63,6 +71,13 @@ class PairingSeries {
 
   /// Mean square of the correlation of landmarks with others, 0 to 1: 1 / kPatchSamples where there is only noise.
   double unrelated_likeness() const { return by_chance_.tries() > 0 ? unrelated_ / by_chance_.tries() : 0.0; }
+
+  /// Landmarks found beyond chance: 0 = as by chance, 1 = all; and its standard deviation.
+  double fit() const;
+  double fit_deviation() const;
+
+  /// What right images at least reach: less, where noise hides what they show.
+  double least_fit() const;
 
   int looked_at() const { return looked_at_; }  ///< landmarks in images
   int flat() const { return flat_; }            ///< of these, where there is nothing to see

@@ -31,6 +31,7 @@ class TextInput {
       return false;
     }
     ++number_;
+    if (number_ == 1 && line_.compare(0, 3, "\xEF\xBB\xBF") == 0) line_.erase(0, 3);  // a byte order mark
     while (!line_.empty() && (line_.back() == '\r' || line_.back() == ' ')) line_.pop_back();
     left_ = line_;
     return true;
@@ -69,24 +70,33 @@ class TextInput {
 
   template <class T = double>
   T number(const char* what) {
+    return number_where<T>(what, [](T value) { return std::isfinite(static_cast<double>(value)); });
+  }
+
+  /// The same where programs write NaN for what they have lost.
+  double number_or_nan(const char* what) {
+    return number_where<double>(what, [](double /*value*/) { return true; });
+  }
+
+  [[noreturn]] void refuse(const std::string& what) const { fail(path_, here(), what); }
+  std::string here() const { return "line " + std::to_string(number_); }
+  std::size_t number_of_line() const { return number_; }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  template <class T, class Accept>
+  T number_where(const char* what, const Accept& accept) {
     const std::string_view text = word(what);
     T value{};
     const char* const begin = text.data() + (text.front() == '+' ? 1 : 0);
     const auto [end, error] = std::from_chars(begin, text.data() + text.size(), value);
-    bool is_number = error == std::errc() && end == text.data() + text.size();
-    if constexpr (std::is_floating_point_v<T>) is_number = is_number && std::isfinite(value);
-    if (!is_number) {
+    if (error != std::errc() || end != text.data() + text.size() || !accept(value)) {
       refuse(std::string(what) + " is " + in_quotes(std::string(text)) + ", expected a " +
              (std::is_floating_point_v<T> ? "finite number" : "whole number"));
     }
     return value;
   }
 
-  [[noreturn]] void refuse(const std::string& what) const { fail(path_, here(), what); }
-  std::string here() const { return "line " + std::to_string(number_); }
-  const std::filesystem::path& path() const { return path_; }
-
- private:
   bool is_blank(char c) const { return separator_ == ' ' ? c == ' ' || c == '\t' || c == ',' : c == separator_; }
   void skip_blanks() {
     while (!left_.empty() && is_blank(left_.front())) left_.remove_prefix(1);

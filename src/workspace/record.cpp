@@ -2,6 +2,7 @@
 #include "pmsp/io/workspace/record.h"
 
 #include <charconv>
+#include <cmath>
 #include <system_error>
 
 #include <nlohmann/json.hpp>
@@ -141,6 +142,15 @@ Record record_from(const Json& json, const std::string& where) {
   record.map = json.at("map").get<std::string>();
   record.images = json.at("images").get<std::string>();
   record.outputs = json.at("outputs").get<std::vector<std::string>>();
+  if (const auto cloud = json.find("cloud"); cloud != json.end()) {  // older records have none
+    for (int i = 0; i < 3; ++i)
+      record.cloud.center[i] = cloud->at("center").at(static_cast<std::size_t>(i)).get<double>();
+    record.cloud.reach = cloud->at("reach").get<double>();
+    record.cloud.comments = cloud->at("comments").get<std::vector<std::string>>();
+    if (!record.cloud.center.allFinite() || !(record.cloud.reach >= 0.0) || !std::isfinite(record.cloud.reach)) {
+      throw InvalidInput("the size of the cloud is no number");
+    }
+  }
   record.plan = plan_from_json(json.at("plan").dump(), where + ": plan");
   for (const auto& [id, keyframe] : json.at("keyframes").items()) {
     try {
@@ -167,6 +177,12 @@ std::string record_json(const Record& record) {
                      line("map", record.map) + ",\n" + line("images", record.images) + ",\n" +
                      line("options", Json::parse(record.options)) + ",\n" +
                      line("lenses_looked_at", record.lenses_looked_at) + ",\n" + line("outputs", record.outputs);
+  if (record.cloud.reach > 0.0) {
+    const Eigen::Vector3d& center = record.cloud.center;
+    text += ",\n" + line("cloud", {{"center", {center.x(), center.y(), center.z()}},
+                                   {"reach", record.cloud.reach},
+                                   {"comments", record.cloud.comments}});
+  }
   text += ",\n\"keyframes\": {";
   const char* before = "\n";
   for (const auto& [id, keyframe] : record.keyframes) {

@@ -35,11 +35,15 @@ Json to_json(const ShardJob& job) {
           {"mask", job.mask},
           {"mask_bytes", job.mask_bytes},
           {"mask_nadir", job.mask_nadir},
+          {"mask_zenith", job.mask_zenith},
+          {"no_masks", job.no_masks},
           {"prior_depth", job.prior_depth},
           {"fps", job.fps},
-          {"frame_offset", job.frame_offset},
+          {"frame_offset", job.frame_offset ? Json(*job.frame_offset) : Json()},
+          {"presentation_times", job.presentation_times},
           {"points", job.points},
           {"image_list", job.image_list},
+          {"camera_from_body", job.camera_from_body},
           {"component", job.component},
           {"options", Json::parse(job.options)}};
 }
@@ -58,11 +62,15 @@ ShardJob job_from(const Json& json) {
   job.mask = json.at("mask").get<std::string>();
   job.mask_bytes = json.at("mask_bytes").get<std::string>();
   job.mask_nadir = json.value("mask_nadir", 0.0);
+  job.mask_zenith = json.value("mask_zenith", 0.0);
+  job.no_masks = json.value("no_masks", false);
   job.prior_depth = json.value("prior_depth", "");
   job.fps = json.at("fps").get<double>();
-  job.frame_offset = json.at("frame_offset").get<std::int64_t>();
+  if (!json.at("frame_offset").is_null()) job.frame_offset = json.at("frame_offset").get<std::int64_t>();
+  job.presentation_times = json.value("presentation_times", false);
   job.points = json.value("points", "");
   job.image_list = json.value("image_list", "");
+  job.camera_from_body = json.value("camera_from_body", "");
   job.component = json.value("component", -1);
   job.options = json.at("options").dump();
   if (job.count < 1) throw InvalidInput(std::to_string(job.count) + " shards; expected 1 at least");
@@ -258,10 +266,14 @@ std::string difference(const ShardJob& mine, const ShardJob& job) {
   for (const auto& [its, others] : {std::pair(mine.engine, job.engine), std::pair(mine.build, job.build)}) {
     if (!its.empty() && its != others) return "its engine is " + quoted(its) + ", theirs is " + quoted(others);
   }
-  if (mine.points != job.points || mine.image_list != job.image_list || mine.component != job.component) {
-    return "--points, --image-list or --component differ";
+  if (mine.points != job.points || mine.image_list != job.image_list || mine.camera_from_body != job.camera_from_body ||
+      mine.component != job.component) {
+    return "--points, --image-list, --camera-from-body or --component differ";
   }
-  if (mine.fps != job.fps || mine.frame_offset != job.frame_offset) return "--fps or --frame-offset differ";
+  if (mine.fps != job.fps || mine.frame_offset != job.frame_offset ||
+      mine.presentation_times != job.presentation_times) {
+    return "--fps, --frame-offset or --presentation-times differ";
+  }
   if (!mine.step.empty() && mine.step != job.step) {
     return "the images, or what lies in the workspace, are not what they were, or it cannot read all that they could";
   }

@@ -133,11 +133,8 @@ class StepPlanner {
   }
 
   void plan_planes(Step& step, const PlanEntry& entry) {
-    const StepKeyframe& now = *now_.at(entry.id);
     StepKeyframePlan& it = step.keyframes[entry.id];
-    Fingerprint own;
-    own.add(inputs_.planes_options_json).add(inputs_.engine).add(inputs_.mask).add(now.image);
-    it.own = own.text();
+    it.own = planes_inputs(inputs_, now_.at(entry.id)->image);
     choose_passes(entry, it);
     it.pose = poses_.at(entry.id);
     if (!it.has_planes) it.pose.scale = poses_[entry.id].scale = 1.0;
@@ -277,6 +274,30 @@ std::string step_name(const Record& record, const StepInputs& inputs) {
 
 std::string planes_name(std::int64_t keyframe_id, const std::string& step) {
   return std::to_string(keyframe_id) + "-" + step;
+}
+
+std::string planes_inputs(const StepInputs& inputs, const std::string& image) {
+  Fingerprint own;
+  own.add(inputs.planes_options_json).add(inputs.engine).add(inputs.mask).add(image);
+  return own.text();
+}
+
+Record record_of_begun(const std::string& step, const StepInputs& inputs) {
+  Record record;
+  record.step = step;
+  record.engine = inputs.engine;
+  record.options = inputs.options_json;
+  for (const StepKeyframe& it : inputs.keyframes) {
+    RecordedKeyframe& keyframe = record.keyframes[it.keyframe.id];
+    keyframe.image = it.image;
+    const bool is_known = it.width > 0;  // else the image was not looked at beforehand
+    keyframe.width = is_known ? it.width : inputs.width;
+    keyframe.height = is_known ? it.height : inputs.width / 2;
+    keyframe.pose = {it.keyframe.cam_from_world, 1.0};
+    keyframe.planes =
+        RecordedPlanes{planes_name(it.keyframe.id, step), planes_inputs(inputs, it.image), 1, keyframe.pose, {}};
+  }
+  return record;
 }
 
 Step plan_step(const Record& record, const StepInputs& inputs) { return StepPlanner(record, inputs).plan(); }

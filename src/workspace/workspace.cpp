@@ -18,6 +18,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kRecord = "workspace.json";
+constexpr const char* kBegun = "begun.json";
 
 bool is_there(const fs::path& path) {
   std::error_code ignored;
@@ -83,6 +84,9 @@ Workspace::Workspace(const fs::path& folder, Access access)
                 access == Access::kAlone ? FolderLock::Need::kAlways : FolderLock::Need::kWhereItWorks);
   if (!holds_record()) write_new_file(record, record_json({}));
   record_ = record_from_json(read_whole_file(record), record.string());
+  if (is_there(folder / kBegun)) {
+    begun_ = record_from_json(read_whole_file(folder / kBegun), (folder / kBegun).string());
+  }
   make_folder(planes());
   make_folder(points());
   if (access == Access::kShared) {
@@ -102,6 +106,12 @@ bool Workspace::holds_record() const {
 void Workspace::look_again() {
   wait_until_saved();
   drop_missing(record_);
+  if (begun_) drop_missing(*begun_);
+}
+
+void Workspace::begin(Record record) {
+  write_file(folder_ / kBegun, record_json(record));
+  begun_ = std::move(record);
 }
 
 std::string Workspace::fingerprint(const fs::path& file) {
@@ -158,6 +168,10 @@ void Workspace::commit(Record record) {
   drop_missing(record);
   write_file(folder_ / kRecord, record_json(record));
   record_ = std::move(record);
+  has_committed_ = true;
+  begun_.reset();
+  std::error_code ignored;
+  fs::remove(folder_ / kBegun, ignored);
   delete_unnamed();
 }
 
@@ -173,6 +187,7 @@ void Workspace::remove() {
     has_others = has_others || fs::exists(folder, ignored);
   }
   if (has_others) return;
+  fs::remove(folder_ / kBegun, ignored);
   fs::remove(folder_ / kRecord, ignored);
   fs::remove(folder_ / FolderLock::kName, ignored);
   fs::remove(folder_, ignored);

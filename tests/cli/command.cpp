@@ -5,6 +5,7 @@
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <algorithm>
 #include <stdexcept>
 
 namespace pmsp_test {
@@ -70,6 +71,8 @@ std::vector<std::string> quick_run(const std::filesystem::path& output, const st
   words.insert(words.end(), {"--patchmatch-iterations", "1", "--patchmatch-refinements", "1",
                              "--patchmatch-geometric-passes", "0", "--simd", "scalar"});
 #endif
+  const auto gives = [&](const char* option) { return std::find(more.begin(), more.end(), option) != more.end(); };
+  if (!gives("--quality") && !gives("--config")) words.insert(words.end(), {"--quality", "online"});
   words.insert(words.end(), more.begin(), more.end());
   return words;
 }

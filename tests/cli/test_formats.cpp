@@ -5,12 +5,14 @@
 #include <cstdio>
 #include <vector>
 
+#include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
 #include "map/scene_files.h"
 #include "pmsp/io/map.h"
 #include "pmsp/io/ply.h"
+#include "stats.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -74,8 +76,8 @@ TEST_CASE("every format gives the cloud of the map") {
     const fs::path folder = dir / "in" / format.name;
     fs::create_directories(folder);
     fs::create_directory_symlink(mission() / "images", folder / "images");
-    const bool says_where =
-        format.name != std::string("TUM") && format.name[0] != 'C' && format.name != std::string("Metashape");
+    const bool says_where = format.name != std::string("TUM") && format.name != std::string("AliceVision") &&
+                            format.name[0] != 'C' && format.name != std::string("Metashape");
     const fs::path images = says_where ? fs::path() : mission() / "images";
     const fs::path output = dir / (std::string(format.name) + ".ply");
     const Result result = densify(run_on(format.write(folder, map), images, output, format.options(folder)));
@@ -123,6 +125,84 @@ TEST_CASE("poses alone do, with landmarks from the images, what the images contr
   const Result axes = run(map, "axes");
   CHECK(axes.code == 3);
   CHECK_THAT(axes.err, Contains("OpenGL"));
+}
+
+TEST_CASE("points that are not of the poses, and poses that are not of the points, are named, not the images") {
+  const TempDir dir;
+  const auto run = [&](const SlamMap& map, const std::string& name) {
+    write_nerfstudio(dir / name, map);
+    fs::create_directory_symlink(mission() / "images", dir / name / "images");
+    return densify(run_on(dir / name / "transforms.json", {}, dir / (name + ".ply")));
+  };
+  SlamMap map = named_map();
+  const Eigen::Matrix3d opencv = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
+  for (MapKeyframe& keyframe : map.keyframes) {
+    keyframe.cam_from_world = {opencv * keyframe.cam_from_world.rotation, opencv * keyframe.cam_from_world.translation};
+  }
+  const Result axes = run(map, "axes");
+  CHECK(axes.code == 3);
+  CHECK_THAT(axes.err, Contains("camera axes of OpenGL") && !Contains("images do not belong"));
+  map = named_map();
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(1.0, Eigen::Vector3d(1.0, 2.0, 3.0).normalized()).toRotationMatrix();
+  for (MapLandmark& landmark : map.landmarks) landmark.position_world = 0.1 * (turn * landmark.position_world);
+  const Result points = run(map, "points");
+  INFO(points.err);
+  CHECK(points.code == 3);
+  CHECK_THAT(points.err, Contains("points do not fit its poses and images") && Contains("another frame"));
+  map = named_map();
+  map.landmarks.resize(50);  // too few to compare looks, and right
+  for (MapKeyframe& keyframe : map.keyframes) keyframe.observations.clear();
+  const Result few = run(map, "few");
+  INFO(few.err);
+  CHECK(few.code == 0);
+  CHECK_THAT(few.err, Contains("warning: cannot tell whether the images belong") && !Contains("points do not fit"));
+}
+
+TEST_CASE("poses that the images do not fit are refused, three images are too few to tell") {
+  const TempDir dir;
+  const auto run = [&](const SlamMap& map, const std::string& name) {
+    write_tum(dir / name / "t.txt", map);
+    ReadMapOptions options;
+    options.image_list = dir / name / "images.txt";
+    return densify(run_on(dir / name / "t.txt", mission() / "images", dir / (name + ".ply"), options));
+  };
+  SlamMap map = named_map();
+  for (std::size_t i = 0; i < map.keyframes.size(); ++i) {
+    RigidTransform& pose = map.keyframes[i].cam_from_world;
+    const Eigen::Vector3d axis = Eigen::Vector3d(1.0, static_cast<double>(i), 2.0).normalized();
+    const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.7 + 1.9 * static_cast<double>(i), axis).toRotationMatrix();
+    pose = {turn * pose.rotation, turn * pose.translation};
+  }
+  const Result random = run(map, "random");
+  CHECK(random.code == 3);
+  CHECK_THAT(random.err, Contains("the poses do not fit the images") && Contains("by chance"));
+  CHECK_FALSE(fs::exists(dir / "random.ply"));
+  map = named_map();
+  map.keyframes.resize(3);
+  const Result few = run(map, "few");
+  CHECK(few.code == 0);
+  CHECK_THAT(few.err, Contains("warning: cannot tell whether the poses fit the images: 3 images"));
+}
+
+TEST_CASE("a check that cannot decide gives a warning") {
+  const TempDir dir;
+  SlamMap map = named_map();
+  for (MapKeyframe& keyframe : map.keyframes) keyframe.observations.resize(15);
+  write_opensfm(dir / "few", map);
+  const Result few = densify(run_on(dir / "few/reconstruction.json", mission() / "images", dir / "few.ply"));
+  CHECK_THAT(few.err, Contains("warning: cannot tell whether the map was read by the right conventions") &&
+                          Contains("warning: cannot tell whether the images belong to their keyframes"));
+}
+
+TEST_CASE("a consistency filter that keeps less than a fifth gives a warning") {
+  DensifierStats stats;
+  stats.pixels_after_median = 1000;
+  stats.pixels_after_consistency = 199;
+  CHECK_THAT(tool::consistency_warning(stats), Contains("keeps only 19.9 %") && Contains("poses"));
+  stats.pixels_after_consistency = 200;
+  CHECK(tool::consistency_warning(stats).empty());
+  stats.pixels_after_consistency = 0;  // an empty result says why
+  CHECK(tool::consistency_warning(stats).empty());
 }
 
 TEST_CASE("info tells of an import, and a wrong one is refused by name") {
@@ -207,4 +287,24 @@ TEST_CASE("a workspace and shards work on a folder of COLMAP") {
   CHECK(read_ply(dir / "merged.ply").positions == read_ply(dir / "plain.ply").positions);
   const Result again = densify(words("again.ply"));
   CHECK(again.code == 0);
+}
+
+TEST_CASE("a trajectory of a body is read with the camera's place in it, another map refuses that") {
+  const TempDir dir;
+  const SlamMap map = named_map();
+  write_kitti(dir / "poses.txt", map);
+  std::string names;
+  for (const MapKeyframe& keyframe : map.keyframes) names += keyframe.image + "\n";
+  write_text(dir / "names.txt", names);
+  write_text(dir / "body.txt", "0 0 0 0 0 0 1\n");
+  const std::string images = (mission() / "images").string();
+  const Result info = densify({"info", (dir / "poses.txt").string(), "--images", images, "--image-list",
+                               (dir / "names.txt").string(), "--camera-from-body", (dir / "body.txt").string()});
+  INFO(info.err);
+  CHECK(info.code == 0);
+  CHECK_THAT(info.out, Contains("KITTI poses") && Contains("poses are those of a body") && Contains("body.txt"));
+  const Result refused = densify({"info", (mission() / "map.msg").string(), "--images", images, "--camera-from-body",
+                                  (dir / "body.txt").string()});
+  CHECK(refused.code == 2);
+  CHECK_THAT(refused.err, Contains("expected a trajectory"));
 }

@@ -32,9 +32,15 @@ namespace {
 
 std::vector<std::string> quick_fuse(const fs::path& depth, const fs::path& output,
                                     const std::vector<std::string>& more = {}) {
-  std::vector<std::string> words{
-      "fuse", depth.string(), (mission() / "map.msg").string(), "--images", (mission() / "images").string(),
-      "-o",   output.string()};
+  std::vector<std::string> words{"fuse",
+                                 depth.string(),
+                                 (mission() / "map.msg").string(),
+                                 "--images",
+                                 (mission() / "images").string(),
+                                 "-o",
+                                 output.string(),
+                                 "--quality",
+                                 "online"};
   words.insert(words.end(), more.begin(), more.end());
   return words;
 }
@@ -292,7 +298,8 @@ TEST_CASE("depth maps are written in scene units, whatever their keyframe's unit
   depth.scale = 0.25;
   tool::DepthMapFolder folder(dir / "d", map, tool::DepthFormats(), {"filtered", 0.001, 0.02, {}});
   folder.write(depth);
-  folder.finish();
+  folder.write_index();
+  folder.commit();
   const Json index = Json::parse(read_text(dir / "d/index.json"));
   CHECK(index["lens_distance"] == 0.02);
   CHECK(read_pfm(dir / "d" / index["maps"][0]["depth"].get<std::string>())(5, 5) == 0.75F);

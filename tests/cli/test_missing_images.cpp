@@ -67,7 +67,7 @@ TEST_CASE("a run without one image that can be decoded gives 3") {
   CHECK(dir.entries() == 1);
 }
 
-TEST_CASE("depth maps before an error are listed in their index") {
+TEST_CASE("a run that fails leaves no folder of depth maps") {
   const TempDir dir;
   fs::copy(mission() / "images", dir / "images");
   cv::imwrite((dir / "images/000004.png").string(), cv::Mat(100, 256, CV_8UC3, cv::Scalar::all(90)));
@@ -77,9 +77,8 @@ TEST_CASE("depth maps before an error are listed in their index") {
   INFO(result.err);
   CHECK(result.code == 3);
   CHECK_THAT(result.err, Contains("000004.png") && Contains("256x100"));
-  const auto index = nlohmann::json::parse(read_text(dir / "raw/index.json"));
-  REQUIRE_FALSE(index["maps"].empty());
-  for (const auto& map : index["maps"]) CHECK(fs::exists(dir / "raw" / map["depth"].get<std::string>()));
+  CHECK_FALSE(fs::exists(dir / "raw"));
+  CHECK_FALSE(fs::exists(dir / "raw.part"));
 }
 
 TEST_CASE("keyframes that a video does not reach are warned of and counted") {
@@ -101,11 +100,49 @@ TEST_CASE("keyframes that a video does not reach are warned of and counted") {
 TEST_CASE("a video that reaches no keyframe gives 5 and points at the offset") {
   const TempDir dir;
   write_video(dir / "short.avi", 3);
-  const Result result = densify(run_with(dir, "--video", dir / "short.avi", {"--frame-offset", "100"}));
+  const Result refused = densify(run_with(dir, "--video", dir / "short.avi", {"--frame-offset", "100"}));
+  CHECK(refused.code == 3);
+  CHECK_THAT(refused.err, Contains("0 of 5 keyframes") && Contains("--frame-offset") && Contains("--allow-missing"));
+  const Result result =
+      densify(run_with(dir, "--video", dir / "short.avi", {"--frame-offset", "100", "--allow-missing"}));
   INFO(result.err);
   CHECK(result.code == 5);
   CHECK_THAT(result.err, Contains("no keyframe has an image") && Contains("--frame-offset"));
   CHECK_THAT(result.err, !Contains("view-filter"));
   CHECK(stats_of(dir)["keyframes"]["with_image"] == 0);
   CHECK(stats_of(dir)["skipped"].size() == 5);
+}
+
+TEST_CASE("images for fewer than half of the keyframes are refused, unless more may come") {
+  const TempDir dir;
+  fs::create_directory(dir / "images");
+  for (int i = 0; i < 2; ++i) fs::copy(mission() / "images" / name_of(i), dir / "images" / name_of(i));
+  const Result refused = densify(run_with(dir, "--images", dir / "images"));
+  CHECK(refused.code == 3);
+  CHECK_THAT(refused.err, Contains("2 of 5 keyframes") && Contains("--fps") && Contains("--allow-missing"));
+  const Result told = densify({"info", (mission() / "map.msg").string(), "--images", (dir / "images").string()});
+  CHECK(told.code == 3);
+  const Result allowed = densify(run_with(dir, "--images", dir / "images", {"--allow-missing"}));
+  INFO(allowed.err);
+  CHECK_THAT(allowed.err, Contains("2 with an image"));
+  const Result growing = densify(
+      run_with(dir, "--images", dir / "images", {"--workspace", (dir / "work").string(), "--growing", "--force"}));
+  CHECK_THAT(growing.err, Contains("2 with an image"));
+}
+
+TEST_CASE("a list names the images of a map of a SLAM") {
+  const TempDir dir;
+  fs::create_directory(dir / "images");
+  std::string list = "timestamp name\n";
+  for (int i = 0; i < 5; ++i) {
+    const std::string name = "R 0001 (" + std::to_string(9 - i) + ").png";
+    fs::copy(mission() / "images" / name_of(i), dir / "images" / name);
+    list += "0." + std::to_string(i) + " " + name + "\n";
+  }
+  write_text(dir / "list.txt", list);
+  const Result result =
+      densify(run_with(dir, "--images", dir / "images", {"--image-list", (dir / "list.txt").string()}));
+  INFO(result.err);
+  CHECK(result.code == 0);
+  CHECK_THAT(result.err, Contains("5 of 5 keyframes found") && Contains("5 with an image"));
 }

@@ -135,6 +135,8 @@ TEST_CASE("a preview says what its pictures leave out", "[preview]") {
   }
   preview.add_points(cloud);
   CHECK_THAT(preview.finish(static_cast<std::int64_t>(cloud.points.size())), Contains("of the points lie outside"));
+  CHECK_FALSE(std::filesystem::exists(dir / "cloud_above.png"));
+  preview.commit();
   CHECK(std::filesystem::exists(dir / "cloud_above.png"));
   CHECK(std::filesystem::exists(dir / "cloud_corner.png"));
 }

@@ -129,11 +129,11 @@ TEST_CASE("a report is made from a cloud or a workspace alone, and says what it 
     words.insert(words.end(), more.begin(), more.end());
     return densify(words);
   };
-  REQUIRE(report("c.ply", "cloud.html", {"--unit", "ft", "--points", "1000"}).code == 0);
+  REQUIRE(report("c.ply", "cloud.html", {"--points", "1000"}).code == 0);
   const ordered_json cloud = data_of(read_text(dir / "cloud.html"));
   CHECK(cloud["points_in"] == stats["points_written"]);
   CHECK(cloud["points"].get<int>() <= 1000);
-  CHECK(cloud["unit"] == "ft");
+  CHECK(cloud["unit"] == "map units");
   CHECK(cloud["keyframes"].empty());
   CHECK(cloud["normals"] == true);
   CHECK_THAT(cloud["notes"].dump(), Contains("knows no keyframes"));

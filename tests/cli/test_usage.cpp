@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <sstream>
 #include <stdexcept>
 
 #include <nlohmann/json.hpp>
@@ -20,17 +21,38 @@ TEST_CASE("help and version go to standard output") {
     const Result help = densify({flag});
     CHECK(help.code == 0);
     CHECK(help.err.empty());
-    for (const char* word : {"run", "info", "config", "Examples:", "--images", "--help-all", "Exit codes", "143"}) {
+    for (const char* word : {"run", "info", "config", "Usage:", "--images", "--help-all", "Exit codes"}) {
       CHECK_THAT(help.out, Contains(word));
     }
     CHECK_THAT(help.out, !Contains("--patchmatch-iterations"));
+    std::istringstream lines(help.out);
+    std::size_t count = 0;
+    for (std::string line; std::getline(lines, line); ++count) CHECK(line.size() <= 100);
+    CHECK(count <= 40);
   }
-  CHECK_THAT(densify({"--help-all"}).out, Contains("Examples:") && Contains("--patchmatch-iterations"));
+  CHECK(densify({"run", "--help"}).out == densify({"--help"}).out);
+  const std::string all = densify({"--help-all"}).out;
+  CHECK_THAT(all, Contains("--patchmatch-iterations"));
+  std::istringstream lines(all);
+  for (std::string line; std::getline(lines, line);) CHECK(line.size() <= 100);
   CHECK_THAT(densify({"info", "--help"}).out, Contains("--json"));
   CHECK_THAT(densify({"merge", "--help"}).out, Contains("WORKSPACE") && Contains("--output"));
   const Result version = densify({"--version"});
   CHECK(version.code == 0);
   CHECK_THAT(version.out, Contains("pmsp-densify ") && Contains("SIMD") && Contains("cpu"));
+}
+
+TEST_CASE("a mistyped verb or option is suggested up to two letters off") {
+  const auto error = [](const std::vector<std::string>& words) {
+    const Result result = densify(words);
+    CHECK(result.code == 2);
+    return result.err;
+  };
+  CHECK_THAT(error({"reprot", "c.ply"}), Contains("did you mean report?"));
+  CHECK_THAT(error({"bach", "m.jsonl"}), Contains("did you mean batch?"));
+  CHECK_THAT(error({"m.msg", "--images", "a", "--qualty", "high"}), Contains("did you mean --quality?"));
+  CHECK_THAT(error({"m.msg", "--images", "a", "--photogrammetry"}),
+             !Contains("did you mean") && Contains("--help-all"));
 }
 
 TEST_CASE("usage errors give 2 and name what is wrong") {
@@ -213,13 +235,52 @@ TEST_CASE("info tells what is in a map and which images belong to it") {
   CHECK_FALSE(nlohmann::json::parse(densify({"info", map, "--json"}).out).contains("images"));
 }
 
+TEST_CASE("info in front of a command refuses what the run refuses, with its exit code") {
+  const TempDir dir;
+  write_text(dir / "old.ply", "old");
+  const std::string map = (mission() / "map.msg").string();
+  const std::string images = (mission() / "images").string();
+  std::filesystem::create_directory(dir / "shifted");
+  for (int i = 0; i < 5; ++i) {
+    const std::string from = "00000" + std::to_string(i) + ".png";
+    const std::string to = "00000" + std::to_string(4 - i) + ".png";
+    std::filesystem::copy(mission() / "images" / from, dir / "shifted" / to);
+  }
+  const std::vector<std::vector<std::string>> commands{
+      {map, "--images", images, "-o", (dir / "old.ply").string()},
+      {map, "--images", images, "--mask", "no.png", "-o", (dir / "c.ply").string()},
+      {map, "--images", images, "--align", "no.txt", "-o", (dir / "c.ply").string()},
+      {map, "--images", images, "--prior-depth", "no-folder", "-o", (dir / "c.ply").string()},
+      {map, "--images", images, "--backend", "cuda", "--device", "97", "-o", (dir / "c.ply").string()},
+      {map, "--images", (dir / "shifted").string(), "-o", (dir / "c.ply").string()},
+      {map, "--images", images, "--video", images},
+      {map, "--images", images, "--fusion-window", "32"},
+  };
+  for (const std::vector<std::string>& command : commands) {
+    const Result run = densify(command);
+    std::vector<std::string> words = command;
+    words.insert(words.begin(), "info");
+    const Result info = densify(words);
+    INFO(run.err << info.err);
+    CHECK(run.code > 1);
+    CHECK(info.code == run.code);
+    const std::string last = run.err.substr(run.err.rfind("pmsp-densify: "));
+    CHECK_THAT(info.err, Contains(last));
+  }
+  CHECK(densify({"info", "run", map, "--images", images, "-o", (dir / "c.ply").string(), "--stats",
+                 (dir / "s.json").string(), "--up"})
+            .code == 0);
+  CHECK(dir.entries() == 2);
+}
+
 TEST_CASE("info writes the plan of a run with the same options") {
   const TempDir dir;
   std::filesystem::copy(mission() / "images", dir / "images");
   write_text(dir / "images/000003.png", "no image");
   const std::string map = (mission() / "map.msg").string();
   const std::string file = (dir / "plan.json").string();
-  const Result all = densify({"info", map, "--plan", file, "--view-filter-min-parallax-deg", "0.1"});
+  const Result all =
+      densify({"info", map, "--quality", "online", "--plan", file, "--view-filter-min-parallax-deg", "0.1"});
   INFO(all.err);
   REQUIRE(all.code == 0);
   CHECK_THAT(all.out, Contains("plan.json, 5 keyframes") && Contains("depth map: 5"));
@@ -261,7 +322,7 @@ TEST_CASE("info predicts what a run takes") {
   for (const char* word : {"a run:", "1440 x 720", "disk:", "scratch file", "CPU:", "CPU time", "GPU:", "H200"}) {
     CHECK_THAT(people.out, Contains(word));
   }
-  const nlohmann::json online = budget_of({map, "--images", images});
+  const nlohmann::json online = budget_of({map, "--images", images, "--quality", "online"});
   CHECK(online["width"] == 640);
   CHECK(online["keyframes"] == 5);
   CHECK(online["scratch_bytes"] == 0);

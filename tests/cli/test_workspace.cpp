@@ -312,7 +312,7 @@ TEST_CASE("other options give what they give in a new workspace") {
                                              {"--fusion-spacing-px", "0.6"},
                                              {"--quality", "paper"},
                                              {"--quality", "paper", "--seed", "4"}}) {
-    require_ok(densify(step(dir, options)));
+    require_ok(densify(step(dir, with(options, {"--force"}))));
     require_ok(densify(with(quick_run(fresh / "c.ply"), with(options, {"--force"}))));
     INFO(options[1]);
     CHECK(same_bytes(dir / "c.ply", fresh / "c.ply"));
@@ -320,6 +320,79 @@ TEST_CASE("other options give what they give in a new workspace") {
     CHECK(same_bytes(dir / "c.ply", fresh / "c.ply"));
     if (kKills == 1) break;  // with sanitizers each run takes long
   }
+}
+
+TEST_CASE("options that leave nothing of a workspace are refused before any work, and need --force") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  require_ok(densify(step(dir)));
+  const std::string cloud = read_text(dir / "c.ply");
+  const auto refused = [&](const std::vector<std::string>& options, const char* complaint) {
+    const Result result = densify(step(dir, options));
+    CHECK(result.code == 6);
+    CHECK_THAT(result.err, Contains(complaint) && Contains("nothing of 5 depth maps can be kept") &&
+                               Contains("--force") && !Contains("backend: "));
+  };
+  refused({"--width", "64", "--height", "32"}, "width 128 -> 64, height 64 -> 32: ");
+  refused({"--quality", "paper"}, " -> ");
+  refused({"--seed", "4"}, "seed 1 -> 4");
+  refused({"--mask", (mission() / "mask.png").string()}, "mask");
+  std::vector<std::string> shard = step(dir, {"--shard", "0/2", "--seed", "4"});
+  const auto output = std::find(shard.begin(), shard.end(), "-o");
+  shard.erase(output, output + 2);
+  CHECK_THAT(densify(shard).err, Contains("nothing of 5 depth maps can be kept"));
+  require_ok(densify(step(dir, {"--fusion-spacing-px", "0.7"})));  // keeps planes
+  require_ok(densify(step(dir)));
+  CHECK(read_text(dir / "c.ply") == cloud);
+  require_ok(densify(step(dir, {"--width", "64", "--height", "32", "--force"})));
+  CHECK(read_text(dir / "c.ply") != cloud);
+}
+
+TEST_CASE("options that leave nothing of a run that was interrupted are refused as well") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  for (const bool is_deleted : {false, true}) {
+    auto words = step(dir, {"--patchmatch-iterations", "8", "--threads", "1"});
+    if (is_deleted) words.emplace_back("--delete-workspace");
+    Command command(densify_words(words));
+    comes([&] {
+      const fs::path planes = dir / "work/planes";
+      if (command.err_so_far().find("wrote ") != std::string::npos) return true;
+      return fs::exists(planes) && files_in(planes).size() > 1;
+    });
+    kill(command.pid(), SIGKILL);
+    REQUIRE(command.wait().code == 137);
+    const Result other = densify(with(words, {"--seed", "4"}));
+    CHECK(other.code == 6);
+    CHECK_THAT(other.err, Contains("seed 1 -> 4") && Contains("of a run that was interrupted"));
+    const Result same = densify(words);
+    require_ok(same);
+    CHECK_THAT(same.err, Contains("found from an interrupted run"));
+    CHECK_FALSE(fs::exists(dir / "work/begun.json"));
+    for (const char* name : {"work", "c.ply"}) fs::remove_all(dir / name);
+  }
+}
+
+TEST_CASE("a workspace of another mission is refused, that of a mission that was moved goes on") {
+  const TempDir dir;
+  copy_images(dir / "images", 9);
+  require_ok(densify(step(dir)));
+  fs::create_directory(dir / "mission");  // copied to another place, under other names
+  fs::copy(mission() / "map.msg", dir / "mission/m.msg");
+  fs::rename(dir / "images", dir / "mission/i");
+  std::vector<std::string> words = with(step(dir), {"--images", (dir / "mission/i").string()});
+  words[1] = (dir / "mission/m.msg").string();
+  const Result moved = densify(words);
+  require_ok(moved);
+  CHECK_THAT(moved.err, Contains("0 refined, 0 made"));
+  for (const fs::path& image : files_in(dir / "mission/i")) write_text(image, read_text(image) + "another flight's");
+  const std::string cloud = read_text(dir / "c.ply");
+  const Result other = densify(words);
+  CHECK(other.code == 6);
+  CHECK_THAT(other.err, Contains("this workspace is of ") && Contains("m.msg") && Contains("--force"));
+  CHECK(read_text(dir / "c.ply") == cloud);
+  CHECK(densify(with(words, {"--follow", "--until-idle", "0.1"})).code == 6);
+  require_ok(densify(with(words, {"--force"})));
 }
 
 TEST_CASE("lenses that were taken for one are looked at again when there are twice as many images, and at the end") {

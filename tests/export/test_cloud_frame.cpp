@@ -101,6 +101,59 @@ TEST_CASE("control points, camera places and a trajectory each give the frame, w
   CHECK(aligned(dir / "points", map).residuals[3].name == "P30");
 }
 
+TEST_CASE("places are given by the names of images, behind a mark, with a line of names and other images between") {
+  const TempDir dir;
+  SlamMap map = flight();
+  ImageFiles files;
+  std::string text = "\xEF\xBB\xBFImage, X, Y, Z\r\n", twice = "left/7.jpg,1,2,3\n";
+  for (std::size_t i = 0; i < map.keyframes.size(); ++i) {
+    MapKeyframe& keyframe = map.keyframes[i];
+    const std::string stem = "frame " + std::to_string(keyframe.id);
+    if (i % 2 == 0) keyframe.image = "part/" + stem + ".png";  // the map names it
+    if (i % 2 == 1) files[keyframe.id] = "/data/part/" + stem + ".jpg";
+    const std::string name = i % 3 == 0   ? stem
+                             : i % 3 == 1 ? "\"part/" + stem + ".tif\""
+                                          : "C:\\x\\part\\" + stem + ".jpg";
+    const Eigen::Vector3d C = truth() * keyframe.cam_from_world.center();
+    text += name + "," + line_of({C.x(), C.y(), C.z()}) + "no keyframe " + std::to_string(i) + ".jpg,1,2,3\n";
+  }
+  write_text(dir / "table", text);
+  FrameOptions options;
+  options.align = dir / "table";
+  const CloudFrame frame = find_cloud_frame(options, map, files);
+  check_same(frame.file_from_map, truth(), 1e-5);
+  CHECK(frame.residuals.size() == map.keyframes.size());
+
+  write_text(dir / "table", "other.jpg 1 2 3\nb.jpg 2 3 4\n");
+  CHECK_THROWS_WITH(find_cloud_frame(options, map, files), Contains("0 keyframes") && Contains("other.jpg"));
+  map.keyframes[0].image = "left/7.jpg";
+  map.keyframes[1].image = "right/7.jpg";
+  write_text(dir / "table", twice + "7.jpg,1,2,3\n");
+  CHECK_THROWS_WITH(find_cloud_frame(options, map, files), Contains("line 2") && Contains("several keyframes"));
+  write_text(dir / "table", "image,latitude,longitude,altitude\na,52,7,100\n");
+  CHECK_THROWS_WITH(find_cloud_frame(options, map, files), Contains("latitude and longitude") && Contains("metres"));
+}
+
+TEST_CASE("a trajectory in nanoseconds with w first aligns as one of TUM does, one without times is refused") {
+  const TempDir dir;
+  const SlamMap map = flight();
+  std::string text = "#timestamp [ns],p_x,p_y,p_z,q_w,q_x,q_y,q_z\n";
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const RigidTransform pose = truth() * keyframe.cam_from_world.inverse();
+    const Eigen::Quaterniond q(pose.rotation);
+    const Eigen::Vector3d& t = pose.translation;
+    char line[300];
+    std::snprintf(line, sizeof line, "%.0f,%.15g,%.15g,%.15g,%.15g,%.15g,%.15g,%.15g\n",
+                  std::round((1.7e9 + keyframe.timestamp) * 1e3) * 1e6, t.x(), t.y(), t.z(), q.w(), q.x(), q.y(),
+                  q.z());
+    text += line;
+  }
+  write_text(dir / "data.csv", text);
+  check_same(aligned(dir / "data.csv", map, 1.7e9).file_from_map, truth(), 1e-5);
+  write_text(dir / "kitti", "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 0\n");
+  CHECK_THROWS_WITH(aligned(dir / "kitti", map), Contains("no times"));
+}
+
 TEST_CASE("a wrong control point shows in the residuals, by its name") {
   const TempDir dir;
   std::string text;
@@ -151,7 +204,7 @@ TEST_CASE("tables that are none are refused with file and line") {
       {"a 0 1 2 3\n", "line 1: expected"},
       {"1 2 3 4 5 6\n", "at least 3"},
       {"1 2 3 4 5 6\n1 2 3 4 5 6\n1 2 3 4 5 6\n", "on a line"},
-      {"0 0 0 0 0 0 0 2\n", "quaternion has length 2"},
+      {"0 0 0 0 0 0 0 2.1\n", "has length 2.1"},
       {"100 0 0 0 0 0 0 1\n101 0 0 0 0 0 0 1\n", "tells the place of 0 of 12 keyframes"}};
   for (const auto& [text, expected] : cases) {
     write_text(dir / "table", text);

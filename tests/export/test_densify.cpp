@@ -75,11 +75,12 @@ TEST_CASE("what cannot give points is refused with what to do") {
 
 TEST_CASE("a cloud's format follows from its name") {
   const TempDir dir;
-  CHECK_THROWS_AS(CloudOutput(dir / "cloud.obj"), InvalidOption);
-  CHECK_THROWS_WITH(CloudOutput(dir / "cloud.obj"), Contains(".obj") && Contains(".las"));
+  const CloudHeader header;
+  CHECK_THROWS_AS(CloudOutput(dir / "cloud.obj", header), InvalidOption);
+  CHECK_THROWS_WITH(CloudOutput(dir / "cloud.obj", header), Contains(".obj") && Contains(".las"));
   for (const char* name : {"cloud", "cloud.PLY", "cloud.las"}) {
     INFO(name);
-    CloudOutput(dir / name).commit();
+    CloudOutput(dir / name, header).commit();
     CHECK(std::filesystem::exists(dir / name));
   }
 }

@@ -19,8 +19,11 @@
 #include "pmsp-densify/batch/batch_manifest.h"
 #include "pmsp-densify/option_json.h"
 #include "pmsp/error.h"
+#include "pmsp/io/cloud_reader.h"
+#include "pmsp/io/cloud_writer.h"
 #include "pmsp/io/depth_folder.h"
 #include "pmsp/io/depth_io.h"
+#include "pmsp/io/little_endian.h"
 #include "pmsp/io/mask.h"
 #include "pmsp/io/plan_io.h"
 #include "pmsp/io/ply.h"
@@ -35,6 +38,11 @@ using namespace pmsp;
 
 using pmsp_test::read_text;
 using pmsp_test::write_text;
+
+const fs::path& home() {
+  static const pmsp_test::TempDir folder;
+  return folder.path();
+}
 
 /// A kind of file.
 struct Reader {
@@ -96,6 +104,52 @@ std::string npy() {
   return std::string("\x93NUMPY\x01\x00", 8) + static_cast<char>(header.size()) + '\0' + header + std::string(8, 'a');
 }
 
+void read_cloud(const fs::path& path) {
+  const std::unique_ptr<CloudReader> cloud = open_cloud(path);
+  std::int64_t points = 0;
+  cloud->read([&](const OutputPoint* /*first*/, std::size_t count) { points += static_cast<std::int64_t>(count); });
+  if (points != cloud->info().points) std::abort();
+}
+
+void write_cloud(const char* format, const fs::path& path) {
+  CloudHeader header;
+  header.comments = {"cloud {\"file_from_map\":[[2,0,0,1],[0,2,0,2],[0,0,2,3],[0,0,0,1]],\"scale\":2,\"unit\":\"m\"}"};
+  header.wkt = "LOCAL_CS[\"hall\"]";
+  header.scratch = path.parent_path();
+  header.threads = 1;
+  const std::unique_ptr<CloudWriter> writer = find_cloud_format(format)->open(path, header);
+  const OutputPoint points[3] = {};
+  writer->add(points, 3);
+  writer->finish();
+}
+
+std::string las(const fs::path& path) {
+  write_cloud("las", path);
+  return read_text(path);
+}
+
+/// LAS 1.2 of format 2, with a point.
+std::string old_las() {
+  std::string text(227 + 26, '\0');
+  const auto put = [&text](std::size_t at, auto value) { put_little(text.data() + at, value); };
+  text.replace(0, 4, "LASF");
+  put(24, std::uint8_t{1});
+  put(25, std::uint8_t{2});
+  put(94, std::uint16_t{227});
+  put(96, std::uint32_t{227});
+  put(104, std::uint8_t{2});
+  put(105, std::uint16_t{26});
+  put(107, std::uint32_t{1});
+  for (const std::size_t at : {131, 139, 147}) put(at, 0.01);
+  return text;
+}
+
+/// Its metadata; the points stay in `folder`.
+std::string potree(const fs::path& folder) {
+  write_cloud("potree", folder);
+  return read_text(folder / "metadata.json");
+}
+
 std::vector<Reader> make_readers(const fs::path& folder) {
   const std::string ply_head = "ply\nformat ascii 1.0\ncomment x\nelement vertex 2\nproperty float x\n";
   const std::string ply_tail = "property float y\nproperty float z\nproperty uchar red\nend_header\n1 2 3 4\n5 6 7 8\n";
@@ -104,6 +158,15 @@ std::vector<Reader> make_readers(const fs::path& folder) {
       "\"consistency\": [4], \"fusion\": [4], \"viewers\": [], \"owners\": []}";
   return {
       {"a.ply", [](const fs::path& path) { read_ply(path); }, {ply_head + ply_tail}},
+      {"a.las", read_cloud, {las(folder / "seed.las"), old_las()}},
+      {"points3D.bin",
+       [](const fs::path& path) {
+         fs::create_directories(home() / "model" / "sparse" / "0");
+         fs::rename(path, home() / "model" / "sparse" / "0" / "points3D.bin");
+         read_cloud(home() / "model");
+       },
+       {std::string(8, '\1') + std::string(51, '\0'), std::string("\1\0\0\0\0\0\0\0", 8) + std::string(51, '\0')}},
+      {"metadata.json", [](const fs::path& path) { read_cloud(path.parent_path()); }, {potree(folder)}},
       {"a.txt", [](const fs::path& path) { read_number_table(path); }, {"# name x y z\na 1 2 3\nb 4 5e-1 6\n"}},
       {"a.yaml",
        [](const fs::path& path) { io::read_mask_rectangles(path); },
@@ -173,11 +236,6 @@ std::vector<Reader> make_readers(const fs::path& folder) {
        },
        {"{\"quality\": \"normal\", \"patchmatch\": {\"iterations\": 3}, \"fusion.window\": 5}"}},
   };
-}
-
-const fs::path& home() {
-  static const pmsp_test::TempDir folder;
-  return folder.path();
 }
 
 const std::vector<Reader>& readers() {

@@ -40,6 +40,16 @@ std::vector<Case> make_cases(const fs::path& folder) {
       cases.push_back({path, home / name, read_file(home / name), format.options(home)});
     }
   }
+  write_kitti(folder / "kitti.txt", map);
+  write_euroc(folder / "euroc.csv", map);
+  for (const char* name : {"kitti.txt", "euroc.csv"}) {
+    cases.push_back({folder / name, folder / name, read_file(folder / name), {}});
+  }
+  const std::string sensor = "T_BS:\n  data: [0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1]\nrate_hz: 20\n";
+  ReadMapOptions with_body;
+  with_body.camera_from_body = folder / "sensor.yaml";
+  write_file(with_body.camera_from_body, sensor);
+  cases.push_back({folder / "kitti.txt", with_body.camera_from_body, sensor, with_body});
   write_file(folder / "map.msg", msgpack_bytes(msgpack_tree(sample_map(), MsgpackVersion::stella_0_3_6)));
   write_sqlite(folder / "map.db", sample_map(), SqliteVersion::stella_0_6_0);
   for (const char* name : {"map.msg", "map.db"}) {

@@ -103,11 +103,15 @@ Image<Rgb> render_room(int frame, int width, double tile) {
   return image;
 }
 
-void write_image(const std::filesystem::path& path, const Image<Rgb>& image) {
+cv::Mat bgr_of(const Image<Rgb>& image) {
   cv::Mat bgr(image.height(), image.width(), CV_8UC3);
   for (int y = 0; y < image.height(); ++y)
     for (int x = 0; x < image.width(); ++x) bgr.at<cv::Vec3b>(y, x) = {image(x, y).b, image(x, y).g, image(x, y).r};
-  if (!cv::imwrite(path.string(), bgr)) throw std::runtime_error("cannot write " + path.string());
+  return bgr;
+}
+
+void write_image(const std::filesystem::path& path, const Image<Rgb>& image) {
+  if (!cv::imwrite(path.string(), bgr_of(image))) throw std::runtime_error("cannot write " + path.string());
 }
 
 SlamMap room_map(const std::vector<Shot>& shots) {

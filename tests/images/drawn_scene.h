@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,7 @@ constexpr int kRoomWidth = 320;
 /// What a panorama camera sees at a frame of a flight through a textured room, `width` x `width` / 2. `tile`: the
 /// texture repeats itself after so much in each direction [scene units]; 0 = it doesn't.
 Image<Rgb> render_room(int frame, int width = kRoomWidth, double tile = 0.0);
+cv::Mat bgr_of(const Image<Rgb>& image);
 void write_image(const std::filesystem::path& path, const Image<Rgb>& image);
 
 /// The map of that flight, landmarks on the walls observed where they project to. The camera is 320x160 at 10 fps.

@@ -165,6 +165,33 @@ TEST_CASE("the place where an image was taken is read", "[exif]") {
   CHECK_FALSE(io::read_exif(numbers(read_bytes(folder / "0.jpg").substr(0, 60))).gps);
 }
 
+TEST_CASE("the place is read from a TIFF file, also where its tags lie behind the pixels", "[exif]") {
+  const TempDir folder;
+  const std::string block = tiff(3);
+  write(folder / "0.tif", block);
+  // The same with the directories far behind: offsets are from the beginning of the file.
+  constexpr unsigned kPixels = 3'000'000;
+  const std::string head = std::string("II") + little(42, 2) + little(kPixels, 4);
+  const unsigned values = kPixels + 18 + 2 + 6 * 12 + 4;
+  const std::string first = little(1, 2) + entry(0x8825, 4, 1, kPixels + 18) + little(0, 4);
+  const std::string gps = little(6, 2) + entry(1, 2, 2, 'N') + entry(2, 5, 3, values) + entry(3, 2, 2, 'W') +
+                          entry(4, 5, 3, values + 24) + entry(5, 1, 1, 1) + entry(6, 5, 1, values + 48) + little(0, 4);
+  write(folder / "1.tif", head + std::string(kPixels - head.size(), 'x') + first + gps +
+                              rationals({{52, 1}, {30, 1}, {1500, 100}, {7, 1}, {18, 1}, {0, 1}, {7, 2}}));
+  for (const char* name : {"0.tif", "1.tif"}) {
+    CAPTURE(name);
+    const io::Exif exif = io::read_exif(folder / name);
+    REQUIRE(exif.gps);
+    CHECK(exif.gps->latitude_deg == Approx(52.0 + 30.0 / 60.0 + 15.0 / 3600.0).epsilon(1e-12));
+    CHECK(exif.gps->longitude_deg == Approx(-7.3).epsilon(1e-12));
+    CHECK(exif.orientation == 1);  // OpenCV turns TIFF files itself
+  }
+  for (std::size_t size = 0; size < block.size(); ++size) {
+    write(folder / "0.tif", block.substr(0, size));
+    io::read_exif(folder / "0.tif");
+  }
+}
+
 TEST_CASE("broken EXIF data say nothing, and do no harm", "[exif]") {
   const TempDir folder;
   write_image(folder / "0.jpg", quarters(64, 32));

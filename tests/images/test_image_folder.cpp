@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <fstream>
 #include <iterator>
+#include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "drawn_scene.h"
@@ -68,11 +69,23 @@ TEST_CASE("File names are read as keyframe ids") {
   CHECK(drain(*source).frames == kAllFrames);
 }
 
+TEST_CASE("Masks beside the images are not taken for images, even where there are more of them") {
+  TempDir folder;
+  auto shots = shots_from(0.0);
+  for (const char* name : {"%lld.png.png", "%lld_mask.png", "%lld.mask.png"}) {
+    for (const Shot& shot : shots) write_gray_frame(folder / numbered(name, shot.frame), 51);
+  }
+  const SlamMap map = bare_map(shots);
+  shots.pop_back();
+  for (const Shot& shot : shots) write_gray_frame(folder / numbered("%lld.png", shot.frame), shot.frame);
+  CHECK(drain(*open_image_folder(map, folder.path())).frames == Frames{0, 1, 5, 13, 19});
+}
+
 TEST_CASE("Row numbers of a file without ids are no names of images") {
   TempDir folder;
   SlamMap map = bare_map({{0, 0.0}, {1, 0.7}, {2, 1.3}, {3, 2.1}});
   map.cameras[0].fps = 0.0;
-  for (int i = 0; i < 4; ++i) write_gray_frame(folder / numbered("%06lld.png", 2 * i), 2 * i);
+  for (int i = 0; i < 4; ++i) write_gray_frame(folder / numbered("%06lld.png", i), i);
   CHECK_THAT(open_image_folder(map, folder.path())->description(), Contains("keyframe ids"));
   map.ids_are_row_numbers = true;
   CHECK_THROWS_WITH(open_image_folder(map, folder.path()), Contains("--fps"));
@@ -195,6 +208,120 @@ TEST_CASE("Where names allow several naming schemes, the images decide") {
   for (int i = 0; i < 6; ++i) shifted.push_back({i + 100, kUnix + 0.3 * i, 3 * i + 2});
   const auto offset = open_image_folder(room_map(shifted), folder.path());
   CHECK_THAT(offset->description(), Contains("+ 2)"));
+}
+
+TEST_CASE("Names that give images to fewer than half of the keyframes are refused, unless that is allowed") {
+  TempDir folder;
+  const auto shots = shots_from(0.0);
+  for (const int frame : {0, 13}) write_gray_frame(folder / numbered("%06lld.png", frame), frame);
+  CHECK_THROWS_WITH(
+      open_image_folder(bare_map(shots), folder.path()),
+      Contains("2 of 6 keyframes") && Contains("--fps") && Contains("--image-list") && Contains("--allow-missing"));
+  ImageFolderOptions options;
+  options.allow_missing = true;
+  CHECK(drain(*open_image_folder(bare_map(shots), folder.path(), options)).frames == Frames{0, 13});
+}
+
+TEST_CASE("Images that the map names, and are not there, are named where most are missing") {
+  TempDir folder;
+  SlamMap map = bare_map(shots_from(0.0));
+  for (MapKeyframe& keyframe : map.keyframes) keyframe.image = numbered("pano %lld.png", keyframe.id);
+  write_gray_frame(folder / "pano 0.png", 0);
+  write_gray_frame(folder / "pano 9.png", 31);
+  CHECK_THROWS_WITH(open_image_folder(map, folder.path()),
+                    Contains("2 of 6 keyframes") && Contains("pano 1.png") && Contains("and 1 more"));
+  ImageFolderOptions options;
+  options.allow_missing = true;
+  CHECK(drain(*open_image_folder(map, folder.path(), options)).frames == Frames{0, 31});
+}
+
+TEST_CASE("Without a rate, without times or in nanoseconds: the naming that the images prove") {
+  TempDir folder;
+  std::vector<Shot> shots;
+  for (const int frame : {1, 4, 6, 9, 13, 16}) {
+    shots.push_back({static_cast<std::int64_t>(shots.size()), frame / 10.0, frame});
+    write_image(folder / numbered("%06lld.png", frame), render_room(frame));
+  }
+  SlamMap map = room_map(shots);
+  const std::string fault = GENERATE("no rate", "wrong rate", "no times", "nanoseconds", "Unix nanoseconds");
+  CAPTURE(fault);
+  map.cameras[0].fps = fault == "no rate" || fault == "no times" ? 0.0 : fault == "wrong rate" ? 30.0 : 10.0;
+  for (MapKeyframe& keyframe : map.keyframes) {
+    if (fault == "no times") keyframe.timestamp = 0.0;
+    if (fault == "nanoseconds") keyframe.timestamp *= 1e9;
+    if (fault == "Unix nanoseconds") keyframe.timestamp = 1e9 * (kUnix + keyframe.timestamp);
+  }
+  const auto source = open_image_folder(map, folder.path());
+  INFO(source->description());
+  CHECK(source->keyframe_ids() == Ids{0, 1, 2, 3, 4, 5});
+  CHECK(source->origin(4).file.filename() == "000013.png");
+  for (MapKeyframe& keyframe : map.keyframes) keyframe.observations.clear();
+  map.landmarks.clear();
+  if (fault == "wrong rate" || fault.find("nano") != std::string::npos) return;
+  // A rate that gives each keyframe an image and each image a keyframe is proof enough, as is the order without times.
+  map.ids_are_row_numbers = true;
+  CHECK(open_image_folder(map, folder.path())->origin(4).file.filename() == "000013.png");
+  write_image(folder / "000017.png", render_room(17));
+  CHECK_THROWS_WITH(open_image_folder(map, folder.path()), Contains("--image-list"));
+}
+
+TEST_CASE("Of the numbers in names the last one that differs counts") {
+  TempDir folder;
+  const auto shots = shots_from(0.0);
+  const std::string name =
+      GENERATE("frame_%06lld_cam0.png", "2024-05-01_%06lld_1920x960.png", "12_%lld (2).png", "2024.05.01.%06lld.png");
+  write_frames(folder, name.c_str(), shots);
+  CHECK(drain(*open_image_folder(bare_map(shots), folder.path())).frames == kAllFrames);
+}
+
+TEST_CASE("Images of a rig's cameras in one folder are series of their own") {
+  TempDir folder;
+  const auto shots = shots_from(0.0);
+  for (const Shot& shot : shots)
+    for (int camera = 0; camera < 2; ++camera)
+      write_gray_frame(folder / (numbered("%06lld", shot.frame) + numbered("_cam%lld.png", camera)),
+                       camera == 0 ? shot.frame : 50);
+  CHECK(drain(*open_image_folder(bare_map(shots), folder.path())).frames == kAllFrames);
+}
+
+TEST_CASE("ROS names images by seconds and nanoseconds") {
+  TempDir folder;
+  const auto shots = shots_from(kUnix);
+  for (const Shot& shot : shots) {
+    const long long ms = 1763660000250LL + 100LL * shot.frame;
+    write_gray_frame(folder / (numbered("%lld", ms / 1000) + numbered("_%03lld000000.png", ms % 1000)), shot.frame);
+  }
+  SlamMap map = bare_map(shots);
+  map.cameras[0].fps = 0.0;
+  map.ids_are_row_numbers = true;
+  const auto source = open_image_folder(map, folder.path());
+  CHECK_THAT(source->description(), Contains("timestamps in seconds"));
+  CHECK(drain(*source).frames == kAllFrames);
+}
+
+TEST_CASE("Among all frames of a recording the offset is found that fits what the images show") {
+  TempDir folder;
+  for (int frame = 0; frame <= 33; ++frame)
+    write_image(folder / numbered("%06lld.png", 100 + frame), render_room(frame));
+  std::vector<Shot> shots;
+  for (int i = 0; i < 7; ++i) shots.push_back({i, kUnix + 0.2 * i, 18 + 2 * i});
+  const auto source = open_image_folder(room_map(shots), folder.path());
+  INFO(source->description());
+  CHECK(source->keyframe_ids().size() == 7);
+  CHECK(source->origin(0).file.filename() == "000118.png");
+}
+
+TEST_CASE("Images that are upside down do not make a less likely naming the chosen one") {
+  TempDir folder;
+  std::vector<Shot> shots;
+  for (int i = 0; i < 7; ++i) shots.push_back({i, 0.3 * i, 3 * i});
+  for (int frame = 0; frame <= 20; ++frame) {
+    cv::Mat turned = bgr_of(render_room(frame));
+    cv::flip(turned, turned, -1);
+    cv::imwrite((folder / numbered("%06lld.png", frame)).string(), turned);
+  }
+  const auto source = open_image_folder(room_map(shots), folder.path());
+  CHECK_THAT(source->description(), Contains("frame indices (timestamp x 10 fps)"));
 }
 
 TEST_CASE("Images come in the camera's colours and at any scale of its size") {

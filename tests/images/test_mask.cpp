@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <initializer_list>
 #include <opencv2/imgcodecs.hpp>
@@ -15,6 +17,8 @@ using namespace pmsp::test;
 using Catch::Matchers::Contains;
 
 namespace {
+
+constexpr double kPi = 3.14159265358979323846;
 
 /// All 255 but for one ignored pixel.
 cv::Mat mask_with_hole(int width, int height, int x, int y) {
@@ -120,8 +124,12 @@ TEST_CASE("A folder holds a mask for each image, under COLMAP's names or with an
   CHECK(source.mask_for(images / "left/3.jpg", 64, 32)(3, 0) == 0);
   CHECK(source.mask_for(images / "left/3.jpg", 32, 16)(1, 0) == 0);  // in the image's size
   CHECK(source.mask_for(images / "2.jpg", 64, 32).empty());
-  CHECK(source.count({images / "1.jpg", images / "2.jpg", images / "left/3.jpg"}) == 2);
-  CHECK_THROWS_WITH(source.count({images / "2.jpg"}), Contains("2.jpg.png") && Contains("2.png"));
+  const MaskSummary summary = source.look({images / "1.jpg", images / "2.jpg", images / "left/3.jpg"}, 64, 32);
+  CHECK(summary.in_folder == 2);
+  CHECK(summary.images == 3);
+  CHECK(summary.unmatched.empty());
+  CHECK(source.look({images / "1.jpg"}, 64, 32).unmatched == std::vector{masks / "left/3.png"});
+  CHECK_THROWS_WITH(source.look({images / "2.jpg"}, 64, 32), Contains("2.jpg.png") && Contains("2_mask.png"));
   CHECK(MaskSource({images.path(), images.path(), 0.0}).file_for(images / "1.png").empty());
 }
 
@@ -138,7 +146,137 @@ TEST_CASE("A cap at the nadir is ignored, alone and with a mask") {
   }
   CHECK(MaskSource({}).mask_for("any.jpg", 64, 32).empty());
   CHECK_THROWS_AS(MaskSource({{}, {}, 91.0}), InvalidOption);
+  CHECK_THROWS_AS(MaskSource({{}, {}, 0.0, -1.0}), InvalidOption);
   CHECK_THROWS_AS(MaskSource({folder / "missing.png", {}, 0.0}), IoError);
+}
+
+TEST_CASE("A cap at the zenith is ignored, too") {
+  MaskSource source({{}, {}, 22.5, 45.0});
+  const auto mask = source.mask_for("any.jpg", 64, 32);
+  CHECK(mask(0, 7) == 0);
+  CHECK(mask(63, 8) == 255);
+  CHECK(mask(0, 27) == 255);
+  CHECK(mask(0, 28) == 0);
+  CHECK(MaskSource({{}, {}, 22.5, 45.0}).look({"any.jpg"}, 640, 320).hidden ==
+        Approx(1.0 - 0.5 * (std::cos(45.0 / 180.0 * kPi) + std::cos(22.5 / 180.0 * kPi))).margin(1e-3));
+}
+
+TEST_CASE("The alpha channel of a mask decides where colours do not") {
+  TempDir folder;
+  const auto ignored_of = [&](const cv::Mat& image, const char* name) {
+    cv::imwrite((folder / name).string(), image);
+    return count_ignored(read_mask(folder / name, 64, 32));
+  };
+  const cv::Rect hole(4, 4, 3, 2);
+  for (const char* name : {"white.png", "white.webp", "white.tif"}) {
+    cv::Mat white(32, 64, CV_8UC4, cv::Scalar(255, 255, 255, 255));
+    white(hole) = cv::Scalar(255, 255, 255, 0);
+    CHECK(ignored_of(white, name) == 6);
+  }
+  cv::Mat black(32, 64, CV_8UC4, cv::Scalar(0, 0, 0, 255));
+  black(hole) = cv::Scalar(0, 0, 0, 0);
+  CHECK(ignored_of(black, "black.png") == 6);
+  cv::Mat both(32, 64, CV_8UC4, cv::Scalar(255, 255, 255, 0));  // painted on a transparent layer
+  both(hole) = cv::Scalar(0, 0, 0, 255);
+  CHECK(ignored_of(both, "both.png") == 6);
+  cv::Mat photo(32, 64, CV_8UC4);
+  for (int i = 0; i < 64 * 32; ++i)
+    photo.at<cv::Vec4b>(i / 64, i % 64) =
+        cv::Vec4b(static_cast<std::uint8_t>(i), static_cast<std::uint8_t>(i / 8), 0, 255);
+  photo(hole).setTo(cv::Scalar(1, 2, 3, 0));
+  CHECK(ignored_of(photo, "photo.png") == 6);
+}
+
+TEST_CASE("Black of a JPEG is ignored though it is not exactly 0") {
+  TempDir folder;
+  cv::Mat mask(32, 64, CV_8UC1, cv::Scalar(240));
+  mask(cv::Rect(0, 16, 64, 16)) = cv::Scalar(9);
+  cv::imwrite((folder / "mask.jpg").string(), mask);
+  CHECK(count_ignored(read_mask(folder / "mask.jpg", 64, 32)) == 64 * 16);
+}
+
+TEST_CASE("Masks are found by the names that programs give them") {
+  TempDir images, masks;
+  std::ofstream(images / "a1.JPG") << "an image";
+  for (const char* name :
+       {"a1_mask.png", "a1.mask.png", "a1.JPG.mask.png", "a1.jpg", "A1_MASK.PNG", "a1.tif", "a1.JPG.png"}) {
+    TempDir one;
+    cv::imwrite((one / "m.png").string(), mask_with_hole(64, 32, 1, 0));
+    std::filesystem::copy(one / "m.png", one / name);
+    std::filesystem::remove(one / "m.png");
+    CHECK(MaskSource({one.path(), images.path()}).file_for(images / "a1.JPG") == one / name);
+  }
+  cv::imwrite((masks / "a1.png").string(), mask_with_hole(64, 32, 1, 0));
+  CHECK(MaskSource({masks.path(), images.path().parent_path()}).file_for(images / "a1.JPG") == masks / "a1.png");
+}
+
+TEST_CASE("Masks that come with the images are found, unless none is wanted") {
+  TempDir mission;
+  const auto images = mission / "images";
+  for (const char* name : {"images/left", "masks/left", "named"}) std::filesystem::create_directories(mission / name);
+  std::map<std::filesystem::path, std::filesystem::path> named;
+  for (const char* name : {"1.jpg", "2.jpg", "left/3.jpg", "4.jpg"}) std::ofstream(images / name) << "an image";
+  for (const char* name : {"named/x.png", "masks/1.jpg.png", "masks/left/3.jpg.png", "images/2_mask.png"})
+    cv::imwrite((mission / name).string(), mask_with_hole(64, 32, 1, 0));
+  named[images / "1.jpg"] = mission / "named/x.png";
+  named[images / "4.jpg"] = mission / "named/4.png";
+  MaskOptions options{{}, images, 0.0, 0.0, true, named};
+  MaskSource source(options);
+  CHECK(source.file_for(images / "1.jpg") == mission / "named/x.png");
+  CHECK(source.file_for(images / "2.jpg") == images / "2_mask.png");
+  CHECK(source.file_for(images / "left/3.jpg") == std::filesystem::absolute(mission / "masks/left/3.jpg.png"));
+  CHECK(source.file_for(images / "4.jpg").empty());
+  const MaskSummary summary =
+      source.look({images / "1.jpg", images / "2.jpg", images / "left/3.jpg", images / "4.jpg"}, 64, 32);
+  CHECK(summary.named == 1);
+  CHECK(summary.named_missing == 1);
+  CHECK(summary.first_missing == mission / "named/4.png");
+  CHECK(summary.in_masks == 1);
+  CHECK(summary.beside == 1);
+  CHECK(summary.looked_at == 3);
+  CHECK(summary.hidden > 0.0);
+  options.found = false;
+  CHECK_FALSE(MaskSource(options).has_mask(images / "1.jpg"));
+  options.found = true;
+  cv::imwrite((mission / "all.png").string(), mask_with_hole(64, 32, 9, 9));
+  options.path = mission / "all.png";
+  CHECK(MaskSource(options).file_for(images / "1.jpg") == options.path);
+}
+
+TEST_CASE("Transparent pixels of an image are ignored, besides what a mask hides") {
+  TempDir folder;
+  cv::imwrite((folder / "mask.png").string(), mask_with_hole(64, 32, 5, 2));
+  for (const char* name : {"1.png", "1.webp", "1.tif"}) {
+    cv::Mat image(32, 64, CV_8UC4, cv::Scalar(10, 120, 200, 255));
+    image(cv::Rect(0, 30, 64, 2)) = cv::Scalar(10, 120, 200, 0);
+    cv::imwrite((folder / name).string(), image);
+    MaskSource source({folder / "mask.png", folder.path()});
+    const auto mask = source.mask_for(folder / name, 64, 32);
+    CHECK(mask(0, 30) == 0);
+    CHECK(mask(0, 29) == 255);
+    CHECK(mask(5, 2) == 0);
+    CHECK(source.look({folder / name}, 64, 32).with_alpha == 1);
+    CHECK(MaskSource({{}, folder.path(), 0.0, 0.0, false}).mask_for(folder / name, 64, 32).empty());
+    cv::imwrite((folder / name).string(), cv::Mat(32, 64, CV_8UC4, cv::Scalar(10, 120, 200, 255)));
+    MaskSource opaque({{}, folder.path()});
+    CHECK(opaque.mask_for(folder / name, 64, 32).empty());
+    CHECK(opaque.look({folder / name}, 64, 32).with_alpha == 0);
+  }
+}
+
+TEST_CASE("What masks hide is counted by solid angle") {
+  TempDir folder;
+  cv::Mat mask(320, 640, CV_8UC1, cv::Scalar(0));
+  mask(cv::Rect(0, 0, 640, 80)) = cv::Scalar(255);
+  cv::imwrite((folder / "mask.png").string(), mask);
+  const MaskSummary summary = MaskSource({folder / "mask.png", {}}).look({"1.jpg", "2.jpg"}, 640, 320);
+  CHECK(summary.hidden == Approx(0.5 + 0.5 * std::sqrt(0.5)).margin(1e-3));
+  CHECK(summary.hidden_by_files == Approx(summary.hidden));
+  CHECK(summary.first == folder / "mask.png");
+  cv::imwrite((folder / "red.png").string(), cv::Mat(320, 640, CV_8UC3, cv::Scalar(0, 0, 255)));
+  MaskSource red({folder / "red.png", {}, 20.0});
+  CHECK(red.look({"1.jpg"}, 640, 320).hidden_by_files == 0.0);
+  CHECK(red.look({"1.jpg"}, 640, 320).colours == "100 % #ff0000");
 }
 
 TEST_CASE("Rectangles of the SLAM's configuration are ignored, however they are written") {

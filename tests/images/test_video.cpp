@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <fstream>
+#include <numeric>
+#include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
 
 #include "drawn_scene.h"
@@ -31,6 +35,29 @@ struct Clip {
 
 using Ids = std::vector<std::int64_t>;
 using Frames = std::vector<int>;
+
+/// A video of these frames of the flight through the room.
+void write_room_video(const std::filesystem::path& path, const Frames& frames, double fps, bool upside_down = false) {
+  cv::VideoWriter writer(path.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), fps,
+                         cv::Size(kRoomWidth, kRoomWidth / 2));
+  REQUIRE(writer.isOpened());
+  for (const int frame : frames) {
+    cv::Mat bgr = bgr_of(render_room(frame));
+    if (upside_down) cv::flip(bgr, bgr, -1);
+    writer.write(bgr);
+  }
+}
+
+/// The frames of all keyframes, where there are 10 a second.
+Frames frames_of(const ImageSource& source) {
+  Frames frames;
+  for (const std::int64_t id : source.keyframe_ids()) {
+    const std::string frame = source.origin(id).frame;
+    const bool is_time = frame.back() == 's';
+    frames.push_back(static_cast<int>(std::lround(std::stod(frame) * (is_time ? 10.0 : 1.0))));
+  }
+  return frames;
+}
 
 }  // namespace
 
@@ -86,11 +113,13 @@ TEST_CASE("Unix times count from the first keyframe, which --frame-offset places
   const Clip clip;
   const double t0 = 1763660000.25;
   const SlamMap map = bare_map({{0, t0}, {1, t0 + 0.1}, {2, t0 + 0.6}, {5, t0 + 2.0}});
-  const auto source = open_video(map, clip.path);
+  CHECK_THROWS_WITH(open_video(map, clip.path), Contains("Unix") && Contains("--frame-offset (0 = the first frame)"));
+  VideoOptions options;
+  options.frame_offset = 0;
+  const auto source = open_video(map, clip.path, options);
   CHECK_THAT(source->description(), Contains("Unix") && Contains("1763660000.25") && Contains("--frame-offset"));
   CHECK(drain(*source).frames == Frames{0, 1, 6, 20});
 
-  VideoOptions options;
   options.frame_offset = 12;
   CHECK(drain(*open_video(map, clip.path, options)).frames == Frames{12, 13, 18, 32});
   options.frame_offset = -1;
@@ -135,6 +164,84 @@ TEST_CASE("The last frames of a stream with B-frames are found though they come 
   }
   const auto source = open_video(bare_map({{0, 0.0}, {1, 2.0}, {2, 3.7}, {3, 3.8}, {4, 3.9}}), folder / "b.mp4");
   CHECK(drain(*source).frames == Frames{0, 20, 37, 38, 39});
+}
+
+TEST_CASE("Two readings that the length allows, and no landmarks: refused, until an option says which") {
+  const Clip clip;  // of 4 s
+  SlamMap map = bare_map({{0, 0.0}, {1, 0.5}, {2, 1.0}, {3, 1.5}});
+  map.cameras[0].fps = 20.0;
+  CHECK_THROWS_WITH(open_video(map, clip.path), Contains("--presentation-times") && Contains("--fps 20"));
+  VideoOptions options;
+  options.presentation_times = true;
+  CHECK(drain(*open_video(map, clip.path, options)).frames == Frames{0, 5, 10, 15});
+  options.fps = 20.0;
+  CHECK_THROWS_AS(open_video(map, clip.path, options), InvalidOption);
+  options.presentation_times = false;
+  CHECK(drain(*open_video(map, clip.path, options)).frames == Frames{0, 10, 20, 30});
+}
+
+TEST_CASE("A video that reaches fewer than half of the keyframes is refused, unless that is allowed") {
+  const Clip clip;
+  const SlamMap map = bare_map({{0, 0.0}, {1, 30.0}, {2, 31.0}});
+  CHECK_THROWS_WITH(open_video(map, clip.path), Contains("1 of 3 keyframes") && Contains("--allow-missing"));
+  VideoOptions options;
+  options.allow_missing = true;
+  CHECK(drain(*open_video(map, clip.path, options)).ids == Ids{0});
+}
+
+TEST_CASE("What frames show finds the one of the first keyframe") {
+  TempDir folder;
+  const auto path = folder / "room.avi";
+  Frames frames(34);
+  std::iota(frames.begin(), frames.end(), 0);
+  write_room_video(path, frames, 10.0);
+  const double t0 = GENERATE(1763660000.25, 1000.5, -0.7);
+  std::vector<Shot> shots;
+  for (int i = 0; i < 8; ++i) shots.push_back({i, t0 + 0.3 * i, 7 + 3 * i});
+  const auto source = open_video(room_map(shots), path);
+  INFO(source->description());
+  CHECK(frames_of(*source) == Frames{7, 10, 13, 16, 19, 22, 25, 28});
+  CHECK_THAT(source->description(), Contains("as frames and landmarks show"));
+}
+
+TEST_CASE("Timestamps are presentation times or counts of frames, as frames show") {
+  TempDir folder;
+  const auto path = folder / "room.avi";
+  constexpr double kRate = 7.0;  // of a video at 10 fps with dropped frames
+  Frames frames;
+  for (int i = 0; i < 36; ++i) frames.push_back(std::min(33, static_cast<int>(std::lround(10.0 * i / kRate))));
+  write_room_video(path, frames, kRate);
+  std::vector<Shot> shots;
+  Frames taken;
+  for (int i = 0; i < 23; i += 2) {
+    shots.push_back({i, frames[static_cast<std::size_t>(i)] / 10.0, frames[static_cast<std::size_t>(i)]});
+    taken.push_back(i);
+  }
+  const auto times = open_video(room_map(shots), path);
+  INFO(times->description());
+  CHECK_THAT(times->description(), Contains("presentation times"));
+  CHECK(times->keyframe_ids().size() == shots.size());
+
+  for (Shot& shot : shots) shot.timestamp = static_cast<double>(shot.id) / 10.0;
+  const auto counts = open_video(room_map(shots), path);
+  INFO(counts->description());
+  CHECK_THAT(counts->description(), Contains("timestamp x 10 fps"));
+  CHECK(frames_of(*counts) == taken);
+}
+
+TEST_CASE("A video of another place is refused with the options, one that is upside down is left to the check") {
+  TempDir folder;
+  std::vector<Shot> shots;
+  for (int i = 0; i < 8; ++i) shots.push_back({i, 0.2 * i, 2 * i});
+  Frames right(16);
+  std::iota(right.begin(), right.end(), 0);
+  Frames elsewhere;  // a different one in each frame
+  for (const int frame : right) elsewhere.push_back((7 * frame + 5) % 31);
+  write_room_video(folder / "other.avi", elsewhere, 10.0);
+  CHECK_THROWS_WITH(open_video(room_map(shots), folder / "other.avi"),
+                    Contains("--frame-offset") && Contains("--fps") && Contains("--presentation-times"));
+  write_room_video(folder / "turned.avi", right, 10.0, true);
+  CHECK_THAT(open_video(room_map(shots), folder / "turned.avi")->description(), Contains("presentation times"));
 }
 
 TEST_CASE("Videos that cannot be used are refused") {

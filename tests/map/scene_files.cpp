@@ -337,6 +337,74 @@ void write_metashape(const fs::path& file, const SlamMap& map) {
   write(file, out.str());
 }
 
+void write_alicevision(const fs::path& file, const SlamMap& map) {
+  json tree = {{"version", {"1", "2", "8"}}};
+  for (const char* section : {"views", "intrinsics", "poses", "structure"}) tree[section] = json::array();
+  for (std::size_t i = 0; i < map.cameras.size(); ++i) {
+    tree["intrinsics"].push_back({{"intrinsicId", std::to_string(i)},
+                                  {"width", std::to_string(map.cameras[i].width)},
+                                  {"height", std::to_string(map.cameras[i].height)},
+                                  {"type", "equirectangular"},
+                                  {"principalPoint", {"0", "0"}}});
+  }
+  std::map<std::int64_t, json> observations;
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const std::string id = std::to_string(1'000'000'000 - 7 * keyframe.id);  // a hash, in no order
+    tree["views"].push_back({{"viewId", id},
+                             {"poseId", id},
+                             {"intrinsicId", std::to_string(keyframe.camera)},
+                             {"path", "/data/" + keyframe.image}});
+    const RigidTransform pose = cam_from_slam_cam(camera_of(map, keyframe).width).inverse() * keyframe.cam_from_world;
+    json rotation = json::array(), center = json::array();
+    for (Eigen::Index i = 0; i < 9; ++i) rotation.push_back(number(pose.rotation(i % 3, i / 3)));
+    for (const double value : pose.center()) center.push_back(number(value));
+    tree["poses"].push_back(
+        {{"poseId", id}, {"pose", {{"transform", {{"rotation", rotation}, {"center", center}}}, {"locked", "0"}}}});
+    for (const MapObservation& o : keyframe.observations) {
+      observations[o.landmark_id].push_back(
+          {{"observationId", id},
+           {"featureId", "3"},
+           {"x", {number(static_cast<double>(o.pixel.x()) - 0.5), number(static_cast<double>(o.pixel.y()) - 0.5)}}});
+    }
+  }
+  for (const MapLandmark& landmark : map.landmarks) {
+    json seen = observations[landmark.id], place = json::array();
+    if (seen.is_null()) seen = json::array();
+    for (const double value : landmark.position_world) place.push_back(number(value));
+    tree["structure"].push_back({{"landmarkId", std::to_string(landmark.id)}, {"X", place}, {"observations", seen}});
+  }
+  write(file, tree.dump(1));
+}
+
+void write_kitti(const fs::path& file, const SlamMap& map) {
+  std::string text;
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const RigidTransform pose = keyframe.cam_from_world.inverse();
+    for (int i = 0; i < 12; ++i) {
+      text += (i > 0 ? " " : "") + number(i % 4 < 3 ? pose.rotation(i / 4, i % 4) : pose.translation[i / 4]);
+    }
+    text += "\n";
+  }
+  write(file, text);
+}
+
+void write_euroc(const fs::path& file, const SlamMap& map, double first) {
+  std::string text =
+      "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z [], v_RS_R_x [m "
+      "s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1], b_w_RS_S_x [rad s^-1], b_w_RS_S_y [rad s^-1], b_w_RS_S_z [rad "
+      "s^-1], b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], b_a_RS_S_z [m s^-2]\r\n";
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const RigidTransform pose = keyframe.cam_from_world.inverse();
+    const Eigen::Quaterniond q = quaternion(pose);
+    text += std::to_string(std::llround((first + keyframe.timestamp) * 1e3)) + "000000";
+    for (const double value : pose.translation) text += "," + number(value);
+    for (const double value : {q.w(), q.x(), q.y(), q.z()}) text += "," + number(value);
+    for (int i = 0; i < 9; ++i) text += ",0.5";
+    text += "\r\n";
+  }
+  write(file, text);
+}
+
 void write_tum(const fs::path& file, const SlamMap& map) {
   std::string text = "# timestamp tx ty tz qx qy qz qw\n";
   std::string list = "# timestamp filename\n";
@@ -412,6 +480,14 @@ const std::vector<FormatFiles>& all_formats() {
          return folder / "cameras.xml";
        },
        {"cameras.xml", "points.ply"}},
+      {"AliceVision",
+       true,
+       true,
+       [](const fs::path& folder, const SlamMap& map) {
+         write_alicevision(folder / "cameras.sfm", map);
+         return folder / "cameras.sfm";
+       },
+       {"cameras.sfm"}},
       {"TUM",
        false,
        true,

@@ -33,6 +33,12 @@ void write_openmvg(const std::filesystem::path& file, const SlamMap& map, const 
 /// transforms.json and points.ply. Image names become images/NAME.
 void write_nerfstudio(const std::filesystem::path& folder, const SlamMap& map);
 void write_metashape(const std::filesystem::path& file, const SlamMap& map);
+/// cameras.sfm, with structure; images are named by absolute paths, /data/NAME.
+void write_alicevision(const std::filesystem::path& file, const SlamMap& map);
+/// Twelve numbers a line, without times.
+void write_kitti(const std::filesystem::path& file, const SlamMap& map);
+/// Nanoseconds from `first` [s], quaternions with w first, and what else EuRoC's ground truth has; with its header.
+void write_euroc(const std::filesystem::path& file, const SlamMap& map, double first = 1.6e9);
 /// The trajectory; and list and points beside it, images.txt and points.ply.
 void write_tum(const std::filesystem::path& file, const SlamMap& map);
 void write_points(const std::filesystem::path& file, const SlamMap& map);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
+#include <functional>
 #include <random>
+
+#include <Eigen/Geometry>
 
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
@@ -89,6 +92,24 @@ TEST_CASE("other axes of the camera are named") {
   };
   CHECK_THROWS_WITH(require_convention(wrong(1, -1, -1)), Contains("OpenGL"));
   CHECK_THROWS_WITH(require_convention(wrong(-1, 1, -1)), Contains("look backward"));
+  const auto pose_of = [&](const std::function<RigidTransform(const RigidTransform&)>& wrongly) {
+    SlamMap map = right;
+    for (MapKeyframe& keyframe : map.keyframes) keyframe.cam_from_world = wrongly(keyframe.cam_from_world);
+    return map;
+  };
+  CHECK_THROWS_WITH(require_convention(pose_of([](const RigidTransform& pose) {
+                      const Eigen::Quaterniond q(Eigen::Matrix3d(pose.rotation.transpose()));
+                      const Eigen::Quaterniond read(q.z(), q.w(), q.x(), q.y());
+                      const Eigen::Matrix3d turn = read.toRotationMatrix().transpose();
+                      return RigidTransform{turn, -(turn * pose.center())};
+                    })),
+                    Contains("quaternions with w first"));
+  CHECK_THROWS_WITH(require_convention(pose_of([](const RigidTransform& pose) {
+                      Eigen::Matrix3d body_from_cam;
+                      body_from_cam << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+                      return RigidTransform{body_from_cam * pose.rotation, body_from_cam * pose.translation};
+                    })),
+                    Contains("x forward, y left, z up"));
   SlamMap flipped = right;
   for (MapKeyframe& keyframe : flipped.keyframes) {
     for (MapObservation& o : keyframe.observations) o.pixel.y() = 320.0F - o.pixel.y();

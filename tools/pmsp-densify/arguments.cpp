@@ -2,13 +2,14 @@
 #include "arguments.h"
 
 #include <algorithm>
-#include <array>
 #include <iostream>
+#include <system_error>
 
 #include <CLI/CLI.hpp>
 
 #include "command_line.h"
 #include "exit_code.h"
+#include "help.h"
 #include "numbers.h"
 #include "pmsp/executor.h"
 #include "pmsp/io/map.h"
@@ -19,40 +20,7 @@ namespace pmsp::tool {
 namespace {
 
 constexpr const char* kHelpAll = "--help-all";
-constexpr const char* kAboutHelp = "The options that most people need; --help-all: all of them";
-
-constexpr const char* kExamples =
-    "Examples:\n"
-    "  pmsp-densify map.msg --images keyframes/ -o cloud.ply\n"
-    "  pmsp-densify run map.db --video flight.mp4 --mask drone.png --quality normal --force -o cloud.ply\n"
-    "  pmsp-densify run map.msg --images keyframes/ --preview look/ --stats stats.json --consistency-min-views 2\n"
-    "  pmsp-densify run map.msg --images keyframes/ --workspace work/ --follow -o cloud.ply\n"
-    "  pmsp-densify run map.msg --images keyframes/ --workspace work/ --shard 2/7\n"
-    "  pmsp-densify merge work/ -o cloud.ply\n"
-    "  pmsp-densify fuse depth/ map.msg --images keyframes/ -o cloud.ply\n"
-    "  pmsp-densify info map.msg --images keyframes/\n"
-    "  pmsp-densify info map.msg --images keyframes/ --quality normal --plan plan.json\n"
-    "  pmsp-densify config --quality high > high.json\n"
-    "  pmsp-densify batch missions.jsonl -o results/\n"
-    "  pmsp-densify report cloud.ply -o cloud.html\n"
-    "  pmsp-densify serve mission.html\n"
-    "\n"
-    "Exit codes: 0 ok, 1 unexpected error, 2 usage, 3 input, 4 backend unavailable, 5 empty result, 6 output, "
-    "7 and 8 some and all missions of a batch failed, "
-    "128 + n stopped by signal n (130 Ctrl-C, 143 SIGTERM)";
-
-/// What most people need of `run` and `fuse`: --help shows it, and --help-all the rest.
-constexpr std::array kCommon{
-    "--images",  "--video",   "--mask",           "--mask-nadir", "--quality",    "--config",    "--backend",
-    "--device",  "--threads", "--min-confidence", "--output",     "--force",      "--report",    "--live-view",
-    "--preview", "--align",   "--max-points",     "--quiet",      "--depth-maps", "--workspace", "--depth-scale"};
-
-bool is_common(const CLI::Option& option) {
-  const std::vector<std::string>& names = option.get_lnames();
-  return names.empty() || std::any_of(kCommon.begin(), kCommon.end(), [&](const char* common) {
-           return std::find(names.begin(), names.end(), common + 2) != names.end();
-         });
-}
+constexpr const char* kAboutHelp = "Common options; --help-all: every option";
 
 /// Leaves options that are not common out of the help: all of them, or those of the library alone.
 void shorten_help(CLI::App& verb, bool all) {
@@ -79,8 +47,8 @@ double frame_rate_from(const std::string& text) {
   return number_in("--fps", text, 0.0, 1e6, "frames per second up to 1000000, or 0 for the map's own");
 }
 
-double mask_nadir_from(const std::string& text) {
-  return number_in("--mask-nadir", text, 0.0, 90.0, "degrees, 0 to 90");
+double cap_from(const char* option, const std::string& text) {
+  return number_in(option, text, 0.0, 90.0, "degrees, 0 to 90");
 }
 
 std::optional<double> depth_scale_from(const std::string& text) {
@@ -112,7 +80,13 @@ void add_inputs(CLI::App& app, Arguments& a) {
       ->type_name("FILE")
       ->group("Input");
   app.add_option("--image-list", a.image_list,
-                 "Names of the images of a TUM trajectory: lines \"timestamp name\", or \"name\" for each pose")
+                 "Names of the images: lines \"timestamp name\", or \"name\" for each keyframe in the order of ids")
+      ->type_name("FILE")
+      ->group("Input");
+  app.add_option("--camera-from-body", a.camera_from_body,
+                 "Where the camera stands in the body (IMU, base) whose poses a trajectory holds: the transform from "
+                 "body to camera as 12 or 16 numbers, rows of a matrix, or tx ty tz qx qy qz qw; or a YAML file with "
+                 "T_cam_imu (Kalibr), T_BS (EuRoC) or body_T_cam0 (VINS)")
       ->type_name("FILE")
       ->group("Input");
   app.add_option("--video", a.video, "The video that the SLAM saw, instead of --images")
@@ -120,14 +94,20 @@ void add_inputs(CLI::App& app, Arguments& a) {
       ->group("Input");
   app.add_option_function<std::string>(
          "--frame-offset", [&a](const std::string& text) { a.frame_offset = frame_offset_from(text); },
-         "Added to the frame indices of keyframes; other than 0, it says that images are found by frame index: by no "
-         "other naming scheme, nor by a video's presentation times [frames; default 0]")
+         "Added to the frame indices of keyframes; it says that images are found by frame index: by no other naming "
+         "scheme, nor by a video's presentation times. Unix times count from the first keyframe [frames; default: "
+         "found]")
       ->type_name("N")
       ->group("Input");
   app.add_option_function<std::string>(
          "--fps", [&a](const std::string& text) { a.fps = frame_rate_from(text); },
          "Frame rate that turns timestamps into frame indices [1/s; default 0 = the map's]")
       ->type_name("F")
+      ->group("Input");
+  app.add_flag("--presentation-times", a.presentation_times,
+               "With --video: timestamps are presentation times of its frames, no counts of frames")
+      ->group("Input");
+  app.add_flag("--allow-missing", a.allow_missing, "Accept images for fewer than half of the keyframes")
       ->group("Input");
 }
 
@@ -136,7 +116,7 @@ void add_table(CLI::App& app, Arguments& a) {
          "--quality", [&a](const std::string& name) { a.quality = name; },
          "Preset: online (640 x 320, keeps up with a flight), normal (1440 x 720), high (the images' size) or paper "
          "(Surmann et al. 2022 as published, to compare with); options of --config and flags override the preset's "
-         "[default online]")
+         "[default normal]")
       ->type_name("NAME")
       ->group("Configuration");
   app.add_option(
@@ -222,11 +202,10 @@ void add_run_outputs(CLI::App& app, Arguments& a) {
 void add_plan(CLI::App& app, Arguments& a) {
   const char* group = "Output";
   app.add_option("--plan", a.plan,
-                 "What each keyframe is used for and which others its points depend on (JSON), with the options in "
-                 "force; images, where given, tell which are blurred")
+                 "File for the plan (JSON): use and dependencies of each keyframe, with the options in force; images, "
+                 "where given, show which keyframes are blurred")
       ->type_name("FILE")
       ->group(group);
-  app.add_flag("--force", a.force, "Overwrite a plan that exists")->group(group);
 }
 
 ProgressMode progress_mode(const std::string& name) {
@@ -254,14 +233,24 @@ void add_image_inputs(CLI::App& app, Arguments& a) {
   add_inputs(app, a);
   app.add_option(
          "--mask", a.mask,
-         "Image whose black pixels are ignored in every keyframe; or a folder with one for each image (7.jpg.png "
-         "or 7.png for 7.jpg); or a YAML configuration of the SLAM, for its mask_rectangles")
+         "Image whose black pixels are ignored in every keyframe; or a folder with one for each image (7.jpg.png, "
+         "7.png, 7_mask.png or 7.mask.png for 7.jpg); or a YAML configuration of the SLAM, for its mask_rectangles "
+         "[default masks that come with the images: what MAP names, the folder masks beside them, 7_mask.png]")
       ->type_name("FILE|DIR")
       ->group("Input");
   app.add_option_function<std::string>(
-         "--mask-nadir", [&a](const std::string& text) { a.mask_nadir = mask_nadir_from(text); },
+         "--mask-nadir", [&a](const std::string& text) { a.mask_nadir = cap_from("--mask-nadir", text); },
          "Radius of a cap below the camera that is ignored, for a rig or a hand [deg, 0 to 90; default 0 = none]")
       ->type_name("DEG")
+      ->group("Input");
+  app.add_option_function<std::string>(
+         "--mask-zenith", [&a](const std::string& text) { a.mask_zenith = cap_from("--mask-zenith", text); },
+         "The same above the camera, for a pole or a rotor [deg, 0 to 90; default 0 = none]")
+      ->type_name("DEG")
+      ->group("Input");
+  app.add_flag("--no-masks", a.no_masks,
+               "Do not use masks that come with the images: their alpha channels, what MAP names, the folder masks "
+               "beside them, 7_mask.png or 7.mask.png")
       ->group("Input");
   app.add_flag("--no-verify", a.no_verify,
                "Do not check that the images belong to their keyframes, nor the conventions of MAP")
@@ -318,13 +307,25 @@ void print_version() {
             << "; SIMD: " << name_of(widest_simd()) << ")\n";
 }
 
+/// A word without a file of that name that looks like a verb.
+void refuse_unknown_verb(const std::string& word) {
+  std::error_code ignored;
+  const std::string similar = suggestion(word, verbs());
+  if (similar.empty() || word.rfind('-', 0) == 0 || std::filesystem::exists(word, ignored)) return;
+  throw UsageError("there is no verb or map \"" + word + "\"" + similar);
+}
+
 std::vector<std::string> words_of(int argc, const char* const* argv) {
   std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
   if (words.empty()) throw UsageError("what to densify is missing: pmsp-densify MAP --images DIR; see --help");
-  const bool has_verb =
-      words[0] == "run" || words[0] == "fuse" || words[0] == "merge" || words[0] == "info" || words[0] == "config";
+  const std::vector<std::string>& all = verbs();
+  const bool has_verb = std::find(all.begin(), all.end(), words[0]) != all.end();
+  if (words[0] == "info" && words.size() > 1 && words[1] == "run") words.erase(words.begin() + 1);
   const bool asks = words[0] == "-h" || words[0] == "--help" || words[0] == kHelpAll || words[0] == "--version";
-  if (!has_verb && !asks) words.insert(words.begin(), "run");
+  if (!has_verb && !asks) {
+    refuse_unknown_verb(words[0]);
+    words.insert(words.begin(), "run");
+  }
   spell_out_switches(words);
   return words;
 }
@@ -391,10 +392,8 @@ const std::vector<RunOption>& run_options() {
 std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   const std::vector<std::string> words = words_of(argc, argv);
   Arguments a;
-  CLI::App app("Dense, coloured point clouds from 360-degree images and the map of a SLAM or a reconstruction.\n\n" +
-                   std::string(kExamples),
-               "pmsp-densify");
-  app.get_formatter()->column_width(38);
+  CLI::App app("", "pmsp-densify");
+  wrap_help(app, 38);
   app.option_defaults()->take_last();
   app.require_subcommand(1);
   bool version = false;
@@ -405,6 +404,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   CLI::App& info = *app.add_subcommand("info", "What is in a map, which images belong to it, and what a run takes");
   CLI::App& config = *app.add_subcommand("config", "Print the options in force as JSON, for --config");
   app.add_subcommand("batch", "A list of missions, each by a process and in a folder of its own; see batch --help");
+  app.add_subcommand("convert", "A cloud or a workspace in another format, frame or unit; see convert --help");
   app.add_subcommand("report", "The page of --report from a cloud or a workspace; see report --help");
   app.add_subcommand("serve", "A report and its folder over HTTP for a browser; see serve --help");
   for (CLI::App* verb : {&run, &fuse, &merge, &info, &config}) verb->allow_extras();
@@ -421,15 +421,16 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   add_cloud(merge, a);
   add_report_options(merge, a.report);
   add_behaviour(merge, a);
-  add_inputs(info, a);
+  add_run(info, a);
+  add_shard_options(info, a);
+  add_live_options(info, a.live);
   info.add_flag("--json", a.json, "As JSON");
   add_plan(info, a);
-  add_table(info, a);
   add_table(config, a);
   if (std::find(words.begin(), words.end(), kHelpAll) == words.end()) {
     shorten_help(run, true);
     shorten_help(fuse, true);
-    shorten_help(info, false);
+    shorten_help(info, true);
     shorten_help(config, false);
   }
   for (CLI::App* verb : {&run, &fuse, &merge, &info, &config}) verb->set_help_flag("-h,--help,--help-all", kAboutHelp);
@@ -438,8 +439,14 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
     print_version();
     return std::nullopt;
   }
-  if (words[0] == "-h" || words[0] == "--help" || words[0] == kHelpAll) {
-    std::cout << app.help() << "\n" << run.help("pmsp-densify");
+  const bool has_run_alone = words[0] == "run" && words.size() == 2;
+  const std::string& last = words.back();
+  if (words[0] == "-h" || words[0] == "--help" || (has_run_alone && (last == "-h" || last == "--help"))) {
+    std::cout << short_help();
+    return std::nullopt;
+  }
+  if (words[0] == kHelpAll) {
+    std::cout << run.help("pmsp-densify");
     return std::nullopt;
   }
   try {
@@ -458,15 +465,22 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
            : config.parsed() ? Verb::kConfig
                              : Verb::kRun;
   if (!a.images.empty() && !a.video.empty()) throw UsageError("--images and --video exclude each other");
-  if (a.verb == Verb::kRun) check_run(a);
+  if (a.presentation_times && a.video.empty()) throw UsageError("--presentation-times needs --video FILE");
+  if (a.presentation_times && a.fps > 0.0) {
+    throw UsageError("--presentation-times and --fps exclude each other: timestamps are times, or counts of frames");
+  }
+  if (a.verb == Verb::kInfo && a.map.empty()) throw UsageError("MAP is missing: pmsp-densify info MAP");
+  if (a.verb == Verb::kRun || a.verb == Verb::kInfo) check_run(a);
   if (a.verb == Verb::kFuse) check_fuse(a);
   if (!a.report.path.empty()) require_report_page("--report");
-  if (a.verb == Verb::kRun) check_live(a.live, a.shard.has_value());
-  if (a.verb == Verb::kRun) check_shard(a, run.count("--output") > 0);
+  if (!a.report.unit.empty()) check_unit("--report-unit", a.report.unit, unit_of_frame(a.cloud.frame));
+  if (a.verb == Verb::kRun || a.verb == Verb::kInfo) {
+    check_live(a.live, a.shard.has_value());
+    check_shard(a, app.get_subcommands().front()->count("--output") > 0);
+  }
   if (a.verb == Verb::kMerge && a.workspace.empty()) {
     throw UsageError("WORKSPACE is missing: pmsp-densify merge WORKSPACE -o cloud.ply");
   }
-  if (a.verb == Verb::kInfo && a.map.empty()) throw UsageError("MAP is missing: pmsp-densify info MAP");
   return a;
 }
 

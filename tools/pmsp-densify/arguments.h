@@ -26,17 +26,22 @@ struct Arguments {
 
   std::filesystem::path map;
   std::optional<int> component;
-  std::filesystem::path points;      ///< PLY
-  std::filesystem::path image_list;  ///< of a TUM trajectory
+  std::filesystem::path points;  ///< PLY
+  std::filesystem::path image_list;
+  std::filesystem::path camera_from_body;
   std::filesystem::path images;
   std::filesystem::path video;
   std::filesystem::path mask;
-  double mask_nadir = 0.0;  ///< [deg]
+  double mask_nadir = 0.0;   ///< [deg]
+  double mask_zenith = 0.0;  ///< [deg]
+  bool no_masks = false;     ///< none but those of --mask, --mask-nadir and --mask-zenith
   std::filesystem::path prior_depth;
   std::filesystem::path given_depth;        ///< fuse
   std::optional<double> depth_scale = 1.0;  ///< fuse [scene units of a value]; nullopt = by the landmarks
-  std::int64_t frame_offset = 0;
+  std::optional<std::int64_t> frame_offset;
   double fps = 0.0;
+  bool presentation_times = false;
+  bool allow_missing = false;
   bool no_verify = false;
   bool calibrate_lenses = true;
 

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <unordered_map>
 
 #include "decoder.h"
+#include "map_figures.h"
 #include "pmsp/cost.h"
 #include "pmsp/executor.h"
 #include "pmsp/lens_distance.h"
@@ -195,6 +197,18 @@ Budget estimate_budget(const BudgetQuestion& question) {
   b.reference_seconds = kStartSeconds + all_pixels * (matching + 1.8e-9) + 0.8e-9 * image_pixels +
                         kLookSeconds * one_image * looked_at + 4.5e-9 * b.points;
   return b;
+}
+
+std::vector<PlanKeyframe> keyframes_without_image(const SlamMap& map, const ImageSource* source,
+                                                  const DensifierOptions& options) {
+  std::set<std::int64_t> with_image;
+  if (source != nullptr) with_image.insert(source->keyframe_ids().begin(), source->keyframe_ids().end());
+  std::vector<PlanKeyframe> keyframes;
+  for (const MapKeyframe* keyframe : in_order_of_flight(map)) {
+    if (source != nullptr && with_image.count(keyframe->id) == 0) continue;
+    keyframes.push_back(plan_keyframe(keyframe_of(map, *keyframe), options));
+  }
+  return keyframes;
 }
 
 }  // namespace pmsp::tool

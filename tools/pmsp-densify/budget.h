@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cpu_pace.h"
+#include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
 #include "pmsp/options.h"
 #include "pmsp/plan.h"
@@ -61,6 +62,11 @@ struct BudgetQuestion {
 };
 
 Budget estimate_budget(const BudgetQuestion& question);
+
+/// Keyframes for a plan, without a look at images: all of the map, or those with an image in `source`; each counts as
+/// sharp. `source`: nullptr = all.
+std::vector<PlanKeyframe> keyframes_without_image(const SlamMap& map, const ImageSource* source,
+                                                  const DensifierOptions& options);
 
 /// The GPU of `Budget::reference_seconds`, in words.
 extern const char* const kReferenceGpu;

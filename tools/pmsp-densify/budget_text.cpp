@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "budget_text.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -8,19 +9,6 @@
 
 namespace pmsp::tool {
 namespace {
-
-std::string bytes_text(double bytes) {
-  const char* unit = "MiB";
-  double number = bytes / (1024.0 * 1024.0);
-  for (const char* larger : {"GiB", "TiB"}) {
-    if (number < 1000.0) break;
-    number /= 1024.0;
-    unit = larger;
-  }
-  char text[48];
-  std::snprintf(text, sizeof(text), number < 10.0 ? "%.1f %s" : "%.0f %s", number, unit);
-  return text;
-}
 
 std::string time_text(double seconds) {
   char text[48];
@@ -34,9 +22,34 @@ std::string time_text(double seconds) {
   return text;
 }
 
+constexpr double kWorthTelling = 30.0;   ///< [s]
+constexpr double kFastestPace = 1.5e-6;  ///< CPU time for a pixel and a view that it is matched with, of any CPU [s]
+
+/// 0 = clearly below kWorthTelling.
+double expected_seconds(const SlamMap& map, const ImageSource& source, const DensifierOptions& options) {
+  const Plan plan = make_plan(keyframes_without_image(map, &source, options), options);
+  Budget budget = estimate_budget({map, plan, options, 0, 0, {kFastestPace, 0.0, 0.0}});
+  if (budget.cpu_seconds < kWorthTelling * budget.threads) return 0.0;
+  budget = estimate_budget({map, plan, options, 0, 0, measure_cpu_pace(options)});
+  return budget.cpu_seconds / budget.threads;
+}
+
 std::int64_t whole(double number) { return static_cast<std::int64_t>(std::llround(number)); }
 
 }  // namespace
+
+std::string bytes_text(double bytes) {
+  const char* unit = "MiB";
+  double number = bytes / (1024.0 * 1024.0);
+  for (const char* larger : {"GiB", "TiB"}) {
+    if (number < 1000.0) break;
+    number /= 1024.0;
+    unit = larger;
+  }
+  char text[48];
+  std::snprintf(text, sizeof(text), number < 10.0 ? "%.1f %s" : "%.0f %s", number, unit);
+  return text;
+}
 
 nlohmann::ordered_json to_json(const Budget& b) {
   return {{"width", b.width},
@@ -80,6 +93,17 @@ std::string budget_text(const Budget& b) {
   text += ", " + bytes_text(b.memory.gpu_host) + " of the host's; " + time_text(b.reference_seconds) + " with an " +
           kReferenceGpu + "\n";
   return text;
+}
+
+std::string cpu_time_text(const SlamMap& map, const ImageSource& source, const DensifierOptions& options,
+                          const DensifierOptions& online) {
+  const double seconds = expected_seconds(map, source, options);
+  if (seconds < kWorthTelling) return "";
+  const double faster = expected_seconds(map, source, online);
+  const std::string text = "time: about " + time_text(seconds) + " on this CPU";
+  if (faster > 0.7 * seconds) return text;
+  return text + "; with --quality online " + (faster > 0.0 ? "about " : "below ") +
+         time_text(std::max(faster, kWorthTelling));
 }
 
 }  // namespace pmsp::tool

@@ -113,7 +113,8 @@ void add_frame(CLI::App& app, CloudArguments& a) {
   app.add_option(
          "--align", a.frame.align,
          "Turn, scale and move the cloud so that points of the map lie where this table says: lines [NAME] x y z "
-         "X Y Z (point in the map, where it belongs), ID X Y Z (keyframe, where its camera was), or timestamp tx "
+         "X Y Z (point in the map, where it belongs), ID X Y Z or IMAGE X Y Z (keyframe, where its camera was), or "
+         "timestamp tx "
          "ty tz qx qy qz qw (TUM trajectory); exif: where the images' EXIF data (GPS) say that the cameras were, in "
          "metres")
       ->type_name("FILE")
@@ -133,7 +134,8 @@ void add_frame(CLI::App& app, CloudArguments& a) {
       ->group(kFrame);
   app.add_option_function<std::string>(
          "--scale", [&a](const std::string& text) { a.frame.scale = positive_from("--scale", text); },
-         "Applied last [units of the cloud a unit of the map; default 1]")
+         "Applied last: the cloud is then in metres; 1 where the map is in metres [m a unit of the map; default none: "
+         "map units]")
       ->type_name("S")
       ->group(kFrame);
   app.add_option_function<std::string>(

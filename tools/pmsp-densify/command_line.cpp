@@ -8,12 +8,13 @@
 #include <CLI/CLI.hpp>
 
 #include "exit_code.h"
+#include "help.h"
 #include "option_flags.h"
 
 namespace pmsp::tool {
 
 void set_up_verb(CLI::App& app, const char* more) {
-  app.get_formatter()->column_width(30);
+  wrap_help(app, 30);
   app.option_defaults()->take_last();
   app.allow_extras();
   app.footer(more);
@@ -42,7 +43,7 @@ void refuse_extra_words(const CLI::App& app, const std::vector<std::string>& mor
   for (const CLI::Option* option : app.get_options()) {
     for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
   }
-  throw UsageError("there is no option " + word + "; did you mean " + nearest(word, names) + "?");
+  throw UsageError("there is no option " + word + suggestion(word, names) + "; see --help-all");
 }
 
 }  // namespace pmsp::tool

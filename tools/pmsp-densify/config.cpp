@@ -25,7 +25,7 @@ Quality quality_of(const Arguments& arguments, const nlohmann::json& file) {
   std::string where = "--quality";
   try {
     if (arguments.quality) return quality_from_name(*arguments.quality);
-    if (in_file == file.end()) return Quality::kOnline;
+    if (in_file == file.end()) return Quality::kNormal;
     where = arguments.config.string() + ": quality";
     return quality_from_name(in_file->is_string() ? in_file->get<std::string>() : in_file->dump());
   } catch (const InvalidOption& error) {

@@ -9,7 +9,7 @@
 #include "arguments.h"
 #include "exit_code.h"
 #include "map_figures.h"
-#include "output_folder.h"
+#include "numbered_name.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth_io.h"
 #include "pmsp/io/files.h"
@@ -67,8 +67,7 @@ double png_depth_scale(const SlamMap& map, double range_margin) {
 
 DepthMapFolder::DepthMapFolder(const std::filesystem::path& folder, const SlamMap& map, const DepthFormats& formats,
                                const About& about)
-    : folder_(folder), slam_map_(map), png_scale_(about.png_scale), formats_(formats) {
-  prepare_folder(folder_, is_depth_map_file);
+    : folder_(folder, is_depth_map_file), slam_map_(map), png_scale_(about.png_scale), formats_(formats) {
   index_ = {
       {"generator", version_text()},
       {"kind", about.kind},
@@ -122,7 +121,7 @@ void DepthMapFolder::write(const DepthMap& map) {
   index_["maps"].push_back(entry);
 }
 
-void DepthMapFolder::finish() const { write_file(folder_ / "index.json", json_text(index_)); }
+void DepthMapFolder::write_index() const { write_file(folder_ / "index.json", json_text(index_)); }
 
 bool is_depth_map_file(const std::string& name) {
   return name == "index.json" || is_numbered_name(name, "depth_", ".pfm") || is_numbered_name(name, "depth_", ".png") ||

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pmsp/depth_map.h"
+#include "pmsp/io/atomic_folder.h"
 #include "pmsp/io/map.h"
 
 namespace pmsp::tool {
@@ -25,7 +26,7 @@ struct DepthFormats {
 DepthFormats depth_formats_from(const std::string& list);
 
 /// Writes depth maps as files into a folder: depth_, normal_, confidence_%06d.pfm or .png, depth_%06d.exr, numbered by
-/// keyframe id, and index.json.
+/// keyframe id, and index.json. Throws OutputError.
 class DepthMapFolder {
  public:
   /// What the index says of all maps.
@@ -35,17 +36,18 @@ class DepthMapFolder {
     double lens_distance = 0.0;    ///< see DensifierOptions
     nlohmann::ordered_json cloud;  ///< frame of the cloud
   };
-  /// Depth maps that an earlier run left in the folder are removed. Throws OutputError.
   DepthMapFolder(const std::filesystem::path& folder, const SlamMap& map, const DepthFormats& formats,
                  const About& about);
 
   void write(const DepthMap& map);
 
-  /// Writes index.json.
-  void finish() const;
+  /// After the last map.
+  void write_index() const;
+  /// Puts the folder in its place.
+  void commit() { folder_.commit(); }
 
  private:
-  std::filesystem::path folder_;
+  AtomicFolder folder_;
   const SlamMap& slam_map_;
   double png_scale_;
   DepthFormats formats_;

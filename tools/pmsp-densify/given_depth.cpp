@@ -56,7 +56,7 @@ void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments) {
 }
 
 GivenDepths::GivenDepths(const Arguments& arguments)
-    : arguments_(arguments), folder_(arguments.given_depth, arguments.images), masks_(open_masks(arguments)) {
+    : arguments_(arguments), folder_(arguments.given_depth, arguments.images) {
   if (folder_.is_indexed() || arguments.video.empty()) return;
   throw InvalidInput(arguments.given_depth.string() +
                      ": has no index.json, and frames of a --video have no names to find depth images by; expected "
@@ -66,6 +66,7 @@ GivenDepths::GivenDepths(const Arguments& arguments)
 std::vector<SkippedKeyframe> GivenDepths::look(const SlamMap& map, const ImageSource& source,
                                                DensifierOptions& options) {
   map_ = &map;
+  masks_.emplace(mask_options(arguments_, map, source));
   with_image_ = source.keyframe_ids().size();
   std::vector<SkippedKeyframe> skipped;
   std::vector<PlanKeyframe> planned;
@@ -237,7 +238,7 @@ void GivenDepths::find_normals(DepthMap& map) const {
 
 /// Counts pixels that are not.
 void GivenDepths::leave_out_masked(DepthMap& map, const Found& found) {
-  const ImageView<const std::uint8_t> mask = masks_.mask_for(found.image, found.width, found.height);
+  const ImageView<const std::uint8_t> mask = masks_->mask_for(found.image, found.width, found.height);
   stats_.pixels += static_cast<std::int64_t>(map.depth.size());
   if (mask.empty()) return;
   const Image<std::uint8_t> usable = shrink_mask(mask, map.depth.width(), map.depth.height());

@@ -29,12 +29,12 @@ void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments);
 /// The depth images of `fuse`, in place of depth maps that PatchMatch would make. In the order of the members.
 class GivenDepths {
  public:
-  /// Throws as DepthFolder and MaskSource.
+  /// Throws as DepthFolder.
   explicit GivenDepths(const Arguments& arguments);
 
   /// Looks at the depth images of the keyframes that have an image, and plans. `options`: of the run; a size of 0
   /// becomes that of the first depth image. Returns those that cannot be used. Throws InvalidInput where none can, and
-  /// where they are clearly of another unit than the landmarks.
+  /// where they are clearly of another unit than the landmarks; and as MaskSource.
   std::vector<SkippedKeyframe> look(const SlamMap& map, const ImageSource& source, DensifierOptions& options);
   std::size_t count() const { return found_.size(); }
   const Plan& plan() const { return plan_; }
@@ -72,7 +72,7 @@ class GivenDepths {
 
   const Arguments& arguments_;
   DepthFolder folder_;
-  MaskSource masks_;
+  std::optional<MaskSource> masks_;
   const SlamMap* map_ = nullptr;
   std::size_t with_image_ = 0;
   std::map<std::int64_t, Found> found_;

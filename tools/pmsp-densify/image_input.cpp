@@ -17,8 +17,14 @@ ImageSize first_size(ImageSource& source) {
   return {};
 }
 
-MaskSource open_masks(const Arguments& arguments) {
-  return MaskSource({arguments.mask, arguments.images, arguments.mask_nadir});
+MaskOptions mask_options(const Arguments& arguments, const SlamMap& map, const ImageSource& source) {
+  MaskOptions options{arguments.mask, arguments.images, arguments.mask_nadir, arguments.mask_zenith,
+                      !arguments.no_masks};
+  for (const std::int64_t id : source.keyframe_ids()) {
+    const MapKeyframe* keyframe = map.find_keyframe(id);
+    if (keyframe != nullptr && !keyframe->mask.empty()) options.named[source.origin(id).file] = keyframe->mask;
+  }
+  return options;
 }
 
 std::string masks_text(const Arguments& arguments, workspace::Workspace& workspace) {
@@ -30,20 +36,25 @@ std::string masks_text(const Arguments& arguments, workspace::Workspace& workspa
     text = workspace.fingerprint(arguments.mask);
   }
   if (arguments.mask_nadir > 0.0) text += ", nadir " + nlohmann::json(arguments.mask_nadir).dump();
+  if (arguments.mask_zenith > 0.0) text += ", zenith " + nlohmann::json(arguments.mask_zenith).dump();
   return text;
 }
 
 std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamMap& map) {
+  const bool allow_missing = arguments.allow_missing || arguments.growing || arguments.follow;  // more will come
   if (!arguments.images.empty()) {
     ImageFolderOptions options;
     options.fps = arguments.fps;
     options.frame_offset = arguments.frame_offset;
+    options.allow_missing = allow_missing;
     return open_image_folder(map, arguments.images, options);
   }
   if (arguments.video.empty()) return nullptr;
   VideoOptions options;
   options.fps = arguments.fps;
   options.frame_offset = arguments.frame_offset;
+  options.presentation_times = arguments.presentation_times;
+  options.allow_missing = allow_missing;
   return open_video(map, arguments.video, options);
 }
 

@@ -22,10 +22,10 @@ struct ImageSize {
 /// Of the first image that is left, which is decoded; none where it cannot be read.
 ImageSize first_size(ImageSource& source);
 
-/// What --mask and --mask-nadir say. Throws as MaskSource.
-MaskSource open_masks(const Arguments& arguments);
+/// What --mask, --mask-nadir, --mask-zenith and --no-masks say, and which masks the map names.
+MaskOptions mask_options(const Arguments& arguments, const SlamMap& map, const ImageSource& source);
 
-/// The same as text that changes with it; of a folder of masks not those in it. "" = there is none.
+/// Masks that are the same for all images, as text that changes with them. "" = there is none.
 std::string masks_text(const Arguments& arguments, workspace::Workspace& workspace);
 
 }  // namespace pmsp::tool

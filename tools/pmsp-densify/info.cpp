@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <cstdio>
+#include <exception>
 #include <iostream>
-#include <set>
 
 #include "budget_text.h"
+#include "cloud_report.h"
 #include "decoder.h"
 #include "depth_output.h"
-#include "image_input.h"
+#include "exit_code.h"
 #include "map_figures.h"
 #include "map_input.h"
+#include "mission_input.h"
+#include "pmsp/densifier.h"
 #include "pmsp/error.h"
+#include "pmsp/executor.h"
 #include "pmsp/io/map.h"
 #include "pmsp/io/plan_io.h"
+#include "prior_depths.h"
 #include "progress.h"
 #include "targets.h"
 #include "verbs.h"
@@ -75,39 +80,31 @@ Json images_json(const ImageSource& source, const std::vector<SkippedKeyframe>& 
   return images;
 }
 
-/// The keyframes that have images, as a plan sees them; `skipped` takes those whose images turn out unusable.
+/// Keyframes with an image that can be decoded, for a plan. `check`: receives the others.
 std::vector<PlanKeyframe> keyframes_with_image(const SlamMap& map, ImageSource& source, const DensifierOptions& options,
-                                               std::vector<SkippedKeyframe>& skipped, ImageSize& size) {
+                                               MissionInput::ImageCheck& check) {
   std::vector<PlanKeyframe> keyframes;
   Decoder decoder(source);
+  check.skipped = source.skipped();
   for (;;) {
     const Decoded decoded = decoder.next();
-    skipped.insert(skipped.end(), decoded.skipped.begin(), decoded.skipped.end());
+    check.skipped.insert(check.skipped.end(), decoded.skipped.begin(), decoded.skipped.end());
     if (!decoded.item) break;
     const MapKeyframe* found = map.find_keyframe(decoded.item->keyframe_id);
     if (found == nullptr) continue;
     Keyframe keyframe = keyframe_of(map, *found);
     keyframe.image = decoded.item->image.view();
-    size = {keyframe.image.width, keyframe.image.height};
     keyframes.push_back(plan_keyframe(keyframe, options));
-  }
-  if (keyframes.empty() && !decoder.first_error().empty()) {
-    throw IoError("no image can be read; the first one: " + decoder.first_error());
   }
   return keyframes;
 }
 
-/// All keyframes of the map, or those that `source` has images of; these count as sharp, and none is looked at.
-std::vector<PlanKeyframe> keyframes_without_image(const SlamMap& map, const ImageSource* source,
-                                                  const DensifierOptions& options) {
-  std::set<std::int64_t> there;
-  if (source != nullptr) there.insert(source->keyframe_ids().begin(), source->keyframe_ids().end());
-  std::vector<PlanKeyframe> keyframes;
-  for (const MapKeyframe* keyframe : in_order_of_flight(map)) {
-    if (source != nullptr && there.count(keyframe->id) == 0) continue;
-    keyframes.push_back(plan_keyframe(keyframe_of(map, *keyframe), options));
+Json refusal_json(const std::exception_ptr& refusal) {
+  try {
+    std::rethrow_exception(refusal);
+  } catch (const std::exception& error) {
+    return {{"message", error.what()}, {"exit_code", exit_code_of(error)}};
   }
-  return keyframes;
 }
 
 Json plan_figures(const Plan& plan, const std::filesystem::path& path) {
@@ -176,60 +173,92 @@ void print(const Json& j) {
 
 void info(const Arguments& given) {
   const DensifierOptions options = effective_options(given);
-  ConventionCheck convention;
-  SlamMap map = read_map(given, &convention);
-  Arguments arguments = with_images(given, map);
-  if (!arguments.plan.empty()) check_targets(arguments);
-  std::vector<std::string> about_map = remarks(map);
-  std::unique_ptr<ImageSource> source;
-  try {
-    source = open_images(arguments, map);
-  } catch (const Error& error) {
-    if (arguments.images == given.images) throw;
-    arguments.images.clear();  // nobody has asked for those
-    about_map.push_back(std::string("no images: ") + error.what());
+  Arguments arguments = given;
+  Progress progress(ProgressMode::kNone, true, false);
+  MissionInput input(arguments, progress);
+  input.read_map();
+  arguments = with_images(given, input.map);
+  const SlamMap& map = input.map;
+  const bool is_dry_run = !given.images.empty() || !given.video.empty();
+  // The first refusal of a run is that of info, after all that is known has been printed.
+  std::exception_ptr refusal;
+  const auto attempt = [&refusal](const auto& step) {
+    try {
+      step();
+    } catch (const std::exception&) {
+      if (!refusal) refusal = std::current_exception();
+    }
+  };
+  attempt([&] { arguments.workspace.empty() ? check_targets(given) : check_names(given); });
+  if (!is_dry_run && !arguments.images.empty()) {
+    try {
+      input.open_images();
+    } catch (const Error& error) {  // a folder that only the map names may be elsewhere
+      input.remarks.push_back(std::string("no images: ") + error.what());
+    }
   }
-  if (source && map.landmarks.empty()) about_map.push_back(sweep_landmarks(map, arguments, options.threads));
+  MissionInput::ImageCheck check;
+  if (is_dry_run || input.images) {
+    attempt([&] {
+      if (!input.images) input.open_images();
+      input.check_poses(options.threads);
+      input.find_frame();
+      check.skipped = input.images->skipped();
+      check = input.check_images(options.threads > 0 ? options.threads : usable_cpus());
+      const std::string warning = check.pairing ? warning_of(*check.pairing, true) : "";
+      if (!warning.empty()) progress.warning(warning);
+    });
+    attempt([&] { const PriorDepths opens(arguments); });
+    attempt([&] {
+      DensifierOptions engine = options;
+      if (engine.free_space.whole_mission) engine.scratch_folder = scratch_folder(arguments).string();
+      const Densifier starts(engine, {});
+    });
+  }
   Json json{{"map", map.path.string()},
             {"format", map.format},
             {"cameras", cameras_json(map)},
             {"keyframes", map.keyframes.size()},
             {"trajectory", trajectory_json(map)},
             {"landmarks", landmarks_json(map)},
-            {"remarks", about_map},
+            {"remarks", input.remarks},
             {"component", map.component},
             {"component_keyframes", map.component_keyframes}};
-  if (convention.observations > 0) {
-    json["reprojection"] = {{"observations", convention.observations}, {"median_error_px", convention.median_error_px}};
+  if (input.convention.observations > 0) {
+    json["reprojection"] = {{"observations", input.convention.observations},
+                            {"median_error_px", input.convention.median_error_px}};
   }
-  std::vector<SkippedKeyframe> skipped;
-  if (source) skipped = source->skipped();
-  ImageSize size;
-  const bool looks = source && !arguments.plan.empty();
-  const Plan plan = make_plan(looks ? keyframes_with_image(map, *source, options, skipped, size)
-                                    : keyframes_without_image(map, source.get(), options),
+  const bool looks = input.images && !refusal && !arguments.plan.empty();
+  const Plan plan = make_plan(looks ? keyframes_with_image(map, *input.images, options, check)
+                                    : keyframes_without_image(map, input.images.get(), options),
                               options);
-  if (source && !looks) size = first_size(*source);
-  if (!arguments.plan.empty()) {
+  if (!arguments.plan.empty() && !refusal) {
     write_plan(arguments.plan, plan);
     json["plan"] = plan_figures(plan, arguments.plan);
   }
   std::string budget;
   try {
-    const Budget told = estimate_budget({map, plan, options, size.width, size.height, measure_cpu_pace(options)});
-    json["budget"] = to_json(told);
-    budget = budget_text(told);
-  } catch (const InvalidInput& error) {  // what a run would say; the rest is worth telling all the same
+    const ImageSize size = check.size;
+    const Budget forecast = estimate_budget({map, plan, options, size.width, size.height, measure_cpu_pace(options)});
+    json["budget"] = to_json(forecast);
+    budget = budget_text(forecast);
+  } catch (const InvalidInput& error) {
     json["budget"] = {{"error", error.what()}};
-    budget = std::string("a run:      refuses this: ") + error.what() + "\n";
+    if (is_dry_run && !refusal) refusal = std::current_exception();
+    if (!is_dry_run) budget = std::string("a run:      refuses this: ") + error.what() + "\n";
   }
-  if (source) json["images"] = images_json(*source, skipped);
+  if (input.images) json["images"] = images_json(*input.images, check.skipped);
+  if (!input.mask_report.json.is_null()) json["mask"] = input.mask_report.json;
+  json["warnings"] = progress.warnings();
+  if (refusal) json["refused"] = refusal_json(refusal);
   if (arguments.json) {
     std::cout << json_text(json);
   } else {
     print(json);
+    if (!input.mask_report.text.empty()) std::cout << "masks:      " << input.mask_report.text << "\n";
     std::cout << budget;
   }
+  if (refusal) std::rethrow_exception(refusal);
 }
 
 }  // namespace pmsp::tool

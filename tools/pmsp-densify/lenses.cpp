@@ -27,7 +27,7 @@ LensDistance estimate(const Arguments& arguments, const DensifierOptions& option
   source->restrict_to({ids.begin(), ids.end()});
   const Executor executor(options.threads, options.simd);
   ImageReader images(*source, map, executor.threads(), nullptr);
-  MaskSource masks = open_masks(arguments);
+  MaskSource masks(mask_options(arguments, map, *source));
   LensDistanceEstimator estimator;
   images.each([&](Keyframe& keyframe) {
     keyframe.mask = masks.mask_for(source->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);

@@ -18,6 +18,7 @@ int guarded_main(int argc, char** argv) {
   using namespace pmsp::tool;
   const std::string verb = argc > 1 ? argv[1] : "";
   if (verb == "batch") return batch(argc, argv);
+  if (verb == "convert") return convert(argc, argv);
   if (verb == "report") return report(argc, argv);
   if (verb == "serve") return serve(argc, argv);
   const std::optional<Arguments> arguments = parse_arguments(argc, argv);

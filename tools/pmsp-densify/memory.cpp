@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <iostream>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -26,7 +27,10 @@ constexpr double kWorkspaceGpu = 128.0 * 1024 * 1024;  // these, where they come
 /// CUDA devices that the run would use.
 std::vector<int> devices_of(const DensifierOptions& options) {
   if (options.backend == Backend::kCpu) return {};
-  return options.devices.empty() ? std::vector<int>{0} : options.devices;
+  if (!options.devices.empty()) return options.devices;
+  std::vector<int> all(static_cast<std::size_t>(std::max(1, device_count())));
+  std::iota(all.begin(), all.end(), 0);
+  return all;
 }
 
 /// Of the one that has least; 0 = one of them cannot be used, or there is none.

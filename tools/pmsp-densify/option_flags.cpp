@@ -2,17 +2,34 @@
 #include "option_flags.h"
 
 #include <algorithm>
-#include <limits>
 #include <numeric>
 #include <utility>
 
 namespace pmsp::tool {
 namespace {
 
+constexpr std::size_t kSuggestedLetters = 2;  ///< differences of a suggested word at most
+
 std::string with_hyphens(std::string name) {
   std::replace_if(
       name.begin(), name.end(), [](char c) { return c == '.' || c == '_'; }, '-');
   return name;
+}
+
+/// Levenshtein distance.
+std::size_t distance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);  // of Levenshtein's table, one at a time
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
+    }
+  }
+  return row.back();
 }
 
 }  // namespace
@@ -27,40 +44,29 @@ std::string flags_of(const OptionEntry& entry) {
 }
 
 std::string description_of(const OptionEntry& entry) {
-  static const DensifierOptions online = preset(Quality::kOnline);
+  static const DensifierOptions normal = preset(Quality::kNormal);
   static const std::pair<const char*, DensifierOptions> others[] = {
-      {"normal", preset(Quality::kNormal)}, {"high", preset(Quality::kHigh)}, {"paper", preset(Quality::kPaper)}};
+      {"online", preset(Quality::kOnline)}, {"high", preset(Quality::kHigh)}, {"paper", preset(Quality::kPaper)}};
   std::string text = std::string(entry.help) + " (" +
                      (entry.is_switch() ? negative_flag_of(entry) + " for no" : entry.expected()) + "; default " +
-                     entry.text_of(online);
+                     entry.text_of(normal);
   for (const auto& [name, options] : others) {
     const std::string value = entry.text_of(options);
-    if (value != entry.text_of(online)) text += std::string(", ") + name + " " + value;
+    if (value != entry.text_of(normal)) text += std::string(", ") + name + " " + value;
   }
   return text + ")";
 }
 
-std::string nearest(const std::string& word, const std::vector<std::string>& candidates) {
-  std::string best;
-  std::size_t best_distance = std::numeric_limits<std::size_t>::max();
+std::string suggestion(const std::string& word, const std::vector<std::string>& candidates) {
+  const std::string* best = nullptr;
+  std::size_t least = kSuggestedLetters + 1;
   for (const std::string& candidate : candidates) {
-    std::vector<std::size_t> row(candidate.size() + 1);  // Levenshtein distance, one row at a time
-    std::iota(row.begin(), row.end(), std::size_t{0});
-    for (std::size_t i = 0; i < word.size(); ++i) {
-      std::size_t diagonal = row[0];
-      row[0] = i + 1;
-      for (std::size_t j = 0; j < candidate.size(); ++j) {
-        const std::size_t replaced = diagonal + (word[i] == candidate[j] ? 0 : 1);
-        diagonal = row[j + 1];
-        row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
-      }
-    }
-    if (row.back() < best_distance) {
-      best_distance = row.back();
-      best = candidate;
-    }
+    const std::size_t letters = distance(word, candidate);
+    if (letters >= least) continue;
+    least = letters;
+    best = &candidate;
   }
-  return best;
+  return best != nullptr ? "; did you mean " + *best + "?" : "";
 }
 
 }  // namespace pmsp::tool

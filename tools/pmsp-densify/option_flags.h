@@ -16,10 +16,10 @@ std::string negative_flag_of(const OptionEntry& entry);
 /// All names, with commas between them: "--min-confidence,--fusion-min-confidence"
 std::string flags_of(const OptionEntry& entry);
 
-/// Help, what is expected and the default, and the defaults of the other qualities where they differ.
+/// Help, expected values and default, with the defaults of other presets where they differ.
 std::string description_of(const OptionEntry& entry);
 
-/// The candidate that differs from `word` in the fewest letters; "" when there is none.
-std::string nearest(const std::string& word, const std::vector<std::string>& candidates);
+/// "; did you mean --fps?" for the candidate nearest to `word`; "" where none is within two letters.
+std::string suggestion(const std::string& word, const std::vector<std::string>& candidates);
 
 }  // namespace pmsp::tool

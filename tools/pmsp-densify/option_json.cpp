@@ -58,8 +58,7 @@ void apply_level(DensifierOptions& options, const Json& json, const std::string&
     } else {
       std::vector<std::string> keys{"quality"};
       for (const OptionEntry& e : table) keys.emplace_back(e.key);
-      throw InvalidOption(source + ": there is no option \"" + key.substr(0, 100) + "\"; did you mean \"" +
-                          nearest(key, keys) + "\"?");
+      throw InvalidOption(source + ": there is no option \"" + key.substr(0, 100) + "\"" + suggestion(key, keys));
     }
   }
 }

@@ -65,6 +65,16 @@ void Progress::message(const std::string& text) {
 }
 
 void Progress::warning(const std::string& text) {
+  if (std::find(warnings_.begin(), warnings_.end(), text) != warnings_.end()) return;
+  warnings_.push_back(text);
+  warn(text);
+}
+
+void Progress::skipped(const SkippedKeyframe& keyframe) {
+  warn("keyframe " + std::to_string(keyframe.keyframe_id) + " skipped: " + keyframe.reason);
+}
+
+void Progress::warn(const std::string& text) {
   if (mode_ == ProgressMode::kJson) return emit({{"event", "warning"}, {"text", text}});
   tell("warning: " + text);
 }

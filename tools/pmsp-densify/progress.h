@@ -4,10 +4,12 @@
 #include <chrono>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "pmsp/io/image_source.h"
 #include "standing.h"
 
 namespace pmsp::tool {
@@ -31,7 +33,11 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
 
   void message(const std::string& text);
+  /// Something that may make the result wrong; recorded once for summary, report and statistics.
   void warning(const std::string& text);
+  const std::vector<std::string>& warnings() const { return warnings_; }
+  /// A keyframe without a usable image; not recorded.
+  void skipped(const SkippedKeyframe& keyframe);
   void step(const ProgressStep& step);
 
   /// Between two steps, or after the last one: tells now and then, however often it is called. Programs are told at the
@@ -49,6 +55,7 @@ class Progress {
 
  private:
   void tell(const std::string& line);
+  void warn(const std::string& text);
   void emit(const nlohmann::ordered_json& event);
   double seconds_left(double share);
   bool is_due(double seconds);
@@ -58,6 +65,7 @@ class Progress {
   ProgressMode mode_;
   bool quiet_;
   bool verbose_;
+  std::vector<std::string> warnings_;
   bool bar_shown_ = false;
   std::string bar_name_;   ///< what the bar is of
   std::string bar_count_;  ///< keyframes that have come; "" when all have

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <exception>
 #include <functional>
 #include <future>
@@ -9,18 +10,19 @@
 #include <utility>
 #include <vector>
 
+#include "budget_text.h"
 #include "cloud_report.h"
 #include "decoder.h"
+#include "disk_space.h"
 #include "engine_text.h"
 #include "exit_code.h"
 #include "follow.h"
 #include "given_depth.h"
-#include "image_input.h"
 #include "image_loop.h"
 #include "interrupt.h"
 #include "lenses.h"
 #include "live_view.h"
-#include "map_input.h"
+#include "mission_input.h"
 #include "plane_keeper.h"
 #include "pmsp/densifier.h"
 #include "pmsp/devices.h"
@@ -59,44 +61,30 @@ class Run {
         threads_(options.threads > 0 ? options.threads : usable_cpus()),
         progress_(arguments.progress, arguments.quiet, arguments.verbose) {
     std::future<double> device = start_device(options);
-    const std::string warning = quality_warning(arguments);
-    if (!warning.empty()) progress_.warning(warning);
-    progress_.stage("reading " + arguments.map.string());
-    {
-      const Spent spent(report_.time, Busy::kMap);
-      map_ = read_map(arguments);
-    }
-    {
-      const Spent spent(report_.time, Busy::kImages);
-      source_ = open_images(arguments, map_);
-    }
-    std::vector<std::string> about_map = remarks(map_);
-    if (map_.landmarks.empty()) {
-      progress_.stage("looking for landmarks in the images");
-      const Spent spent(report_.time, Busy::kImages);
-      about_map.push_back(sweep_landmarks(map_, arguments, options.threads));
-    }
+    warn(quality_warning(arguments));
+    input_.read_map();
+    input_.open_images();
+    input_.check_poses(options.threads);
     report_.map = map_.path.string() + " (" + map_.format + ")";
-    report_.images = source_->description();
-    views_ = std::make_unique<ViewImages>(arguments, map_, *source_);
-    for (const std::filesystem::path& path : arguments.cloud.paths) report_.outputs.push_back(path.string());
-    ImageFiles files;
-    if (arguments.cloud.frame.align == kAlignExif) {
-      for (const std::int64_t id : source_->keyframe_ids()) files[id] = source_->origin(id).file;
-    }
-    frame_ = find_cloud_frame(arguments.cloud.frame, map_, files);
+    report_.images = input_.images->description();
+    report_.skipped = input_.images->skipped();
+    report_.masks = input_.mask_report;
     report_.keyframes = map_.keyframes.size();
-    report_.with_image = source_->keyframe_ids().size();
+    report_.with_image = input_.images->keyframe_ids().size();
+    views_ = std::make_unique<ViewImages>(arguments, map_, *input_.images);
+    for (const std::filesystem::path& path : arguments.cloud.paths) report_.outputs.push_back(path.string());
+    frame_ = input_.find_frame();
     options.expected_keyframes = static_cast<std::int64_t>(report_.with_image);
-    announce(about_map);
+    input_.announce();
+    if (!frame_.description.empty()) progress_.message("cloud: " + frame_.description);
     if (live_ != nullptr) {
-      live_->begin(map_, {map_.path.filename().string() + ": live",
-                          unit_of_lengths(arguments.report.unit, frame_.file_from_map), frame_.file_from_map});
+      live_->begin(map_, {map_.path.filename().string() + ": live", unit_of_lengths(arguments.report.unit, frame_.unit),
+                          frame_.file_from_map});
     }
     if (merge == nullptr && given == nullptr) {  // shards have done so, and given depth needs it not
       progress_.stage("looking at the lenses");
       const Spent spent(report_.time, Busy::kImages);
-      report_.lenses = find_lenses(arguments, options, map_, *source_, growing_,
+      report_.lenses = find_lenses(arguments, options, map_, *input_.images, growing_,
                                    workspace != nullptr ? workspace->record() : workspace::Record{});
       options.lens_distance = report_.lenses.distance;
       if (report_.lenses.estimated) progress_.message(describe(report_.lenses));
@@ -104,6 +92,7 @@ class Run {
     if (given_ != nullptr) look_at_given(options);
     if (!arguments.no_verify) verifier_ = std::make_unique<PairingVerifier>(map_);
     if (workspace_ != nullptr) open_workspace(options);
+    check_disk(options);
     open_results(options);
     const bool all_images = !step_ && given_ == nullptr;
     // While the device starts. A video would be read up to its first keyframe before an error is told.
@@ -117,6 +106,18 @@ class Run {
     }
     if (!all_images) need_images(densifier_->images());
     announce_backend();
+    if (all_images && report_.options.backend == Backend::kCpu) announce_time(options);
+  }
+
+  /// Skipped where cached results make the time unknown.
+  void announce_time(const DensifierOptions& options) {
+    Arguments faster = arguments_;
+    faster.quality = "online";
+    try {
+      const std::string text = cpu_time_text(map_, *input_.images, options, effective_options(faster));
+      if (!text.empty()) progress_.message(text);
+    } catch (const InvalidInput&) {  // images of any size: no forecast before the first one
+    }
   }
 
   void announce_backend() {
@@ -129,19 +130,16 @@ class Run {
   void operator()() {
     {
       const InterruptGuard guard(densifier_.get());
-      try {
-        if (!step_ || step_->has_work()) densify(guard);
-        if (step_) step_->finish();
-      } catch (...) {
-        keep_depth_maps();
-        throw;
-      }
+      if (!step_ || step_->has_work()) densify(guard);
+      if (step_) step_->finish();
     }
     if (live_ != nullptr) live_->end();
     report_.stats = densifier_->stats();
     if (given_ != nullptr) given_->count_pixels(report_.stats);
+    const std::string inconsistent = consistency_warning(report_.stats);
+    if (!inconsistent.empty()) progress_.warning(inconsistent);
     if (step_) {
-      if (!arguments_.delete_workspace) step_->commit(report_.lenses.images);
+      if (!arguments_.delete_workspace) step_->commit(report_.lenses.images, recorded_);
       step_->count_keyframes(report_.stats);
       report_.stats.points = results_->points_in();
       report_.stats.depth_maps = step_->depth_maps();
@@ -151,7 +149,9 @@ class Run {
     results_->finish_depth_maps();
     results_->complete();
     report_.points_written = results_->points();
+    report_.confidence = results_->mean_confidence();
     if (priors_.wanted()) report_.prior_depth = priors_.report();
+    report_.warnings = progress_.warnings();
     report_.empty_reason = why_empty();
     if (report_.empty_reason.empty()) {
       write_results();
@@ -159,33 +159,14 @@ class Run {
         const Spent spent(report_.time, Busy::kWorkspace);
         workspace_->remove();
       }
+    } else {
+      results_->commit_depth_maps();  // they may show why there are no points
     }
     if (!arguments_.stats.empty()) write_file(arguments_.stats, json_text(to_json(report_)));
     tell_end();
   }
 
  private:
-  void announce(const std::vector<std::string>& about_map) {
-    progress_.message(report_.map + ": " + std::to_string(report_.keyframes) + " keyframes, " +
-                      std::to_string(map_.landmarks.size()) + " landmarks");
-    for (const std::string& remark : about_map) progress_.message(remark);
-    progress_.message("images: " + report_.images);
-    if (masks_.is_folder()) {
-      std::vector<std::filesystem::path> images;
-      for (const std::int64_t id : source_->keyframe_ids()) images.push_back(source_->origin(id).file);
-      progress_.message("masks: " + std::to_string(masks_.count(images)) + " of " + std::to_string(images.size()) +
-                        " images have one in " + arguments_.mask.string());
-    }
-    if (!frame_.description.empty()) progress_.message("cloud: " + frame_.description);
-    if (map_.landmarks.empty()) {
-      progress_.warning(
-          "neither the map nor the images give landmarks; without them no keyframe gets a depth range, nor a depth "
-          "map; "
-          "--points takes a PLY file with points of the same frame");
-    }
-    for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);
-  }
-
   /// While the disk takes what has been written.
   void close_device() {
     if (report_.options.backend != Backend::kCuda || arguments_.follow) return;  // the next round will need it
@@ -222,18 +203,36 @@ class Run {
     }
     if (!results_->left_out().empty()) progress_.message("pictures:    " + results_->left_out());
     progress_.message("wrote " + results_->text());
+    if (const std::string next = next_steps(); !next.empty()) progress_.message(next);
     result["output"] = report_.outputs.front();
     result["outputs"] = report_.outputs;
     progress_.done(result);
   }
 
+  /// "" = nothing to warn of.
+  void warn(const std::string& text) {
+    if (!text.empty()) progress_.warning(text);
+  }
+
+  /// Commands that follow a run.
+  std::string next_steps() const {
+    const std::string cloud = arguments_.cloud.paths.front().string();
+    std::string text;
+    if (arguments_.report.path.empty() && has_report_page())
+      text += "\n  look:   pmsp-densify report " + cloud + " -o report.html";
+    if (frame_.file_from_map.scale == 1.0)
+      text += "\n  metres: pmsp-densify convert " + cloud + " -o metres.ply --scale METRES_PER_UNIT";
+    return text.empty() ? "" : "next:" + text;
+  }
+
   void skip(const SkippedKeyframe& skipped) {
     report_.skipped.push_back(skipped);
-    progress_.warning("keyframe " + std::to_string(skipped.keyframe_id) + " skipped: " + skipped.reason);
+    progress_.skipped(skipped);
   }
 
   void open_results(const DensifierOptions& options) {
     report_.cloud = cloud_json(arguments_.cloud, frame_);
+    recorded_ = recorded_cloud(options, map_);
     const auto export_views = [this](const std::filesystem::path& folder) {
       if (step_) step_->each_image_size([this](std::int64_t id, int w, int h) { views_->set_size(id, w, h); });
       return views_->put(folder, frame_.file_from_map);
@@ -246,10 +245,38 @@ class Run {
     }
   }
 
+  /// Compares the forecast with what is free. Throws OutputError.
+  void check_disk(DensifierOptions options) {
+    if (options.width == 0 && (map_.cameras.empty() || map_.cameras[0].width == 0)) return;  // no forecast
+    if (options.width > 0 && options.height == 0) options.height = options.width / 2;
+    Plan plan = step_ ? step_->step().plan : given_ != nullptr ? given_->plan() : Plan{};
+    double in_workspace = 1.0, images = 0.0;
+    if (step_) {
+      const auto& planned = step_->step().keyframes;
+      const auto made =
+          std::count_if(planned.begin(), planned.end(), [](const auto& it) { return it.second.passes > 0; });
+      in_workspace = static_cast<double>(made) / std::max<double>(1.0, static_cast<double>(planned.size()));
+    } else if (given_ == nullptr) {
+      plan = make_plan(keyframes_without_image(map_, input_.images.get(), options), options);
+    }
+    for (const std::int64_t id : input_.images->keyframe_ids()) {
+      std::error_code error;
+      const std::uintmax_t bytes = std::filesystem::file_size(input_.images->origin(id).file, error);
+      if (!error && input_.images->origin(id).frame.empty()) images += static_cast<double>(bytes);
+    }
+    std::string warning;
+    try {
+      const Budget budget = estimate_budget({map_, plan, options, 0, 0, {}});
+      warning = check_disk_space(disk_needs(arguments_, budget, images, in_workspace));
+    } catch (const InvalidInput&) {  // the densifier will say so
+    }
+    if (!warning.empty()) progress_.warning(warning);
+  }
+
   void look_at_given(DensifierOptions& options) {
     progress_.stage("looking at the depth images");
     const Spent spent(report_.time, Busy::kImages);
-    for (const SkippedKeyframe& skipped : given_->look(map_, *source_, options)) skip(skipped);
+    for (const SkippedKeyframe& skipped : given_->look(map_, *input_.images, options)) skip(skipped);
     report_.with_image = given_->count();
     report_.given_depth = given_->report();
     progress_.message(given_->summary());
@@ -257,7 +284,7 @@ class Run {
 
   void open_workspace(const DensifierOptions& options) {
     if (arguments_.delete_workspace && workspace_->is_blank()) {
-      keeper_ = std::make_unique<PlaneKeeper>(*workspace_, arguments_, options, map_, *source_, report_.time);
+      keeper_ = std::make_unique<PlaneKeeper>(*workspace_, arguments_, options, map_, *input_.images, report_.time);
     } else {
       open_step(options);
     }
@@ -267,28 +294,31 @@ class Run {
   void open_step(const DensifierOptions& options) {
     step_ = std::make_unique<WorkspaceStep>(*workspace_, arguments_, options, map_, growing_, &report_.time);
     std::vector<SkippedKeyframe> unreadable;
-    const std::set<std::int64_t> fresh = step_->new_images(*source_, unreadable);
+    const std::set<std::int64_t> fresh = step_->new_images(*input_.images, unreadable);
+    if (merge_ == nullptr) step_->refuse_losses();
     for (const SkippedKeyframe& skipped : unreadable) skip(skipped);
     report_.with_image -= unreadable.size();
     if (!fresh.empty()) {
       progress_.stage("looking at " + std::to_string(fresh.size()) + " new images");
       const InterruptGuard guard(nullptr);
-      const std::unique_ptr<ImageSource> images = source_->again();
+      const std::unique_ptr<ImageSource> images = input_.images->again();
       images->restrict_to(fresh);
       ImageReader reader(*images, map_, threads_, verifier_.get());
       const std::string error =
           each_image(reader, guard, [&](std::size_t, const Keyframe& keyframe) { step_->look_at(keyframe); });
-      if (!error.empty() && fresh.size() + unreadable.size() == source_->keyframe_ids().size()) refuse_images(error);
+      if (!error.empty() && fresh.size() + unreadable.size() == input_.images->keyframe_ids().size())
+        refuse_images(error);
       verifier_.reset();  // once is enough
     }
     step_->decide(merge_ != nullptr ? merge_->job.engine : "");
     if (merge_ != nullptr) merge_->join(*step_);
+    if (step_->has_work()) step_->begin();
   }
 
-  void begin_reading() { images_.emplace(*source_, map_, threads_, verifier_.get()); }
+  void begin_reading() { images_.emplace(*input_.images, map_, threads_, verifier_.get()); }
 
   void need_images(const std::vector<std::int64_t>& needed) {
-    source_->restrict_to({needed.begin(), needed.end()});
+    input_.images->restrict_to({needed.begin(), needed.end()});
     steps_ = needed.size();
   }
 
@@ -345,15 +375,16 @@ class Run {
     };
     const ImageLoop::End end = ImageLoop{images, &report_.time, lost, visit}(guard);
     if (end.pairing) report_.pairing = end.pairing;
-    if (verifier_ && report_.pairing && report_.pairing->doubtful) progress_.warning(report_.pairing->message);
+    if (end.pairing) warn(warning_of(*end.pairing, end.images == report_.with_image));
     return end.first_error;
   }
 
   void add(std::size_t index, Keyframe& keyframe) {
     if (step_) keyframe.scale = step_->scale_of(keyframe.id);
     views_->set_size(keyframe.id, keyframe.image.width, keyframe.image.height);
-    keyframe.mask = masks_.mask_for(source_->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
-    priors_.give(keyframe, source_->origin(keyframe.id).file);
+    keyframe.mask =
+        input_.masks->mask_for(input_.images->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
+    priors_.give(keyframe, input_.images->origin(keyframe.id).file);
     if (given_ != nullptr) given_->set_image_size(keyframe.id, keyframe.image.width, keyframe.image.height);
     const int width = report_.options.width > 0 ? report_.options.width : keyframe.image.width;
     const int height = report_.options.height > 0 ? report_.options.height : width / 2;
@@ -365,14 +396,6 @@ class Run {
     results_->added(keyframe, accepted);
     announce_backend();  // whether its memory suffices may turn out with the first image
     progress_.step({"densify", index + 1, expected(), keyframe.id, accepted, standing()});
-  }
-
-  /// After an error. The depth maps that are there are whole and stay usable; what went wrong first is what is told.
-  void keep_depth_maps() noexcept {
-    try {
-      results_->finish_depth_maps();
-    } catch (const std::exception&) {
-    }
   }
 
   void write_results() {
@@ -394,13 +417,13 @@ class Run {
   GivenDepths* const given_;
   const int threads_;
   Progress progress_;
-  SlamMap map_;
-  std::unique_ptr<ImageSource> source_;
+  MissionInput input_{arguments_, progress_, &report_.time};
+  const SlamMap& map_ = input_.map;
   CloudFrame frame_;
+  workspace::RecordedCloud recorded_;
   std::unique_ptr<ViewImages> views_;
   std::unique_ptr<RunResults> results_;
   std::unique_ptr<PairingVerifier> verifier_;
-  MaskSource masks_{open_masks(arguments_)};
   PriorDepths priors_{arguments_};
   std::unique_ptr<WorkspaceStep> step_;  ///< before the densifier, which calls it; or
   std::unique_ptr<PlaneKeeper> keeper_;  ///< in its place

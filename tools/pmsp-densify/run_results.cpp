@@ -52,6 +52,7 @@ DensifierCallbacks RunResults::callbacks() {
   callbacks.cloud = [this](const KeyframeCloud& cloud) {
     const Spent spent(time_, Busy::kPoints);
     output_->add(cloud);
+    for (std::size_t i = 0; i < cloud.points.size(); i += 16, ++sampled_) confidence_sum_ += cloud.points[i].confidence;
     const Spent drawing(time_, Busy::kPreview);
     if (preview_) preview_->add_points(cloud);
     if (live_ != nullptr) live_->add(cloud);
@@ -73,8 +74,13 @@ void RunResults::added(const Keyframe& keyframe, bool accepted) {
 }
 
 void RunResults::finish_depth_maps() {
-  if (raw_) raw_->finish();
-  if (filtered_) filtered_->finish();
+  if (raw_) raw_->write_index();
+  if (filtered_) filtered_->write_index();
+}
+
+void RunResults::commit_depth_maps() {
+  if (raw_) raw_->commit();
+  if (filtered_) filtered_->commit();
 }
 
 void RunResults::complete() {
@@ -93,10 +99,12 @@ void RunResults::write(Progress& progress) {
     const Spent spent(time_, Busy::kFinish);
     output_->commit();
   }
+  commit_depth_maps();
   if (!preview_) return;
   const Spent spent(time_, Busy::kPreview);
   progress.stage("drawing " + arguments_.preview.string());
   left_out_ = drawn.get();
+  preview_->commit();
 }
 
 void RunResults::write_page(Progress& progress, const nlohmann::ordered_json& stats) {

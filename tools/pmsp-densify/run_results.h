@@ -59,12 +59,16 @@ class RunResults {
   /// Points that have come, and that are written.
   std::int64_t points_in() const { return output_->points_in(); }
   std::int64_t points() const { return output_->points(); }
+  /// Of every 16th point that has come; 0 without points.
+  double mean_confidence() const { return sampled_ > 0 ? confidence_sum_ / static_cast<double>(sampled_) : 0.0; }
 
-  /// After the last keyframe. Throws OutputError.
+  /// After the last keyframe; of the folder of depth maps all is written then. Throws OutputError.
   void finish_depth_maps();
   /// Held back points go to the writers.
   void complete();
-  /// Puts clouds in their places, draws. Throws OutputError.
+  /// Puts depth maps in their place, which `write` does as well. Throws OutputError.
+  void commit_depth_maps();
+  /// Puts clouds and folders in their places, draws. Throws OutputError.
   void write(Progress& progress);
   void write_page(Progress& progress, const nlohmann::ordered_json& stats);
 
@@ -86,6 +90,8 @@ class RunResults {
   std::optional<Preview> preview_;
   std::optional<ReportPage> page_;
   std::string left_out_;
+  double confidence_sum_ = 0.0;
+  std::int64_t sampled_ = 0;
 };
 
 }  // namespace pmsp::tool

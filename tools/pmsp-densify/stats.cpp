@@ -157,6 +157,8 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   json["points_repeated"] = s.points_repeated;
   json["points"] = s.points;
   json["points_written"] = report.points_written;
+  if (s.points > 0) json["confidence"] = report.confidence;
+  if (s.pixels > 0) json["coverage"] = static_cast<double>(s.pixels_after_consistency) / static_cast<double>(s.pixels);
   json["seconds"] = {{"total", report.time.total()},    {"prepare", s.seconds_prepare},
                      {"init", s.seconds_init},          {"patchmatch", s.seconds_patchmatch},
                      {"median", s.seconds_median},      {"consistency", s.seconds_consistency},
@@ -168,6 +170,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   const bool on_device = report.options.backend == Backend::kCuda;
   if (on_device && report.device_start) json["device_start"] = *report.device_start;
   json["peak_memory_mib"] = peak_memory_mib();
+  if (!report.masks.json.is_null()) json["mask"] = report.masks.json;
   if (report.lenses.estimated) {
     const LensDistance& it = *report.lenses.estimated;
     json["lenses"] = {{"distance", it.distance},
@@ -182,6 +185,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                        {"conclusive", report.pairing->conclusive},   {"belongs", report.pairing->belongs},
                        {"doubtful", report.pairing->doubtful},       {"message", report.pairing->message}};
   }
+  json["warnings"] = report.warnings;
   json["skipped"] = nlohmann::ordered_json::array();
   for (const SkippedKeyframe& skipped : report.skipped) {
     json["skipped"].push_back({{"keyframe_id", skipped.keyframe_id}, {"reason", skipped.reason}});
@@ -196,17 +200,27 @@ nlohmann::ordered_json to_json(const RunReport& report) {
 std::string summary(const RunReport& report) {
   const DensifierStats& s = report.stats;
   const double total = report.time.total();
+  std::string warnings;
+  for (const std::string& warning : report.warnings) warnings += "\nwarning:     " + warning;
   const auto rate = s.keyframes_added > 0 ? total / static_cast<double>(s.keyframes_added) : 0.0;
   char each[32];
   std::snprintf(each, sizeof(each), "%.2f", rate);
   return "keyframes:   " + std::to_string(report.keyframes) + " in the map, " + std::to_string(report.with_image) +
          (report.given_depth.is_null() ? " with an image, " : " with an image and a depth image, ") +
          std::to_string(s.keyframes_accepted) + " accepted by the view filter" + blurred_keyframes(s) + ", " +
-         std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" + pixels_kept(report) +
+         std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" +
+         (report.masks.text.empty() ? "" : "masks:       " + report.masks.text + "\n") + pixels_kept(report) +
          "points:      " + count_text(s.points) + repeated_points(s) + left_out(report) + "\n" +
          "stages:      " + stages_of(s) + "\n" + "time:        " + seconds_text(total) + " (" + each +
          " s a keyframe): " + shares_of(report.time) + "; " + std::to_string(static_cast<long>(peak_memory_mib())) +
-         " MiB of memory";
+         " MiB of memory" + warnings;
+}
+
+std::string consistency_warning(const DensifierStats& s) {
+  if (s.pixels_after_consistency == 0 || 5 * s.pixels_after_consistency >= s.pixels_after_median) return "";
+  return "the consistency filter keeps only " + percent_text(s.pixels_after_consistency, s.pixels_after_median) +
+         " of the pixels that reach it: depth maps contradict each other, as with poses that are inexact, images that "
+         "are not their keyframes', or a scene that moves; look at the page of --report before the cloud is used";
 }
 
 std::string explain_empty(const DensifierStats& s) {

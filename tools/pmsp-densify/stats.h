@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "lenses.h"
+#include "mask_report.h"
 #include "pmsp/densifier.h"
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/pairing.h"
@@ -24,10 +25,13 @@ struct RunReport {
   std::vector<std::string> outputs;  ///< files and folders
   nlohmann::ordered_json cloud;      ///< its frame and amount, see cloud_json
   std::int64_t points_written = 0;
+  double confidence = 0.0;    ///< mean of the points
   std::size_t keyframes = 0;  ///< in the map
   std::size_t with_image = 0;
   std::vector<SkippedKeyframe> skipped;
+  std::vector<std::string> warnings;  ///< see Progress::warning
   std::optional<PairingVerifier::Verdict> pairing;
+  MaskReport masks;
   Lenses lenses;
   TimeAccount time;                    ///< of the main thread
   std::optional<double> device_start;  ///< what starting a CUDA device took, beside all else [s]; none without one
@@ -45,6 +49,10 @@ std::string summary(const RunReport& report);
 
 /// Which stage lost the points, and the option to try.
 std::string explain_empty(const DensifierStats& stats);
+
+/// Warning that the consistency filter keeps less than a fifth of the pixels that reach it; "" = it keeps more, or
+/// none.
+std::string consistency_warning(const DensifierStats& stats);
 
 /// Largest resident memory of this process so far [MiB].
 double peak_memory_mib();

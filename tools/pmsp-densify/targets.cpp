@@ -8,6 +8,8 @@
 
 #include "depth_output.h"
 #include "exit_code.h"
+#include "pmsp/io/atomic_folder.h"
+#include "pmsp/io/files.h"
 #include "preview.h"
 
 namespace pmsp::tool {
@@ -31,9 +33,9 @@ bool is_or_lies_in(const fs::path& place, const fs::path& folder) {
 
 void check_file(const Arguments& arguments, const Target& target, bool may_replace) {
   std::error_code ignored;
-  for (const fs::path& input :
-       {arguments.map, arguments.video, arguments.mask, arguments.config, arguments.points, arguments.image_list,
-        arguments.cloud.crs, arguments.cloud.frame.align, arguments.cloud.frame.transform}) {
+  for (const fs::path& input : {arguments.map, arguments.video, arguments.mask, arguments.config, arguments.points,
+                                arguments.image_list, arguments.camera_from_body, arguments.cloud.crs,
+                                arguments.cloud.frame.align, arguments.cloud.frame.transform}) {
     if (!input.empty() && fs::equivalent(target.path, input, ignored)) {
       throw UsageError(text_of(target) + " would overwrite an input");
     }
@@ -59,7 +61,7 @@ void check_folder(const Arguments& arguments, const Target& target, bool may_rep
   std::error_code error;
   if (!fs::exists(target.path, error)) return;
   if (!fs::is_directory(target.path, error)) throw OutputError(target.path.string() + ": exists and is no folder");
-  if (!fs::is_empty(target.path, error) && !may_replace) {
+  if (!AtomicFolder::is_free(target.path) && !may_replace) {
     throw OutputError(target.path.string() + ": is not empty; --force writes into it, or give another " +
                       target.option);
   }
@@ -81,14 +83,15 @@ void check_pair(const Target& a, const Target& b) {
   }
 }
 
-/// The cloud has a name by default, which means nothing where none is written.
+/// `info` without images is about the map alone, and writes nothing but a plan.
 bool is_of_other_verb(const Arguments& arguments, const Target& target) {
-  return arguments.verb == Verb::kInfo && std::string(target.option) != "--plan";
+  const bool is_about_map = arguments.verb == Verb::kInfo && arguments.images.empty() && arguments.video.empty();
+  return is_about_map && std::string(target.option) != "--plan";
 }
 
 bool is_workspace_file(const std::string& name) {
-  return name == "workspace.json" || name == "lock" || name == "planes" || name == "points" || name == "looks" ||
-         name == "shards";
+  return name == "workspace.json" || name == "begun.json" || name == "lock" || name == "planes" || name == "points" ||
+         name == "looks" || name == "shards";
 }
 
 std::vector<Target> targets_of(const Arguments& arguments) {
@@ -123,7 +126,7 @@ void check_beside_workspace(const Arguments& arguments, const Target& target) {
 
 fs::path place_of(const fs::path& path) {
   std::error_code ignored;
-  const fs::path place = fs::weakly_canonical(fs::absolute(path), ignored);
+  const fs::path place = fs::weakly_canonical(fs::absolute(end_of_links(path)), ignored);
   return place.has_filename() ? place : place.parent_path();  // "folder/" is "folder"
 }
 
@@ -136,6 +139,10 @@ std::vector<fs::path> target_paths(const Arguments& arguments) {
 void check_names(const Arguments& arguments) {
   const std::vector<Target> targets = targets_of(arguments);
   for (std::size_t i = 0; i < targets.size(); ++i) {
+    if (targets[i].path == "-") {
+      throw UsageError(text_of(targets[i]) + ": results cannot be written to standard output; give the name of a " +
+                       (targets[i].is_file() ? "file" : "folder"));
+    }
     for (std::size_t k = 0; k < i; ++k) check_pair(targets[k], targets[i]);
     check_beside_workspace(arguments, targets[i]);
   }

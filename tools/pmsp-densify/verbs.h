@@ -22,6 +22,9 @@ int batch(int argc, const char* const* argv);
 /// Likewise: the page of a cloud or of a workspace.
 int report(int argc, const char* const* argv);
 
+/// Likewise: a cloud or a workspace in other formats, another frame or unit.
+int convert(int argc, const char* const* argv);
+
 /// Likewise: a folder over HTTP until a signal comes.
 int serve(int argc, const char* const* argv);
 

@@ -5,14 +5,13 @@
 #include <fstream>
 #include <set>
 #include <string>
-#include <system_error>
 #include <tuple>
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "image_input.h"
-#include "output_folder.h"
+#include "numbered_name.h"
 #include "pmsp/error.h"
 #include "pmsp/io/files.h"
 
@@ -61,7 +60,7 @@ std::vector<unsigned char> png_of(ImageView<const std::uint8_t> mask, int width,
 }  // namespace
 
 ViewImages::ViewImages(const Arguments& arguments, const SlamMap& map, const ImageSource& source)
-    : arguments_(arguments), map_(map) {
+    : arguments_(arguments), map_(map), masks_(mask_options(arguments, map, source)) {
   for (const std::int64_t id : source.keyframe_ids()) origins_[id] = source.origin(id);
 }
 
@@ -95,23 +94,17 @@ std::vector<OutputView> ViewImages::put(const fs::path& folder, const Similarity
 }
 
 void ViewImages::put_masks(const fs::path& folder, std::vector<OutputView>& views) const {
-  MaskSource masks = open_masks(arguments_);
+  MaskSource masks(masks_);
   const auto file_of = [&](const OutputView& view) { return origins_.at(view.keyframe_id).file; };
-  const bool is_wanted = arguments_.mask_nadir > 0.0 || std::any_of(views.begin(), views.end(), [&](const auto& view) {
-                           return !masks.file_for(file_of(view)).empty();
-                         });
-  if (!is_wanted) {  // what an earlier run has left would be taken for theirs
-    std::error_code ignored;
-    for (const OutputView& view : views) fs::remove(folder / "masks" / (view.name + ".png"), ignored);
-    fs::remove(folder / "masks", ignored);
-    return;
-  }
+  const bool is_wanted =
+      std::any_of(views.begin(), views.end(), [&](const OutputView& view) { return masks.has_mask(file_of(view)); });
+  if (!is_wanted) return;
   make_folder(folder / "masks");
   std::vector<unsigned char> encoded;
   std::tuple<fs::path, int, int> encoded_of;
   for (OutputView& view : views) {
     const std::tuple<fs::path, int, int> wanted(masks.file_for(file_of(view)), view.width, view.height);
-    if (encoded.empty() || wanted != encoded_of) {
+    if (encoded.empty() || wanted != encoded_of || masks.is_per_image(file_of(view))) {
       encoded = png_of(masks.mask_for(file_of(view), view.width, view.height), view.width, view.height);
       encoded_of = wanted;
     }

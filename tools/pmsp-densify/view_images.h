@@ -10,6 +10,7 @@
 #include "pmsp/io/cloud_writer.h"
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
+#include "pmsp/io/mask.h"
 
 namespace pmsp::tool {
 
@@ -35,6 +36,7 @@ class ViewImages {
 
   const Arguments& arguments_;
   const SlamMap& map_;
+  const MaskOptions masks_;
   std::map<std::int64_t, ImageSource::Origin> origins_;
   std::map<std::int64_t, Size> sizes_;
 };

@@ -34,6 +34,7 @@ struct RenderArguments {
 
 struct CloudArguments {
   std::filesystem::path cloud;
+  bool as_is = false;  ///< the cloud is in the frame of the keyframes, whatever its header says
   SurfaceOptions surface;
   CloudMeasureOptions measures;
   ViewOptions views;

@@ -102,9 +102,15 @@ CLI::App* add_cloud(CLI::App& app, Arguments& a) {
       "Measures a cloud: how much of each keyframe's view it fills, how much of that is right, and how near cloud and "
       "true "
       "surface lie to each other.");
-  cloud->add_option("cloud", a.cloud.cloud, "PLY, in the frame and unit of the keyframes")
+  cloud
+      ->add_option(
+          "cloud", a.cloud.cloud,
+          "PLY, LAS, Potree folder or workspace; a transform that its header names is undone, so that it is in the "
+          "frame and unit of the keyframes")
       ->required()
       ->type_name("CLOUD");
+  cloud->add_flag("--as-is", a.cloud.as_is,
+                  "The cloud is in the frame and unit of the keyframes, whatever its header says");
   add_common(*cloud, a, true);
   add_measuring(*cloud, a, a.cloud.render);
   add_thresholds(*cloud, "--absolute", a.absolute_cm, "Thresholds for distances [cm]");

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "pmsp/api.h"
+#include "pmsp/io/cloud_writer.h"
 #include "pmsp/io/map.h"
 #include "pmsp/io/similarity.h"
 
@@ -27,7 +28,7 @@ struct FrameOptions {
   double align_time_offset = 0.0;   ///< added to the keyframes' timestamps [s]
   bool up = false;                  ///< z upwards, as the cameras stood
   std::filesystem::path transform;  ///< see read_similarity; empty = none
-  double scale = 1.0;               ///< > 0
+  std::optional<double> scale;      ///< metres a unit of what the other options lead to, > 0
 };
 
 /// How far a point of the map is from where it should be, after the best fit.
@@ -39,6 +40,7 @@ struct Residual {
 /// The frame that a cloud is written in, and how well what it was found from fits.
 struct PMSP_API CloudFrame {
   Similarity file_from_map;
+  CloudUnit unit;                       ///< see unit_of_frame
   std::vector<Residual> residuals;      ///< of `align`
   std::optional<double> up_spread_deg;  ///< of `up`: the median angle between a camera's up and that of all
   std::string description;              ///< for people; "" where nothing was asked for
@@ -47,8 +49,11 @@ struct PMSP_API CloudFrame {
   double residual_max() const;  ///< 0 without residuals
 };
 
-/// `images`: those that kAlignExif looks at. Throws IoError, InvalidInput.
+/// `images`: those that kAlignExif looks at, and that a table may name. Throws IoError, InvalidInput.
 PMSP_API CloudFrame find_cloud_frame(const FrameOptions& options, const SlamMap& map, const ImageFiles& images = {});
+
+/// Metres where the options give the cloud a scale, else that of the map. Throws as read_similarity.
+PMSP_API CloudUnit unit_of_frame(const FrameOptions& options);
 
 /// A 4 x 4 matrix as text, 16 numbers: scale times a rotation, a translation, and 0 0 0 1 (as CloudCompare writes its
 /// transformations). Throws IoError, InvalidInput where it is no such thing.
@@ -64,10 +69,16 @@ struct Anchor {
 /// A table, one anchor a line; # begins a comment; blanks, commas or semicolons between the columns:
 ///     [NAME] x y z X Y Z               a control point in the map and in the frame of the file
 ///     ID X Y Z                         a keyframe, and where its camera was
-///     time tx ty tz qx qy qz qw        a pose of another trajectory (TUM), camera to world; the camera's place at the
-///                                      time of a keyframe is interpolated between poses not more than a second apart
-/// All lines are of one kind. Throws IoError, InvalidInput with the line.
-PMSP_API std::vector<Anchor> read_anchors(const std::filesystem::path& path, const SlamMap& map, double time_offset);
+///     IMAGE X Y Z                      the same by the name of its image, with or without folders and ending; images
+///                                      that are no keyframes are ignored
+///     time tx ty tz qx qy qz qw        a pose of another trajectory, camera to world (TUM, EuRoC or VINS); the
+///     camera's
+///                                      place at the time of a keyframe is interpolated between poses not more than a
+///                                      second apart
+/// All lines are of one kind; a first line may name the columns. `images`: those of keyframes that the map names no
+/// image for. Throws IoError, InvalidInput with the line.
+PMSP_API std::vector<Anchor> read_anchors(const std::filesystem::path& path, const SlamMap& map, double time_offset,
+                                          const ImageFiles& images = {});
 
 /// Where the cameras were by the GPS data of their images (EXIF): metres east, north and up of the first of them, on
 /// the plane that touches the ellipsoid there. `origin` becomes that place, for people. Images without a place are

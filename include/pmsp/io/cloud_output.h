@@ -57,7 +57,8 @@ class PMSP_API CloudOutput {
   CloudOutput(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& targets);
   /// All points in one file or folder. Its format follows from the extension, see cloud_formats; without one it is a
   /// PLY. Throws InvalidOption where no format has it; OutputError.
-  explicit CloudOutput(const std::filesystem::path& path, const CloudHeader& header = {});
+  explicit CloudOutput(const std::filesystem::path& path);
+  CloudOutput(const std::filesystem::path& path, const CloudHeader& header);
   ~CloudOutput();
 
   /// Gives it, too, all points that are written; finishing it is left to whom it belongs. Before the first point.
@@ -67,6 +68,8 @@ class PMSP_API CloudOutput {
   /// OutputError (disk full; points that come after `commit`).
   void add(const KeyframeCloud& cloud);
   void add(const KeyframeCloud& cloud, const KeyframePose& pose);
+  /// Points that already lie in a frame, which `file_from_points` turns into that of the files.
+  void add(const OutputPoint* points, std::size_t count, const Similarity& file_from_points);
   /// Points that have come.
   std::int64_t points_in() const;
 

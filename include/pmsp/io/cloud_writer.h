@@ -41,12 +41,24 @@ struct OutputView {
   bool has_mask = false;         ///< a grey PNG of that size, 0 = ignore, 255 = use: "000012.jpg.png"
 };
 
+/// Unit of a cloud's lengths.
+struct CloudUnit {
+  enum class Kind {
+    kUnknown,  ///< the file does not say
+    kMap,      ///< that of the SLAM map, which has no scale
+    kMetres,
+  };
+  Kind kind = Kind::kUnknown;
+  std::string by;  ///< what metres follow from: an option, such as "--scale"; "" else
+};
+
 /// What a writer is told of a cloud before its first point. All of it follows from inputs and options, nothing from the
 /// clock or the machine, so that equal runs give equal bytes.
 struct CloudHeader {
   std::string generator;              ///< "pmsp-densify 0.1.0"
   std::vector<std::string> comments;  ///< a line each; other line breaks become spaces
   Similarity file_from_map;           ///< how the frame of the file follows from that of the SLAM map
+  CloudUnit unit;                     ///< of the file; `comments` say so to readers
   /// Nearly all points lie within `reach` of `center`, in the frame of the file. Formats with integer coordinates take
   /// their offset and, where `resolution` is 0, their scale from it.
   Eigen::Vector3d center = Eigen::Vector3d::Zero();

@@ -19,9 +19,9 @@ struct ConventionCheck {
 };
 
 /// Proof of the conventions that a map was read by: compares them with other conventions for the same numbers, such as
-/// mirrored images, latitude upside down, axes of OpenGL, the seam in front, inverted poses, and places in images that
-/// are half a pixel off. Nothing is to be told from less than 100 observations, nor from observations that are
-/// projections themselves (`SlamMap::observations_are_tested`); then `observations` is 0.
+/// mirrored images, latitude upside down, axes of OpenGL or of a body, the seam in front, inverted poses, quaternions
+/// with w first, and places in images that are half a pixel off. Decides nothing with less than 100 observations, nor
+/// where these are projections themselves (`SlamMap::observations_are_tested`); then `observations` is 0.
 PMSP_API ConventionCheck check_convention(const SlamMap& map);
 
 /// The same, for a program that cannot go on with a wrong one: throws InvalidInput that names the convention that fits.

@@ -15,8 +15,9 @@ namespace pmsp {
 
 /// A file that appears under its name when `commit` is called, complete, or not at all. Where the file system can do
 /// it, the file has no name before, so that even a killed process leaves nothing behind; elsewhere it lies beside the
-/// target as ".NAME.PID-N.tmp" and is removed by the destructor; one that a killed process leaves does no harm. All
-/// members throw OutputError, with the path and what the system says; after that it is of no use any more.
+/// target as ".NAME.PID-N.tmp" and is removed by the destructor; one that a killed process leaves does no harm. A
+/// symbolic link stays: the file that it leads to is written. All members throw OutputError, with the path and what the
+/// system says; after that it is of no use any more.
 class PMSP_API AtomicFile {
  public:
   explicit AtomicFile(const std::filesystem::path& target);  ///< opens it
@@ -64,6 +65,10 @@ class PMSP_API AtomicFile {
   std::int64_t end_ = 0;  ///< of what `write` has brought to the file
   std::vector<char> buffer_;
 };
+
+/// Where a symbolic link leads in the end, also where nothing lies there; any other path as it is. Throws OutputError
+/// for links that lead in a circle.
+PMSP_API std::filesystem::path end_of_links(std::filesystem::path path);
 
 /// The file that one of this name was to become which AtomicFile has written beside it: "a.ply" for ".a.ply.123-0.tmp";
 /// "" for names that AtomicFile gives to none.

@@ -74,34 +74,48 @@ PMSP_API bool is_turned_by_exif(const std::filesystem::path& image);
 
 /// How images of a folder are matched with keyframes.
 struct ImageFolderOptions {
-  double fps = 0.0;               ///< of the frame indices [1/s]; 0 = the map's camera's
-  std::int64_t frame_offset = 0;  ///< added to the frame index that a keyframe's timestamp gives
+  double fps = 0.0;  ///< of the frame indices [1/s]; 0 = the map's camera's
+  /// Added to the frame index that a keyframe's timestamp gives. A value says that names are frame indices; nullopt:
+  /// the naming and the offset are found.
+  std::optional<std::int64_t> frame_offset = std::nullopt;
+  bool allow_missing = false;  ///< images for fewer than half of the keyframes are accepted
 };
 
 /// Images in a folder (JPEG, PNG, TIFF, BMP, WebP). Where the map names them (`MapKeyframe::image`), these and no
-/// others are taken, by their path in the folder. Else the folder itself is searched, and the names of its images are
-/// keyframe ids, timestamps (seconds, milli-, micro- or nanoseconds) or frame indices; which one is detected from how
-/// well each naming scheme fits the map's keyframes, and, where names alone leave more than one, from what a few images
-/// show of landmarks. What stands before and after the number does not matter ("image12.png"). Frame indices are
-/// timestamp x fps, for Unix times counted from the first keyframe; a constant offset between index and name is
-/// detected, too. A `frame_offset` other than 0 says that names are frame indices, and switches that search off. Of
-/// keyframes with one timestamp the first (smallest id) keeps the image. Throws IoError when there is no such folder or
-/// no image in it, InvalidInput when no naming scheme fits or no image that the map names is there.
+/// others are taken: the file in the folder that has the longest tail of the name; where none is found, files with
+/// another ending. Else the folder itself is searched, and a number in the names of its
+/// images is a keyframe id (unless ids are row numbers), a timestamp (seconds, milli-, micro- or nanoseconds,
+/// "SECONDS_NANOSECONDS") or a frame index: the last number that differs between files. Frame indices are timestamp x
+/// fps, for Unix times counted from the first keyframe, with a constant offset. Where names leave more than one
+/// reading, what a few images show of landmarks decides. Readings that guess the frame rate, the unit of timestamps, or
+/// that images come in the order of keyframes are taken only where images prove them, or, without landmarks, where a
+/// rate gives each keyframe an image and each image a keyframe. Of keyframes with one timestamp the first (smallest id)
+/// keeps the image.
+///
+/// Throws IoError when there is no such folder or no image in it, InvalidInput when no reading fits, or images are
+/// there for fewer than half of the keyframes without `allow_missing`.
 PMSP_API std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::filesystem::path& folder,
                                                         const ImageFolderOptions& options = {});
 
 /// How frames of a video are matched with keyframes.
 struct VideoOptions {
-  double fps = 0.0;               ///< to turn timestamps into indices [1/s]; 0 = the map's camera's
-  std::int64_t frame_offset = 0;  ///< added to the frame index
+  double fps = 0.0;  ///< to turn timestamps into frame indices [1/s]; 0 = the map's camera's
+  /// Added to the frame index. A value says that timestamps are counts of frames, or with `presentation_times` which
+  /// frame is at time 0, of Unix times that of the first keyframe. nullopt: it is found.
+  std::optional<std::int64_t> frame_offset = std::nullopt;
+  bool presentation_times = false;  ///< timestamps are presentation times; excludes `fps`
+  bool allow_missing = false;       ///< a video that reaches fewer than half of the keyframes is accepted
 };
 
 /// Frames of a video, decoded once, in order. A keyframe takes the frame whose presentation time is nearest to its
-/// timestamp (not farther than half a frame); where the map's timestamps are no presentation times, or `fps` or
-/// `frame_offset` is given, the frame whose index is round(timestamp x fps) + frame_offset. Unix times are counted from
-/// the first keyframe, which then is frame `frame_offset`; maps without usable timestamps count by their source frames.
-/// Throws IoError when the video cannot be opened or not one frame decoded, InvalidInput when a frame rate is needed
-/// and neither map nor options have one.
+/// timestamp (not farther than half a frame), or the frame whose index is round(timestamp x fps). Both readings are
+/// tried on a few frames (3000 at most), by the landmarks that they show, and where neither fits, with each constant
+/// offset; of Unix times only differences count. Maps whose timestamps are all equal count by their source frames.
+/// Without landmarks, the reading that the video's length allows is taken.
+///
+/// Throws IoError when the video cannot be opened or not one frame decoded; InvalidInput when nothing fits, readings
+/// fit alike, a frame rate is needed and neither map nor options have one, or the video reaches fewer than half of the
+/// keyframes without `allow_missing`.
 PMSP_API std::unique_ptr<ImageSource> open_video(const SlamMap& map, const std::filesystem::path& video,
                                                  const VideoOptions& options = {});
 

@@ -42,6 +42,7 @@ struct MapKeyframe {
   int camera = 0;                 ///< index into SlamMap::cameras
   RigidTransform cam_from_world;  ///< for pixel centres at index + 0.5, see SlamMap
   std::string image;              ///< its image in the image folder, "left/0001.jpg"; "" = the file names none
+  std::filesystem::path mask;     ///< file of its mask, as nerfstudio names it; "" = the file names none
   std::vector<MapObservation> observations;  ///< of landmarks that exist in the map, each once
 };
 
@@ -83,9 +84,14 @@ struct PMSP_API SlamMap {
 
 /// What read_map may be told besides the path.
 struct ReadMapOptions {
-  std::optional<int> component;      ///< the one to read; nullopt = that of most keyframes
-  std::filesystem::path points;      ///< PLY file whose points stand in for landmarks where the map has none
-  std::filesystem::path image_list;  ///< names the images of a TUM trajectory: lines "timestamp name" or "name"
+  std::optional<int> component;  ///< the one to read; nullopt = that of most keyframes
+  std::filesystem::path points;  ///< PLY file whose points stand in for landmarks where the map has none
+  /// Names the keyframes' images: lines "timestamp name", or "name" for each keyframe in the order of ids.
+  std::filesystem::path image_list;
+  /// Text or YAML file with the transform from the body (an IMU, a base) whose poses a trajectory holds to the camera:
+  /// 12 or 16 numbers, rows of a matrix; 7, tx ty tz qx qy qz qw; or T_cam_imu of Kalibr, T_BS of EuRoC, body_T_cam0 of
+  /// VINS. Other maps hold poses of cameras.
+  std::filesystem::path camera_from_body{};
 };
 
 /// Reads the map of a SLAM or the reconstruction of another program. The format is told by content, never by the name:
@@ -93,15 +99,18 @@ struct ReadMapOptions {
 /// - COLMAP: the folder of a model, text or binary, or the folder of such folders, one a component;
 /// - OpenSfM: reconstruction.json, with observations where tracks.csv lies beside it;
 /// - openMVG: sfm_data.json; nerfstudio: transforms.json; Metashape: cameras as XML;
-/// - TUM: a trajectory, "timestamp tx ty tz qx qy qz qw", world from camera.
+/// - AliceVision: cameras.sfm;
+/// - a trajectory, world from camera: TUM, "timestamp tx ty tz qx qy qz qw"; EuRoC and VINS, nanoseconds and w first;
+///   KITTI, 12 numbers without a time; a table whose first line names its columns.
 ///
-/// Cameras that are not equirectangular are left out with a note. Where a file has points but not who sees them, each
-/// keyframe is given those that nothing nearer hides. Memory stays in proportion to the file's size; of maps of a SLAM
-/// to keyframes and landmarks, since descriptors are skipped as they stream by.
+/// Cameras that are not equirectangular, and keyframes and points with NaN, are left out with a note. Quaternions are
+/// normalised, cameras that are 2 : 1 but for a row get the nearest size that is, both with a note. Where a file has
+/// points but not who sees them, each keyframe is given those that nothing nearer hides. Memory stays in proportion to
+/// the file's size; of maps of a SLAM to keyframes and landmarks, since descriptors are skipped as they stream by.
 ///
 /// Throws IoError when a file cannot be read, InvalidInput (naming file, place and what was expected) when it is of no
-/// such format, is truncated or broken, names images outside the image folder, or holds no keyframe with an
-/// equirectangular camera; InvalidOption when there is no such component.
+/// such format, is truncated or broken, or holds no keyframe with an equirectangular camera; InvalidOption when there
+/// is no such component, or `camera_from_body` is given for another map than a trajectory.
 PMSP_API SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& options = {});
 
 /// What can be given as a map, for people: "the folder of a model of COLMAP", ...

@@ -4,21 +4,21 @@
 #include <csignal>
 #include <exception>
 #include <iostream>
+#include <numeric>
 #include <system_error>
 
+#include <unistd.h>
+
 #include "batch_arguments.h"
-#include "batch_manifest.h"
 #include "batch_options.h"
-#include "batch_page.h"
-#include "batch_report.h"
 #include "batch_run.h"
 #include "batch_scan.h"
 #include "batch_slurm.h"
-#include "batch_status.h"
+#include "batch_tables.h"
 #include "child_process.h"
-#include "depth_output.h"
 #include "exit_code.h"
 #include "memory_shares.h"
+#include "pmsp/devices.h"
 #include "pmsp/executor.h"
 #include "pmsp/io/files.h"
 #include "pmsp/io/folder_lock.h"
@@ -33,53 +33,120 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
+std::string host_name() {
+  char name[256] = {};
+  return gethostname(name, sizeof(name) - 1) == 0 ? name : "";
+}
+
+/// `now`: the given list and options; the recorded ones where they are not given.
+struct Lists {
+  std::optional<Manifest> before;
+  Manifest now;
+};
+
+/// Throws UsageError where a given option differs from the recorded one, InvalidInput where there is no list.
+Lists lists_of(const BatchArguments& arguments) {
+  Lists lists{read_record(arguments.output), {}};
+  const std::string folder = arguments.output.string();
+  if (arguments.manifest.empty() && !lists.before) {
+    throw InvalidInput(folder +
+                       ": is no folder of a batch, which has a batch.json with its missions; give their list: "
+                       "batch MANIFEST -o " +
+                       folder);
+  }
+  lists.now = arguments.manifest.empty() ? *lists.before : read_manifest(arguments.manifest);
+  lists.now.options = arguments.options;
+  if (!lists.before) return lists;
+  const std::string change = difference(lists.before->options, arguments.options);
+  if (!change.empty() && !arguments.force) {
+    throw UsageError(folder + ": holds results with other options: " + change +
+                     "; leave the option out to go on as recorded, give another -o, or --force to make the missions "
+                     "again");
+  }
+  lists.now.options = merged(lists.before->options, arguments.options);
+  return lists;
+}
+
+BatchMissions recorded(BatchMissions missions) {
+  for (BatchMission& mission : missions) look_at(mission);
+  return missions;
+}
+
 class Batch {
  public:
   explicit Batch(const BatchArguments& arguments)
       : arguments_(arguments),
         progress_(arguments.progress, arguments.quiet, false),
+        lists_(lists_of(arguments)),
+        output_(fs::absolute(arguments.output).lexically_normal()),
         slots_(static_cast<std::size_t>(arguments.jobs)),
         shares_(arguments.memory ? *arguments.memory * kGiB : free_host_memory()) {
-    const Manifest manifest = read_manifest(arguments.manifest);
-    inputs_ = manifest.folder;
-    report_.manifest = arguments.manifest;
-    for (std::size_t i = 0; i < manifest.missions.size(); ++i) {
-      if (!is_ours(i)) continue;
-      const Mission& mission = manifest.missions[i];
-      report_.missions.push_back({mission, arguments.output / mission.name, {}, false, false});
+    if (!arguments.manifest.empty()) {
+      for (Mission& mission : lists_.now.missions) check_options(mission);
+    }
+    all_ = missions_of(lists_.now.missions);
+    for (std::size_t i = 0; i < all_.size(); ++i) {
+      if (!arguments.only ||
+          static_cast<int>(i % static_cast<std::size_t>(arguments.only->count)) == arguments.only->index)
+        missions_.push_back(all_[i]);
     }
     if (arguments.jobs > 1) cpus_ = Executor().threads();
+    devices_ = devices();
   }
 
-  int operator()() {
-    make_folder(arguments_.output);
-    const bool is_alone = !arguments_.only && !arguments_.summary;
-    const FolderLock lock(arguments_.output, "folder of a batch", {},
-                          is_alone ? FolderLock::For::kOne : FolderLock::For::kMany);
+  /// The missions as their folders have them. Writes nothing.
+  int summarise() {
+    missions_ = recorded(all_);
+    report();
+    return exit_code();
+  }
+
+  /// `info` of each mission. Writes nothing.
+  int check() {
+    std::vector<BatchMission*> to_check;
+    for (BatchMission& mission : missions_) {
+      if (mission.mission.error.empty()) {
+        to_check.push_back(&mission);
+      } else {
+        refuse(mission, mission.mission.error);
+        print_end(mission);
+      }
+    }
+    to_do_ = to_check.size();
+    const int stopped = work_through(to_check);
+    report();
+    return stopped != 0 ? kExitSignal + stopped : exit_code();
+  }
+
+  int run() {
     std::vector<BatchMission*> waiting;
-    for (BatchMission& mission : report_.missions) {
-      look_at(mission);
-      if (mission.status.state == MissionState::kWaiting) waiting.push_back(&mission);
+    for (BatchMission& mission : missions_) {
+      if (is_to_do(mission)) waiting.push_back(&mission);
     }
     int stopped = 0;
-    if (!arguments_.summary) {
+    if (!waiting.empty() || lists_.before) {
+      make_folder(output_);
+      const FolderLock lock(output_, "folder of a batch", {},
+                            arguments_.only ? FolderLock::For::kMany : FolderLock::For::kOne);
+      write_record(output_, lists_.now);
+      for (const BatchMission& mission : missions_) {
+        if (has_state(mission.status, kDone)) drop_workspace(mission);
+      }
       announce(waiting.size());
-      SignalQueue signals;
-      stopped = work_through(waiting, signals);
+      stopped = work_through(waiting);
+      write_tables();
+    } else {
+      announce(0);
     }
-    report_.seconds = seconds_since(start_);
-    tell();
-    if (stopped != 0) return kExitSignal + stopped;
-    const std::size_t done = report_.count(MissionState::kDone);
-    if (done == report_.missions.size()) return kExitOk;
-    return done > 0 ? kExitSomeFailed : kExitAllFailed;
+    report();
+    return stopped != 0 ? kExitSignal + stopped : exit_code();
   }
 
  private:
   struct Slot {
     enum class Step {
-      kAsks,   ///< a process says how much memory the mission will take
-      kWaits,  ///< until that much is there
+      kQuery,  ///< a child process reports the memory need, or with --dry-run whether the mission can be run
+      kWaits,  ///< for memory
       kRuns
     };
 
@@ -87,9 +154,11 @@ class Batch {
     Step step = Step::kRuns;
     pid_t process = -1;
     Clock::time_point start;
+    std::size_t log_begin = 0;  ///< of this run in the mission's log
     MemoryNeed need;
     std::optional<MemoryShares::Share> share;
-    std::optional<FolderLock> lock;  ///< of the mission's folder
+    std::optional<FolderLock> lock;       ///< of the mission's folder; without it nothing is written there
+    std::optional<TemporaryFile> answer;  ///< of kQuery
 
     bool waits() const { return mission != nullptr && step == Step::kWaits; }
     void free() {
@@ -97,119 +166,94 @@ class Batch {
       need = {};
       share.reset();
       lock.reset();
+      answer.reset();
     }
   };
 
-  bool is_ours(std::size_t mission) const {
-    if (!arguments_.only) return true;
-    return mission % static_cast<std::size_t>(arguments_.only->count) ==
-           static_cast<std::size_t>(arguments_.only->index);
+  BatchMission mission_of(const Mission& mission) const {
+    BatchMission result{mission, output_ / mission.name, lists_.now.options, {}, false};
+    result.options.insert(result.options.end(), mission.options.begin(), mission.options.end());
+    return result;
+  }
+  BatchMissions missions_of(const std::vector<Mission>& missions) const {
+    BatchMissions result;
+    for (const Mission& mission : missions) result.push_back(mission_of(mission));
+    return result;
   }
 
-  void check_options(const BatchMission& mission) const {
+  std::vector<std::string> words_of(const BatchMission& mission) const {
+    return run_words(mission, arguments_.program, lists_.now.folder);
+  }
+
+  void check_options(Mission& mission) const {
+    if (!mission.error.empty()) return;
     try {
-      check_run_words(run_words(mission, arguments_, inputs_));
+      check_run_words(words_of(mission_of(mission)));
     } catch (const std::exception& error) {
-      throw UsageError(report_.manifest + ": line " + std::to_string(mission.mission.line) + ": " + error.what());
+      mission.error = lists_.now.path + ": line " + std::to_string(mission.line) + ": " + error.what();
     }
   }
 
-  /// What is known of it from before: afterwards it is done, has failed, or waits.
-  void look_at(BatchMission& mission) {
-    MissionStatus fresh;
-    try {
-      if (!mission.mission.is_named) throw InvalidInput(mission.mission.error);
-      fresh.fingerprint = fingerprint_of(mission.mission, arguments_, inputs_);
-      fresh.keeps_workspace = arguments_.keep_workspaces;
-      const std::optional<MissionStatus> earlier = status_before(mission);
-      if (!mission.mission.error.empty()) throw InvalidInput(mission.mission.error);
-      check_options(mission);
-      if (earlier && is_settled(*earlier, fresh, mission)) {
-        mission.status = *earlier;
-        if (earlier->state == MissionState::kDone && !arguments_.summary) drop_workspace(mission);
-        return;
-      }
-      mission.status = fresh;
-      if (arguments_.summary && earlier) mission.status = unfinished(mission, *earlier, fresh);
-    } catch (const std::exception& error) {
-      mission.status = fresh;
-      finish(mission, MissionState::kFailed, error.what());
-    }
+  /// To share among the jobs; none: those of each run.
+  std::vector<int> devices() const {
+    if (arguments_.devices && !arguments_.devices->empty()) return *arguments_.devices;
+    const bool is_for_gpus = arguments_.jobs > 1 && value_in(lists_.now.options, "--backend") != "cpu";
+    std::vector<int> all(arguments_.devices || is_for_gpus ? static_cast<std::size_t>(device_count()) : 0);
+    std::iota(all.begin(), all.end(), 0);
+    return all;
   }
 
-  std::optional<MissionStatus> status_before(BatchMission& mission) const {
-    std::optional<MissionStatus> earlier = read_status(mission.folder);
-    if (!earlier && holds_anything(mission.folder)) {
-      throw OutputError(mission.folder.string() +
-                        ": is there already, and not of a batch; give the mission another \"name\", or another -o");
-    }
-    mission.has_folder = !arguments_.summary;
-    return earlier;
+  bool is_settled(const BatchMission& mission, const MissionStatus& status, const std::string& fingerprint) const {
+    const bool is_same = text_in(status, kFingerprint) == fingerprint;
+    if (has_state(status, kFailed)) return is_same && !arguments_.retry;
+    return has_state(status, kDone) && has_results(mission) &&
+           (is_same || !has_inputs(mission.mission, lists_.now.folder));
   }
 
-  /// Besides the lock and a first status, as far as a killed batch came with it.
-  static bool holds_anything(const fs::path& folder) {
-    std::error_code error;
-    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-      const std::string name = it->path().filename().string();
-      if (name != FolderLock::kName && !is_unfinished_status(name)) return true;
-    }
-    return false;
+  /// Leaves the mission waiting if so. Throws UsageError where a changed line would make results again.
+  bool is_to_do(BatchMission& mission) const {
+    look_at(mission);
+    const MissionStatus status = mission.status;
+    const std::string before = text_in(status, kFingerprint);
+    if (has_state(status, kFailed) && before.empty()) return false;  // refused
+    const std::string fingerprint = fingerprint_of(mission.mission, mission.options, lists_.now.folder);
+    if (is_settled(mission, status, fingerprint)) return false;
+    const bool is_begun = has_state(status, kDone) || has_state(status, kInterrupted);
+    if (is_begun && before != fingerprint && !arguments_.force) check_line(mission.mission);
+    mission.status = {{"state", kWaiting}, {kFingerprint, fingerprint}};
+    return true;
   }
 
-  /// For the table: a mission that is being made, or was when something killed its batch, or that waits.
-  static MissionStatus unfinished(const BatchMission& mission, const MissionStatus& earlier,
-                                  const MissionStatus& fresh) {
-    if (earlier.state == MissionState::kInterrupted) return earlier;
-    if (earlier.state != MissionState::kRunning) return fresh;
-    MissionStatus status = earlier;
-    try {
-      const FolderLock lock(mission.folder, kLockedFolder);
-      status.state = MissionState::kInterrupted;
-    } catch (const OutputError&) {
-      // it is being made
+  void check_line(const Mission& mission) const {
+    if (!lists_.before) return;
+    for (const Mission& before : lists_.before->missions) {
+      const std::string change = before.name == mission.name ? line_difference(before, mission) : "";
+      if (change.empty()) continue;
+      throw UsageError(lists_.now.path + ": line " + std::to_string(mission.line) + ": mission " + mission.name +
+                       " has results of another line: " + change +
+                       "; give it another \"name\", or --force to make it again");
     }
-    return status;
-  }
-
-  /// What ran in a batch that was killed is killed as well, but may take a moment to end.
-  static void wait_for_killed(const fs::path& workspace) {
-    std::error_code error;
-    if (!fs::is_directory(workspace, error)) return;
-    try {
-      const FolderLock lock(workspace, "workspace", kPatience);
-    } catch (const OutputError&) {
-      return;  // its run will say so
-    }
-  }
-
-  bool is_settled(const MissionStatus& earlier, const MissionStatus& fresh, const BatchMission& mission) const {
-    std::error_code ignored;
-    if (earlier.fingerprint != fresh.fingerprint) return false;
-    if (earlier.state == MissionState::kFailed) return !arguments_.retry || arguments_.summary;
-    std::vector<fs::path> results = clouds_of(mission, arguments_);
-    if (const auto page = report_of(mission, arguments_)) results.push_back(*page);
-    return earlier.state == MissionState::kDone &&
-           std::all_of(results.begin(), results.end(), [&](const fs::path& it) { return fs::exists(it, ignored); });
   }
 
   void announce(std::size_t waiting) {
     to_do_ = waiting;
-    const std::size_t count = report_.missions.size();
-    std::string text = std::to_string(count) + (count == 1 ? " mission: " : " missions: ") +
-                       std::to_string(report_.count(MissionState::kDone)) + " done before, ";
-    const std::size_t failed = report_.count(MissionState::kFailed);
+    const std::size_t size = missions_.size();
+    std::string text = std::to_string(size) + (size == 1 ? " mission: " : " missions: ") +
+                       std::to_string(count(missions_, kDone)) + " done before, ";
+    const std::size_t failed = count(missions_, kFailed);
     if (failed > 0) text += std::to_string(failed) + " failed" + (arguments_.retry ? "" : " (see --retry)") + ", ";
     text += std::to_string(waiting) + " to do";
     if (arguments_.jobs > 1) text += ", " + std::to_string(arguments_.jobs) + " at once";
+    if (!lists_.now.options.empty()) text += "; options: " + command_text(lists_.now.options);
     progress_.message(text);
-    for (const BatchMission& mission : report_.missions) {
-      if (mission.status.state == MissionState::kFailed) tell_end(mission);
+    for (const BatchMission& mission : missions_) {
+      if (has_state(mission.status, kFailed)) print_end(mission);
     }
   }
 
-  /// Returns the signal that ended it before its time, or 0.
-  int work_through(const std::vector<BatchMission*>& waiting, SignalQueue& signals) {
+  /// Returns the signal that stopped it, or 0.
+  int work_through(const std::vector<BatchMission*>& waiting) {
+    SignalQueue signals;
     std::size_t next = 0;
     int stopped = 0;
     for (;;) {
@@ -227,14 +271,14 @@ class Batch {
         }
       }
       for (Slot& slot : slots_) {
-        if (stopped != 0 && slot.waits()) end(slot, MissionState::kInterrupted, "");
+        if (stopped != 0 && slot.waits()) end(slot, kInterrupted, "");
       }
       share_out_memory();
     }
     return stopped;
   }
 
-  /// Who came first has it first, and others wait behind it: no mission waits until all smaller ones are done.
+  /// In the order of the list: no mission waits until all smaller ones are done.
   void share_out_memory() {
     std::vector<Slot*> waiting;
     for (Slot& slot : slots_) {
@@ -243,7 +287,7 @@ class Batch {
     std::sort(waiting.begin(), waiting.end(), [](const Slot* a, const Slot* b) { return a->mission < b->mission; });
     for (Slot* slot : waiting) {
       slot->share = shares_.take(slot->need);
-      if (!slot->share) return tell_waiting(*slot);
+      if (!slot->share) return print_waiting(*slot);
       run(*slot);
     }
   }
@@ -251,190 +295,216 @@ class Batch {
   void start(std::size_t index, BatchMission& mission) {
     Slot& slot = slots_[index];
     slot.mission = &mission;
-    MissionStatus& status = mission.status;
     try {
-      if (!is_still_to_do(slot, mission)) return slot.free();
+      if (!arguments_.dry_run && !take_folder(slot, mission)) return slot.free();
       mission.has_run = true;
-      status.command = run_words(mission, arguments_, inputs_);
-      share_out(index, status.command);
-      status.started = time_text();
-      status.state = MissionState::kRunning;
-      write_status(mission.folder, status);  // first: it says whose folder it is
-      if (arguments_.jobs > 1) {
-        ask(slot);
+      std::vector<std::string> words = words_of(mission);
+      share_out(index, words);
+      mission.status = {{"state", kRunning},
+                        {"host", host_},
+                        {"version", version_text()},
+                        {"started", time_text()},
+                        {kFingerprint, text_in(mission.status, kFingerprint)},
+                        {"command", words}};
+      if (slot.lock) write_status(mission.folder, mission.status);  // first: it marks the folder as the mission's
+      if (arguments_.dry_run) {
+        words[1] = "info";
+        query(slot, words);
+      } else if (arguments_.jobs > 1) {
+        words.emplace_back("--print-memory");
+        query(slot, words);
       } else {
         run(slot);
       }
     } catch (const std::exception& error) {
-      end(slot, MissionState::kFailed, error.what());
+      end(slot, kFailed, error.what());
     }
   }
 
-  /// In a process of its own: a map that nothing can read costs its mission, not the batch.
-  void ask(Slot& slot) {
-    std::vector<std::string> words = slot.mission->status.command;
-    words.emplace_back("--print-memory");
-    slot.step = Slot::Step::kAsks;
-    slot.process = start_child(words, log_of(slot.mission->folder));
+  /// In a process of its own: a map that cannot be read costs its mission, not the batch.
+  static void query(Slot& slot, const std::vector<std::string>& words) {
+    slot.step = Slot::Step::kQuery;
+    slot.answer.emplace();
+    slot.start = Clock::now();
+    slot.process = start_child(words, slot.answer->path());
   }
 
-  /// What could not be told is taken for nothing: the run will say why.
-  static void look_at_answer(Slot& slot) {
+  /// An unknown need counts as none: the run will report the error.
+  static void take_need(Slot& slot) {
     slot.step = Slot::Step::kWaits;
-    try {
-      slot.need = memory_need_from(read_whole_file(log_of(slot.mission->folder)));
-    } catch (const IoError&) {  // nobody can read it
-    }
+    slot.need = memory_need_from(read_whole_file(slot.answer->path()));
   }
 
   void run(Slot& slot) {
-    MissionStatus& status = slot.mission->status;
+    BatchMission& mission = *slot.mission;
+    const fs::path log = log_of(mission.folder);
     try {
       slot.step = Slot::Step::kRuns;
       slot.start = Clock::now();
-      slot.process = start_child(status.command, log_of(slot.mission->folder));
+      slot.log_begin = begin_log(log, mission.status);
+      slot.process = start_child(mission.status["command"], log);
     } catch (const std::exception& error) {
-      return end(slot, MissionState::kFailed, error.what());
+      return end(slot, kFailed, error.what());
     }
     try {
-      status.process = slot.process;
-      write_status(slot.mission->folder, status);
+      mission.status["process"] = slot.process;
+      write_status(mission.folder, mission.status);
     } catch (const std::exception&) {  // it runs; its end will be written
     }
   }
 
-  /// The slot is free again.
-  void end(Slot& slot, MissionState state, const std::string& reason) {
+  /// Frees the slot.
+  void end(Slot& slot, const char* state, const std::string& reason) {
     BatchMission& mission = *slot.mission;
-    finish(mission, state, reason);
-    if (mission.status.state == MissionState::kDone) drop_workspace(mission);
+    mission.status["state"] = state;
+    if (!reason.empty()) mission.status["reason"] = reason;
+    mission.status["finished"] = time_text();
+    try {
+      if (slot.lock) write_status(mission.folder, mission.status);
+      if (slot.lock && has_state(mission.status, kDone)) drop_workspace(mission);
+    } catch (const std::exception& error) {
+      refuse(mission, error.what());
+    }
     if (slot.share) shares_.give_back(*slot.share);
     slot.free();
-    tell_end(mission);
+    print_end(mission);
   }
 
-  void tell_waiting(const Slot& slot) {
-    if (slot.mission == told_waiting_) return;
-    told_waiting_ = slot.mission;
+  void print_waiting(const Slot& slot) {
+    if (slot.mission == printed_waiting_) return;
+    printed_waiting_ = slot.mission;
     progress_.message(slot.mission->mission.name + ": waits until others have given back memory");
   }
 
-  /// Takes its folder. Another process may have made it meanwhile, or may be about to: then nothing is written there.
-  bool is_still_to_do(Slot& slot, BatchMission& mission) {
+  /// false: another process has made the mission meanwhile. Throws OutputError where it is making it.
+  bool take_folder(Slot& slot, BatchMission& mission) const {
     make_folder(mission.folder);
-    mission.has_folder = false;
     slot.lock.emplace(mission.folder, kLockedFolder, kPatience);
-    mission.has_folder = true;
-    const std::optional<MissionStatus> earlier = read_status(mission.folder);
-    if (!earlier) return true;
-    if (earlier->state == MissionState::kRunning) wait_for_killed(workspace_of(mission.folder));
-    if (!is_settled(*earlier, mission.status, mission)) return true;
-    mission.status = *earlier;
+    const std::optional<MissionStatus> status = read_status(mission.folder);
+    if (!status) return true;
+    if (has_state(*status, kRunning)) wait_for_killed(workspace_of(mission.folder));
+    if (!is_settled(mission, *status, text_in(mission.status, kFingerprint))) return true;
+    mission.status = *status;
     return false;
   }
 
-  /// Its share of CPUs and GPUs, unless it is given them.
+  /// The run of a killed batch is killed as well, but may take a moment to end.
+  static void wait_for_killed(const fs::path& workspace) {
+    std::error_code error;
+    if (!fs::is_directory(workspace, error)) return;
+    try {
+      const FolderLock lock(workspace, "workspace", kPatience);
+    } catch (const OutputError&) {
+      return;  // its run will report it
+    }
+  }
+
+  /// Its share of CPUs and GPUs, unless its options have them.
   void share_out(std::size_t slot, std::vector<std::string>& words) const {
-    const auto is_given = [&words](const char* name) {
-      return std::any_of(words.begin(), words.end(),
-                         [&](const std::string& word) { return !value_of(word, name).empty(); });
-    };
-    if (cpus_ > 0 && !is_given("--threads")) {
+    if (cpus_ > 0 && value_in(words, "--threads").empty()) {
       const int jobs = arguments_.jobs;
       const int share = cpus_ / jobs + (static_cast<int>(slot) < cpus_ % jobs ? 1 : 0);
       words.push_back("--threads=" + std::to_string(std::max(share, 1)));
     }
-    if (!arguments_.devices.empty() && !is_given("--device")) {
-      words.push_back("--device=" + std::to_string(arguments_.devices[slot % arguments_.devices.size()]));
+    if (!devices_.empty() && value_in(words, "--device").empty()) {
+      std::string list;
+      for (const int device : devices_of_job(slot, slots_.size(), devices_)) {
+        list += (list.empty() ? "" : ",") + std::to_string(device);
+      }
+      words.push_back("--device=" + list);
     }
   }
 
   void look_for_end(Slot& slot, bool is_stopped) {
     if (slot.mission == nullptr || slot.waits()) return;
-    const std::optional<ChildEnd> its_end = end_of_child(slot.process);
-    if (!its_end) return;
-    if (slot.step == Slot::Step::kAsks) return look_at_answer(slot);
-    BatchMission& mission = *slot.mission;
-    MissionStatus& status = mission.status;
-    status.process.reset();
-    status.exit_code = its_end->exit_code;
-    status.signal = its_end->signal;
-    status.seconds = seconds_since(slot.start);
-    status.peak_memory_mib = its_end->peak_memory_mib;
-    const bool is_interrupted = is_stopped && (its_end->signal || *its_end->exit_code > kExitSignal);
-    if (its_end->exit_code == kExitOk) {
-      status.points = points_in(stats_of(mission.folder));
-      end(slot, MissionState::kDone, "");
-    } else if (is_interrupted) {
-      end(slot, MissionState::kInterrupted, "");
+    const std::optional<ChildEnd> child = end_of_child(slot.process);
+    if (!child) return;
+    if (slot.step == Slot::Step::kQuery && !arguments_.dry_run) return take_need(slot);
+    const fs::path log = arguments_.dry_run ? slot.answer->path() : log_of(slot.mission->folder);
+    MissionStatus& status = slot.mission->status;
+    status.erase("process");
+    status["exit_code"] = child->signal ? kExitSignal + *child->signal : *child->exit_code;
+    status["seconds"] = seconds_since(slot.start);
+    status["peak_memory_mib"] = child->peak_memory_mib;
+    if (child->exit_code == kExitOk) {
+      if (slot.lock) read_stats(stats_of(slot.mission->folder), status);
+      end(slot, kDone, arguments_.dry_run ? warning_in(log) : "");
+    } else if (is_stopped && status["exit_code"] > static_cast<int>(kExitSignal)) {
+      end(slot, kInterrupted, "");
     } else {
-      end(slot, MissionState::kFailed, reason_of(*its_end, log_of(mission.folder)));
+      end(slot, kFailed, reason_of(*child, log, slot.log_begin));
     }
   }
 
-  void finish(BatchMission& mission, MissionState state, const std::string& reason) {
-    mission.status.state = state;
-    mission.status.reason = reason;
-    mission.status.finished = time_text();
-    if (!mission.has_folder) return;
-    try {
-      make_folder(mission.folder);
-      write_status(mission.folder, mission.status);
-    } catch (const std::exception& error) {
-      mission.status.state = MissionState::kFailed;
-      mission.status.reason = error.what();
-    }
-  }
-
-  /// Only after its status says that it is done: half a workspace is none.
+  /// Only after its status is done: a workspace that is deleted in part is of no use.
   static void drop_workspace(const BatchMission& mission) {
     std::error_code ignored;
-    if (!mission.status.keeps_workspace) fs::remove_all(workspace_of(mission.folder), ignored);
+    if (value_in(mission.options, kKeepWorkspaces) != "true") fs::remove_all(workspace_of(mission.folder), ignored);
   }
 
-  void tell_end(const BatchMission& mission) {
+  void print_end(const BatchMission& mission) {
     const MissionStatus& status = mission.status;
     if (mission.has_run) ++ended_;
-    nlohmann::ordered_json event{{"event", "mission"}};
-    event.update(to_json(mission));
+    nlohmann::ordered_json event{{"event", "mission"}, {"name", mission.mission.name}, {"line", mission.mission.line}};
+    event.update(status);
     progress_.event(event);
-    if (arguments_.progress == ProgressMode::kJson) return;
-    std::string text = mission.mission.name + ": " + name_of(status.state);
+    if (arguments_.progress == ProgressMode::kJson || (arguments_.dry_run && !arguments_.quiet)) return;
+    std::string text = mission.mission.name + ": " + text_in(status, "state");
     if (mission.has_run) text = std::to_string(ended_) + "/" + std::to_string(to_do_) + " " + text;
-    if (!status.reason.empty()) text += ": " + status.reason;
-    if (status.state == MissionState::kFailed) return progress_.warning(text);
-    if (status.points) text += ", " + count_text(*status.points) + " points";
-    progress_.message(text + ", " + duration_text(status.seconds));
+    const std::string reason = text_in(status, "reason");
+    if (has_state(status, kFailed)) return progress_.warning(text + ": " + reason);
+    if (status.contains("points")) text += ", " + count_text(status["points"].get<std::int64_t>()) + " points";
+    progress_.message(text + ", " + duration_text(status.value("seconds", 0.0)));
+    if (!reason.empty()) progress_.message(mission.mission.name + ": " + reason);
   }
 
-  void tell() {
-    nlohmann::ordered_json json = to_json(report_);
-    const fs::path file = arguments_.output / "batch.json";
-    if (!arguments_.only) {  // of all missions
-      write_file(file, json_text(json));
-      write_file(arguments_.output / "index.html", batch_page(report_, arguments_));
+  /// Of all missions, also where this call has a share of them. Others may end meanwhile, and the last one must write
+  /// what all have done.
+  void write_tables() const {
+    for (std::string written;;) {
+      const BatchMissions missions = recorded(all_);
+      const std::string csv = csv_text(missions);
+      if (csv == written) return;
+      write_if_changed(output_ / "missions.csv", csv);
+      write_if_changed(output_ / "index.html", page_text(missions, lists_.now.path, output_));
+      written = csv;
     }
+  }
+
+  void report() {
     if (arguments_.progress != ProgressMode::kJson && !arguments_.quiet) {
-      std::cout << table_text(report_) << summary(report_) << "\n";
+      std::cout << (arguments_.dry_run ? checks_text(missions_) : table_text(missions_) + summary(missions_))
+                << (arguments_.summary ? "" : "; " + duration_text(seconds_since(start_))) << "\n";
     }
-    json.erase("missions");
-    if (!arguments_.only) json["output"] = file.string();
-    progress_.done(json);
+    nlohmann::ordered_json result;
+    for (const char* state : {kDone, kFailed, kRunning, kInterrupted, kWaiting})
+      result[state] = count(missions_, state);
+    result["seconds"] = seconds_since(start_);
+    progress_.done(result);
   }
 
+  int exit_code() const {
+    if (count(missions_, kDone) == missions_.size()) return kExitOk;
+    return count(missions_, kFailed) == missions_.size() ? kExitAllFailed : kExitSomeFailed;
+  }
+
+  static constexpr const char* kFingerprint = "fingerprint";
   static constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
-  static constexpr const char* kLockedFolder = "folder of a mission";
   static constexpr std::chrono::seconds kPatience{20};  ///< with a process that has been killed
 
   const BatchArguments& arguments_;
   Clock::time_point start_ = Clock::now();
   Progress progress_;
-  fs::path inputs_;
-  BatchReport report_;
+  Lists lists_;
+  fs::path output_;
+  BatchMissions all_;
+  BatchMissions missions_;  ///< those of this call
   std::vector<Slot> slots_;
   MemoryShares shares_;
-  const BatchMission* told_waiting_ = nullptr;
-  int cpus_ = 0;  ///< to share out; 0 = each run takes what there is
+  const std::string host_ = host_name();
+  const BatchMission* printed_waiting_ = nullptr;
+  int cpus_ = 0;              ///< to share; 0 = each run takes all
+  std::vector<int> devices_;  ///< to share
   std::size_t to_do_ = 0;
   std::size_t ended_ = 0;  ///< of these
 };
@@ -448,8 +518,28 @@ void scan(const fs::path& folder) {
     std::cerr << "warning: " << map.string() << ": no images or video beside it, left out; see batch --help\n";
   }
   if (found.missions.empty()) {
-    throw InvalidInput(folder.string() + ": no mission in it; expected maps (*.msg, *.db) with images beside them");
+    throw InvalidInput(folder.string() +
+                       ": no mission in it; expected maps (*.msg, *.db, reconstruction.json, sparse/0) with images "
+                       "beside them");
   }
+}
+
+int run_batch(const BatchArguments& arguments) {
+  if (!arguments.scan.empty()) {
+    scan(arguments.scan);
+    return kExitOk;
+  }
+  if (!arguments.slurm.empty()) {
+    const std::string script = slurm_script(arguments, lists_of(arguments).now.missions.size());
+    if (arguments.slurm == "submit") {
+      submit(script);
+    } else {
+      std::cout << script;
+    }
+    return kExitOk;
+  }
+  Batch batch(arguments);
+  return arguments.summary ? batch.summarise() : arguments.dry_run ? batch.check() : batch.run();
 }
 
 }  // namespace
@@ -457,20 +547,7 @@ void scan(const fs::path& folder) {
 int batch(int argc, const char* const* argv) {
   const std::optional<BatchArguments> arguments = parse_batch_arguments(argc, argv);
   if (!arguments) return kExitOk;
-  if (!arguments->scan.empty()) {
-    scan(arguments->scan);
-    return kExitOk;
-  }
-  if (!arguments->slurm.empty()) {
-    const std::string script = slurm_script(*arguments, read_manifest(arguments->manifest).missions.size());
-    if (arguments->slurm == "submit") {
-      submit(script);
-    } else {
-      std::cout << script;
-    }
-    return kExitOk;
-  }
-  const int code = Batch(*arguments)();
+  const int code = run_batch(*arguments);
   std::cout.flush();
   if (!std::cout) throw OutputError("standard output cannot be written");
   return code;

@@ -19,45 +19,41 @@ namespace {
 
 constexpr const char* kAbout =
     "Many missions: each by a process of its own, with results, log and status in a folder of its own, DIR/NAME.\n"
-    "One that fails costs no other. The same command, given again, makes what is not finished, goes on where one was\n"
-    "interrupted, and makes anew what has other inputs or options.\n";
+    "One that fails costs no other. DIR records the list and the options: `batch -o DIR` goes on with them.\n";
 
 constexpr const char* kMore =
     "Options of `run` (see run --help-all) are for all missions; those of a mission come after them and override "
     "them.\n"
     "--depth-maps and --preview name folders in those of the missions, --report a page there. --format ply,las names\n"
-    "the formats of the clouds, which are written as cloud.ply, cloud.las and so on. Not to be given: -o, --stats,\n"
-    "--workspace and --force, which a batch sets itself, --growing, --follow, --raw-depth-maps and --live-view.\n"
+    "the formats of the clouds, which are written as cloud.ply, cloud.las and so on. Set by the batch itself: -o,\n"
+    "--stats and --workspace; not available: --growing, --follow, --raw-depth-maps and --live-view.\n"
     "\n"
     "MANIFEST is JSON lines, an object a mission, or tab-separated with a first line that names the columns:\n"
     "name, map, images or video, mask, options. Paths are relative to the manifest. Options are an object as in\n"
     "--config, {\"quality\": \"high\", \"fusion\": {\"window\": 7}, \"fps\": 25}, or in a table words, --quality "
     "high.\n"
-    "Without a name a mission is called as its map, or as the map's folder where the map is called map.\n"
+    "The default name is that of the map, or of the folder around map.*, reconstruction.json or sparse/0.\n"
     "\n"
-    "--scan lists files *.msg and *.db. To each belong, in this order: the folder beside it that has its name or is\n"
-    "called images, keyframes or frames; the only other folder beside it with images; the video beside it that has\n"
-    "its name; the only other video beside it. A mask.png beside it is its mask. Names of missions are paths in DIR.\n"
+    "--scan lists files *.msg, *.db and reconstruction.json (OpenSfM) and folders with a model of COLMAP, such as\n"
+    "sparse/0. To each belong, in this order: the folder beside it that has its name or is called images, keyframes\n"
+    "or frames; the only other folder beside it with images; the video beside it that has its name; the only other\n"
+    "video beside it. A mask.png beside it is its mask. Names of missions are paths in DIR.\n"
     "\n"
     "Examples:\n"
     "  pmsp-densify batch --scan flights/ > missions.jsonl\n"
-    "  pmsp-densify batch missions.jsonl -o results/ --jobs 2 --quality normal\n"
+    "  pmsp-densify batch missions.jsonl -o results/ --quality normal --dry-run\n"
+    "  pmsp-densify batch missions.jsonl -o results/ --quality normal --jobs 2\n"
+    "  pmsp-densify batch -o results/ --retry\n"
     "  pmsp-densify batch missions.jsonl -o results/ --slurm=submit --sbatch \"--time=2:00:00 --cpus-per-task=8\"\n"
     "\n"
-    "Exit codes: 0 all missions are done, 7 some failed, 8 all failed; 2 usage, 3 manifest, 6 output,\n"
-    "128 + n stopped by signal n (130 Ctrl-C, 143 SIGTERM)";
-
-int jobs_from(const std::string& text) {
-  const auto jobs = number_from<int>(text);
-  if (jobs && *jobs >= 1 && *jobs <= 256) return *jobs;
-  throw UsageError("--jobs is \"" + text + "\"; expected a whole number from 1 to 256");
-}
+    "Exit codes: 0 all missions of the list are done, 7 some failed or are not made yet, 8 all failed (--dry-run: 0 "
+    "all\n"
+    "would run, 7 some, 8 none); 2 usage, 3 manifest, 6 output, 128 + n stopped by signal n (130 Ctrl-C, 143 SIGTERM)";
 
 std::vector<int> devices_from(const std::string& text) {
   DensifierOptions options;
   find_option("device")->set(options, text, "--device");
-  if (!options.devices.empty()) return options.devices;
-  throw UsageError("--device is \"" + text + "\"; in a batch expected numbers, such as 0,1: jobs have them in turns");
+  return options.devices;
 }
 
 ProgressMode progress_from(const std::string& name) {
@@ -68,34 +64,41 @@ ProgressMode progress_from(const std::string& name) {
 }
 
 void add_own(CLI::App& app, BatchArguments& a) {
-  app.add_option("manifest", a.manifest, "List of missions; - = standard input")->type_name("MANIFEST");
+  app.add_option("manifest", a.manifest, "List of missions; - = standard input [default the recorded list of DIR]")
+      ->type_name("MANIFEST");
   app.add_option("-o,--output", a.output, "Folder of the results; one batch at a time works in it, but see --only")
       ->type_name("DIR");
+  app.add_flag("--dry-run", a.dry_run, "Make and write nothing: check each mission as `info` does");
+  app.add_flag("--summary", a.summary,
+               "Make and write nothing: the table of the missions, also while others make them");
+  app.add_flag("--retry", a.retry, "Also run failed missions again, though their inputs are the same");
+  app.add_flag("--force", a.force,
+               "Record the given options instead of others of the same names, and make the missions again that they "
+               "change");
   app.add_option_function<std::string>(
-         "--jobs", [&a](const std::string& text) { a.jobs = jobs_from(text); },
-         "Missions at once, which share the CPUs: each has its share as --threads, unless that is given; and memory, "
-         "see "
-         "--memory [1 to 256; default 1]")
+         "--jobs",
+         [&a](const std::string& text) { a.jobs = number_in<int>("--jobs", text, 1, 256, "a whole number, 1 to 256"); },
+         "Missions at once, which share the CPUs (--threads), the GPUs (--device) and memory (--memory) [1 to 256; "
+         "default 1]")
       ->type_name("N");
   app.add_option_function<std::string>(
          "--memory",
          [&a](const std::string& text) {
            a.memory = number_in<double>("--memory", text, 0.001, 1e6, "a number from 0.001 to 1000000");
          },
-         "Memory that the missions of --jobs may take together; one waits while its share is not there [GiB; default "
-         "what is free at the start]")
+         "Memory of all jobs together; a mission waits while its share is not free [GiB; default the free memory at "
+         "the start]")
       ->type_name("SIZE");
   app.add_option_function<std::string>(
          "--device", [&a](const std::string& text) { a.devices = devices_from(text); },
-         "CUDA devices, such as 0,1: the first job has the first one, and so on, in turns; jobs share a device's "
-         "memory as they do the host's")
+         "CUDA devices, such as 0,1, or all, to which jobs are assigned round-robin; of more devices than jobs each "
+         "job has several [default all with --jobs, else 0]")
       ->type_name("LIST");
   app.add_option_function<std::string>(
          "--only", [&a](const std::string& text) { a.only = shard_from(text, "--only"); },
          "Every N-th mission, from number K on (from 0); others may make theirs in DIR at the same time. auto: K and N "
          "of this task of a SLURM job array")
       ->type_name("K/N");
-  app.add_flag("--summary", a.summary, "Make no mission: the table of how far they are, also while others make them");
   app.add_flag("--slurm{print}", a.slurm,
                "Instead of all else: print a script that submits a SLURM job array over the missions, and the job of "
                "their table; --slurm=submit runs it")
@@ -104,10 +107,9 @@ void add_own(CLI::App& app, BatchArguments& a) {
          "--sbatch", [&a](const std::string& text) { a.sbatch = split_words(text); },
          "With --slurm: options for sbatch, such as \"--partition=gpu --gres=gpu:1\"")
       ->type_name("WORDS");
-  app.add_flag("--retry", a.retry, "Run missions again that have failed, though their inputs are the same");
-  app.add_flag(
-      "--keep-workspaces", a.keep_workspaces,
-      "Keep what was made of each keyframe also when a mission is done (DIR/NAME/work, large), for a newer map");
+  app.add_flag_callback(
+      kKeepWorkspaces, [&a] { a.options.push_back(std::string(kKeepWorkspaces) + "=true"); },
+      "Keep the workspaces of missions that are done (DIR/NAME/work, large), for a newer map");
   app.add_option("--scan", a.scan, "Instead of all else: print a manifest of the missions in this folder tree")
       ->type_name("DIR");
   app.add_option_function<std::string>(
@@ -118,10 +120,10 @@ void add_own(CLI::App& app, BatchArguments& a) {
   app.add_flag("-q,--quiet", a.quiet, "Failed missions, warnings and errors only");
 }
 
-/// Mistakes in what all missions are given end the batch before it begins.
+/// Mistakes in the options of all missions end the batch before it begins.
 void check_options(const std::vector<std::string>& options) {
   std::vector<std::string> words{"", "run", "MAP", "--images=DIR"};
-  const std::vector<std::string> of_run = without_formats(options);
+  const std::vector<std::string> of_run = run_options_in("", options);
   words.insert(words.end(), of_run.begin(), of_run.end());
   check_run_words(words);
 }
@@ -131,22 +133,24 @@ void check(const BatchArguments& a) {
     if (!a.manifest.empty() || !a.output.empty()) throw UsageError("--scan takes neither MANIFEST nor -o");
     return;
   }
-  if (a.manifest.empty()) throw UsageError("MANIFEST is missing: pmsp-densify batch MANIFEST -o DIR; see batch --help");
-  if (a.output.empty()) throw UsageError("-o DIR is missing: the folder of the results");
-  if (a.only && a.summary) throw UsageError("--only and --summary exclude each other");
+  if (a.output.empty()) throw UsageError("-o DIR is missing, the folder of the results: batch MANIFEST -o DIR");
+  for (const auto& [is_given, name] : {std::pair(a.summary, "--summary"), std::pair(a.dry_run, "--dry-run")}) {
+    if (is_given && a.only) throw UsageError(std::string("--only and ") + name + " exclude each other");
+  }
+  if (a.summary && a.dry_run) throw UsageError("--summary and --dry-run exclude each other");
   if (a.slurm.empty()) {
     if (!a.sbatch.empty()) throw UsageError("--sbatch needs --slurm");
   } else {
     if (a.slurm != "print" && a.slurm != "submit") {
       throw UsageError("--slurm is \"" + a.slurm + "\"; expected --slurm=print or --slurm=submit");
     }
-    if (a.only || a.summary) throw UsageError("--slurm excludes --only and --summary, which its jobs are given");
+    if (a.only || a.summary || a.dry_run) throw UsageError("--slurm excludes --only, --summary and --dry-run");
     if (a.manifest == "-") throw UsageError("--slurm needs a MANIFEST that is a file, which its jobs can read");
   }
   check_options(a.options);
 }
 
-/// The words that jobs are given, too: all but what says how they are submitted.
+/// The words for jobs: without those about their submission.
 std::vector<std::string> words_for_jobs(const std::vector<std::string>& words) {
   std::vector<std::string> result;
   for (std::size_t i = 0; i < words.size(); ++i) {

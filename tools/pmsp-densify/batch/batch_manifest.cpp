@@ -7,11 +7,15 @@
 #include <iostream>
 #include <iterator>
 #include <map>
+#include <system_error>
 #include <utility>
 
 #include <nlohmann/json.hpp>
 
+#include "arguments.h"
 #include "batch_options.h"
+#include "batch_status.h"
+#include "depth_output.h"
 #include "option_flags.h"
 #include "pmsp/error.h"
 #include "pmsp/io/files.h"
@@ -25,6 +29,7 @@ using Json = nlohmann::ordered_json;  // options keep their order
 constexpr std::array kColumns{"name", "map", "images", "video", "mask", "options"};
 constexpr const char* kNameCharacters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
 constexpr std::size_t kMaxName = 200;
+constexpr const char* kRecord = "batch.json";
 
 struct Line {
   std::size_t number = 0;
@@ -57,16 +62,13 @@ void check_name(const std::string& name) {
     throw InvalidInput("the name \"" + name +
                        "\" cannot be that of a folder; expected up to 200 of A-Z a-z 0-9 . _ -, the first one no dot");
   }
-  if (name == "lock" || name == "batch.json" || name == "index.html" || name == "batch.sbatch")
-    throw InvalidInput("the name \"" + name + "\" is taken by the batch");
+  for (const char* taken : {"lock", "batch.json", "missions.csv", "index.html", "batch.sbatch"}) {
+    if (name == taken) throw InvalidInput("the name \"" + name + "\" is taken by the batch");
+  }
 }
 
-/// As the map is called, or as its folder where the map is just "map".
 std::string name_of_map(const fs::path& map) {
-  fs::path name = map.stem();
-  const fs::path folder = map.parent_path().filename();
-  if (name == "map" && !folder.empty() && folder != "." && folder != "..") name = folder;
-  std::string text = name.string();
+  std::string text = title_of_map(map).filename().string();
   for (char& c : text) {
     if (std::string(kNameCharacters).find(c) == std::string::npos) c = '_';
   }
@@ -81,8 +83,6 @@ std::string& column(Mission& mission, const std::string& key) {
   if (key == "video") return mission.video;
   return mission.mask;
 }
-
-std::string nearest_column(const std::string& key) { return nearest(key, {kColumns.begin(), kColumns.end()}); }
 
 bool is_column(const std::string& key) { return std::find(kColumns.begin(), kColumns.end(), key) != kColumns.end(); }
 
@@ -111,7 +111,7 @@ void check(const Mission& mission) {
 }
 
 /// Fills in what the line says, as far as it makes sense; throws where it ceases to.
-void read_object(const std::string& line, MissionOptions& options, Mission& mission) {
+void read_object(const std::string& line, const fs::path& folder, Mission& mission) {
   Json object;
   try {
     object = Json::parse(line);
@@ -122,7 +122,7 @@ void read_object(const std::string& line, MissionOptions& options, Mission& miss
   std::string mistake;
   for (const auto& [key, value] : object.items()) {
     if (!is_column(key)) {
-      mistake = "there is no key \"" + key + "\"; did you mean \"" + nearest_column(key) + "\"?";
+      mistake = "there is no key \"" + key + "\"" + suggestion(key, {kColumns.begin(), kColumns.end()});
     } else if (key == "options" ? !value.is_object() : !value.is_string()) {
       mistake = "\"" + key + "\" is " + value.dump() + "; expected " + (key == "options" ? "an object" : "a text");
     } else if (key != "options") {
@@ -132,7 +132,7 @@ void read_object(const std::string& line, MissionOptions& options, Mission& miss
   if (!mistake.empty()) throw InvalidInput(mistake);
   std::vector<std::string> words;
   if (object.contains("options")) words_of_object(object["options"], "--", words);
-  mission.options = options.read(words);
+  mission.options = mission_options(std::move(words), folder);
 }
 
 std::vector<std::string> cells_of(const std::string& line) {
@@ -159,7 +159,7 @@ std::vector<std::string> columns_of(const Line& head, const std::string& path) {
   return columns;
 }
 
-void read_row(const std::string& line, const std::vector<std::string>& columns, MissionOptions& options,
+void read_row(const std::string& line, const std::vector<std::string>& columns, const fs::path& folder,
               Mission& mission) {
   const std::vector<std::string> cells = cells_of(line);
   std::string words;
@@ -170,24 +170,21 @@ void read_row(const std::string& line, const std::vector<std::string>& columns, 
     throw InvalidInput("has " + std::to_string(cells.size()) + " cells; expected up to " +
                        std::to_string(columns.size()));
   }
-  mission.options = options.read(split_words(words));
+  mission.options = mission_options(split_words(words), folder);
 }
 
 void name_missions(std::vector<Mission>& missions, const std::string& path) {
   std::map<std::string, std::size_t> lines;
   for (Mission& mission : missions) {
+    const std::string line = "line " + std::to_string(mission.line);
     try {
       if (mission.name.empty()) mission.name = name_of_map(mission.map);
-      mission.is_named = !mission.name.empty();
-      if (mission.is_named) check_name(mission.name);
+      if (!mission.name.empty()) check_name(mission.name);
     } catch (const InvalidInput& error) {
-      mission.is_named = false;
-      mission.error = path + ": line " + std::to_string(mission.line) + ": " + error.what();
+      mission.name.clear();
+      mission.error = path + ": " + line + ": " + error.what();
     }
-    if (!mission.is_named) {
-      mission.name = "(line " + std::to_string(mission.line) + ")";
-      continue;
-    }
+    if (mission.name.empty()) mission.name = "(" + line + ")";
     const auto [other, is_new] = lines.emplace(mission.name, mission.line);
     if (is_new) continue;
     throw InvalidInput(path + ": lines " + std::to_string(other->second) + " and " + std::to_string(mission.line) +
@@ -200,14 +197,64 @@ std::string text_of_manifest(const std::string& path) {
   return {std::istreambuf_iterator<char>(std::cin), std::istreambuf_iterator<char>()};
 }
 
+/// The texts of a mission, by their keys.
+constexpr std::pair<const char*, std::string Mission::*> kTexts[] = {
+    {"name", &Mission::name},   {"map", &Mission::map},   {"images", &Mission::images},
+    {"video", &Mission::video}, {"mask", &Mission::mask}, {"error", &Mission::error}};
+
+Json json_of(const Mission& mission) {
+  Json json{{"line", mission.line}};
+  for (const auto& [key, text] : kTexts) {
+    if (!(mission.*text).empty()) json[key] = mission.*text;
+  }
+  json["options"] = mission.options;
+  return json;
+}
+
+Mission mission_from(const Json& json) {
+  Mission mission;
+  mission.line = json.at("line").get<std::size_t>();
+  for (const auto& [key, text] : kTexts) mission.*text = json.value(key, "");
+  mission.options = json.at("options").get<std::vector<std::string>>();
+  if (mission.error.empty()) check_name(mission.name);
+  return mission;
+}
+
+/// As options, so that `difference` compares them.
+std::vector<std::string> words_of(const Mission& mission) {
+  std::vector<std::string> words;
+  for (const auto& [key, text] : kTexts) {
+    if (text != &Mission::name && text != &Mission::error && !(mission.*text).empty()) {
+      words.push_back(std::string(key) + "=" + mission.*text);
+    }
+  }
+  words.insert(words.end(), mission.options.begin(), mission.options.end());
+  return words;
+}
+
 }  // namespace
+
+fs::path title_of_map(const fs::path& map) {
+  fs::path title = map.has_filename() ? map : map.parent_path();
+  title.replace_extension();
+  for (;;) {
+    const std::string last = title.filename().string();
+    const fs::path folder = title.parent_path();
+    const bool is_component =
+        folder.filename() == "sparse" && last.find_first_not_of("0123456789") == std::string::npos;
+    const bool is_shared = is_component || last == "map" || last == "sparse" || last == "reconstruction";
+    const fs::path parent = folder.filename();
+    if (!is_shared || parent.empty() || parent == "." || parent == "..") return title;
+    title = folder;
+  }
+}
 
 Manifest read_manifest(const std::string& path) {
   const std::vector<Line> lines = lines_of(text_of_manifest(path));
   Manifest manifest;
-  if (path != "-") manifest.folder = fs::path(path).parent_path();
+  manifest.path = path;
+  manifest.folder = (fs::current_path() / (path == "-" ? fs::path() : fs::path(path).parent_path())).lexically_normal();
   const bool is_table = !lines.empty() && stripped(lines.front().text)[0] != '{';
-  MissionOptions options(manifest.folder);
   std::vector<std::string> columns;
   if (is_table) columns = columns_of(lines.front(), path);
   for (std::size_t i = is_table ? 1 : 0; i < lines.size(); ++i) {
@@ -215,9 +262,9 @@ Manifest read_manifest(const std::string& path) {
     mission.line = lines[i].number;
     try {
       if (is_table) {
-        read_row(lines[i].text, columns, options, mission);
+        read_row(lines[i].text, columns, manifest.folder, mission);
       } else {
-        read_object(lines[i].text, options, mission);
+        read_object(lines[i].text, manifest.folder, mission);
       }
       check(mission);
     } catch (const std::exception& error) {
@@ -228,6 +275,47 @@ Manifest read_manifest(const std::string& path) {
   if (manifest.missions.empty()) throw InvalidInput(path + ": there is no mission in it; expected one a line");
   name_missions(manifest.missions, path);
   return manifest;
+}
+
+std::optional<Manifest> read_record(const fs::path& folder) {
+  const fs::path path = folder / kRecord;
+  std::error_code ignored;
+  if (!fs::exists(path, ignored)) return std::nullopt;
+  const std::string text = read_whole_file(path);
+  try {
+    const Json json = Json::parse(text);
+    Manifest record;
+    record.path = json.at("manifest").get<std::string>();
+    record.folder = json.at("folder").get<std::string>();
+    record.options = json.at("options").get<std::vector<std::string>>();
+    for (const Json& mission : json.at("missions")) {
+      record.missions.push_back(mission_from(mission));
+    }
+    return record;
+  } catch (const std::exception& error) {
+    throw InvalidInput(path.string() + ": is no record of a batch (" + error.what() +
+                       "); move it away and give MANIFEST and the options again");
+  }
+}
+
+void write_record(const fs::path& folder, const Manifest& record) {
+  Json json{{"generator", version_text()},
+            {"manifest", record.path},
+            {"folder", record.folder.string()},
+            {"options", record.options},
+            {"missions", Json::array()}};
+  for (const Mission& mission : record.missions) json["missions"].push_back(json_of(mission));
+  write_if_changed(folder / kRecord, json_text(json));
+}
+
+std::string line_difference(const Mission& recorded, const Mission& given) {
+  const std::vector<std::string> before = words_of(recorded), now = words_of(given);
+  const std::string added = difference(before, now);
+  if (!added.empty()) return added;
+  for (const std::string& word : before) {
+    if (value_in(now, name_of_option(word)).empty()) return "recorded " + word + ", given none";
+  }
+  return "";
 }
 
 }  // namespace pmsp::tool

@@ -18,13 +18,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What batch says for each mission, or has a column or an option of its own for.
+/// Set by batch for each mission, or columns of the list, or options of batch itself.
 constexpr std::array kOfBatch{"--images",    "--video",          "--output",    "--force",        "--stats",
                               "--workspace", "--growing",        "--follow",    "--until-idle",   "--progress",
                               "--quiet",     "--raw-depth-maps", "--live-view", "--live-address", "--delete-workspace"};
-constexpr std::array kOfMachine{"--threads", "--device", "--backend", "--simd", "--pipelined", "--scratch"};
-constexpr std::array kFilesToRead{"--config", "--mask",      "--prior-depth", "--scratch",
-                                  "--align",  "--transform", "--crs"};
+constexpr std::array kOfMachine{"--threads",   "--device",  "--backend",    "--simd",
+                                "--pipelined", "--scratch", kKeepWorkspaces};
+constexpr std::array kFilesToRead{"--config",    "--mask", "--prior-depth", "--scratch",    "--align",
+                                  "--transform", "--crs",  "--points",      "--image-list", "--camera-from-body"};
 constexpr const char* kFormat = "--format";
 constexpr std::array kFoldersForResults{"--depth-maps", "--preview"};
 constexpr const char* kReport = "--report";
@@ -34,16 +35,14 @@ bool is_one_of(const std::array<const char*, N>& names, const std::string& name)
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-std::string name_of_option(const std::string& option) { return option.substr(0, option.find('=')); }
-
 bool is_plain_name(const std::string& name) {
   return !name.empty() && name[0] != '.' && fs::path(name).filename() == name;
 }
 
 std::string value_for_mission(const std::string& name, const std::string& value, const fs::path& folder) {
-  if (name == "--format") formats_in({name + "=" + value});
-  if (name == "--align" && value == kAlignExif) return value;
-  if (is_one_of(kFilesToRead, name)) return (folder / value).string();
+  if (name == kFormat) formats_in({name + "=" + value});
+  if (value.empty() || (name == "--align" && value == kAlignExif)) return value;
+  if (is_one_of(kFilesToRead, name)) return fs::absolute(folder / value).lexically_normal().string();
   const bool is_taken = value == "work" || value.rfind("cloud.", 0) == 0 || value.find(".json") != std::string::npos ||
                         value == "log.txt";
   if (is_one_of(kFoldersForResults, name) && (is_taken || !is_plain_name(value))) {
@@ -87,27 +86,21 @@ void refuse_words_for_missions(const CLI::App& app) {
   refuse_extra_words(app);
 }
 
-MissionOptions::MissionOptions(const fs::path& folder) : app_(std::make_unique<CLI::App>()) {
-  app_->set_help_flag();
-  app_->allow_extras();
-  add_mission_options(*app_, folder, result_);
-}
-
-MissionOptions::~MissionOptions() = default;
-
-std::vector<std::string> MissionOptions::read(std::vector<std::string> words) {
-  result_.clear();
+std::vector<std::string> mission_options(std::vector<std::string> words, const fs::path& folder) {
+  std::vector<std::string> result;
+  CLI::App app;
+  app.set_help_flag();
+  app.allow_extras();
+  add_mission_options(app, folder, result);
   spell_out_switches(words);
-  parse_words(*app_, std::move(words));
-  refuse_words_for_missions(*app_);
-  return result_;
+  parse_words(app, std::move(words));
+  refuse_words_for_missions(app);
+  return result;
 }
 
 std::vector<const CloudFormat*> formats_in(const std::vector<std::string>& options) {
-  std::string names = "ply";
-  for (const std::string& option : options) {
-    if (name_of_option(option) == kFormat) names = value_of(option, kFormat);
-  }
+  std::string names = value_in(options, kFormat);
+  if (names.empty()) names = "ply";
   std::vector<const CloudFormat*> formats;
   std::string known;
   for (const CloudFormat& format : cloud_formats()) known += (known.empty() ? "" : ", ") + std::string(format.name);
@@ -124,27 +117,69 @@ std::vector<const CloudFormat*> formats_in(const std::vector<std::string>& optio
   return formats;
 }
 
-std::vector<std::string> without_formats(std::vector<std::string> options) {
-  const auto is_format = [](const std::string& option) { return name_of_option(option) == kFormat; };
-  options.erase(std::remove_if(options.begin(), options.end(), is_format), options.end());
-  return options;
-}
-
 bool is_of_machine(const std::string& option) { return is_one_of(kOfMachine, name_of_option(option)); }
 
-std::string value_of(const std::string& option, const std::string& name) {
-  return option.rfind(name + "=", 0) == 0 ? option.substr(name.size() + 1) : "";
+bool is_file_to_read(const std::string& option) {
+  return is_one_of(kFilesToRead, name_of_option(option)) && value_of(option) != kAlignExif;
 }
 
-std::vector<std::string> options_in(const fs::path& folder, const std::vector<std::string>& options) {
-  std::vector<std::string> result = options;
-  for (std::string& option : result) {
-    for (const char* name : {kFoldersForResults[0], kFoldersForResults[1], kReport}) {
-      const std::string value = value_of(option, name);
-      if (!value.empty()) option = std::string(name) + "=" + (folder / value).string();
-    }
+std::string name_of_option(const std::string& option) { return option.substr(0, option.find('=')); }
+
+std::string value_of(const std::string& option) {
+  const std::size_t equals = option.find('=');
+  return equals == std::string::npos ? "" : option.substr(equals + 1);
+}
+
+std::string value_in(const std::vector<std::string>& options, const std::string& name) {
+  const auto last =
+      std::find_if(options.rbegin(), options.rend(), [&](const std::string& it) { return name_of_option(it) == name; });
+  return last != options.rend() ? value_of(*last) : "";
+}
+
+std::vector<std::string> run_options_in(const fs::path& folder, const std::vector<std::string>& options) {
+  std::vector<std::string> result;
+  for (const std::string& option : options) {
+    const std::string name = name_of_option(option);
+    if (name == kFormat || name == kKeepWorkspaces) continue;
+    const bool is_result = is_one_of(kFoldersForResults, name) || name == kReport;
+    result.push_back(is_result ? name + "=" + (folder / value_of(option)).string() : option);
   }
   return result;
+}
+
+std::string difference(const std::vector<std::string>& recorded, const std::vector<std::string>& given) {
+  for (const std::string& option : given) {
+    if (is_of_machine(option) || std::find(recorded.begin(), recorded.end(), option) != recorded.end()) continue;
+    const std::string before = value_in(recorded, name_of_option(option));
+    return "recorded " + (before.empty() ? "none" : name_of_option(option) + "=" + before) + ", given " + option;
+  }
+  return "";
+}
+
+std::vector<std::string> merged(std::vector<std::string> recorded, const std::vector<std::string>& given) {
+  const auto is_given = [&](const std::string& option) {
+    return std::any_of(given.begin(), given.end(),
+                       [&](const std::string& it) { return name_of_option(it) == name_of_option(option); });
+  };
+  recorded.erase(std::remove_if(recorded.begin(), recorded.end(), is_given), recorded.end());
+  recorded.insert(recorded.end(), given.begin(), given.end());
+  return recorded;
+}
+
+std::string command_text(const std::vector<std::string>& words) {
+  const char* plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=./,:@%";
+  std::string text;
+  for (const std::string& word : words) {
+    if (!text.empty()) text += " ";
+    if (!word.empty() && word.find_first_not_of(plain) == std::string::npos) {
+      text += word;
+      continue;
+    }
+    text += "'";
+    for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    text += "'";
+  }
+  return text;
 }
 
 std::vector<std::string> split_words(const std::string& line) {

@@ -6,6 +6,7 @@
 #include <set>
 #include <system_error>
 
+#include "batch_manifest.h"
 #include "pmsp/error.h"
 
 namespace pmsp::tool {
@@ -19,7 +20,9 @@ bool has_extension(const fs::path& path, const std::set<std::string>& extensions
   return extensions.count(extension) > 0;
 }
 
-bool is_map(const fs::path& path) { return has_extension(path, {".msg", ".db"}); }
+bool is_map(const fs::path& path) {
+  return has_extension(path, {".msg", ".db"}) || path.filename() == "reconstruction.json";  // OpenSfM
+}
 bool is_video(const fs::path& path) {
   return has_extension(path, {".mp4", ".mov", ".mkv", ".avi", ".webm", ".m4v", ".insv", ".360"});
 }
@@ -35,7 +38,34 @@ bool holds_images(const fs::path& folder) {
   return false;
 }
 
-/// What lies in one folder, without what is hidden, by name.
+bool holds_image_folder(const fs::path& folder) {
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    if (fs::is_directory(it->path(), error) && holds_images(it->path())) return true;
+  }
+  return false;
+}
+
+/// A model of COLMAP.
+bool is_model(const fs::path& folder) {
+  const auto has = [&](const char* name) {
+    std::error_code ignored;
+    return fs::exists(folder / (std::string(name) + ".bin"), ignored) ||
+           fs::exists(folder / (std::string(name) + ".txt"), ignored);
+  };
+  return has("cameras") && has("images");
+}
+/// Of a folder of COLMAP's mapper, "sparse" with models 0, 1, ...: its only model, or else itself.
+fs::path map_in(const fs::path& sparse) {
+  fs::path map;
+  std::error_code error;
+  for (fs::directory_iterator it(sparse, error), end; !error && it != end; it.increment(error)) {
+    if (is_model(it->path())) map = map.empty() ? it->path() : sparse;
+  }
+  return map;
+}
+
+/// Visible entries of one folder, by name.
 struct Contents {
   std::vector<fs::path> maps, image_folders, videos, folders;
   fs::path mask;
@@ -49,15 +79,25 @@ Contents contents_of(const fs::path& folder) {
     if (it->path().filename().string()[0] != '.') entries.push_back(it->path());
   }
   std::sort(entries.begin(), entries.end());
+  if (is_model(folder)) contents.maps.push_back(folder);
   for (const fs::path& entry : entries) {
     if (fs::is_directory(entry, error)) {
+      const fs::path map = is_model(entry) ? entry : entry.filename() == "sparse" ? map_in(entry) : fs::path();
+      if (!map.empty() && !holds_image_folder(map)) {
+        contents.maps.push_back(map);
+        continue;
+      }
       if (!fs::is_symlink(entry, error)) contents.folders.push_back(entry);  // links may lead in circles
-      if (holds_images(entry)) contents.image_folders.push_back(entry);
+      if (entry.filename() != "masks" && holds_images(entry)) contents.image_folders.push_back(entry);
     } else if (fs::is_regular_file(entry, error)) {
       if (is_map(entry)) contents.maps.push_back(entry);
       if (is_video(entry)) contents.videos.push_back(entry);
       if (entry.filename() == "mask.png") contents.mask = entry;
     }
+  }
+  const auto is_of_colmap = [&](const fs::path& map) { return map.filename() == "database.db"; };
+  if (std::any_of(contents.maps.begin(), contents.maps.end(), is_model)) {
+    contents.maps.erase(std::remove_if(contents.maps.begin(), contents.maps.end(), is_of_colmap), contents.maps.end());
   }
   return contents;
 }
@@ -122,9 +162,8 @@ class Scanner {
 
   /// "site-flight" of "site/flight/map.msg", "site-old" of "site/old.msg".
   std::string unique_name(const fs::path& map) {
-    fs::path inner = map.lexically_relative(root_).replace_extension();
-    if (inner.filename() == "map" && inner.has_parent_path()) inner = inner.parent_path();
-    std::string name = inner.string();
+    std::string name = title_of_map(map.lexically_relative(root_)).string();
+    if (name == ".") name = (fs::absolute(root_) / ".").lexically_normal().parent_path().filename().string();
     for (char& c : name) {
       const auto byte = static_cast<unsigned char>(c);
       if (c == '/') c = '-';

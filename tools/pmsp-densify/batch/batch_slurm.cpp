@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "batch_options.h"
 #include "batch_sbatch.h"
 #include "pmsp/error.h"
 
@@ -14,39 +15,25 @@ namespace {
 
 constexpr std::size_t kMostTasks = 1000;  ///< what Slurm takes where MaxArraySize is not set
 
-std::string quoted(const std::string& word) {
-  const char* plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=./,:@%";
-  if (!word.empty() && word.find_first_not_of(plain) == std::string::npos) return word;
-  std::string result = "'";
-  for (const char c : word) result += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return result + "'";
-}
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : " ") + quoted(word);
-  return text;
-}
-
 }  // namespace
 
 std::string slurm_script(const BatchArguments& batch, std::size_t missions) {
   const std::string tasks = std::to_string(std::min(missions, kMostTasks) - 1);
-  const std::string folder = quoted(batch.output.string());
-  const std::string sbatch = quoted((batch.output / "batch.sbatch").string());
+  const std::string folder = command_text({batch.output.string()});
+  const std::string sbatch = command_text({(batch.output / "batch.sbatch").string()});
   return "#!/usr/bin/env bash\n"
          "# " +
          std::to_string(missions) +
          " missions: an array of tasks makes them, a job after it their table.\n"
          "set -euo pipefail\n"
          "export PMSP_DENSIFY=" +
-         quoted(batch.program) +
+         command_text({batch.program}) +
          "\n"
          "batch=(" +
-         joined(batch.words) +
+         command_text(batch.words) +
          ")\n"
          "options=(" +
-         joined(batch.sbatch) +
+         command_text(batch.sbatch) +
          ")\n"
          "mkdir -p " +
          folder +

@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <system_error>
 
@@ -60,12 +61,27 @@ double mebibytes(const rusage& usage) {
 
 }  // namespace
 
+TemporaryFile::TemporaryFile() {
+  std::error_code error;
+  const std::filesystem::path folder = std::filesystem::temp_directory_path(error);
+  std::string name = ((error ? "/tmp" : folder) / "pmsp-densify-XXXXXX").string();
+  const int file = ::mkstemp(name.data());
+  if (file < 0) throw OutputError(name + ": no temporary file can be made: " + std::strerror(errno));
+  ::close(file);
+  path_ = name;
+}
+
+TemporaryFile::~TemporaryFile() {
+  std::error_code ignored;
+  std::filesystem::remove(path_, ignored);
+}
+
 pid_t start_child(const std::vector<std::string>& words, const std::filesystem::path& log) {
   std::vector<char*> argv;
   argv.reserve(words.size() + 1);
   for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
-  const int file = ::open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_APPEND | O_CLOEXEC, 0666);
+  const int file = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
   if (file < 0) throw OutputError(log.string() + ": cannot be written: " + std::strerror(errno));
   const pid_t parent = getpid();
   const pid_t child = fork();

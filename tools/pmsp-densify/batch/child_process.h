@@ -18,7 +18,20 @@ struct ChildEnd {
   double peak_memory_mib = 0.0;
 };
 
-/// Starts this very program with other words; `words[0]` is its name. What it says goes to `log`, a new file. It is
+/// A file that exists as long as this object. Throws OutputError.
+class TemporaryFile {
+ public:
+  TemporaryFile();
+  ~TemporaryFile();
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// Starts this very program with other words; `words[0]` is its name. Its output is appended to the file `log`. It is
 /// in a process group of its own, so that Ctrl-C does not reach it, and on Linux it is killed when its parent ends.
 /// Throws OutputError, std::system_error.
 pid_t start_child(const std::vector<std::string>& words, const std::filesystem::path& log);

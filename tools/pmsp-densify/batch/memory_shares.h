@@ -9,13 +9,13 @@
 
 namespace pmsp::tool {
 
-/// What a mission is expected to take of memory at the most [bytes]; all 0 = nobody knows.
+/// Maximum memory that a mission is expected to take [bytes]; all 0 = unknown.
 struct MemoryNeed {
   double host = 0.0;          ///< on the CPU
   double gpu_host = 0.0;      ///< the host's, on a GPU
   double device = 0.0;        ///< of each GPU
   double device_least = 0.0;  ///< of each GPU, where the scratch folder has what waits
-  double device_free = 0.0;   ///< of the GPU that has least, when it was asked for; 0 = it takes none
+  double device_free = 0.0;   ///< of the GPU that has least, at the time of the query; 0 = it takes none
   std::vector<int> devices;   ///< those
 };
 
@@ -39,7 +39,7 @@ class MemoryShares {
 
  private:
   struct Device {
-    double bytes = 0.0;  ///< that were free when nobody had a share, or the most since
+    double bytes = 0.0;  ///< free without shares, or the most since
     double taken = 0.0;
     std::size_t users = 0;
   };

@@ -13,7 +13,7 @@
 
 #include "depth_picture.h"
 #include "map_figures.h"
-#include "output_folder.h"
+#include "numbered_name.h"
 #include "pmsp/error.h"
 #include "pmsp/io/files.h"
 #include "progress.h"
@@ -79,9 +79,8 @@ cv::Mat strip_of(const cv::Mat& color, const DepthMap& map) {
 
 }  // namespace
 
-Preview::Preview(const std::filesystem::path& folder, std::size_t keyframes) : folder_(folder), keyframes_(keyframes) {
-  prepare_folder(folder_, is_preview_file);
-}
+Preview::Preview(const std::filesystem::path& folder, std::size_t keyframes)
+    : folder_(folder, is_preview_file, ".part-pictures"), keyframes_(keyframes) {}
 
 void Preview::add_keyframe(std::size_t index, std::int64_t id, const RigidTransform& cam_from_world,
                            ImageView<const Rgb> image, int depth_width, int depth_height) {

@@ -14,6 +14,7 @@
 
 #include "cloud_view.h"
 #include "pmsp/depth_map.h"
+#include "pmsp/io/atomic_folder.h"
 #include "pmsp/point_cloud.h"
 
 namespace pmsp::tool {
@@ -24,7 +25,7 @@ namespace pmsp::tool {
 /// thrown by a later call.
 class Preview {
  public:
-  /// `keyframes`: how many will come. Pictures that an earlier run left in the folder are removed. Throws OutputError.
+  /// `keyframes`: how many will come. Throws OutputError.
   Preview(const std::filesystem::path& folder, std::size_t keyframes);
   ~Preview();
 
@@ -38,6 +39,8 @@ class Preview {
 
   /// Draws the cloud. `points` in all, for the caption. Returns what the pictures leave out, as left_out_of.
   std::string finish(std::int64_t points);
+  /// Puts the folder in its place. Throws OutputError.
+  void commit() { folder_.commit(); }
 
  private:
   struct Pending {
@@ -52,7 +55,7 @@ class Preview {
   void keep(const std::vector<ViewPoint>& points);
   void thin();
 
-  std::filesystem::path folder_;
+  AtomicFolder folder_;
   std::size_t keyframes_;
   std::size_t strips_ = 0;
   std::deque<Pending> pending_;

@@ -15,12 +15,13 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kAbout =
-    "The page of `run --report` from a cloud (PLY), or from a workspace (run --workspace), without working again. It\n"
-    "leaves out what these do not hold, and says so.\n";
+    "The page of `run --report` from a cloud (PLY, LAS, Potree), or from a workspace (run --workspace), without "
+    "working\n"
+    "again. It leaves out what these do not hold, and says so.\n";
 
 constexpr const char* kMore =
     "Examples:\n"
-    "  pmsp-densify report cloud.ply -o cloud.html --unit m\n"
+    "  pmsp-densify report cloud.ply -o cloud.html\n"
     "  pmsp-densify report work/ -o mission.html";
 
 std::int64_t points_from(const std::string& option, const std::string& text) {
@@ -60,8 +61,8 @@ void add_report_options(CLI::App& app, ReportArguments& a) {
       ->type_name("N")
       ->group(group);
   app.add_option("--report-unit", a.unit,
-                 "Name of the unit of lengths in the page [default m with --scale, --align or a --transform that "
-                 "scales, else map units]")
+                 "Name of the unit of lengths in the page; m is refused without --scale, --align or a --transform that "
+                 "scales [default m with one of these, else map units]")
       ->type_name("NAME")
       ->group(group);
 }
@@ -75,7 +76,8 @@ std::optional<ReportVerbArguments> parse_report_arguments(int argc, const char* 
   app.add_option("-o,--output", a.report.path, "The page (HTML)")->type_name("FILE")->group("Output");
   app.add_flag("--force", force, "Overwrite a page that exists")->group("Output");
   add_points(app, "--points", a.report);
-  app.add_option("--unit", a.report.unit, "Name of the unit of lengths [default map units]")
+  app.add_option("--unit", a.report.unit,
+                 "Name of the unit of lengths; m is refused for a cloud without a scale [default as the cloud says]")
       ->type_name("NAME")
       ->group("Output");
   if (!parse_words(app, {argv + 2, argv + argc})) return std::nullopt;
@@ -85,10 +87,6 @@ std::optional<ReportVerbArguments> parse_report_arguments(int argc, const char* 
     throw UsageError("expected a cloud or a workspace, and -o FILE.html; see report --help");
   }
   std::error_code error;
-  a.is_workspace = fs::is_directory(a.from, error);
-  if (a.is_workspace && !fs::exists(a.from / "workspace.json", error)) {
-    throw InvalidInput(a.from.string() + ": is no workspace; expected a folder that `run --workspace` has worked in");
-  }
   if (fs::equivalent(a.from, a.report.path, error)) {
     throw UsageError("-o " + a.report.path.string() + " would overwrite the input");
   }

@@ -12,8 +12,7 @@ namespace pmsp::tool {
 
 /// Of the verb `report`.
 struct ReportVerbArguments {
-  std::filesystem::path from;  ///< PLY, or
-  bool is_workspace = false;
+  std::filesystem::path from;  ///< cloud or workspace
   ReportArguments report;
 };
 

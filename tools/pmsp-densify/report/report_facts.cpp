@@ -57,6 +57,7 @@ Json report_facts(const Json& stats) {
                          count_at(stats, {"keyframes", "depth_maps"}) + " with a depth map");
   }
   add("Points", count_at(stats, {"points_written"}));
+  if (stats.contains("cloud")) add("Lengths", text_at(stats.at("cloud"), "lengths"));
   if (number_at(stats, {"options", "width"}) > 0.0) {
     add("Depth maps",
         count_at(stats, {"options", "width"}) + " × " + count_at(stats, {"options", "height"}) + " pixels");
@@ -116,9 +117,10 @@ std::vector<std::string> report_problems(const Json& stats) {
     problems.push_back("Only " + percent(number_at(stats, {"pixels", "after_consistency"}), unmasked) +
                        " of the pixels have a depth that other keyframes agree with.");
   }
-  if (stats.contains("pairing") && stats.at("pairing").is_object()) {
-    const Json& pairing = stats.at("pairing");
-    if (pairing.contains("doubtful") && pairing.at("doubtful") == true) problems.push_back(text_at(pairing, "message"));
+  if (stats.contains("warnings") && stats.at("warnings").is_array()) {
+    for (const Json& warning : stats.at("warnings")) {
+      if (warning.is_string()) problems.push_back(warning.get<std::string>());
+    }
   }
   return problems;
 }

@@ -2,6 +2,7 @@
 #include "report_page.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -9,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "depth_picture.h"
+#include "exit_code.h"
 #include "map_figures.h"
 #include "pmsp/error.h"
 #include "report_facts.h"
@@ -83,8 +85,32 @@ std::pair<std::string, std::string> page_around_data(bool asks) {
   return {page.substr(0, mark), page.substr(mark + std::string(kDataMark).size())};
 }
 
-std::string unit_of_lengths(const std::string& told, const Similarity& file_from_map) {
-  return !told.empty() || file_from_map.scale == 1.0 ? told : "m";
+std::string unit_of_lengths(const std::string& given, const CloudUnit& unit) {
+  return given.empty() && unit.kind == CloudUnit::Kind::kMetres ? "m" : given;
+}
+
+std::string unit_text(const CloudUnit& unit) {
+  if (unit.kind == CloudUnit::Kind::kUnknown) return "not known";
+  if (unit.kind == CloudUnit::Kind::kMap) return "map units (no scale is known)";
+  return "metres" + (unit.by.empty() ? "" : ", by " + unit.by);
+}
+
+void check_unit(const char* option, const std::string& given, const CloudUnit& unit) {
+  constexpr std::array kMetre{"m", "metre", "metres", "meter", "meters"};
+  constexpr std::array kOthers{"km", "dm",   "cm",     "mm", "ft",   "foot", "feet",
+                               "in", "inch", "inches", "yd", "yard", "yards"};
+  const auto names = [&](const auto& known) { return std::find(known.begin(), known.end(), given) != known.end(); };
+  const bool is_length = names(kMetre) || names(kOthers);
+  if (!is_length || unit.kind == CloudUnit::Kind::kUnknown) return;
+  if (unit.kind == CloudUnit::Kind::kMap) {
+    throw UsageError(
+        std::string(option) + " is \"" + given +
+        "\", but the cloud has no scale: its lengths are in map units; `run` makes them metres with --scale (1 where "
+        "the map is in metres) or --align, `convert` with these or with --length A B METRES");
+  }
+  if (names(kMetre)) return;
+  throw UsageError(std::string(option) + " is \"" + given + "\", but the cloud is in " + unit_text(unit) +
+                   "; leave the option out");
 }
 
 ReportPage::ReportPage(const ReportArguments& arguments, const CloudHeader& header, const SlamMap& map,
@@ -92,6 +118,7 @@ ReportPage::ReportPage(const ReportArguments& arguments, const CloudHeader& head
     : arguments_(arguments),
       map_(map),
       file_from_map_(header.file_from_map),
+      unit_(header.unit),
       keyframes_(keyframes),
       file_(arguments.path),
       cloud_(header, arguments.points, ids_in_order(map)),
@@ -215,9 +242,10 @@ Json ReportPage::coverage_json() const {
 
 std::vector<std::string> ReportPage::problems(const Json& stats, const Json& keyframes) const {
   std::vector<std::string> all;
-  if (unit_of_lengths(arguments_.unit, file_from_map_).empty()) {
+  if (unit_of_lengths(arguments_.unit, unit_).empty()) {
     all.emplace_back(
-        "The map's scale is arbitrary: lengths are in its own unit, not in metres (see --scale and --align).");
+        "The map's scale is arbitrary: lengths are in map units, not in metres (see --scale, --align, and convert "
+        "--length).");
   }
   const std::vector<std::int64_t> order = ids_in_order(map_);
   const auto tell = [&](const std::string& use, const std::string& one, const std::string& many) {
@@ -251,7 +279,7 @@ Json ReportPage::page_json(const Json& stats) const {
   for (const MapKeyframe& keyframe : map_.keyframes) {
     up -= file_from_map_.rotation * keyframe.cam_from_world.rotation.row(1).transpose();
   }
-  const std::string unit = unit_of_lengths(arguments_.unit, file_from_map_);
+  const std::string unit = unit_of_lengths(arguments_.unit, unit_);
   const std::string map_name = map_.path.filename().string();
   Json json{{"format", "pmsp-report"},
             {"version", 1},

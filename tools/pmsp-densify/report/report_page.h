@@ -25,7 +25,7 @@ struct ReportArguments {
   std::filesystem::path path;  ///< empty = no report
   std::int64_t points = 1'000'000;
   int panoramas = 12;
-  std::string unit;  ///< of the cloud's lengths; "" = metres where an option gave the cloud a scale, else the map's
+  std::string unit;  ///< name of the cloud's unit; "" = as the cloud says
 };
 
 /// Whether this build has the page (PMSP_VIEWER).
@@ -35,8 +35,15 @@ bool has_report_page();
 /// anybody else for anything.
 std::pair<std::string, std::string> page_around_data(bool asks);
 
-/// The name of a cloud's unit: the one told, or metres where something gave the cloud a scale; "" = that of the map.
-std::string unit_of_lengths(const std::string& told, const Similarity& file_from_map);
+/// The name of a cloud's unit: the given one, or else "m" where the cloud is in metres; "" = that of the map.
+std::string unit_of_lengths(const std::string& given, const CloudUnit& unit);
+
+/// Throws UsageError where `given`, the value of `option`, is a unit of length that the cloud is not in. Where the
+/// cloud does not say its unit, all are taken.
+void check_unit(const char* option, const std::string& given, const CloudUnit& unit);
+
+/// "metres, by --scale", "map units (no scale is known)", "not known"
+std::string unit_text(const CloudUnit& unit);
 
 /// A mission as one page for a browser: what was run, what came of it, and the points. See docs/report.md. Memory: the
 /// points that it holds (15 bytes each), and JPEGs.
@@ -86,6 +93,7 @@ class ReportPage {
   ReportArguments arguments_;
   const SlamMap& map_;
   Similarity file_from_map_;
+  CloudUnit unit_;
   std::size_t keyframes_;
   AtomicFile file_;  ///< opened at once: a run of hours must not end in front of a file that cannot be made
   PageCloud cloud_;

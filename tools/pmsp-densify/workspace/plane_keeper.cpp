@@ -15,7 +15,7 @@ void PlaneKeeper::keep(const PlaneMap& planes, const Densifier& densifier) {
   const TimeAccount::Scope spent(time_, Busy::kWorkspace);
   if (step_.empty()) {
     WorkspaceStep step(workspace_, arguments_, options_, map_, false, nullptr);
-    step_ = step.name_of_run(source_, densifier);
+    step_ = step.begin_run(source_, densifier);
   }
   workspace_.save_planes(workspace::planes_name(planes.keyframe_id, step_), planes);
 }

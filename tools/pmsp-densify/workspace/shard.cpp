@@ -13,11 +13,10 @@
 
 #include "engine_text.h"
 #include "exit_code.h"
-#include "image_input.h"
 #include "image_loop.h"
 #include "interrupt.h"
 #include "lenses.h"
-#include "map_input.h"
+#include "mission_input.h"
 #include "pmsp/executor.h"
 #include "pmsp/io/files.h"
 #include "pmsp/io/map.h"
@@ -75,24 +74,21 @@ class ShardRun {
 
  private:
   void work() {
-    progress_.stage("reading " + arguments_.map.string());
-    map_ = read_map(arguments_);
-    source_ = open_images(arguments_, map_);
-    progress_.message("images: " + source_->description());
-    if (map_.landmarks.empty()) {
-      progress_.stage("looking for landmarks in the images");
-      progress_.message(sweep_landmarks(map_, arguments_, options_.threads));
-    }
-    const Lenses lenses = find_lenses(arguments_, options_, map_, *source_, false, workspace_.record());
-    options_.expected_keyframes = static_cast<std::int64_t>(source_->keyframe_ids().size());
+    input_.read_map();
+    input_.open_images();
+    input_.check_poses(options_.threads);
+    input_.announce();
+    const Lenses lenses = find_lenses(arguments_, options_, map_, *input_.images, false, workspace_.record());
+    options_.expected_keyframes = static_cast<std::int64_t>(input_.images->keyframe_ids().size());
     options_.lens_distance = lenses.distance;  // of all shards the same: they look at the same images
     if (lenses.estimated) progress_.message(describe(lenses));
     step_ = std::make_unique<WorkspaceStep>(workspace_, arguments_, options_, map_, false, nullptr);
     const std::optional<workspace::ShardJob> before = workspace_.shards().job(workspace_.record().step);
     if (before) require_same(*before);
-    look();
+    look(!before);
     step_->decide();
     require_same(workspace_.shards().post(my_job()));
+    step_->begin();
     for (const PlanEntry& entry : step_->step().plan.entries) {
       if (entry.has_depth_map()) depth_maps_.push_back(entry.id);
     }
@@ -140,16 +136,17 @@ class ShardRun {
   }
 
   /// Images that nobody has looked at: this shard's share of them first, then those of others from the end, so that
-  /// shards that work at once look at each about once.
-  void look() {
+  /// shards that work at once look at each about once. `is_first`: none has said yet what is to be done.
+  void look(bool is_first) {
     std::vector<SkippedKeyframe> unreadable;
-    fresh_ = step_->new_images(*source_, unreadable);
-    for (const SkippedKeyframe& skipped : source_->skipped()) skip(skipped);
+    fresh_ = step_->new_images(*input_.images, unreadable);
+    if (is_first) step_->refuse_losses();
+    for (const SkippedKeyframe& skipped : input_.images->skipped()) skipped_.insert(skipped.keyframe_id);
     for (const SkippedKeyframe& skipped : unreadable) skip(skipped);
     if (fresh_.empty()) return;
     progress_.stage("looking at up to " + std::to_string(fresh_.size()) + " new images");
     const InterruptGuard guard(nullptr);
-    const Ids& all = source_->keyframe_ids();  // the same for all shards
+    const Ids& all = input_.images->keyframe_ids();  // the same for all shards
     for (int turn = 0; turn < shard_.count; ++turn) {
       const workspace::Stretch stretch =
           workspace::stretch_of({(shard_.index + turn) % shard_.count, shard_.count}, all.size());
@@ -165,7 +162,7 @@ class ShardRun {
         if (turn != 0) last -= number;
       }
     }
-    if (readable_ == 0 && !first_error_.empty() && fresh_.size() == source_->keyframe_ids().size()) {
+    if (readable_ == 0 && !first_error_.empty() && fresh_.size() == input_.images->keyframe_ids().size()) {
       throw IoError("no image can be read; the first one: " + first_error_);
     }
   }
@@ -183,7 +180,7 @@ class ShardRun {
     if (wanted.empty()) return;
     std::optional<PairingVerifier> verifier;
     if (!arguments_.no_verify) verifier.emplace(map_);
-    const std::unique_ptr<ImageSource> images = source_->again();
+    const std::unique_ptr<ImageSource> images = input_.images->again();
     images->restrict_to(wanted);
     const auto lost = [this](const SkippedKeyframe& skipped) {
       if (first_error_.empty()) first_error_ = skipped.reason;
@@ -196,12 +193,13 @@ class ShardRun {
     };
     ImageReader reader(*images, map_, threads(), verifier ? &*verifier : nullptr);
     const ImageLoop::End end = ImageLoop{reader, nullptr, lost, look}(guard);
-    if (end.pairing && end.pairing->doubtful) progress_.warning(end.pairing->message);
+    const std::string warning = end.pairing ? warning_of(*end.pairing, false) : "";
+    if (!warning.empty()) progress_.warning(warning);
   }
 
   void skip(const SkippedKeyframe& skipped) {
     if (!skipped_.insert(skipped.keyframe_id).second) return;
-    progress_.warning("keyframe " + std::to_string(skipped.keyframe_id) + " skipped: " + skipped.reason);
+    progress_.skipped(skipped);
   }
 
   // --- waves ---------------------------------------------------------------------------------------------------------
@@ -249,7 +247,7 @@ class ShardRun {
     announced_backend_ = densifier.backend();
     const InterruptGuard guard(&densifier);
     const Ids needed = densifier.images();
-    const std::unique_ptr<ImageSource> images = source_->again();
+    const std::unique_ptr<ImageSource> images = input_.images->again();
     images->restrict_to({needed.begin(), needed.end()});
     const auto lost = [](const SkippedKeyframe& skipped) {
       throw IoError("the image of keyframe " + std::to_string(skipped.keyframe_id) +
@@ -258,7 +256,8 @@ class ShardRun {
     };
     const auto add = [&](std::size_t index, Keyframe& keyframe) {
       keyframe.scale = step_->scale_of(keyframe.id);
-      keyframe.mask = masks_.mask_for(images->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
+      keyframe.mask =
+          input_.masks->mask_for(images->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
       priors_.give(keyframe, images->origin(keyframe.id).file);
       const bool taken = densifier.add(keyframe);
       const Standing standing = standing_of(densifier.stats(), needed.size());
@@ -335,8 +334,8 @@ class ShardRun {
   Wave wave_;  ///< in which it is, or that comes first
   const Clock::time_point start_ = Clock::now();
   Progress progress_;
-  SlamMap map_;
-  std::unique_ptr<ImageSource> source_;
+  MissionInput input_{arguments_, progress_};
+  const SlamMap& map_ = input_.map;
   std::unique_ptr<WorkspaceStep> step_;
   std::set<std::int64_t> fresh_;
   std::set<std::int64_t> skipped_;
@@ -344,7 +343,6 @@ class ShardRun {
   std::string first_error_;
   Ids depth_maps_;  ///< keyframes that get one
   Ids mine_;        ///< this shard's
-  MaskSource masks_{open_masks(arguments_)};
   PriorDepths priors_{arguments_};
   std::string announced_backend_;
 };

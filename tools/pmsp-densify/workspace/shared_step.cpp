@@ -45,7 +45,7 @@ std::string map_bytes(const Arguments& arguments, workspace::Workspace& workspac
   } else {
     files.push_back(arguments.map);
   }
-  for (const std::filesystem::path& more : {arguments.points, arguments.image_list}) {
+  for (const std::filesystem::path& more : {arguments.points, arguments.image_list, arguments.camera_from_body}) {
     if (!more.empty()) files.push_back(more);
   }
   std::string text;
@@ -67,11 +67,15 @@ workspace::ShardJob shared_job(const Arguments& arguments, const DensifierOption
   job.mask = shared_path(arguments.mask, arguments);
   job.mask_bytes = masks_text(arguments, workspace);
   job.mask_nadir = arguments.mask_nadir;
+  job.mask_zenith = arguments.mask_zenith;
+  job.no_masks = arguments.no_masks;
   job.prior_depth = shared_path(arguments.prior_depth, arguments);
   job.fps = arguments.fps;
   job.frame_offset = arguments.frame_offset;
+  job.presentation_times = arguments.presentation_times;
   job.points = shared_path(arguments.points, arguments);
   job.image_list = shared_path(arguments.image_list, arguments);
+  job.camera_from_body = shared_path(arguments.camera_from_body, arguments);
   job.component = arguments.component.value_or(-1);
   return job;
 }
@@ -168,11 +172,16 @@ Merge::Merge(const Arguments& given, workspace::Workspace& the_workspace) : work
   arguments.video = there(job.video);
   arguments.mask = there(job.mask);
   arguments.mask_nadir = job.mask_nadir;
+  arguments.mask_zenith = job.mask_zenith;
+  arguments.no_masks = job.no_masks;
   arguments.prior_depth = there(job.prior_depth);
   arguments.fps = job.fps;
   arguments.frame_offset = job.frame_offset;
+  arguments.presentation_times = job.presentation_times;
+  arguments.allow_missing = true;  // the shards have made sure
   arguments.points = there(job.points);
   arguments.image_list = there(job.image_list);
+  arguments.camera_from_body = there(job.camera_from_body);
   if (job.component >= 0) arguments.component = job.component;
   apply_json(options, nlohmann::json::parse(job.options), workspace.shards().path().string());
   workspace::ShardJob now = shared_job(arguments, options, workspace);

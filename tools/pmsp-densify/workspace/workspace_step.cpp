@@ -11,6 +11,7 @@
 #include "pmsp/error.h"
 #include "pmsp/io/map.h"
 #include "pmsp/io/workspace/fingerprint.h"
+#include "pmsp/io/workspace/loss.h"
 #include "prior_depths.h"
 #include "targets.h"
 
@@ -81,7 +82,7 @@ WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& a
 
 std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable) {
   std::set<std::int64_t> fresh;
-  const MaskSource masks = open_masks(arguments_);
+  const MaskSource masks(mask_options(arguments_, map_, source));
   const PriorDepths priors(arguments_);
   for (const std::int64_t id : source.keyframe_ids()) {
     const ImageSource::Origin origin = source.origin(id);
@@ -91,8 +92,10 @@ std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std:
     it.looked_for = looked_for_text(options_);
     try {
       it.image = workspace_.fingerprint(origin.file) + (origin.frame.empty() ? "" : ", " + origin.frame);
-      if (masks.is_folder() && !masks.file_for(origin.file).empty())
-        it.image += ", mask " + workspace_.fingerprint(masks.file_for(origin.file));
+      const std::filesystem::path mask =
+          arguments_.mask.empty() || masks.is_folder() ? masks.file_for(origin.file) : "";
+      if (!mask.empty()) it.image += ", mask " + workspace_.fingerprint(mask);
+      if (arguments_.no_masks && may_have_alpha(origin.file)) it.image += ", without its alpha channel";
       const std::filesystem::path prior = priors.file_for(id, origin.file);
       if (!prior.empty()) {
         it.image += ", prior depth " + workspace_.fingerprint(prior);
@@ -140,17 +143,63 @@ void WorkspaceStep::look_at(const Keyframe& keyframe) {
   it.height = keyframe.image.height;
 }
 
-/// What is done, and by whom. `options_`: with sizes, backend and simd in force.
-void WorkspaceStep::describe(const std::string& engine) {
-  inputs_.engine = engine;
-  inputs_.width = options_.width;
-  nlohmann::ordered_json json = options_of_results(options_);
-  inputs_.options_json = json.dump();
+/// What is done, and by whom. `options`: with sizes, backend and simd in force.
+void WorkspaceStep::describe(const DensifierOptions& options, const std::string& engine,
+                             workspace::StepInputs& inputs) {
+  inputs.engine = engine;
+  inputs.width = options.width;
+  nlohmann::ordered_json json = options_of_results(options);
+  inputs.options_json = json.dump();
   for (const char* later : {"view_filter", "consistency", "fusion", "free_space"}) json.erase(later);
-  inputs_.planes_options_json = json.dump();
+  inputs.planes_options_json = json.dump();
 }
 
-std::string WorkspaceStep::name_of_run(const ImageSource& source, const Densifier& densifier) {
+void WorkspaceStep::refuse_losses() const {
+  const std::optional<workspace::Record>& begun = workspace_.begun();
+  const workspace::Record& record = workspace_.record();
+  if (arguments_.force || workspace_.has_committed() || (record.keyframes.empty() && !begun)) return;
+  const workspace::RecordedKeyframe& first = (record.keyframes.empty() ? *begun : record).keyframes.begin()->second;
+  DensifierOptions options = options_;
+  fill_in_size(options, first.width, first.height);
+  const Densifier probe(options, {});
+  options.backend = probe.options().backend;
+  options.simd = probe.options().simd;
+  workspace::StepInputs inputs;
+  inputs.mask = inputs_.mask;
+  describe(options, engine_text(options, probe.backend(), arguments_), inputs);
+  std::map<std::int64_t, std::string> images;
+  for (const auto& [id, it] : stock_) images[id] = it.image;
+  refuse_loss(record, "", inputs, images);
+  if (begun) refuse_loss(*begun, " of a run that was interrupted", inputs, images);
+}
+
+/// `whose`: "" = of the last finished run.
+void WorkspaceStep::refuse_loss(const workspace::Record& record, const std::string& whose,
+                                const workspace::StepInputs& inputs,
+                                const std::map<std::int64_t, std::string>& images) const {
+  const workspace::Loss loss = loss_of(record, inputs, images);
+  const auto text = [&](const std::string& path) { return place_of(arguments_.workspace / path).string(); };
+  const std::string cure =
+      "another --workspace, or --force to replace " + std::to_string(loss.planes) + " depth maps" + whose;
+  if (loss.is_other_mission) {
+    throw OutputError(arguments_.workspace.string() + ": this workspace is of " + text(record.map) + " (" +
+                      text(record.images) + "), " + std::to_string(loss.keyframes) + " keyframes, of which " +
+                      (loss.same == 0 ? "none has" : std::to_string(loss.same) + " have") + " the same image in " +
+                      (arguments_.images.empty() ? arguments_.video : arguments_.images).string() + "; give " + cure);
+  }
+  if (!loss.is_nearly_all) return;
+  throw OutputError(arguments_.workspace.string() + ": " + loss.difference + ": " +
+                    (loss.kept == 0 ? "nothing" : std::to_string(loss.kept)) + " of " + std::to_string(loss.planes) +
+                    " depth maps can be kept; give the options that these were made with, " + cure);
+}
+
+void WorkspaceStep::begin() const {
+  workspace::Record record = workspace::record_of_begun(step_.name, inputs_);
+  name_inputs(record);
+  workspace_.begin(std::move(record));
+}
+
+std::string WorkspaceStep::begin_run(const ImageSource& source, const Densifier& densifier) {
   std::vector<SkippedKeyframe> unreadable;
   new_images(source, unreadable);
   for (const std::int64_t id : ids_) inputs_.keyframes.push_back(std::move(stock_.at(id)));
@@ -158,8 +207,10 @@ std::string WorkspaceStep::name_of_run(const ImageSource& source, const Densifie
   options_.height = densifier.options().height;
   options_.backend = densifier.options().backend;
   options_.simd = densifier.options().simd;
-  describe(engine_text(options_, densifier.backend(), arguments_));
-  return workspace::step_name(workspace_.record(), inputs_);
+  describe(options_, engine_text(options_, densifier.backend(), arguments_), inputs_);
+  step_.name = workspace::step_name(workspace_.record(), inputs_);
+  begin();
+  return step_.name;
 }
 
 void WorkspaceStep::decide(const std::string& engine) {
@@ -170,7 +221,7 @@ void WorkspaceStep::decide(const std::string& engine) {
   const Densifier probe(options_, {});  // with sizes: whether a device's memory suffices depends on them
   options_.backend = probe.options().backend;
   options_.simd = probe.options().simd;
-  describe(engine.empty() ? engine_text(options_, probe.backend(), arguments_) : engine);
+  describe(options_, engine.empty() ? engine_text(options_, probe.backend(), arguments_) : engine, inputs_);
   step_ = plan_step(workspace_.record(), inputs_);
   for (workspace::StepKeyframe& it : inputs_.keyframes) std::vector<Landmark>().swap(it.keyframe.landmarks);
   shortcuts_ = find_shortcuts();
@@ -310,20 +361,25 @@ double WorkspaceStep::scale_of(std::int64_t keyframe_id) const {
 
 void WorkspaceStep::finish() { hand_on_until(std::nullopt); }
 
-void WorkspaceStep::commit(std::size_t lenses_looked_at) {
+void WorkspaceStep::commit(std::size_t lenses_looked_at, workspace::RecordedCloud cloud) {
   const Spent spent(time_, Busy::kWorkspace);
   workspace::Record record = record_of(step_, inputs_, workspace_.record());
-  record.map = relative_text(arguments_.map, arguments_.workspace);
-  record.images = relative_text(arguments_.images.empty() ? arguments_.video : arguments_.images, arguments_.workspace);
+  name_inputs(record);
   for (const std::filesystem::path& target : target_paths(arguments_)) {
     const std::string text = relative_text(target, arguments_.workspace);
     if (std::find(record.outputs.begin(), record.outputs.end(), text) == record.outputs.end()) {
       record.outputs.push_back(text);
     }
   }
+  record.cloud = std::move(cloud);
   record.lenses_looked_at = std::max(record.lenses_looked_at, lenses_looked_at);
   if (is_repeated_) record.step = workspace_.record().step;
   workspace_.commit(std::move(record));
+}
+
+void WorkspaceStep::name_inputs(workspace::Record& record) const {
+  record.map = relative_text(arguments_.map, arguments_.workspace);
+  record.images = relative_text(arguments_.images.empty() ? arguments_.video : arguments_.images, arguments_.workspace);
 }
 
 void WorkspaceStep::count_keyframes(DensifierStats& stats) const {

@@ -38,11 +38,14 @@ class WorkspaceStep {
 
   /// Takes stock of the images; returns the keyframes whose images must be looked at. `unreadable` have none.
   std::set<std::int64_t> new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable);
+  /// Throws OutputError where hardly anything that lies in the workspace can be kept: it is of another mission, or
+  /// other options make it worthless. Not with --force, nor where this process has made it. After new_images.
+  void refuse_losses() const;
   void look_at(const Keyframe& keyframe);  ///< with its image
 
-  /// The name of this step where nothing lies in the workspace, for a run that does not need to know more. `densifier`:
-  /// that of the run.
-  std::string name_of_run(const ImageSource& source, const Densifier& densifier);
+  /// Begins this step where nothing lies in the workspace, for a run that does not need to know more than its name,
+  /// which is returned. `densifier`: that of the run.
+  std::string begin_run(const ImageSource& source, const Densifier& densifier);
 
   /// What a shard has seen of a new image, in place of looking at it; returns whether one has.
   bool find_look(std::int64_t keyframe_id);
@@ -51,6 +54,8 @@ class WorkspaceStep {
   /// Decides what is to be done. Keyframes that were not looked at, but should have been, have no image. Throws as the
   /// Densifier does where the backend is not there. `engine`: of those who do it; "" = this machine.
   void decide(const std::string& engine = "");
+  /// Once it is decided: says in the workspace what is about to be made.
+  void begin() const;
   const workspace::Step& step() const { return step_; }
   const workspace::StepInputs& inputs() const { return inputs_; }
 
@@ -81,7 +86,7 @@ class WorkspaceStep {
   /// Hands on the clouds that come after the last one made.
   void finish();
   /// `lenses_looked_at`: keyframes with an image, where this run has estimated the distance of the lenses; else 0.
-  void commit(std::size_t lenses_looked_at);
+  void commit(std::size_t lenses_looked_at, workspace::RecordedCloud cloud);
 
   /// Calls `take(id, width, height)` for each image of the mission.
   template <class Take>
@@ -95,7 +100,10 @@ class WorkspaceStep {
   nlohmann::ordered_json report() const;
 
  private:
-  void describe(const std::string& engine);
+  static void describe(const DensifierOptions& options, const std::string& engine, workspace::StepInputs& inputs);
+  void refuse_loss(const workspace::Record& record, const std::string& whose, const workspace::StepInputs& inputs,
+                   const std::map<std::int64_t, std::string>& images) const;
+  void name_inputs(workspace::Record& record) const;
   void hand_on_until(std::optional<std::int64_t> keyframe_id);
   Shortcuts find_shortcuts() const;
   Shortcuts final_planes() const;

@@ -32,7 +32,7 @@ after(async () => {
   rmSync(folder, { recursive: true });
 });
 
-const quick = ["--backend", "cpu", "--width", "256", "--height", "128", "--progress", "none"];
+const quick = ["--quality", "online", "--backend", "cpu", "--width", "256", "--height", "128", "--progress", "none"];
 const run = (...more: string[]): string[] =>
   ["run", join(mission, "map.msg"), "--images", join(mission, "images"), "-o", join(folder, "c.ply"), "--force", ...quick, ...more];
 

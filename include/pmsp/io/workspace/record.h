@@ -55,6 +55,13 @@ struct RecordedKeyframe {
   std::optional<RecordedPoints> points;
 };
 
+/// Metadata of the cloud, so that it can be written again without the map.
+struct RecordedCloud {
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< see CloudHeader; in the frame of the map
+  double reach = 0.0;                                ///< [the map's unit]; 0 = not recorded
+  std::vector<std::string> comments;                 ///< how it was made, but for its frame
+};
+
 /// What a workspace holds after its last finished step, and where all of it came from.
 struct Record {
   std::string step;
@@ -63,6 +70,7 @@ struct Record {
   std::size_t lenses_looked_at = 0;  ///< keyframes with an image when the lenses' distance was last estimated
   std::string map, images;           ///< as told by the step, for people
   std::vector<std::string> outputs;  ///< paths, relative to the workspace where possible, that runs have written
+  RecordedCloud cloud;
   Plan plan;
   std::map<std::int64_t, RecordedKeyframe> keyframes;
   std::map<std::string, std::map<std::int64_t, KeyframePose>> poses;  ///< by step, of those that points were made from

@@ -41,12 +41,15 @@ struct ShardJob {
   std::string options = "{}";
   std::string map, map_bytes;  ///< path, relative to the workspace where possible, and fingerprint
   std::string images, video, mask, mask_bytes;
-  double mask_nadir = 0.0;  ///< [deg]
+  double mask_nadir = 0.0;   ///< [deg]
+  double mask_zenith = 0.0;  ///< [deg]
+  bool no_masks = false;     ///< masks that come with the images are not used
   std::string prior_depth;
   double fps = 0.0;
-  std::int64_t frame_offset = 0;
-  std::string points, image_list;  ///< paths, as that of the map
-  int component = -1;              ///< -1 = that of most keyframes
+  std::optional<std::int64_t> frame_offset;
+  bool presentation_times = false;
+  std::string points, image_list, camera_from_body;  ///< paths, as that of the map
+  int component = -1;                                ///< -1 = that of most keyframes
 };
 
 /// What a shard has done in a wave, or why it has not.

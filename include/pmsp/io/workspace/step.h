@@ -81,12 +81,19 @@ PMSP_API std::string step_name(const Record& record, const StepInputs& inputs);
 /// Of the file with the planes of a keyframe that the step makes.
 PMSP_API std::string planes_name(std::int64_t keyframe_id, const std::string& step);
 
+/// Fingerprint of what planes are made from, besides poses and neighbours: see RecordedPlanes::own. `image`: see
+/// StepKeyframe.
+PMSP_API std::string planes_inputs(const StepInputs& inputs, const std::string& image);
+
 /// Decides a step: a pure function. Planes are kept where image, mask, options and engine are the same and the
 /// keyframe has hardly moved relative to those that it was matched with; refined where it has been given other
 /// neighbours, or has moved a little; made anew else. Scales that a monocular SLAM's loop closure has changed are found
 /// again (recover_scales) and taken off before. Points are kept where all that they were made from is, and has hardly
 /// moved.
 PMSP_API Step plan_step(const Record& record, const StepInputs& inputs);
+
+/// What a step of this name will have made: images and planes, those of which there are files.
+PMSP_API Record record_of_begun(const std::string& step, const StepInputs& inputs);
 
 /// What is recorded when the step is through. `record`: that of before.
 PMSP_API Record record_of(const Step& step, const StepInputs& inputs, const Record& record);

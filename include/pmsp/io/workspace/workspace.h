@@ -24,6 +24,7 @@ namespace pmsp::workspace {
 /// only what is missing:
 ///
 ///     workspace.json          the record of the last finished step
+///     begun.json              what a step that has begun since is to make
 ///     lock                    locked while a process works here
 ///     planes/ID-STEP          planes of a keyframe, and the step that made them
 ///     points/ID-STEP          points, likewise
@@ -55,6 +56,12 @@ class PMSP_API Workspace {
   /// Without what had been deleted when it was last looked for. Looking throws OutputError, as `wait_until_saved`.
   const Record& record() const { return record_; }
   void look_again();
+  /// What the step that was begun last, and was not finished, has made. nullopt = there is none.
+  const std::optional<Record>& begun() const { return begun_; }
+  /// See record_of_begun. Throws OutputError.
+  void begin(Record record);
+  /// Whether the record is of a step that was finished through this object.
+  bool has_committed() const { return has_committed_; }
 
   /// Of a file's bytes; remembered while its size and time stay. Throws IoError.
   std::string fingerprint(const std::filesystem::path& file);
@@ -110,6 +117,8 @@ class PMSP_API Workspace {
   std::unique_ptr<Saving> saving_;  ///< while the folder is locked
   std::map<std::string, Known> known_;
   Record record_;
+  std::optional<Record> begun_;
+  bool has_committed_ = false;
 };
 
 }  // namespace pmsp::workspace

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "disk_space.h"
+
+#include <sys/stat.h>
+#include <algorithm>
+#include <map>
+#include <system_error>
+
+#include "budget_text.h"
+#include "cloud_report.h"
+#include "pmsp/error.h"
+#include "targets.h"
+
+namespace pmsp::tool {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kPlanesBytes = 16.0;  // of a pixel
+
+/// Of a point in a file; in a dataset with its track. COLMAP's and Potree's need as much meanwhile.
+double bytes_of_point(const std::string& format) {
+  constexpr double kPly = 32.0, kLas = 53.0, kPotree = 35.0 + 36.0, kDataset = 160.0;
+  return format == "ply" ? kPly : format == "las" ? kLas : format == "potree" ? kPotree : kDataset;
+}
+
+/// Of a pixel of a depth map. PNGs are compressed: about half of 16 bits a channel.
+double bytes_of_pixel(const DepthFormats& formats) {
+  constexpr double kChannels = 5.0;  // depth, normal, confidence
+  return (formats.pfm ? 4.0 * kChannels : 0.0) + (formats.exr ? 4.0 * kChannels : 0.0) +
+         (formats.png         ? kChannels
+          : formats.depth_png ? 1.0
+                              : 0.0);
+}
+
+fs::path existing_folder(fs::path path) {
+  std::error_code ignored;
+  while (!fs::is_directory(path, ignored) && path.has_relative_path()) path = path.parent_path();
+  return path;
+}
+
+}  // namespace
+
+std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budget, double images, double in_workspace) {
+  const double pixels = static_cast<double>(budget.width) * budget.height * static_cast<double>(budget.depth_maps);
+  const CloudAmount& amount = arguments.cloud.amount;
+  double points = budget.points;
+  if (amount.thinning.max_points > 0) points = std::min(points, static_cast<double>(amount.thinning.max_points));
+  if (amount.crop || amount.thinning.voxel > 0.0) points = 0.0;  // of which nothing is known
+  std::vector<DiskNeed> needs;
+  for (const CloudOutput::Target& target : arguments.cloud.targets()) {
+    const std::string format = target.format->name;
+    const bool is_dataset = format == "colmap" || format == "nerfstudio";
+    const double most = is_dataset ? static_cast<double>(arguments.cloud.dataset_points) : points;
+    needs.push_back({target.path, is_dataset ? images : 0.0, bytes_of_point(format) * std::min(points, most)});
+  }
+  for (const fs::path& folder : {arguments.depth_maps, arguments.raw_depth_maps}) {
+    if (!folder.empty()) needs.push_back({folder, bytes_of_pixel(arguments.depth_formats) * pixels, 0.0});
+  }
+  if (arguments.delete_workspace) {  // planes alone, and only those that come slowly enough
+    needs.push_back({arguments.workspace, 0.0, in_workspace * kPlanesBytes * pixels});
+  } else if (!arguments.workspace.empty()) {
+    const double planes = kPlanesBytes * pixels;
+    needs.push_back({arguments.workspace, in_workspace * planes, in_workspace * (budget.workspace_bytes - planes)});
+  }
+  needs.push_back({scratch_folder(arguments), 0.0, budget.memory.scratch});
+  return needs;
+}
+
+std::string compare_disk_space(const DiskNeed& need, double free) {
+  const double expected = need.fixed + need.points;
+  if (expected <= free) return "";
+  const std::string text = need.folder.string() + ": about " + bytes_text(expected) + " will be written there, " +
+                           bytes_text(free) + " are free; ";
+  constexpr double kCertain = 0.5, kCertainPoints = 0.1;  // shares of forecasts
+  if (kCertain * need.fixed + kCertainPoints * need.points <= free) return text + "the disk may become full";
+  throw OutputError(text + "free some space, name outputs, --workspace and --scratch on another disk, or leave out " +
+                    "some of them");
+}
+
+std::string check_disk_space(const std::vector<DiskNeed>& needs) {
+  std::map<dev_t, DiskNeed> disks;
+  for (const DiskNeed& need : needs) {
+    const fs::path folder = existing_folder(place_of(need.folder));
+    struct stat about = {};
+    if (::stat(folder.c_str(), &about) != 0) continue;
+    DiskNeed& disk = disks[about.st_dev];
+    if (disk.folder.empty()) disk.folder = folder;
+    disk.fixed += need.fixed;
+    disk.points += need.points;
+  }
+  std::string warning;
+  for (const auto& [device, disk] : disks) {
+    std::error_code error;
+    const fs::space_info space = fs::space(disk.folder, error);
+    if (!error && warning.empty()) warning = compare_disk_space(disk, static_cast<double>(space.available));
+  }
+  return warning;
+}
+
+}  // namespace pmsp::tool
