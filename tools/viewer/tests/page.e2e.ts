@@ -41,7 +41,7 @@ before(async () => {
   execFileSync(
     process.env["PMSP_DENSIFY"]!,
     ["run", map, "--images", join(mission, "images"), "-o", join(folder, "c.ply"), "--report", report]
-      .concat(["--backend", "cpu", "--width", "640", "--height", "320", "--progress", "none", "--report-panoramas", "3", "--scale", "1"]),
+      .concat(["--quality", "online", "--backend", "cpu", "--width", "640", "--height", "320", "--progress", "none", "--report-panoramas", "3", "--scale", "1"]),
     { stdio: ["ignore", "ignore", "inherit"] },
   );
   const text = readFileSync(report, "utf8");
@@ -133,7 +133,7 @@ test("clicks measure, and the address keeps it", async () => {
   await page.mouse.click(400, 400);
   await page.mouse.click(600, 420);
   await page.waitForSelector("#results li");
-  assert.match((await page.textContent("#results li")) ?? "", /Distance: \d.* ± \d.* map units/);
+  assert.match((await page.textContent("#results li")) ?? "", /Distance: \d.* ± \d.* m/);
   await page.waitForTimeout(400);
   const address = page.url();
   assert.match(address, /distance=/);

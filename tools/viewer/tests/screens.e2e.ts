@@ -28,7 +28,7 @@ before(async () => {
   execFileSync(
     densify,
     ["run", join(mission, "map.msg"), "--images", join(mission, "images"), "-o", join(folder, "c.ply"), "--report", report]
-      .concat(["--backend", "cpu", "--width", "640", "--height", "320", "--progress", "none", "--scale", "1"]),
+      .concat(["--quality", "online", "--backend", "cpu", "--width", "640", "--height", "320", "--progress", "none", "--scale", "1"]),
     { stdio: ["ignore", "ignore", "inherit"] },
   );
   browser = await startBrowser();

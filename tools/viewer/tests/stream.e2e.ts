@@ -32,7 +32,7 @@ before(async () => {
   execFileSync(
     densify,
     ["run", join(mission, "map.msg"), "--images", join(mission, "images"), "-o", join(results, "the cloud.potree"), "--report", report]
-      .concat(["--report-points", String(kHeld), "--backend", "cpu", "--width", "512", "--height", "256", "--progress", "none"]),
+      .concat(["--report-points", String(kHeld), "--quality", "online", "--backend", "cpu", "--width", "512", "--height", "256", "--progress", "none"]),
     { stdio: ["ignore", "ignore", "inherit"] },
   );
   all = (JSON.parse(readFileSync(join(results, "the cloud.potree", "metadata.json"), "utf8")) as { points: number }).points;
@@ -203,7 +203,7 @@ test("another cloud in the folder is refused, and so is none", async () => {
   execFileSync(
     densify,
     ["run", join(mission, "map.msg"), "--images", join(mission, "images"), "-o", join(other, "the cloud.potree"), "--force"]
-      .concat(["--scale", "3", "--backend", "cpu", "--width", "128", "--height", "64", "--progress", "none"]),
+      .concat(["--scale", "3", "--quality", "online", "--backend", "cpu", "--width", "128", "--height", "64", "--progress", "none"]),
     { stdio: ["ignore", "ignore", "inherit"] },
   );
   const it = await start(densify, ["serve", join(other, "report.html")]);
