@@ -62,31 +62,6 @@ class JsonCharacters {
   bool is_escaped_ = false;
 };
 
-/// What nlohmann::json reads from; without characters, the end.
-class JsonIterator {
- public:
-  using iterator_category = std::input_iterator_tag;
-  using value_type = char;
-  using difference_type = std::ptrdiff_t;
-  using pointer = const char*;
-  using reference = char;
-
-  JsonIterator() = default;
-  explicit JsonIterator(JsonCharacters* characters) : characters_(characters) {}
-
-  char operator*() const { return characters_->peek(); }
-  JsonIterator& operator++() {
-    characters_->advance();
-    return *this;
-  }
-  friend bool operator!=(const JsonIterator& a, const JsonIterator& b) { return a.done() != b.done(); }
-
- private:
-  bool done() const { return characters_ == nullptr || characters_->at_end(); }
-
-  JsonCharacters* characters_ = nullptr;
-};
-
 /// Looks at the parser's tokens as they come.
 class Guard {
  public:
@@ -118,10 +93,11 @@ class Guard {
 json read_json(const std::filesystem::path& path) {
   require_regular_file(path);
   ByteSource source(path);
+  using Iterator = SourceIterator<JsonCharacters>;
   JsonCharacters characters(source);
   Guard guard(path, source);
   try {
-    return json::parse(JsonIterator(&characters), JsonIterator(), std::ref(guard));
+    return json::parse(Iterator(&characters), Iterator(), std::ref(guard));
   } catch (const json::exception& error) {
     const bool ended = source.at_end();
     fail(path, "byte " + std::to_string(source.offset()),

@@ -66,8 +66,9 @@ class ByteSource {
   std::size_t most_copied_ = 0;
 };
 
-/// What nlohmann::json reads from: an input iterator over a ByteSource; without one, the end.
-class ByteIterator {
+/// Input iterator of nlohmann::json over a source with peek(), advance() and at_end(); without a source, the end.
+template <class Source>
+class SourceIterator {
  public:
   using iterator_category = std::input_iterator_tag;
   using value_type = char;
@@ -75,21 +76,22 @@ class ByteIterator {
   using pointer = const char*;
   using reference = char;
 
-  ByteIterator() = default;
-  explicit ByteIterator(ByteSource* source) : source_(source) {}
+  SourceIterator() = default;
+  explicit SourceIterator(Source* source) : source_(source) {}
 
   char operator*() const { return source_->peek(); }
-  ByteIterator& operator++() {
+  SourceIterator& operator++() {
     source_->advance();
     return *this;
   }
-  friend bool operator==(const ByteIterator& a, const ByteIterator& b) { return a.done() == b.done(); }
-  friend bool operator!=(const ByteIterator& a, const ByteIterator& b) { return a.done() != b.done(); }
+  friend bool operator==(const SourceIterator& a, const SourceIterator& b) { return a.done() == b.done(); }
+  friend bool operator!=(const SourceIterator& a, const SourceIterator& b) { return a.done() != b.done(); }
 
  private:
   bool done() const { return source_ == nullptr || source_->at_end(); }
 
-  ByteSource* source_ = nullptr;
+  Source* source_ = nullptr;
 };
+using ByteIterator = SourceIterator<ByteSource>;
 
 }  // namespace pmsp::map_detail

@@ -27,7 +27,7 @@ struct ConvertArguments {
   bool quiet = false;
 };
 
-/// nullopt when help was asked for, which is then on stdout. Throws UsageError, IoError, OutputError.
+/// Returns nullopt if help was printed to stdout. Throws UsageError, IoError, OutputError.
 std::optional<ConvertArguments> parse_convert_arguments(int argc, const char* const* argv);
 
 }  // namespace pmsp::tool
