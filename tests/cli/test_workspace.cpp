@@ -332,6 +332,11 @@ TEST_CASE("options that leave nothing of a workspace are refused before any work
     CHECK(result.code == 6);
     CHECK_THAT(result.err, Contains(complaint) && Contains("nothing of 5 depth maps can be kept") &&
                                Contains("--force") && !Contains("backend: "));
+    std::vector<std::string> dry_run = step(dir, options);
+    dry_run.insert(dry_run.begin(), "info");
+    const Result checked = densify(dry_run);
+    CHECK(checked.code == 6);
+    CHECK_THAT(checked.err, Contains("nothing of 5 depth maps can be kept"));
   };
   refused({"--width", "64", "--height", "32"}, "width 128 -> 64, height 64 -> 32: ");
   refused({"--quality", "paper"}, " -> ");

@@ -152,7 +152,8 @@ run_on() { # NODE FOLDER: holds on to a run there whose workspace in this folder
   local pid workspace
   for pid in $(processes "" "SLURM_CONF=$SLURM_CONF" "SLURMD_NODENAME=$1"); do
     workspace=$(tr '\0' '\n' 2>/dev/null <"/proc/$pid/cmdline" | sed -n 's/^--workspace=//p; /^--workspace$/{n;p}') || true
-    if [[ $workspace == "$2"* ]] && compgen -G "$workspace/planes/*" >/dev/null && kill -STOP "$pid" 2>/dev/null; then
+    if [[ -z $workspace || $(realpath -m "$workspace") != "$PWD/$2"* ]]; then continue; fi
+    if compgen -G "$workspace/planes/*" >/dev/null && kill -STOP "$pid" 2>/dev/null; then
       return
     fi
   done

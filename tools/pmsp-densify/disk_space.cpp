@@ -39,9 +39,22 @@ fs::path existing_folder(fs::path path) {
   return path;
 }
 
+/// Of all image files; frames of a video are none.
+double bytes_of(const ImageSource& images) {
+  double sum = 0.0;
+  for (const std::int64_t id : images.keyframe_ids()) {
+    const ImageSource::Origin origin = images.origin(id);
+    std::error_code error;
+    const std::uintmax_t bytes = origin.frame.empty() ? fs::file_size(origin.file, error) : 0;
+    if (!error) sum += static_cast<double>(bytes);
+  }
+  return sum;
+}
+
 }  // namespace
 
-std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budget, double images, double in_workspace) {
+std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budget, const ImageSource& images,
+                                 double in_workspace) {
   const double pixels = static_cast<double>(budget.width) * budget.height * static_cast<double>(budget.depth_maps);
   const CloudAmount& amount = arguments.cloud.amount;
   double points = budget.points;
@@ -52,7 +65,8 @@ std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budge
     const std::string format = target.format->name;
     const bool is_dataset = format == "colmap" || format == "nerfstudio";
     const double most = is_dataset ? static_cast<double>(arguments.cloud.dataset_points) : points;
-    needs.push_back({target.path, is_dataset ? images : 0.0, bytes_of_point(format) * std::min(points, most)});
+    needs.push_back(
+        {target.path, is_dataset ? bytes_of(images) : 0.0, bytes_of_point(format) * std::min(points, most)});
   }
   for (const fs::path& folder : {arguments.depth_maps, arguments.raw_depth_maps}) {
     if (!folder.empty()) needs.push_back({folder, bytes_of_pixel(arguments.depth_formats) * pixels, 0.0});

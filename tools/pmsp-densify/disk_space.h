@@ -7,6 +7,7 @@
 
 #include "arguments.h"
 #include "budget.h"
+#include "pmsp/io/image_source.h"
 
 namespace pmsp::tool {
 
@@ -17,9 +18,9 @@ struct DiskNeed {
   double points = 0.0;           ///< follows from a number of points, which a mission that is hard falls short of
 };
 
-/// `images`: bytes of the mission's images, which datasets copy. `in_workspace`: share of the workspace that is to be
-/// made.
-std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budget, double images, double in_workspace);
+/// `images`: of the mission, which datasets copy. `in_workspace`: share of the workspace that is to be made.
+std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budget, const ImageSource& images,
+                                 double in_workspace);
 
 /// Compares with what is free: on each file system, all needs together. Returns a warning where the forecast does not
 /// fit, "" where it does. Throws OutputError where not even a part of it does that is certain.

@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <iostream>
+#include <memory>
+#include <system_error>
+#include <vector>
 
 #include "budget_text.h"
 #include "cloud_report.h"
 #include "decoder.h"
 #include "depth_output.h"
+#include "disk_space.h"
 #include "exit_code.h"
 #include "map_figures.h"
 #include "map_input.h"
@@ -20,6 +25,7 @@
 #include "progress.h"
 #include "targets.h"
 #include "verbs.h"
+#include "workspace_step.h"
 
 namespace pmsp::tool {
 namespace {
@@ -169,6 +175,29 @@ void print(const Json& j) {
   if (j.contains("plan")) print_plan(j["plan"]);
 }
 
+/// Returns the workspace of the arguments, nullptr where a run would begin one. Throws where a run refuses it, or its
+/// outputs.
+std::unique_ptr<workspace::Workspace> check_places(const Arguments& arguments) {
+  std::unique_ptr<workspace::Workspace> workspace;
+  std::error_code ignored;
+  if (!arguments.workspace.empty()) check_names(arguments);
+  if (std::filesystem::exists(arguments.workspace, ignored) &&
+      !std::filesystem::is_empty(arguments.workspace, ignored)) {
+    workspace = std::make_unique<workspace::Workspace>(arguments.workspace);
+  }
+  check_targets(arguments, workspace ? recorded_outputs(arguments, *workspace) : std::vector<std::filesystem::path>());
+  return workspace;
+}
+
+/// Throws OutputError where a run refuses to replace the depth maps of the workspace.
+void check_losses(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
+                  const SlamMap& map, const ImageSource& images) {
+  WorkspaceStep step(workspace, arguments, options, map, arguments.growing, nullptr);
+  std::vector<SkippedKeyframe> unreadable;
+  step.new_images(images, unreadable);
+  step.refuse_losses();
+}
+
 }  // namespace
 
 void info(const Arguments& given) {
@@ -189,7 +218,8 @@ void info(const Arguments& given) {
       if (!refusal) refusal = std::current_exception();
     }
   };
-  attempt([&] { arguments.workspace.empty() ? check_targets(given) : check_names(given); });
+  std::unique_ptr<workspace::Workspace> workspace;
+  attempt([&] { workspace = check_places(given); });
   if (!is_dry_run && !arguments.images.empty()) {
     try {
       input.open_images();
@@ -209,6 +239,9 @@ void info(const Arguments& given) {
       if (!warning.empty()) progress.warning(warning);
     });
     attempt([&] { const PriorDepths opens(arguments); });
+    attempt([&] {
+      if (workspace && input.images) check_losses(*workspace, arguments, options, map, *input.images);
+    });
     attempt([&] {
       DensifierOptions engine = options;
       if (engine.free_space.whole_mission) engine.scratch_folder = scratch_folder(arguments).string();
@@ -242,6 +275,13 @@ void info(const Arguments& given) {
     const Budget forecast = estimate_budget({map, plan, options, size.width, size.height, measure_cpu_pace(options)});
     json["budget"] = to_json(forecast);
     budget = budget_text(forecast);
+    if (is_dry_run && input.images) {
+      const double in_workspace = workspace ? 0.0 : 1.0;  // what of it is to be made is not known
+      attempt([&] {
+        const std::string warning = check_disk_space(disk_needs(arguments, forecast, *input.images, in_workspace));
+        if (!warning.empty()) progress.warning(warning);
+      });
+    }
   } catch (const InvalidInput& error) {
     json["budget"] = {{"error", error.what()}};
     if (is_dry_run && !refusal) refusal = std::current_exception();

@@ -250,7 +250,7 @@ class Run {
     if (options.width == 0 && (map_.cameras.empty() || map_.cameras[0].width == 0)) return;  // no forecast
     if (options.width > 0 && options.height == 0) options.height = options.width / 2;
     Plan plan = step_ ? step_->step().plan : given_ != nullptr ? given_->plan() : Plan{};
-    double in_workspace = 1.0, images = 0.0;
+    double in_workspace = 1.0;
     if (step_) {
       const auto& planned = step_->step().keyframes;
       const auto made =
@@ -259,15 +259,10 @@ class Run {
     } else if (given_ == nullptr) {
       plan = make_plan(keyframes_without_image(map_, input_.images.get(), options), options);
     }
-    for (const std::int64_t id : input_.images->keyframe_ids()) {
-      std::error_code error;
-      const std::uintmax_t bytes = std::filesystem::file_size(input_.images->origin(id).file, error);
-      if (!error && input_.images->origin(id).frame.empty()) images += static_cast<double>(bytes);
-    }
     std::string warning;
     try {
       const Budget budget = estimate_budget({map_, plan, options, 0, 0, {}});
-      warning = check_disk_space(disk_needs(arguments_, budget, images, in_workspace));
+      warning = check_disk_space(disk_needs(arguments_, budget, *input_.images, in_workspace));
     } catch (const InvalidInput&) {  // the densifier will say so
     }
     if (!warning.empty()) progress_.warning(warning);
@@ -434,12 +429,6 @@ class Run {
   std::future<void> closing_;  ///< after all that it uses
 };
 
-std::vector<std::filesystem::path> written_before(const Arguments& arguments, const workspace::Workspace& workspace) {
-  std::vector<std::filesystem::path> paths;
-  for (const std::string& output : workspace.record().outputs) paths.push_back(arguments.workspace / output);
-  return paths;
-}
-
 }  // namespace
 
 void run(const Arguments& arguments) {
@@ -454,7 +443,7 @@ void run(const Arguments& arguments) {
   }
   check_names(arguments);
   workspace::Workspace workspace(arguments.workspace);
-  check_targets(arguments, written_before(arguments, workspace));
+  check_targets(arguments, recorded_outputs(arguments, workspace));
   const auto once = [&](bool growing) { Run(arguments, options, &workspace, growing, nullptr, live.get())(); };
   if (arguments.follow) {
     follow(arguments, once);
@@ -480,7 +469,7 @@ void merge(const Arguments& arguments) {
   }
   workspace::Workspace workspace(arguments.workspace, workspace::Workspace::Access::kMerge);
   const Merge merge(arguments, workspace);
-  check_targets(merge.arguments, written_before(arguments, workspace));
+  check_targets(merge.arguments, recorded_outputs(arguments, workspace));
   Run(merge.arguments, merge.options, &workspace, false, &merge)();
 }
 

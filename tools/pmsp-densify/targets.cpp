@@ -163,4 +163,10 @@ void check_targets(const Arguments& arguments, const std::vector<fs::path>& own)
   }
 }
 
+std::vector<fs::path> recorded_outputs(const Arguments& arguments, const workspace::Workspace& workspace) {
+  std::vector<fs::path> paths;
+  for (const std::string& output : workspace.record().outputs) paths.push_back(arguments.workspace / output);
+  return paths;
+}
+
 }  // namespace pmsp::tool

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "arguments.h"
+#include "pmsp/io/workspace/workspace.h"
 
 namespace pmsp::tool {
 
@@ -18,6 +19,9 @@ void check_names(const Arguments& arguments);
 
 /// What a run writes besides its workspace.
 std::vector<std::filesystem::path> target_paths(const Arguments& arguments);
+
+/// Outputs of the last finished run with this workspace, which check_targets() lets a run replace.
+std::vector<std::filesystem::path> recorded_outputs(const Arguments& arguments, const workspace::Workspace& workspace);
 
 /// One spelling for each place, whether something is there or not.
 std::filesystem::path place_of(const std::filesystem::path& path);
