@@ -125,6 +125,7 @@ PMSP_HD F depth_ratio_around(const Agreement<F>& seen, const Map& other, float t
 template <class F>
 struct Votes {
   F agree = F(0);           ///< number of maps
+  F could_see = F(0);       ///< number of maps whose surface does not hide it, those that agree included
   F weight_for = F(0);      ///< of the maps that agree
   F weight_against = F(0);  ///< of those that have looked through it
   F square_spread = F(0);   ///< sum of squared deviations of the maps that agree
@@ -135,14 +136,15 @@ struct Votes {
     const MaskOf<F> near = abs(deviation) <= F(tolerance);
     const MaskOf<F> through = is_seen_through(seen, tolerance);
     agree = agree + select(near, F(1), F(0));
+    could_see = could_see + select((seen.depth_ratio > F(0)) & (deviation <= F(kSeenThrough * tolerance)), F(1), F(0));
     weight_for = weight_for + select(near, seen.weight, F(0));
     weight_against = weight_against + select(through, seen.weight, F(0));
     square_spread = square_spread + select(near, deviation * deviation, F(0));
     square_gain = square_gain + select(near, seen.parallax_gain * seen.parallax_gain, F(0));
   }
-  /// `wanted`: maps that must agree.
+  /// `wanted`: maps that must agree; where fewer could see the point, those, but one at least.
   PMSP_HD MaskOf<F> keep(int wanted) const {
-    const MaskOf<F> enough = agree >= F(static_cast<float>(wanted));
+    const MaskOf<F> enough = agree >= min(F(static_cast<float>(wanted)), max(could_see, F(1)));
     return wanted == 0 ? enough : enough & (weight_for > weight_against);
   }
 };

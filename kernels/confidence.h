@@ -114,10 +114,11 @@ struct ComparedMap {
   Rigid other_from_first;
 };
 
-/// The consistency filter (pmsp::consistency_filter); a stage. Counts pixels that have a plane, and that keep it.
+/// The consistency filter (pmsp::consistency_filter); a stage. Counts pixels that have a plane, those that keep one
+/// with a depth, and those that stay far.
 template <class Machine>
 struct ConsistencyFilter {
-  static constexpr int kCounts = 2;
+  static constexpr int kCounts = 3;
 
   typename Machine::Map map;
   GridView grid;
@@ -140,6 +141,7 @@ struct ConsistencyFilter {
     const F score = min(score_at<F>(map, at.index), F(1));
     F found = score;
     F told = score;
+    const MaskOf<F> far = surface.depth > F(1.0F / kFarLimit);
     MaskOf<F> kept = surface.known;
     if (count > 0 && any(kept)) {
       const MaskOf<F> thin = kept & is_thin(at, bearing, surface.depth);
@@ -151,6 +153,10 @@ struct ConsistencyFilter {
         if (any(missed)) {
           seen.depth_ratio = select(missed, depth_ratio_around(seen, other.planes, tolerance), seen.depth_ratio);
         }
+        // Far planes have no unit of length, maps have.
+        if (any(far))
+          seen.depth_ratio =
+              select(far & (seen.depth_ratio < F(1e3F)), select(seen.depth_ratio > F(0), F(1), F(0)), seen.depth_ratio);
         votes.add(seen, tolerance);
       }
       kept = kept & votes.keep(wanted);
@@ -169,7 +175,8 @@ struct ConsistencyFilter {
     store<F>(select(kept, found, F(0)), confidence + at.first, at.count);
     if (told_to != nullptr) store<F>(select(kept, told, F(0)), told_to + at.first, at.count);
     counted[0] = surface.known;
-    counted[1] = kept;
+    counted[1] = kept & !far;
+    counted[2] = kept & far;
   }
 
  private:

@@ -96,11 +96,15 @@ PMSP_HD DepthEvidence<F> depth_evidence(const Cube& image, const PatchFrame<F>& 
 /// noise of 0.7 gray levels, in one of 1440 for 1.6.
 constexpr float kLeastMatchingError = 0.0083F;
 
-/// Relative error of a depth, as far as it follows from the picture. What the patches do not have in common counts as
-/// noise: `score` is their correlation, `variance` and `certainty` are those of DepthEvidence.
+/// Least shift of a patch that the picture tells, times the root of its certainty. What the patches do not have in
+/// common counts as noise: `score` is their correlation, `variance` is that of DepthEvidence.
+PMSP_HD float matching_noise(float variance, float score, float spacing) {
+  return max(spacing * sqrt((1.0F - min(max(score, 0.0F), 1.0F)) * variance), kLeastMatchingError);
+}
+
+/// Relative error of a depth, as far as it follows from the picture. `certainty`: of DepthEvidence.
 PMSP_HD float matching_error(float variance, float certainty, float score, float spacing, float inverse_depth) {
-  const float noise = sqrt((1.0F - min(max(score, 0.0F), 1.0F)) * variance);
-  return max(spacing * noise, kLeastMatchingError) / (inverse_depth * sqrt(certainty) + 1e-9F);
+  return matching_noise(variance, score, spacing) / (inverse_depth * sqrt(certainty) + 1e-9F);
 }
 
 }  // namespace pmsp::kernels

@@ -23,7 +23,7 @@ struct DepthImage {
   PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
     const Vec3<float> plane = plane_at<float>(map, at.index);
     const Surface<float> surface = surface_of(plane, bearing_at(grid, at));
-    const bool known = surface.known && (sure == nullptr || sure[at.index] > 0.0F);
+    const bool known = surface.known && surface.depth < 1.0F / kFarLimit && (sure == nullptr || sure[at.index] > 0.0F);
     const Vec3<float> facing = known ? -1.0F * normalized(plane) : Vec3<float>{0.0F, 0.0F, 0.0F};
     const float own = sure != nullptr ? sure[at.index] : min(max(score_at<float>(map, at.index), 0.0F), 1.0F);
     depth[at.index] = known ? surface.depth : 0.0F;

@@ -78,7 +78,7 @@ struct FusePixels {
     const Vec3<F> bearing = bearing_at(grid, at);
     const Vec3<F> found = plane_at<F>(first.map, at.index);
     const F confidence = gather<F>(first.map.confidence, at.index);
-    MaskOf<F> known = (dot(found, bearing) > F(0)) & (confidence >= F(limits.min_confidence));
+    MaskOf<F> known = (dot(found, bearing) >= F(kFarLimit)) & (confidence >= F(limits.min_confidence));
     const Vec3<F> plane = select(known, found, bearing);
     const F depth = F(1) / dot(plane, bearing);
     if (limits.suppression > 0.0F && any(known)) {

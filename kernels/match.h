@@ -14,13 +14,14 @@ namespace pmsp::kernels {
 /// a better plane than the true one somewhere; with it, this is too little to hide that a prior is wrong.
 struct PriorBonus {
   float most;       ///< where they agree exactly
+  float far;        ///< the same where the prior is far
   float tolerance;  ///< relative depth from which on there is none
 };
 template <class F>
 PMSP_HD F prior_score(const F& prior, const F& inverse_depth, const PriorBonus& bonus) {
   const auto known = prior > F(0);
   const F off = abs(inverse_depth / select(known, prior, F(1)) - F(1)) * F(1.0F / bonus.tolerance);
-  return select(known, F(bonus.most) * max(F(1) - off, F(0)), F(0));
+  return select(known, select(is_far(prior), F(bonus.far), F(bonus.most)) * max(F(1) - off, F(0)), F(0));
 }
 
 /// What is fixed for a whole keyframe.

@@ -8,8 +8,26 @@
 
 // A hypothesis is a plane, written as the vector v with v . X = 1 for all its points X (camera frame). The range along
 // a unit bearing b is 1 / (v . b); the unit normal that faces the camera is -v / |v|. One vector per pixel therefore
-// holds depth and normal, and a neighbour's plane is a candidate as it stands. The zero vector means "no plane".
+// holds depth and normal, and a neighbour's plane is a candidate as it stands. The zero vector means "no plane". What
+// is too far for any parallax, such as the sky, has a plane whose inverse depth lies below kFarLimit; it makes no
+// point, and stands behind everything else.
 namespace pmsp::kernels {
+
+/// Inverse depth of far pixels, in any unit: their planes still turn and scale without underflow.
+constexpr float kFarInverseDepth = 1e-12F;
+/// Far planes lie below, all others above.
+constexpr float kFarLimit = 1e-9F;
+
+/// The plane of a far pixel.
+template <class F>
+PMSP_HD Vec3<F> far_plane(const Vec3<F>& bearing) {
+  return F(kFarInverseDepth) * bearing;
+}
+
+template <class F>
+PMSP_HD MaskOf<F> is_far(const F& inverse_depth) {
+  return (inverse_depth > F(0)) & (inverse_depth < F(kFarLimit));
+}
 
 /// What a plane must satisfy at a pixel.
 struct PlaneLimits {
@@ -21,7 +39,8 @@ struct PlaneLimits {
 template <class F>
 PMSP_HD MaskOf<F> is_allowed(const Vec3<F>& plane, const Vec3<F>& bearing, const PlaneLimits& limits) {
   const F inverse_depth = dot(plane, bearing);
-  return (inverse_depth >= F(limits.min_inverse_depth)) & (inverse_depth <= F(limits.max_inverse_depth)) &
+  return ((inverse_depth >= F(limits.min_inverse_depth)) | is_far(inverse_depth)) &
+         (inverse_depth <= F(limits.max_inverse_depth)) &
          (inverse_depth * inverse_depth >= F(limits.min_cos2_slant) * dot(plane, plane));
 }
 

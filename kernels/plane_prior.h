@@ -43,6 +43,14 @@ constexpr float kToldTolerance = 0.08F;       ///< relative distance up to which
 constexpr float kToldMinCos = 0.9F;           ///< of the angle between their normals
 constexpr float kGivenCoplanar = 0.05F;       ///< relative distance up to which a support lies on the cell's plane
 
+// What may be sky (plane.h: far), in errors of the inverse depth that the picture tells:
+constexpr float kFarErrors = 2.5F;     ///< inverse depth up to which a pixel is far ...
+constexpr float kFarSure = 0.4F;       ///< ... if the error is at most this share of the least finite inverse depth
+constexpr float kFiniteErrors = 4.0F;  ///< inverse depth from which on a pixel is not far
+constexpr int kFarMinSupports = 3;     ///< that are far, around a cell that may be
+constexpr float kWhite = 250.0F;       ///< gray level from which on a bare surface may be overexposed sky
+constexpr float kWhiteCost = 0.3F;     ///< kOccluderCost, where nothing but whiteness speaks for sky
+
 /// The first support in each direction; (0, 0, 0) where there is none within reach.
 struct Surroundings {
   float x[kPriorDirections], y[kPriorDirections], z[kPriorDirections];
@@ -75,6 +83,8 @@ struct SupportPixel {
   float cost;
   int index;    ///< of the map; -1 = there is none
   bool unsure;  ///< whether the share has unsure pixels
+  int pixels;   ///< of the share
+  int far;      ///< those of them that are far
 };
 
 /// All cells, in row order, and what they are made from.
@@ -88,6 +98,7 @@ struct PriorCells {
   const float* variance;   ///< of the map's pixels, see DepthEvidence
   const float* certainty;  ///< likewise
   float min_variance;      ///< less is no texture
+  float far_variance;      ///< less does not tell that something is far
   PlaneLimits limits;
   int columns, rows;
   const int* looks;          ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
@@ -107,6 +118,11 @@ struct PriorCells {
 };
 
 PMSP_HD bool is_point(const Vec3<float>& p) { return dot(p, p) > 0.0F; }
+
+/// Whether a support is the direction of something far.
+PMSP_HD bool is_far_point(const Vec3<float>& p) { return dot(p, p) > 1.0F / (kFarLimit * kFarLimit); }
+/// Whether it is a point that planes may go through.
+PMSP_HD bool is_finite_point(const Vec3<float>& p) { return is_point(p) && !is_far_point(p); }
 
 /// How many pixels two steps around lie on the plane of pixel (x, y).
 template <class Machine>
@@ -136,6 +152,23 @@ PMSP_HD bool is_unsure(const PriorCells<Machine>& cells, int index, float invers
   return cells.variance[index] < cells.min_variance || matching_error(cells, index, inverse_depth) > kSureError;
 }
 
+/// Error of a pixel's inverse depth, as far as it follows from the picture; huge where there is no texture.
+template <class Machine>
+PMSP_HD float inverse_error(const PriorCells<Machine>& cells, int index) {
+  const float score = score_at<float>(cells.map, index);
+  if (score * cells.variance[index] < cells.far_variance) return 1e9F;
+  return matching_noise(cells.variance[index], score, cells.spacing) / (sqrt(cells.certainty[index]) + 1e-9F);
+}
+
+/// Whether the picture shows that a pixel is far: its parallax lies within the error, that of the largest finite depth
+/// would not.
+template <class Machine>
+PMSP_HD bool looks_far(const PriorCells<Machine>& cells, int index, float inverse_depth) {
+  const float error = inverse_error(cells, index);
+  return error < kFarSure * cells.limits.min_inverse_depth &&
+         inverse_depth < max(kFarErrors * error, cells.limits.min_inverse_depth + error);
+}
+
 /// The point of a pixel's plane that the picture tells best: on an edge beside the pixel, say.
 template <class Machine>
 PMSP_HD Vec3<float> best_known(const PriorCells<Machine>& cells, int x, int y) {
@@ -149,7 +182,7 @@ PMSP_HD Vec3<float> best_known(const PriorCells<Machine>& cells, int x, int y) {
 /// Writes `pixels` of a cell: of a share of its pixels, in row order.
 template <class Machine>
 PMSP_HD void look_at_pixels(const PriorCells<Machine>& cells, int column, int row, int share) {
-  SupportPixel best{2.0F * kSupportMaxError, -1, false};
+  SupportPixel best{2.0F * kSupportMaxError, -1, false, 0, 0};
   const int x0 = column * cells.map.width / cells.columns;
   const int y0 = row * cells.map.height / cells.rows;
   const int columns = (column + 1) * cells.map.width / cells.columns - x0;
@@ -161,6 +194,11 @@ PMSP_HD void look_at_pixels(const PriorCells<Machine>& cells, int column, int ro
     const Vec3<float> plane = plane_at<float>(cells.map, index);
     const float inverse_depth = dot(plane, cells.bearing_at(x, y));
     if (!(inverse_depth > 0.0F)) continue;
+    ++best.pixels;
+    if (looks_far(cells, index, inverse_depth)) {
+      ++best.far;
+      continue;
+    }
     best.unsure = best.unsure || is_unsure(cells, index, inverse_depth);
     const float score = score_at<float>(cells.map, index);
     const float error = matching_error(cells, index, inverse_depth);
@@ -174,6 +212,14 @@ PMSP_HD void look_at_pixels(const PriorCells<Machine>& cells, int column, int ro
   cells.pixels[(row * cells.columns + column) * cells.shares + share] = best;
 }
 
+/// Bearing of the centre of a cell.
+PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
+  const float pi = static_cast<float>(kPi);
+  const float lon = ((static_cast<float>(column) + 0.5F) / static_cast<float>(columns) - 0.5F) * 2.0F * pi;
+  const float lat = (0.5F - (static_cast<float>(row) + 0.5F) / static_cast<float>(rows)) * pi;
+  return bearing(sinf(lon), cosf(lon), sinf(lat), cosf(lat));
+}
+
 /// Writes `supports`, `errors` and `unsure` of a cell. The best of the pixels gives the support; of equal ones the
 /// first.
 template <class Machine>
@@ -184,13 +230,21 @@ PMSP_HD void find_support(const PriorCells<Machine>& cells, int column, int row)
   for (int share = 1; share < cells.shares; ++share) {
     const SupportPixel& other = pixels[share];
     const bool unsure = best.unsure || other.unsure;
+    const int all = best.pixels + other.pixels;
+    const int far = best.far + other.far;
     const bool is_first = other.cost == best.cost && other.index < best.index;
     if (other.index >= 0 && (other.cost < best.cost || is_first)) best = other;
     best.unsure = unsure;
+    best.pixels = all;
+    best.far = far;
   }
   cells.unsure[cell] = best.unsure ? 1 : 0;
   cells.errors[cell] = kSupportMaxError;
   cells.supports[cell] = {0.0F, 0.0F, 0.0F};
+  if (best.far > 0 && 2 * best.far >= best.pixels) {
+    cells.supports[cell] = (1.0F / kFarInverseDepth) * cell_bearing(column, row, cells.columns, cells.rows);
+    return;
+  }
   if (best.index < 0) return;
   const int x = best.index % cells.map.width;
   const int y = best.index / cells.map.width;
@@ -301,14 +355,6 @@ PMSP_HD Vec3<float> refitted(const Surroundings& around, const Vec3<float>& plan
   return (1.0F / determinant) * scaled;
 }
 
-/// Bearing of the centre of a cell.
-PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
-  const float pi = static_cast<float>(kPi);
-  const float lon = ((static_cast<float>(column) + 0.5F) / static_cast<float>(columns) - 0.5F) * 2.0F * pi;
-  const float lat = (0.5F - (static_cast<float>(row) + 0.5F) / static_cast<float>(rows)) * pi;
-  return bearing(sinf(lon), cosf(lon), sinf(lat), cosf(lat));
-}
-
 PMSP_HD int supports_around(const Surroundings& around) {
   int count = 0;
   for (int d = 0; d < kPriorDirections; ++d) count += around.tightness[d] > 0.0F ? 1 : 0;
@@ -340,7 +386,7 @@ PMSP_HD void try_planes(const PriorCells<Machine>& cells, int column, int row, i
       const Vec3<float> a = around.point(i);
       const Vec3<float> b = around.point(j);
       const Vec3<float> c = around.point(k);
-      if (!is_point(a) || !is_point(b) || !is_point(c)) continue;
+      if (!is_finite_point(a) || !is_finite_point(b) || !is_finite_point(c)) continue;
       consider(best, plane_through(a, b, c), around, center, cells.limits);
     }
   }
@@ -361,6 +407,26 @@ PMSP_HD void take_candidate(const PriorCells<Machine>& cells, int column, int ro
   consider(best, refitted(around, best.plane), around, center, cells.limits);
 }
 
+/// Takes the far plane where it explains the surroundings better than `best`: all that is finite stands in front of it.
+/// Where too few supports around are far, only a white cell may be.
+template <class Machine>
+PMSP_HD void consider_far(const PriorCells<Machine>& cells, int column, int row, PriorPlane& best) {
+  const int cell = row * cells.columns + column;
+  if (cells.unsure[cell] == 0) return;
+  int far = 0;
+  int finite = 0;
+  for (int d = 0; d < kPriorDirections; ++d) {
+    const Vec3<float> p = cells.around[cell].point(d);
+    far += is_far_point(p) ? 1 : 0;
+    finite += is_finite_point(p) ? 1 : 0;
+  }
+  const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
+  const bool is_beside_far = far >= kFarMinSupports;
+  if (!is_beside_far && sample(cells.image, center) < kWhite) return;
+  const float cost = (is_beside_far ? kOccluderCost : kWhiteCost) * static_cast<float>(finite);
+  if (cost < best.cost) best = {far_plane(center), kPriorDirections, cost};
+}
+
 /// Writes `found` of a cell, the best of its candidates, and the number of supports around.
 template <class Machine>
 PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
@@ -369,6 +435,7 @@ PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
   around.count = cells.unsure[cell] != 0 ? supports_around(around) : 0;
   PriorPlane best = no_plane();
   if (has_candidates(column, row)) take_candidate(cells, column, row, best);
+  consider_far(cells, column, row, best);
   cells.found[cell] = best;
 }
 
@@ -397,7 +464,7 @@ PMSP_HD GivenRatio mean_ratio(const PriorCells<Machine>& cells, const Surroundin
   float all = 0.0F;
   for (int d = 0; d < kPriorDirections; ++d) {
     const Vec3<float> p = around.point(d);
-    const float ratio = is_point(p) ? given_ratio(cells, p) : 0.0F;
+    const float ratio = is_finite_point(p) ? given_ratio(cells, p) : 0.0F;
     if (!(ratio > 0.0F)) continue;
     const float weight = support_weight(p, center);
     all += weight;
@@ -419,7 +486,7 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surrounding
   float squares = 0.0F;
   for (int d = 0; d < kPriorDirections; ++d) {
     const Vec3<float> p = around.point(d);
-    if (!is_point(p)) continue;
+    if (!is_finite_point(p)) continue;
     const float off = 1.0F - dot(plane, p);
     if (abs(off) >= kGivenCoplanar) continue;
     rows[0] = fma(p.x, p, rows[0]);
@@ -477,7 +544,7 @@ PMSP_HD Vec3<float> told_plane(const PriorCells<Machine>& cells, int column, int
         const Vec3<float> a = around.point(i);
         const Vec3<float> b = around.point(j);
         const Vec3<float> c = around.point(k);
-        if (!is_point(a) || !is_point(b) || !is_point(c)) continue;
+        if (!is_finite_point(a) || !is_finite_point(b) || !is_finite_point(c)) continue;
         const Vec3<float> plane = plane_through(a, b, c);
         if (agrees(plane)) consider(best, plane, around, center, cells.limits, kToldMinSupports, true);
       }
@@ -507,7 +574,8 @@ PMSP_HD void ask_others(const PriorCells<Machine>& cells, int column, int row, i
     const int other_column = (column + (i % 3 - 1) * cells.stride + cells.columns) % cells.columns;
     if (i == 4 || other_row < 0 || other_row >= cells.rows) continue;
     const PriorPlane& other = cells.before[other_row * cells.columns + other_column];
-    if (other.supports > 0) consider(best, other.plane, cells.around[cell], center, cells.limits);
+    if (other.supports == 0 || is_far(dot(other.plane, center))) continue;
+    consider(best, other.plane, cells.around[cell], center, cells.limits);
   }
   cells.candidates[cell * cells.shares + share] = best;
 }
@@ -564,13 +632,21 @@ struct PriorCellStep {
   }
 };
 
-/// The prior of a pixel of the map; zero = none.
+/// The prior of a pixel of the map; zero = none. That of a far cell is not for pixels whose finite depth the picture
+/// shows, unless they are white: what outshines an edge has the edge's depth in its patch.
 template <class Machine>
 PMSP_HD Vec3<float> prior_at(const PriorCells<Machine>& cells, int x, int y) {
+  const Vec3<float> none{0.0F, 0.0F, 0.0F};
   const int index = y * cells.map.width + x;
-  const float inverse_depth = dot(plane_at<float>(cells.map, index), cells.bearing_at(x, y));
-  if (!(inverse_depth > 0.0F) || !is_unsure(cells, index, inverse_depth)) return {0.0F, 0.0F, 0.0F};
-  return cells.found[y * cells.rows / cells.map.height * cells.columns + x * cells.columns / cells.map.width].plane;
+  const Vec3<float> bearing = cells.bearing_at(x, y);
+  const float inverse_depth = dot(plane_at<float>(cells.map, index), bearing);
+  if (!(inverse_depth > 0.0F)) return none;
+  if (looks_far(cells, index, inverse_depth)) return far_plane(bearing);
+  const int cell = y * cells.rows / cells.map.height * cells.columns + x * cells.columns / cells.map.width;
+  const Vec3<float> plane = cells.found[cell].plane;
+  if (!is_far(dot(plane, bearing))) return is_unsure(cells, index, inverse_depth) ? plane : none;
+  const bool may_be_far = inverse_depth < kFiniteErrors * inverse_error(cells, index);
+  return may_be_far || sample(cells.image, bearing) >= kWhite ? plane : none;
 }
 
 /// What the picture tells of each pixel's depth; a stage.

@@ -82,7 +82,7 @@ struct FindRanges {
           surface_of(plane_at<F>(map, row * IntOf<F>(grid.width) + column), bearing_at<F>(grid, column, row));
       const F depth = select(surface.known, surface.depth, F(0));
       low = select((low > F(0)) & (min(low, depth) > F(0)), min(low, depth), max(low, depth));
-      high = max(high, depth);
+      high = max(high, select(depth < F(1.0F / kFarLimit), depth, F(0)));  // a far pixel is no surface to lie on
     }
     store<F>(low, nearest + at.first, at.count);
     store<F>(high, farthest + at.first, at.count);

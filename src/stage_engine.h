@@ -122,7 +122,10 @@ class StageEngine final : public Engine {
     }
     on.counted(
         context_.stats.seconds_consistency, [&](Counts* counts) { on.launch(stage, counts); },
-        [&stats = context_.stats](const std::int64_t* numbers) { stats.pixels_after_consistency += numbers[1]; });
+        [&stats = context_.stats](const std::int64_t* numbers) {
+          stats.pixels_after_consistency += numbers[1];
+          stats.pixels_far += numbers[2];
+        });
     if (context_.results.cloud && context_.options.free_space.enabled) {
       find_ranges(reference, filtered(planes, confidence, on), on);
     }

@@ -35,8 +35,9 @@ struct DensifierStats {
   std::int64_t pixels = 0;                       ///< unmasked pixels of these depth maps
   std::int64_t pixels_matched = 0;               ///< with an estimate after PatchMatch
   std::int64_t pixels_after_median = 0;          ///< before the weighted one gives planes to pixels without
-  std::int64_t pixels_after_consistency = 0;
-  std::int64_t points_fused = 0;     ///< of pixels, before the free-space filter
+  std::int64_t pixels_after_consistency = 0;     ///< with a depth
+  std::int64_t pixels_far = 0;    ///< too far for any parallax, such as the sky, as other keyframes confirm; no depth
+  std::int64_t points_fused = 0;  ///< of pixels, before the free-space filter
   std::int64_t points_repeated = 0;  ///< left out after it, since another keyframe makes the point of their place
   std::int64_t points = 0;           ///< in the cloud; 0 when no callback takes it
   double work_done = 0.0;            ///< steps of work on keyframes [passes of PatchMatch, roughly, in time]

@@ -32,17 +32,17 @@ PMSP_API PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& 
 PMSP_API PlaneMap weighted_median_filter(const PlaneMap& map, const Panorama& panorama, const Executor& executor);
 
 /// Drops depths on which fewer than `options.min_views` maps agree, `map` included; where fewer maps are at hand than
-/// `options.window`, in proportion (at least one other). Drops also what as much speaks against as for: a map speaks
-/// against a depth if its surface lies clearly behind the point, so that it has looked through it. Maps speak with the
-/// inverse fourth power of their camera's distance from the point. A depth with others behind it on both sides is that
-/// of a thin thing: there a map may show it up to two pixels beside its place. Returns confidences, 0 = dropped. They
-/// are made of the expected error (see DepthMap), which grows with the spread of the maps that agree, with the
-/// deviation from the planes around, with what a pixel of parallax is worth in depth and with the error of the poses,
-/// and falls with the share of maps that agree and with `map`'s photometric score. A point agrees with another map if
-/// that map's surface in the point's direction is as far, within `options.max_relative_depth`. Without any other map
-/// confidences are the scores. `map`, `others`: after the median filter, `map` with scores_without_priors
-/// (plane_priors.h); at most 30 others. `pose_error`: of `map`'s keyframe, see Keyframe. Throws InvalidOption, and
-/// InvalidInput when the maps differ in size.
+/// `options.window`, in proportion, and where the surfaces of some hide the point, as many as could see it (at least
+/// one other). Drops also what as much speaks against as for: a map speaks against a depth if its surface lies clearly
+/// behind the point, so that it has looked through it. Maps speak with the inverse fourth power of their camera's
+/// distance from the point. A depth with others behind it on both sides is that of a thin thing: there a map may show
+/// it up to two pixels beside its place. Returns confidences, 0 = dropped. They are made of the expected error (see
+/// DepthMap), which grows with the spread of the maps that agree, with the deviation from the planes around, with what
+/// a pixel of parallax is worth in depth and with the error of the poses, and falls with the share of maps that agree
+/// and with `map`'s photometric score. A point agrees with another map if that map's surface in the point's direction
+/// is as far, within `options.max_relative_depth`. Without any other map confidences are the scores. `map`, `others`:
+/// after the median filter, `map` with scores_without_priors (plane_priors.h); at most 30 others. `pose_error`: of
+/// `map`'s keyframe, see Keyframe. Throws InvalidOption, and InvalidInput when the maps differ in size.
 PMSP_API Image<float> consistency_filter(const PlaneMap& map, const std::vector<const PlaneMap*>& others,
                                          const ConsistencyFilterOptions& options, const Executor& executor,
                                          FilterStats* stats = nullptr, double pose_error = 0.0);

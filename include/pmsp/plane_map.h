@@ -13,8 +13,9 @@ namespace pmsp {
 
 /// A keyframe's geometry as the stages work on it: a plane for each pixel, the vector v with v . X = 1 for the points X
 /// of the plane, in the camera frame and the keyframe's unit. The range along a unit bearing b is 1 / (v . b), the unit
-/// normal that faces the camera is -v / |v|. Zero = no plane. The images have one size, cover the whole sphere and are
-/// indexed (column, row).
+/// normal that faces the camera is -v / |v|. Zero = no plane. Where v . b is above 0 and below 1e-9, the
+/// pixel is too far for any parallax, such as the sky. The images have one size, cover the whole sphere and are indexed
+/// (column, row).
 struct PlaneMap {
   PlaneMap() = default;
   /// Without planes.
@@ -32,7 +33,8 @@ struct PlaneMap {
   Image<float> score;  ///< photometric (NCC), up to 1, and what priors add (scores_without_priors)
 };
 
-/// Depth, normal and confidence of the planes. `confidence`: of each pixel, 0 = leave it out; nullptr = the score, 0 to
+/// Depth, normal and confidence of the planes; far pixels have none. `confidence`: of each pixel, 0 = leave it out;
+/// nullptr = the score, 0 to
 /// 1. Throws InvalidInput when sizes differ.
 PMSP_API DepthMap depth_map_of(const PlaneMap& planes, const Image<float>* confidence, const Executor& executor);
 

@@ -29,6 +29,7 @@ constexpr double kPatchSpacing_px = 2.0;
 constexpr float kTexturedVariance = 1.5F * 1.5F;
 constexpr float kTexturedPerNoise = 2.6F;
 constexpr float kMaxTexturedVariance = 3.0F * 3.0F;
+constexpr float kFarVariance = 0.5F * 0.5F;
 
 /// Bilateral weight: distance [px of the depth map], about half a coarse patch.
 constexpr double kSigmaSpace_px = 5.0;
@@ -44,6 +45,8 @@ constexpr float kDisagreementCost = 0.5F;
 float textured_variance(float noise) {
   return std::clamp(kTexturedPerNoise * noise, kTexturedVariance, kMaxTexturedVariance);
 }
+
+float far_variance(float noise) { return std::clamp(kTexturedPerNoise * noise, kFarVariance, kMaxTexturedVariance); }
 
 kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width, float noise) {
   kernels::PatchLayout layout{};

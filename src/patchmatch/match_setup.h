@@ -14,11 +14,14 @@ namespace pmsp {
 /// Variance of gray levels from which on a patch counts as textured, in an image with this noise (image_noise).
 float textured_variance(float noise);
 
+/// The same for what the sky shows: faint clouds, which no surface is near enough to show as one.
+float far_variance(float noise);
+
 /// Relative difference of depths from which on disagreement with a neighbour's depth map, or with a prior, is full.
 constexpr float kDisagreementTolerance = 0.03F;
 
 /// What agreement with a prior's plane is worth: what texture tells outweighs it.
-constexpr kernels::PriorBonus kPriorBonus{0.3F, kDisagreementTolerance};
+constexpr kernels::PriorBonus kPriorBonus{0.3F, 1.0F, kDisagreementTolerance};
 
 /// Of each geometric pass: another pass, which looks at newer maps, is worth more than another iteration.
 constexpr int kGeometricIterations = 1;

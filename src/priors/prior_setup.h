@@ -103,6 +103,7 @@ void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kerne
   cells.variance = evidence.variance.get();
   cells.certainty = evidence.certainty.get();
   cells.min_variance = textured_variance(noise);
+  cells.far_variance = far_variance(noise);
   cells.limits = limits;
   cells.columns = size.columns;
   cells.rows = size.rows;

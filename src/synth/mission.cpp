@@ -127,7 +127,11 @@ Mission make_mission(const Scene& scene, const std::vector<RigidTransform>& pose
     RenderOptions render_options = options.render;
     render_options.gain *= 1.0 + options.gain_drift * std::sin(1.9 * static_cast<double>(i) + 0.5);
     render_options.seed = mix(options.render.seed, i);
-    RenderedView view = render(scene, poses[i], width, height, render_options);
+    Scene scene_then = scene;
+    if (options.movers) {
+      options.movers(scene_then, i);
+    }
+    RenderedView view = render(scene_then, poses[i], width, height, render_options);
     Frame frame;
     frame.id = options.first_id + static_cast<std::int64_t>(i);
     frame.timestamp = static_cast<double>(i) / options.fps;

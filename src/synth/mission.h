@@ -45,7 +45,9 @@ struct LandmarkOptions {
 struct MissionOptions {
   RenderOptions render;
   double gain_drift = 0.0;  ///< amplitude of the exposure's change over the keyframes, relative
-  double fps = 10.0;        ///< keyframe i has the timestamp i / fps
+  /// Adds what is only there in keyframe `index`, labelled kMover; empty = nothing.
+  std::function<void(Scene& scene, std::size_t index)> movers;
+  double fps = 10.0;  ///< keyframe i has the timestamp i / fps
   std::int64_t first_id = 0;
   LandmarkOptions landmarks;
 };
@@ -104,6 +106,9 @@ struct Recipe {
   bool weak_texture = false;  ///< plaster instead of strong texture
   std::uint64_t texture_seed = 1;
   MissionOptions mission;
+  bool overexposed_sky = false;  ///< of yard
+  bool rider = false;            ///< a dashboard, a hand, a head and a pole that the camera carries along
+  int movers = 0;                ///< walking figures around the flight; from the third on, a bus, too
 };
 
 /// Ready-made missions. Successive keyframes see the nearer surfaces under 6 to 15 degrees of parallax. They throw
@@ -116,6 +121,10 @@ Mission painted_room(const Recipe& recipe = {});
 Mission glossy_room(const Recipe& recipe = {});
 /// A long room with poles, rails, hanging cables and chairs in front of its walls.
 Mission thin_room(const Recipe& recipe = {});
+/// A lawn between houses, with trees, a fence, wires and a sky with clouds and sun.
+Mission yard(const Recipe& recipe = {});
+/// Rooms that one to three panoramas see, 1.5 m apart; `keyframes` is without influence.
+Mission flat_photos(const Recipe& recipe = {});
 Mission sphere_inside(const Recipe& recipe = {});  ///< sphere of radius 2.8 around the flight
 Mission slanted_plane(const Recipe& recipe = {});  ///< plane, slanted in all directions, in a dome of radius 3
 Mission corridor_across_seam(

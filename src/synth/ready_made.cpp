@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <cmath>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <Eigen/Geometry>
 
@@ -12,6 +15,8 @@ namespace {
 
 /// Kept between the last camera and what lies ahead [scene units].
 constexpr double kClearance = 0.6;
+
+constexpr double kFloor = 1.5;
 
 /// Hands out the textures of one mission.
 class Textures {
@@ -31,7 +36,58 @@ class Textures {
   std::uint64_t next_ = 0;
 };
 
-Mission make(const Recipe& recipe, const Scene& scene, Flight flight) {
+TextureOptions tinted(TextureOptions texture, const Eigen::Vector3d& base, double contrast);
+Box block(double x, double y, double z, const Eigen::Vector3d& size);
+Cylinder rod(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double diameter);
+
+/// What a cyclist's or driver's camera sees of them, in its axes.
+Scene make_rider(Textures textures) {
+  Scene scene;
+  const TextureOptions skin = tinted(textures.at(0.5), {190.0, 140.0, 115.0}, 12.0);
+  const TextureOptions plastic = tinted(textures.at(0.8), {60.0, 62.0, 66.0}, 14.0);
+  scene.add(Box{{0.0, 0.62, 0.55}, {0.7, 0.06, 0.22}, Eigen::Matrix3d::Identity()}, plastic);       // dashboard
+  scene.add(rod({0.0, 0.05, 0.0}, {0.0, 0.6, 0.02}, 0.03), plastic);                                // pole
+  scene.add(Sphere{{0.05, 0.42, 0.08}, 0.06}, skin);                                                // hand
+  scene.add(rod({0.05, 0.45, 0.1}, {0.3, 0.75, -0.3}, 0.08), skin);                                 // arm
+  scene.add(Sphere{{0.1, 0.35, -0.55}, 0.13}, tinted(textures.at(0.5), {90.0, 70.0, 55.0}, 20.0));  // head
+  return scene;
+}
+
+/// Figures that walk beside the flight, to and fro across it, and a bus that overtakes it.
+void add_movers(Scene& scene, Textures textures, int count, const Flight& flight, std::size_t index) {
+  const auto time = static_cast<double>(index);
+  const Eigen::Vector3d here = flight.start + time * flight.step * flight.direction.normalized();
+  for (int i = 0; i < count; ++i) {
+    const double phase = 1.7 * i;
+    const Eigen::Vector3d feet(3.2 * std::sin(0.35 * time + phase), kFloor,
+                               here.z() + 2.5 * std::cos(phase + 0.2 * time));
+    const TextureOptions cloth = tinted(textures.at(1.5), {60.0 + 40.0 * (i % 4), 70.0, 150.0 - 30.0 * (i % 4)}, 22.0);
+    const double swing = 0.25 * std::sin(2.0 * time + phase);
+    const auto add = [&](const Primitive& primitive, const TextureOptions& texture) {
+      scene.add(primitive, texture, {}, Label::kMover);
+    };
+    for (const double side : {-1.0, 1.0}) {
+      add(rod(feet + Eigen::Vector3d(side * swing, 0.0, 0.1 * side), feet + Eigen::Vector3d(0.0, -0.85, 0.06 * side),
+              0.15),
+          cloth);
+    }
+    add(rod(feet + Eigen::Vector3d(0.0, -0.85, 0.0), feet + Eigen::Vector3d(0.0, -1.5, 0.0), 0.4), cloth);
+    add(Sphere{feet + Eigen::Vector3d(0.0, -1.65, 0.0), 0.13}, tinted(textures.at(0.5), {190.0, 140.0, 115.0}, 12.0));
+  }
+  if (count > 2) {
+    scene.add(block(4.4, kFloor - 1.4, -14.0 + 1.1 * time, {2.2, 2.6, 7.0}),
+              tinted(textures.at(3.0), {180.0, 60.0, 50.0}, 25.0), {}, Label::kMover);
+  }
+}
+
+/// With what the recipe lets the camera carry along.
+Mission render_mission(Recipe recipe, const Scene& scene, const std::vector<RigidTransform>& poses) {
+  const Scene rider = make_rider(Textures(recipe));
+  if (recipe.rider) recipe.mission.render.rider = &rider;
+  return make_mission(scene, poses, recipe.width, recipe.height, recipe.mission);
+}
+
+Mission make(Recipe recipe, const Scene& scene, Flight flight) {
   flight.keyframes = recipe.keyframes;
   flight.yaw_deg += recipe.yaw_deg;
   const double length = flight.step * (recipe.keyframes - 1);
@@ -41,10 +97,13 @@ Mission make(const Recipe& recipe, const Scene& scene, Flight flight) {
     throw InvalidOption("keyframes = " + std::to_string(recipe.keyframes) + ": the flight would meet a wall; at most " +
                         std::to_string(most) + " keyframes fit into this scene.");
   }
-  return make_mission(scene, fly(flight), recipe.width, recipe.height, recipe.mission);
+  if (recipe.movers > 0) {
+    recipe.mission.movers = [&](Scene& then, std::size_t index) {
+      add_movers(then, Textures(recipe), recipe.movers, flight, index);
+    };
+  }
+  return render_mission(recipe, scene, fly(flight));
 }
-
-constexpr double kFloor = 1.5;
 
 Eigen::Matrix3d turned_by(double degrees) {
   return Eigen::AngleAxisd(degrees * 3.14159265358979323846 / 180.0, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -294,6 +353,134 @@ Mission thin_room(const Recipe& recipe) {
   scene.add(furniture(2.3, -3.0, {0.9, 0.75, 1.6}, 0.0), textures.at(2.0));  // desk
   scene.add(furniture(-2.6, -4.9, {0.7, 2.0, 1.2}, 0.0), textures.at(2.0));  // cupboard
   return make(recipe, scene, through_long_room());
+}
+
+namespace {
+
+/// A house with a saddle roof along z that overhangs its walls, windows and a door on the side x = `face`.
+void add_house(Scene& scene, Textures& textures, const Eigen::Vector3d& center, const Eigen::Vector3d& size,
+               double turned_deg, const Eigen::Vector3d& color, double contrast) {
+  const Eigen::Matrix3d turn = turned_by(turned_deg);
+  const auto part = [&](const Eigen::Vector3d& at, const Eigen::Vector3d& extent, double tilt_deg,
+                        const TextureOptions& texture) {
+    const Eigen::Matrix3d tilt =
+        Eigen::AngleAxisd(tilt_deg * 3.14159265358979323846 / 180.0, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    scene.add(Box{center + turn * at, 0.5 * extent, turn * tilt}, texture);
+  };
+  const double top = -size.y();
+  part({0.0, 0.5 * top, 0.0}, size, 0.0, tinted(textures.at(8.0), color, contrast));
+  const TextureOptions tiles = tinted(textures.at(5.0), {120.0, 70.0, 60.0}, 22.0);
+  const double slope = 0.25 * size.x() + 0.3;
+  for (const double side : {-1.0, 1.0}) {
+    part({side * 0.25 * size.x(), top - 0.5 * slope, 0.0}, {1.36 * (0.5 * size.x() + 0.5), 0.14, size.z() + 0.8},
+         -side * -38.0, tiles);
+    for (double z = -0.5 * size.z() + 1.2; z < 0.5 * size.z() - 0.6; z += 2.4) {
+      for (double y = -1.6; y > top + 0.8; y -= 2.6) {
+        part({side * 0.5 * size.x(), y, z}, {0.1, 1.2, 0.9}, 0.0, tinted(textures.at(6.0), {60.0, 66.0, 76.0}, 22.0));
+      }
+    }
+  }
+  part({0.2 * size.x(), top - 1.3, 0.2 * size.z()}, {0.6, 2.6, 0.6}, 0.0,
+       tinted(textures.at(4.0), {140.0, 90.0, 75.0}, 25.0));
+}
+
+void add_tree(Scene& scene, Textures& textures, double x, double z, double height, std::uint64_t seed) {
+  const TextureOptions bark = tinted(textures.at(1.0), {95.0, 80.0, 65.0}, 20.0);
+  const Eigen::Vector3d crown(x, kFloor - height, z);
+  scene.add(rod({x, kFloor, z}, crown, 0.22), bark);
+  for (int i = 0; i < 5; ++i) {
+    const double angle = 1.3 * i + 0.4 * static_cast<double>(seed);
+    scene.add(rod({x, kFloor - height + 1.1 - 0.2 * i, z},
+                  crown + Eigen::Vector3d(1.3 * std::cos(angle), -0.5 - 0.2 * i, 1.3 * std::sin(angle)), 0.05),
+              bark, {}, Label::kThin);
+  }
+  scene.add(foliage(crown - Eigen::Vector3d(0.0, 0.6, 0.0), 1.6, 220, 0.13, seed),
+            tinted(textures.at(1.5), {85.0, 125.0, 60.0}, 30.0));
+}
+
+}  // namespace
+
+Mission yard(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  Recipe outdoors = recipe;
+  Sky sky;
+  sky.seed = recipe.texture_seed;
+  sky.horizon = {215.0, 222.0, 230.0};
+  sky.zenith = {140.0, 175.0, 225.0};
+  sky.cloud_contrast = 16.0;
+  sky.sun_radius_deg = 2.0;
+  if (recipe.overexposed_sky) {
+    sky.horizon = sky.zenith = Eigen::Vector3d::Constant(1000.0);
+    sky.cloud_contrast = 0.0;
+    outdoors.mission.render.brightest = 1000.0;
+  }
+  scene.set_sky(sky);
+  scene.add(block(0.0, kFloor + 0.1, 0.0, {60.0, 0.2, 60.0}),
+            tinted(textures.at(2.5), {95.0, 125.0, 70.0}, 28.0));  // lawn
+  scene.add(block(1.2, kFloor + 0.08, 0.0, {1.4, 0.2, 40.0}),
+            tinted(textures.at(2.5), {150.0, 145.0, 140.0}, 16.0));  // path
+  add_house(scene, textures, {-9.0, kFloor, 1.0}, {6.0, 5.6, 18.0}, 0.0, {205.0, 195.0, 175.0}, 9.0);
+  add_house(scene, textures, {10.5, kFloor, -3.0}, {7.0, 3.2, 10.0}, 0.0, {150.0, 90.0, 75.0}, 24.0);
+  add_house(scene, textures, {1.0, kFloor, 19.0}, {9.0, 6.4, 16.0}, 90.0, {215.0, 208.0, 195.0}, 7.0);
+  scene.add(block(0.0, kFloor - 1.0, -15.0, {16.0, 2.0, 1.0}),
+            tinted(textures.at(2.5), {70.0, 100.0, 55.0}, 30.0));  // hedge
+  scene.add(block(13.0, kFloor - 0.9, 9.0, {0.3, 1.8, 12.0}),
+            tinted(textures.at(5.0), {160.0, 150.0, 135.0}, 10.0));  // wall
+  add_tree(scene, textures, -3.4, -4.0, 2.6, 1);
+  add_tree(scene, textures, 4.6, 1.5, 3.0, 2);
+  add_tree(scene, textures, -4.2, 6.5, 2.4, 3);
+  add_tree(scene, textures, 6.0, 9.0, 3.4, 4);
+  const TextureOptions black = tinted(textures.at(0.5), {40.0, 40.0, 44.0}, 8.0);
+  add_cable(scene, {-6.0, kFloor - 5.2, -1.0}, {7.0, kFloor - 3.4, -3.0}, 0.5, 0.03, black);  // across the flight
+  add_cable(scene, {-6.0, kFloor - 5.0, 5.0}, {3.0, kFloor - 6.0, 13.5}, 0.6, 0.03, black);
+  scene.add(rod({3.0, kFloor, -6.0}, {3.0, kFloor - 4.5, -6.0}, 0.1), black, {}, Label::kThin);  // lamp
+  scene.add(Sphere{{3.0, kFloor - 4.6, -6.0}, 0.22}, plain({235.0, 235.0, 225.0}));
+  scene.add(block(-2.0, kFloor - 0.25, 3.0, {0.5, 0.5, 1.6}), textures.at(2.0));  // bench
+  Flight flight;
+  flight.start = Eigen::Vector3d(0.2, 0.1, -7.0);
+  flight.step = 0.5;
+  outdoors.mission.landmarks.min_contrast = recipe.weak_texture ? 1.0 : 6.0;
+  return make(outdoors, scene, flight);
+}
+
+Mission flat_photos(const Recipe& recipe) {
+  Textures textures(recipe);
+  Scene scene;
+  const auto wall = [&](double x0, double z0, double x1, double z1) {  // along one axis
+    constexpr double kThick = 0.12;
+    scene.add(
+        block(0.5 * (x0 + x1), 0.15, 0.5 * (z0 + z1), {std::abs(x1 - x0) + kThick, 2.7, std::abs(z1 - z0) + kThick}),
+        tinted(textures.at(2.6), {210.0, 204.0, 192.0}, 14.0));
+  };
+  scene.add(block(0.0, kFloor + 0.1, 0.0, {10.4, 0.2, 8.4}), tinted(textures.at(1.8), {130.0, 105.0, 85.0}, 25.0));
+  scene.add(block(0.0, kFloor - 2.8, 0.0, {10.4, 0.2, 8.4}), tinted(textures.at(2.6), {225.0, 222.0, 215.0}, 8.0));
+  wall(-5.0, -4.0, 5.0, -4.0);
+  wall(-5.0, 4.0, 5.0, 4.0);
+  wall(-5.0, -4.0, -5.0, 4.0);
+  wall(5.0, -4.0, 5.0, 4.0);
+  wall(-5.0, 0.0, -3.4, 0.0);  // a corridor 0 < z < 1.4 between rooms, with doors
+  wall(-2.5, 0.0, 1.6, 0.0);
+  wall(2.5, 0.0, 5.0, 0.0);
+  wall(-5.0, 1.4, -3.0, 1.4);
+  wall(-2.1, 1.4, 2.4, 1.4);
+  wall(3.3, 1.4, 5.0, 1.4);
+  wall(0.4, -4.0, 0.4, 0.0);
+  wall(0.0, 1.4, 0.0, 4.0);
+  scene.add(furniture(-4.3, -3.0, {1.0, 0.5, 1.8}, 0.0), textures.at(2.0));
+  scene.add(furniture(-1.0, -3.5, {1.4, 1.9, 0.6}, 0.0), textures.at(2.0));
+  scene.add(furniture(3.6, -3.2, {1.6, 0.75, 0.8}, 0.0), textures.at(2.0));
+  scene.add(furniture(-4.4, 3.3, {0.8, 1.1, 0.8}, 15.0), textures.at(2.0));
+  scene.add(furniture(4.2, 3.2, {1.0, 2.0, 0.6}, 0.0), textures.at(2.0));
+  const std::vector<std::pair<double, double>> places = {{-3.6, -2.2}, {-2.2, -1.7}, {-2.9, -0.8}, {-2.9, 0.7},
+                                                         {-1.4, 0.7},  {0.1, 0.7},   {1.6, 0.7},   {2.1, -0.9},
+                                                         {3.0, -2.1},  {-2.6, 2.3},  {-1.3, 2.9},  {2.9, 2.3}};
+  std::vector<RigidTransform> poses;
+  for (const auto& [x, z] : places) {
+    const double yaw_deg = recipe.yaw_deg + 50.0 * static_cast<double>(poses.size());
+    poses.push_back(yawed(RigidTransform{Eigen::Matrix3d::Identity(), Eigen::Vector3d(-x, 0.0, -z)}, yaw_deg));
+  }
+  return render_mission(recipe, scene, poses);
 }
 
 Mission sphere_inside(const Recipe& recipe) {

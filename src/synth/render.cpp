@@ -47,11 +47,15 @@ class Renderer {
 
   void render_truth(int x, int y) const {
     const Ray centre = ray(x + 0.5, y + 0.5, 0.0);
-    if (const std::optional<Hit> hit = scene_.intersect(centre.origin, centre.direction)) {
+    if (is_rider(x + 0.5, y + 0.5)) {
+      view_.label(x, y) = static_cast<std::uint8_t>(Label::kRider);
+    } else if (const std::optional<Hit> hit = scene_.intersect(centre.origin, centre.direction)) {
       view_.depth(x, y) = static_cast<float>(hit->distance);
       view_.normal(x, y) = (cam_from_world_.rotation * hit->normal).cast<float>();
       view_.surface(x, y) = hit->surface;
       view_.label(x, y) = static_cast<std::uint8_t>(hit->label);
+    } else {
+      view_.label(x, y) = static_cast<std::uint8_t>(scene_.label_of_sky(centre.origin, centre.direction));
     }
   }
 
@@ -62,8 +66,7 @@ class Renderer {
       for (int i = 0; i < n; ++i) {
         const auto place = [&](int k) { return 0.5 + ((k + 0.5) / n - 0.5) * options_.footprint_px; };
         const double v = std::clamp(y + place(j), 0.0, static_cast<double>(view_.image.height()));
-        const Ray sample = ray(x + place(i), v, options_.lens_distance);
-        sum += scene_.radiance(sample.origin, sample.direction).cwiseMin(255.0);
+        sum += sample_color(x + place(i), v);
       }
     }
     Eigen::Vector3d color = sum * (options_.gain * shading(x, y) / (n * n));
@@ -75,6 +78,20 @@ class Renderer {
       }
     }
     view_.image(x, y) = {to_level(color[0]), to_level(color[1]), to_level(color[2])};
+  }
+
+  bool is_rider(double u, double v) const {
+    const auto bearing = [&] { return bearing_from_pixel({u, v}, view_.image.width(), view_.image.height()); };
+    return options_.rider != nullptr && options_.rider->intersect(Eigen::Vector3d::Zero(), bearing()).has_value();
+  }
+
+  Eigen::Vector3d sample_color(double u, double v) const {
+    if (is_rider(u, v)) {
+      return options_.rider->radiance(Eigen::Vector3d::Zero(),
+                                      bearing_from_pixel({u, v}, view_.image.width(), view_.image.height()));
+    }
+    const Ray sample = ray(u, v, options_.lens_distance);
+    return scene_.radiance(sample.origin, sample.direction).cwiseMin(options_.brightest);
   }
 
   /// What the lens leaves of the light.

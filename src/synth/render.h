@@ -21,6 +21,10 @@ struct RenderOptions {
   double lens_distance = 0.0;  ///< DensifierOptions::lens_distance; the truth is that of one centre
   double vignetting = 0.0;     ///< of the light, what is lost where the two lenses meet
   double lens_gain = 0.0;      ///< by how much the backward lens is darker
+  /// What a camera carries along, in its axes; no range where it is seen. nullptr = nothing. Must outlive the call.
+  const Scene* rider = nullptr;
+  double brightest =
+      255.0;  ///< at which colour samples are cut [gray levels]; more: what is overexposed outshines edges
 };
 
 /// An equirectangular view with its truth; pixel conventions of pmsp/keyframe.h.

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "synth/scene.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
+
+#include "synth/rng.h"
 
 namespace pmsp::synth {
 namespace {
@@ -130,6 +133,26 @@ LocalHit hit(const Cylinder& cylinder, const Eigen::Vector3d& origin, const Eige
   return result;
 }
 
+LocalHit hit(const Foliage& foliage, const Eigen::Vector3d& origin, const Eigen::Vector3d& ray) {
+  LocalHit result;
+  const Eigen::Vector3d to_center = foliage.center - origin;
+  const double reach = foliage.radius + foliage.leaf_radius;
+  if ((to_center - to_center.dot(ray) * ray).squaredNorm() > reach * reach) {
+    return result;
+  }
+  for (const Foliage::Leaf& leaf : foliage.leaves) {
+    const double slope = leaf.normal.dot(ray);
+    const double t = leaf.normal.dot(leaf.center - origin) / slope;
+    if (!(t > kMinDistance * foliage.radius) || t >= result.distance ||
+        (origin + t * ray - leaf.center).squaredNorm() > foliage.leaf_radius * foliage.leaf_radius) {
+      continue;
+    }
+    result.distance = t;
+    result.normal = leaf.normal;
+  }
+  return result;
+}
+
 /// Share of the light that is mirrored (Schlick's approximation of Fresnel's equations).
 double mirrored_share(double head_on, double cos_incidence) {
   return head_on + (1.0 - head_on) * std::pow(1.0 - cos_incidence, 5);
@@ -146,24 +169,71 @@ Primitive scaled_primitive(const Primitive& primitive, double factor) {
     return Cylinder{cylinder->center * factor, cylinder->axis, cylinder->radius * factor,
                     cylinder->half_length * factor};
   }
+  if (const auto* leaves = std::get_if<Foliage>(&primitive)) {
+    Foliage result{leaves->center * factor, leaves->radius * factor, leaves->leaves, leaves->leaf_radius * factor};
+    for (Foliage::Leaf& leaf : result.leaves) {
+      leaf.center *= factor;
+    }
+    return result;
+  }
   const auto& plane = std::get<Plane>(primitive);
   return Plane{plane.point * factor, plane.normal};
 }
 
+constexpr double kSunBrightness = 5000.0;
+
 }  // namespace
+
+Foliage foliage(const Eigen::Vector3d& center, double radius, int count, double leaf_radius, std::uint64_t seed) {
+  Foliage result{center, radius, {}, leaf_radius};
+  for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(count); ++i) {
+    const auto direction = [&](std::uint64_t draw) {
+      return Eigen::Vector3d(gaussian(seed, draw), gaussian(seed, draw + 1), gaussian(seed, draw + 2)).normalized();
+    };
+    const double distance = radius * std::cbrt(uniform(mix(seed, 1), i));
+    result.leaves.push_back({center + distance * direction(6 * i), direction(6 * i + 3)});
+  }
+  return result;
+}
+
+void Scene::set_sky(const Sky& sky) {
+  sky_ = sky;
+  TextureOptions clouds;
+  clouds.coarsest = 0.5;  // on the unit sphere
+  clouds.octaves = 5;
+  clouds.persistence = 0.6;
+  clouds.contrast = sky.cloud_contrast;
+  clouds.chroma = 0.0;
+  clouds.shading = 0.0;
+  clouds.base = Eigen::Vector3d::Zero();
+  clouds.seed = sky.seed;
+  clouds_ = Texture(clouds);
+}
+
+Eigen::Vector3d Scene::sky_color(const Eigen::Vector3d& ray) const {
+  if (ray.dot(sky_.sun) > std::cos(sky_.sun_radius_deg * 3.14159265358979323846 / 180.0)) {
+    return Eigen::Vector3d::Constant(kSunBrightness);
+  }
+  const double height = std::clamp(-ray.y(), 0.0, 1.0);
+  const Eigen::Vector3d color = sky_.horizon + height * (sky_.zenith - sky_.horizon);
+  if (sky_.cloud_contrast <= 0.0) {
+    return color;
+  }
+  return (color + clouds_.color(ray, ray)).cwiseMax(0.0);
+}
 
 int Scene::add(const Primitive& primitive, const TextureOptions& texture, const Finish& finish, Label label) {
   objects_.push_back({primitive, Texture(texture), finish, label});
-  has_glass_ = has_glass_ || finish.glass;
+  has_seen_through_ = has_seen_through_ || is_seen_through(objects_.back());
   return static_cast<int>(objects_.size()) - 1;
 }
 
 std::optional<Hit> Scene::nearest(const Eigen::Vector3d& origin, const Eigen::Vector3d& ray, int skipped,
-                                  bool glass) const {
+                                  bool all) const {
   LocalHit nearest;
   int nearest_object = -1;
   for (std::size_t i = 0; i < objects_.size(); ++i) {
-    if (static_cast<int>(i) == skipped || (objects_[i].finish.glass && !glass)) {
+    if (static_cast<int>(i) == skipped || (!all && is_seen_through(objects_[i]))) {
       continue;
     }
     const LocalHit candidate = std::visit([&](const auto& p) { return hit(p, origin, ray); }, objects_[i].primitive);
@@ -188,10 +258,18 @@ std::optional<Hit> Scene::nearest(const Eigen::Vector3d& origin, const Eigen::Ve
 std::optional<Hit> Scene::intersect(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
   const Eigen::Vector3d ray = direction.normalized();
   std::optional<Hit> result = nearest(origin, ray, kNoObject, false);
-  if (result && has_glass_ && object_of(*nearest(origin, ray, kNoObject, true)).finish.glass) {
-    result->label = Label::kBehindGlass;
+  if (result && has_seen_through_) {
+    const Object& first = object_of(*nearest(origin, ray, kNoObject, true));
+    if (is_seen_through(first)) {
+      result->label = first.finish.glass ? Label::kBehindGlass : Label::kMover;
+    }
   }
   return result;
+}
+
+Label Scene::label_of_sky(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
+  const std::optional<Hit> first = nearest(origin, direction.normalized(), kNoObject, true);
+  return first && first->label == Label::kMover ? Label::kMover : Label::kSky;
 }
 
 Eigen::Vector3d Scene::color(const Hit& hit) const { return object_of(hit).texture.color(hit.position, hit.normal); }
@@ -204,7 +282,7 @@ Eigen::Vector3d Scene::radiance(const Eigen::Vector3d& origin, const Eigen::Vect
                                 int bounces) const {
   const std::optional<Hit> hit = nearest(origin, ray, skipped, true);
   if (!hit) {
-    return kSky;
+    return sky_color(ray);
   }
   const Finish& finish = object_of(*hit).finish;
   // A pane is met once: at its near side, for both.
@@ -230,6 +308,7 @@ bool Scene::visible(const Eigen::Vector3d& origin, const Eigen::Vector3d& positi
 
 Scene Scene::scaled(double factor) const {
   Scene result;
+  result.set_sky(sky_);
   for (const Object& object : objects_) {
     TextureOptions texture = object.texture.options();
     texture.coarsest *= factor;

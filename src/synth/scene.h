@@ -41,7 +41,21 @@ struct Cylinder {
   double half_length = 1.0;
 };
 
-using Primitive = std::variant<Sphere, Box, Plane, Cylinder>;
+/// Flat round leaves inside a sphere, seen from both sides.
+struct Foliage {
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();
+  double radius = 1.0;
+  struct Leaf {
+    Eigen::Vector3d center, normal;  ///< normal: unit
+  };
+  std::vector<Leaf> leaves;
+  double leaf_radius = 0.1;
+};
+
+/// `count` leaves at random places of the sphere, turned at random.
+Foliage foliage(const Eigen::Vector3d& center, double radius, int count, double leaf_radius, std::uint64_t seed);
+
+using Primitive = std::variant<Sphere, Box, Plane, Cylinder, Foliage>;
 
 /// How a surface treats light beside showing its texture. Default: not at all.
 struct Finish {
@@ -50,10 +64,17 @@ struct Finish {
 };
 
 /// What evaluations tell apart; the values of label images.
-enum class Label : std::uint8_t { kOther = 0, kThin = 1, kGlossy = 2, kBehindGlass = 3 };
+enum class Label : std::uint8_t { kOther, kThin, kGlossy, kBehindGlass, kSky, kRider, kMover };
 
-/// Where a ray meets nothing: red, green, blue.
-inline const Eigen::Vector3d kSky(200.0, 215.0, 235.0);
+/// What a ray meets that meets no surface. Default: one colour.
+struct Sky {
+  Eigen::Vector3d horizon = Eigen::Vector3d(200.0, 215.0, 235.0);  ///< red, green, blue
+  Eigen::Vector3d zenith = Eigen::Vector3d(200.0, 215.0, 235.0);
+  double cloud_contrast = 0.0;  ///< standard deviation of the brightness [gray levels]
+  Eigen::Vector3d sun = Eigen::Vector3d(0.4, -0.7, 0.6).normalized();  ///< direction
+  double sun_radius_deg = 0.0;                                         ///< 0 = no sun
+  std::uint64_t seed = 1;                                              ///< of the clouds
+};
 
 struct Hit {
   double distance = 0.0;  ///< Euclidean, from the ray's origin
@@ -69,8 +90,10 @@ class Scene {
   int add(const Primitive& primitive, const TextureOptions& texture, const Finish& finish = {},
           Label label = Label::kOther);
 
-  /// The nearest surface along the ray; `direction` may have any length > 0. Glass is no surface: what is behind it
-  /// is hit, and has the label kBehindGlass.
+  void set_sky(const Sky& sky);
+
+  /// The nearest surface along the ray; `direction` may have any length > 0. Glass and movers are no surfaces: what is
+  /// behind them is hit, and has the label kBehindGlass or kMover.
   std::optional<Hit> intersect(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
 
   /// Red, green, blue of the texture at a hit, not clamped.
@@ -82,6 +105,9 @@ class Scene {
 
   /// Standard deviation of the brightness of the surface there [gray levels].
   double contrast(const Hit& hit) const;
+
+  /// Whether the ray meets no surface, or only a mover.
+  Label label_of_sky(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
 
   /// Whether nothing stands between `origin` and `position`, which lies on a surface.
   bool visible(const Eigen::Vector3d& origin, const Eigen::Vector3d& position) const;
@@ -97,13 +123,19 @@ class Scene {
     Label label = Label::kOther;
   };
 
-  /// The nearest surface along the unit ray, without that of object `skipped` and, if not `glass`, without glass.
-  std::optional<Hit> nearest(const Eigen::Vector3d& origin, const Eigen::Vector3d& ray, int skipped, bool glass) const;
+  /// The nearest surface along the unit ray, without that of object `skipped` and, if not `all`, without glass and
+  /// movers.
+  std::optional<Hit> nearest(const Eigen::Vector3d& origin, const Eigen::Vector3d& ray, int skipped, bool all) const;
+  Eigen::Vector3d sky_color(const Eigen::Vector3d& ray) const;
   Eigen::Vector3d radiance(const Eigen::Vector3d& origin, const Eigen::Vector3d& ray, int skipped, int bounces) const;
   const Object& object_of(const Hit& hit) const { return objects_[static_cast<std::size_t>(hit.surface / 8)]; }
 
+  static bool is_seen_through(const Object& object) { return object.finish.glass || object.label == Label::kMover; }
+
   std::vector<Object> objects_;
-  bool has_glass_ = false;
+  Sky sky_;
+  Texture clouds_{TextureOptions{}};
+  bool has_seen_through_ = false;
 };
 
 }  // namespace pmsp::synth

@@ -161,13 +161,13 @@ TEST_CASE("many far keyframes that miss a thing do not make those drop it that s
   CHECK(kept_against(0.1) == 0.0);
 }
 
-TEST_CASE("holes are no agreement", "[consistency]") {
+TEST_CASE("holes neither agree nor could they", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const DepthMap hole1 = without_depths(maps[1]);
   const DepthMap hole3 = without_depths(maps[3]);
   const DepthMap hole4 = without_depths(maps[4]);
   CHECK(filled(filtered(maps[2], {&maps[0], &maps[1], &hole3, &hole4}).depth) > 0.985);  // two others agree
-  CHECK(filled(filtered(maps[2], {&maps[0], &hole1, &hole3, &hole4}).depth) == 0.0);     // one
+  CHECK(filled(filtered(maps[2], {&maps[0], &hole1, &hole3, &hole4}).depth) > 0.985);    // the only one that could
   const DepthMap hole0 = without_depths(maps[0]);
   CHECK(filled(filtered(maps[2], {&hole0, &hole1, &hole3, &hole4}).depth) == 0.0);
   CHECK(filled(filtered(without_depths(maps[2]), others_of(maps, 2)).depth) == 0.0);
@@ -189,8 +189,9 @@ TEST_CASE("at the ends of a sequence fewer maps must agree, but one other at lea
 
 TEST_CASE("min_views counts the map itself", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
-  const DepthMap hole = without_depths(maps[1]);
-  const std::vector<const DepthMap*> one_agrees = {&maps[1], &hole, &hole, &hole};
+  DepthMap other = maps[3];  // it neither agrees nor is hidden nor has looked through
+  for (float& depth : other.depth.pixels()) depth *= 1.06F;
+  const std::vector<const DepthMap*> one_agrees = {&maps[1], &other, &other, &other};
   ConsistencyFilterOptions options = {};
   for (const auto& [min_views, kept] : {std::pair{1, true}, {2, true}, {3, false}, {5, false}}) {
     INFO(min_views);
@@ -389,4 +390,52 @@ TEST_CASE("the consistency filter gives the same bytes for any number of threads
     INFO(name_of(simd));
     CHECK(agreement(map.depth, one.depth, 0.001) > 0.995);
   }
+}
+
+TEST_CASE("where few maps could see a depth, those that could must agree", "[consistency]") {
+  const std::vector<DepthMap> maps = truth_maps(room());
+  const auto kept = [&](int agreeing, float factor_of_others) {
+    std::vector<DepthMap> others;
+    for (const DepthMap* other : others_of(maps, 2)) others.push_back(*other);
+    for (std::size_t i = static_cast<std::size_t>(agreeing); i < others.size(); ++i) {
+      for (float& depth : others[i].depth.pixels()) depth *= factor_of_others;
+    }
+    std::vector<const DepthMap*> pointers;
+    for (const DepthMap& other : others) pointers.push_back(&other);
+    return filled(filtered(maps[2], pointers).depth);
+  };
+  CHECK(kept(1, 0.5F) > 0.95);  // something hides it from all others
+  CHECK(kept(0, 0.5F) < 0.05);
+  CHECK(kept(1, 2.0F) < 0.05);  // all others look through it
+  CHECK(kept(2, 0.5F) > 0.95);
+}
+
+TEST_CASE("far pixels agree with each other in any unit, and what floats in front of them goes", "[consistency]") {
+  const auto map_of = [](float inverse_depth, double scale) {
+    PlaneMap map(kWidth, kWidth / 2);
+    map.scale = scale;
+    for (int y = 0; y < map.height(); ++y) {
+      for (int x = 0; x < map.width(); ++x) {
+        const Eigen::Vector3d bearing = bearing_from_pixel({x + 0.5, y + 0.5}, map.width(), map.height());
+        map.x(x, y) = inverse_depth * static_cast<float>(bearing.x());
+        map.y(x, y) = inverse_depth * static_cast<float>(bearing.y());
+        map.z(x, y) = inverse_depth * static_cast<float>(bearing.z());
+        map.score(x, y) = 1.0F;
+      }
+    }
+    return map;
+  };
+  const PlaneMap far = map_of(1e-12F, 1.0);
+  const PlaneMap far_in_other_unit = map_of(1e-12F, 3.7);
+  const PlaneMap near = map_of(0.2F, 1.0);
+  const std::vector<const PlaneMap*> sky = {&far, &far_in_other_unit, &far, &far_in_other_unit};
+  const auto confident = [&](const PlaneMap& map, const std::vector<const PlaneMap*>& others) {
+    const Image<float> confidence = consistency_filter(map, others, {}, Executor(2));
+    return std::count_if(confidence.pixels().begin(), confidence.pixels().end(), [](float c) { return c > 0.0F; });
+  };
+  const auto all = static_cast<std::ptrdiff_t>(kWidth * kWidth / 2);
+  CHECK(confident(far, sky) == all);
+  CHECK(confident(near, {&near, &near, &far, &far}) == 0);
+  CHECK(confident(near, {&near, &near, &near, &far}) == all);
+  CHECK(filled(depth_map_of(far, nullptr, Executor(2)).depth) == 0.0);
 }

@@ -98,3 +98,41 @@ TEST_CASE("the online preset finds a furnished room", "[densifier]" PMSP_ACCURAC
   CHECK(found.all >= 0.90);
   CHECK(found.off_axis >= 0.93);
 }
+
+TEST_CASE("the sky makes no points, with clouds or overexposed, and houses and lawn make theirs",
+          "[densifier]" PMSP_ACCURACY) {
+  const bool is_overexposed = GENERATE(false, true);
+  synth::Recipe recipe;
+  recipe.width = 384;
+  recipe.height = 192;
+  recipe.keyframes = 6;
+  recipe.overexposed_sky = is_overexposed;
+  recipe.mission.render.samples = 2;
+  recipe.mission.render.noise_sigma = 1.0;
+  const synth::Mission mission = synth::yard(recipe);
+  Recording recording;
+  DensifierOptions options = preset(Quality::kOnline);
+  options.width = recipe.width;
+  options.height = recipe.height;
+  Densifier densifier(options, recording.callbacks());
+  fly_through(densifier, mission);
+  std::int64_t sky = 0;
+  std::int64_t floating = 0;
+  double found = 0.0;
+  for (std::size_t i = 0; i < mission.frames.size(); ++i) {
+    const synth::Frame& frame = mission.frames[i];
+    const Image<float>& depth = recording.filtered[i].depth;
+    for (std::size_t k = 0; k < depth.size(); ++k) {
+      const bool is_sky = frame.label.pixels()[k] == static_cast<std::uint8_t>(synth::Label::kSky);
+      sky += is_sky ? 1 : 0;
+      floating += is_sky && depth.pixels()[k] > 0.0F ? 1 : 0;
+    }
+    const auto is_near = [&](int x, int y) { return frame.depth(x, y) < 12.0F; };
+    found += synth::share_within(depth, frame.depth, 0.05, is_near) / static_cast<double>(mission.frames.size());
+  }
+  CAPTURE(is_overexposed, sky, floating, found, densifier.stats().pixels_far);
+  CHECK(floating < sky / 20);
+  CHECK(densifier.stats().pixels_far > sky * 4 / 5);
+  CHECK(densifier.stats().pixels_far < sky * 5 / 4);  // and what lies beyond all landmarks
+  CHECK(found > 0.8);
+}

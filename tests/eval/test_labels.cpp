@@ -195,3 +195,48 @@ TEST_CASE("label images are found beside the range maps and reach the measures o
   pmsp::write_png16(folder.path() / "label" / "000002.png", Image<float>(5, 4), 1.0);
   CHECK_THROWS_AS(GroundTruth::load_labels(truth.range_maps()[2]), pmsp::InvalidInput);
 }
+
+TEST_CASE("estimates of sky and riders are wrong, and do not count as pixels with truth") {
+  Image<float> truth(kWidth, kHeight, 2.0F);
+  Image<float> estimate = truth;
+  Image<std::uint8_t> labels(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < 20; ++x) {
+      truth(x, y) = 0.0F;
+      labels(x, y) = x < 10 ? kSky : kRider;
+      if (x % 10 < 5) estimate(x, y) = 0.0F;
+    }
+  }
+  const LabelTable table = measured(estimate, truth, labels);
+  for (const int label : {kSky, kRider}) {
+    CHECK(table.at(label).missing_share() == Approx(0.5));
+    CHECK(table.at(label).wrong_share() == Approx(0.5));
+    CHECK(table.at(label).in_front_share() == Approx(1.0));
+  }
+  CHECK(table.at(kAllLabels).pixels == Approx(table.at(kOther).pixels));
+  CHECK(table.at(kAllLabels).wrong_share() == 0.0);
+}
+
+TEST_CASE("points in front of sky and movers are counted, those on what is behind a mover are not") {
+  TrueView view;
+  view.range = Image<float>(kWidth, kHeight, 4.0F);
+  view.labels = Image<std::uint8_t>(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      if (y >= kHeight / 2) continue;
+      view.labels(x, y) = x < kWidth / 2 ? kSky : kMover;
+      if (x < kWidth / 2) view.range(x, y) = 0.0F;
+    }
+  }
+  const Eigen::Vector3f in_sky(-1.0F, -1.0F, 0.5F);
+  const Eigen::Vector3f on_mover(1.0F, -1.0F, 0.5F);
+  const Eigen::Vector3f below(1.0F, 1.0F, 0.5F);
+  const auto counts = [&](const Eigen::Vector3f& point) { return count_floating({point}, {view}, 0.05, 1); };
+  CHECK(counts(in_sky) == std::map<int, std::size_t>{{kSky, 1}});
+  CHECK(counts(100.0F * in_sky) == std::map<int, std::size_t>{{kSky, 1}});
+  CHECK(counts(on_mover) == std::map<int, std::size_t>{{kMover, 1}});
+  CHECK(counts(4.0F * on_mover.normalized()).empty());
+  CHECK(counts(below).empty());
+  view.labels = {};
+  CHECK(counts(in_sky).empty());
+}

@@ -78,6 +78,20 @@ TEST_CASE("is_allowed: depth and slant at their bounds") {
   CHECK_FALSE(k::is_allowed({nan, nan, nan}, bearing, limits));
 }
 
+TEST_CASE("is_allowed: far planes at any limits, nothing between them and the largest depth") {
+  Draws draws(12);
+  for (const double largest : {1.0, 1e3, 1e6}) {
+    const k::PlaneLimits limits = limits_of(1e-3 * largest, largest, kSlant);
+    const Vec3<float> bearing = cast<float>(draws.direction());
+    const Vec3<float> far = k::kFarInverseDepth * bearing;
+    CHECK(k::is_far(k::dot(far, bearing)));
+    CHECK(k::is_allowed(far, bearing, limits));
+    CHECK_FALSE(k::is_allowed((0.9F / static_cast<float>(largest)) * bearing, bearing, limits));
+    CHECK_FALSE(k::is_far(1.0F / static_cast<float>(largest)));
+  }
+  CHECK_FALSE(k::is_far(0.0F));  // no plane
+}
+
 TEST_CASE("a moved plane holds the same points") {
   Draws draws(3);
   int moved = 0;

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -225,4 +226,29 @@ TEST_CASE("share_within counts pixels with truth only") {
   CHECK(share_within(depth, truth, 0.02) == Approx(1.0 / 3.0));
   CHECK(share_within(depth, truth, 0.06) == Approx(2.0 / 3.0));
   CHECK(share_within(depth, truth, 0.02, [](int x, int) { return x == 0; }) == 1.0);
+}
+
+TEST_CASE("yard: sky, riders and movers have labels, sky and riders no range, movers that of what is behind") {
+  Recipe recipe = small(2);
+  const Mission plain = yard(recipe);
+  recipe.rider = true;
+  recipe.movers = 3;
+  const Mission full = yard(recipe);
+  std::map<std::uint8_t, int> labels;
+  for (std::size_t i = 0; i < full.frames.size(); ++i) {
+    const Frame& frame = full.frames[i];
+    for (std::size_t k = 0; k < frame.label.size(); ++k) {
+      const std::uint8_t label = frame.label.pixels()[k];
+      ++labels[label];
+      const bool has_no_range =
+          label == static_cast<std::uint8_t>(Label::kSky) || label == static_cast<std::uint8_t>(Label::kRider);
+      if (has_no_range) REQUIRE(frame.depth.pixels()[k] == 0.0F);
+      if (!has_no_range) REQUIRE(frame.depth.pixels()[k] == plain.frames[i].depth.pixels()[k]);
+    }
+    CHECK(frame.landmarks.size() > 100);
+  }
+  for (const Label label : {Label::kSky, Label::kRider, Label::kMover, Label::kThin}) {
+    INFO(static_cast<int>(label));
+    CHECK(labels[static_cast<std::uint8_t>(label)] > 20);
+  }
 }

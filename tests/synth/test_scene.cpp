@@ -157,3 +157,51 @@ TEST_CASE("the texture has detail at its finest octave and is smooth below it") 
   CHECK(mean_change(finest) > 10.0);
   CHECK(mean_change(0.02 * finest) < 1.5);
 }
+
+TEST_CASE("foliage is hit on its leaves, and seen through between them") {
+  const Foliage leaves = foliage({0.0, 0.0, 5.0}, 1.0, 60, 0.1, 3);
+  const Scene scene = scene_of(leaves);
+  REQUIRE(leaves.leaves.size() == 60);
+  int hits = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Vector3d target(-1.0 + 0.1 * (i % 20), -1.0 + 0.1 * (i / 20), 5.0);
+    const std::optional<Hit> hit = scene.intersect(Vector3d::Zero(), target);
+    if (!hit) continue;
+    ++hits;
+    CHECK(std::any_of(leaves.leaves.begin(), leaves.leaves.end(), [&](const Foliage::Leaf& leaf) {
+      return (hit->position - leaf.center).norm() <= 0.1 + 1e-9 &&
+             std::abs((hit->position - leaf.center).dot(leaf.normal)) < 1e-9;
+    }));
+    CHECK(hit->normal.dot(target) < 0.0);
+  }
+  CHECK(hits > 20);
+  CHECK(hits < 300);
+  CHECK_FALSE(scene.intersect(Vector3d::Zero(), {1.2, 0.0, 5.0}));
+  const std::optional<Hit> half = scene.scaled(0.5).intersect(Vector3d::Zero(), leaves.leaves[0].center);
+  const std::optional<Hit> whole = scene.intersect(Vector3d::Zero(), leaves.leaves[0].center);
+  REQUIRE((half && whole));
+  CHECK(2.0 * half->distance == Approx(whole->distance));
+}
+
+TEST_CASE("truth lies behind movers, what a camera sees does not, and the sky is where a ray meets nothing") {
+  Scene scene;
+  scene.add(Box{{0.0, 0.0, 8.0}, {2.0, 2.0, 1.0}, Eigen::Matrix3d::Identity()}, plain({10.0, 20.0, 30.0}));
+  scene.add(Sphere{{0.0, 0.0, 4.0}, 0.5}, plain({200.0, 0.0, 0.0}), {}, Label::kMover);
+  Sky sky;
+  sky.horizon = sky.zenith = {1.0, 2.0, 3.0};
+  sky.sun = -Vector3d::UnitY();
+  sky.sun_radius_deg = 2.0;
+  scene.set_sky(sky);
+  const Vector3d ahead = Vector3d::UnitZ();
+  const std::optional<Hit> hit = scene.intersect(Vector3d::Zero(), ahead);
+  REQUIRE(hit);
+  CHECK(hit->distance == Approx(7.0));
+  CHECK(hit->label == Label::kMover);
+  CHECK(scene.radiance(Vector3d::Zero(), ahead)[0] > 100.0);
+  CHECK(scene.radiance(Vector3d::Zero(), Vector3d(0.2, 0.0, 1.0))[0] < 20.0);
+  CHECK(scene.label_of_sky(Vector3d(0.0, 0.0, 2.0), {0.0, 0.2, -1.0}) == Label::kSky);
+  CHECK(scene.label_of_sky(Vector3d(0.0, 0.0, 6.0), -ahead) == Label::kMover);
+  CHECK(scene.radiance(Vector3d::Zero(), -ahead) == sky.horizon);
+  CHECK(scene.radiance(Vector3d::Zero(), sky.sun)[0] > 255.0);
+  CHECK(scene.scaled(2.0).radiance(Vector3d::Zero(), -ahead) == sky.horizon);
+}

@@ -56,7 +56,7 @@ std::string pixels_kept(const RunReport& report) {
   return "pixels kept: " + std::string(report.given_depth.is_null() ? "PatchMatch " : "given ") +
          percent_text(s.pixels_matched, s.pixels) + ", median filter " + percent_text(s.pixels_after_median, s.pixels) +
          ", consistency filter " + percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) +
-         "\n";
+         (s.pixels_far > 0 ? "; sky " + percent_text(s.pixels_far, s.pixels) : "") + "\n";
 }
 
 std::string seconds_text(double seconds) {
@@ -152,13 +152,16 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   json["pixels"] = {{"unmasked", s.pixels},
                     {"matched", s.pixels_matched},
                     {"after_median", s.pixels_after_median},
-                    {"after_consistency", s.pixels_after_consistency}};
+                    {"after_consistency", s.pixels_after_consistency},
+                    {"far", s.pixels_far}};
   json["points_fused"] = s.points_fused;
   json["points_repeated"] = s.points_repeated;
   json["points"] = s.points;
   json["points_written"] = report.points_written;
   if (s.points > 0) json["confidence"] = report.confidence;
-  if (s.pixels > 0) json["coverage"] = static_cast<double>(s.pixels_after_consistency) / static_cast<double>(s.pixels);
+  if (const std::int64_t near = s.pixels - s.pixels_far; near > 0) {
+    json["coverage"] = static_cast<double>(s.pixels_after_consistency) / static_cast<double>(near);
+  }
   json["seconds"] = {{"total", report.time.total()},    {"prepare", s.seconds_prepare},
                      {"init", s.seconds_init},          {"patchmatch", s.seconds_patchmatch},
                      {"median", s.seconds_median},      {"consistency", s.seconds_consistency},
@@ -217,8 +220,9 @@ std::string summary(const RunReport& report) {
 }
 
 std::string consistency_warning(const DensifierStats& s) {
-  if (s.pixels_after_consistency == 0 || 5 * s.pixels_after_consistency >= s.pixels_after_median) return "";
-  return "the consistency filter keeps only " + percent_text(s.pixels_after_consistency, s.pixels_after_median) +
+  const std::int64_t kept = s.pixels_after_consistency + s.pixels_far;
+  if (kept == 0 || 5 * kept >= s.pixels_after_median) return "";
+  return "the consistency filter keeps only " + percent_text(kept, s.pixels_after_median) +
          " of the pixels that reach it: depth maps contradict each other, as with poses that are inexact, images that "
          "are not their keyframes', or a scene that moves; look at the page of --report before the cloud is used";
 }

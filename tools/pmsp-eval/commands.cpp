@@ -193,8 +193,10 @@ void run_cloud(const CommonArguments& common, CloudArguments arguments) {
       align_cloud(positions_of(*file, map_from_cloud), keyframes, alignment.truth_from_map, truth.origin());
   const ViewMeasures views = views_with_pictures(cloud, alignment, truth, arguments);
   const LabelOptions label_options = arguments.views.labels();
-  const Behind behind = {cloud.points.size(),
-                         count_behind(cloud.points, views.truth, label_options.max_offset, common.threads)};
+  const LabelCounts behind = {cloud.points.size(),
+                              count_behind(cloud.points, views.truth, label_options.max_offset, common.threads)};
+  const LabelCounts floating = {
+      cloud.points.size(), count_floating(cloud.points, views.truth, label_options.max_relative_error, common.threads)};
   const CloudMeasures measures = measure_cloud(cloud, build_surface(truth, arguments.surface), arguments.measures);
 
   Json json = {{"cloud", arguments.cloud.string()}};
@@ -204,10 +206,15 @@ void run_cloud(const CommonArguments& common, CloudArguments arguments) {
   json["points_not_finite"] = cloud.dropped;
   json["views"] = to_json(views);
   json["behind"] = to_json(behind);
+  json["floating"] = to_json(floating);
   json["surface"] = to_json(measures);
-  deliver(common, json,
-          "cloud       " + arguments.cloud.string() + "\n" + frame + to_table(alignment) +
-              to_table(views, arguments.views) + to_table(behind, label_options) + to_table(measures));
+  deliver(
+      common, json,
+      "cloud       " + arguments.cloud.string() + "\n" + frame + to_table(alignment) +
+          to_table(views, arguments.views) +
+          to_table(behind,
+                   "behind      points behind the true surface from everywhere, by more than a tenth of its range") +
+          to_table(floating, "floating    points in front of sky or movers") + to_table(measures));
 }
 
 void run_depth(const CommonArguments& common, DepthArguments arguments) {

@@ -96,6 +96,43 @@ std::optional<int> behind_which(const Eigen::Vector3d& point, const std::vector<
   return label;
 }
 
+/// Whether all of the pixels around have the label.
+bool is_inside(const Image<std::uint8_t>& labels, const Eigen::Vector2i& pixel, int label) {
+  for (int y = std::max(pixel.y() - 1, 0); y <= std::min(pixel.y() + 1, labels.height() - 1); ++y) {
+    for (int x = pixel.x() - 1; x <= pixel.x() + 1; ++x) {
+      if (labels((x + labels.width()) % labels.width(), y) != label) return false;
+    }
+  }
+  return true;
+}
+
+/// Whether the view sees the point in front of pixels with this label.
+bool floats(const Eigen::Vector3d& point, const TrueView& view, int label, double max_relative_error) {
+  const Eigen::Vector3d in_cam = view.cam_from_world * point;
+  const Eigen::Vector2i pixel = pixel_of(in_cam, view.range.width(), view.range.height());
+  if (view.labels(pixel.x(), pixel.y()) != label || !is_inside(view.labels, pixel, label)) return false;
+  const auto range = static_cast<double>(view.range(pixel.x(), pixel.y()));
+  return label == kSky || !is_range(view.range(pixel.x(), pixel.y())) ||
+         in_cam.norm() < (1.0 - max_relative_error) * range;
+}
+
+/// Number of points under each label that `labels_of(point, add)` adds.
+template <class LabelsOf>
+std::map<int, std::size_t> count_points(const std::vector<Eigen::Vector3f>& points, int threads,
+                                        const LabelsOf& labels_of) {
+  std::map<int, std::size_t> counts;
+  std::mutex mutex;
+  parallel_chunks(points.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    std::map<int, std::size_t> chunk;
+    for (std::size_t i = begin; i < end; ++i) {
+      labels_of(points[i].cast<double>(), [&chunk](int label) { ++chunk[label]; });
+    }
+    const std::lock_guard<std::mutex> lock(mutex);
+    for (const auto& [label, count] : chunk) counts[label] += count;
+  });
+  return counts;
+}
+
 }  // namespace
 
 std::string label_name(int label) {
@@ -110,6 +147,12 @@ std::string label_name(int label) {
       return "glossy";
     case kBehindGlass:
       return "behind glass";
+    case kSky:
+      return "sky";
+    case kRider:
+      return "rider";
+    case kMover:
+      return "mover";
     default:
       return "label " + std::to_string(label);
   }
@@ -140,9 +183,15 @@ LabelTable measure_labels(const Image<float>& estimate, const Image<float>& erro
   for (int y = 0; y < height; ++y) {
     const double weight = row_weight(y, height);
     for (int x = 0; x < width; ++x) {
-      if (!is_range(range(x, y))) continue;
       LabelMeasures pixel;
       pixel.pixels = weight;
+      if (!is_range(range(x, y))) {
+        const int without_range = label.empty() ? int{kOther} : int{label(x, y)};
+        if (without_range != kSky && without_range != kRider) continue;
+        if (estimate(x, y) > 0.0F) pixel.estimates = pixel.wrong = pixel.in_front = weight;
+        table[without_range] += pixel;
+        continue;
+      }
       const double estimated = options.scale * static_cast<double>(estimate(x, y));
       if (std::isfinite(estimated) && estimated > 0.0) {
         const auto true_range = static_cast<double>(range(x, y));
@@ -163,21 +212,31 @@ LabelTable measure_labels(const Image<float>& estimate, const Image<float>& erro
   return table;
 }
 
+std::map<int, std::size_t> count_floating(const std::vector<Eigen::Vector3f>& points,
+                                          const std::vector<TrueView>& views, double max_relative_error, int threads) {
+  std::vector<const TrueView*> labelled;
+  for (const TrueView& view : views) {
+    if (!view.labels.empty()) labelled.push_back(&view);
+  }
+  return count_points(points, threads, [&](const Eigen::Vector3d& point, const auto& add) {
+    for (const int label : {kSky, kMover}) {
+      const bool does = std::any_of(labelled.begin(), labelled.end(), [&](const TrueView* view) {
+        return floats(point, *view, label, max_relative_error);
+      });
+      if (does) add(label);
+    }
+  });
+}
+
 std::map<int, std::size_t> count_behind(const std::vector<Eigen::Vector3f>& points, const std::vector<TrueView>& views,
                                         double max_offset, int threads) {
-  std::map<int, std::size_t> counts = {{kAllLabels, 0}};
-  std::mutex mutex;
-  parallel_chunks(points.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::map<int, std::size_t> chunk;
-    for (std::size_t i = begin; i < end; ++i) {
-      const std::optional<int> label = behind_which(points[i].cast<double>(), views, max_offset);
-      if (!label) continue;
-      ++chunk[kAllLabels];
-      ++chunk[*label];
-    }
-    const std::lock_guard<std::mutex> lock(mutex);
-    for (const auto& [label, count] : chunk) counts[label] += count;
+  std::map<int, std::size_t> counts = count_points(points, threads, [&](const Eigen::Vector3d& point, const auto& add) {
+    const std::optional<int> label = behind_which(point, views, max_offset);
+    if (!label) return;
+    add(kAllLabels);
+    add(*label);
   });
+  counts[kAllLabels];
   return counts;
 }
 

@@ -15,9 +15,9 @@
 namespace pmsp::eval {
 
 /// What the pixels of the truth show, as pmsp-synth writes it to label/. Other values are possible and have no name.
-enum Label : int { kAllLabels = -1, kOther = 0, kThin = 1, kGlossy = 2, kBehindGlass = 3 };
+enum Label : int { kAllLabels = -1, kOther, kThin, kGlossy, kBehindGlass, kSky, kRider, kMover };
 
-/// "all", "other", "thin", "glossy", "behind glass", "label 4" and so on.
+/// "all", "other", "thin", "glossy", "behind glass", "sky", "rider", "mover", "label 7" and so on.
 std::string label_name(int label);
 
 struct LabelOptions {
@@ -27,7 +27,8 @@ struct LabelOptions {
   int beside_px = 5;                 ///< what lies beside a thin thing: half a patch [px of the estimate], >= 0
 };
 
-/// Solid angles of the pixels with a label and a true range, up to a factor common to all.
+/// Solid angles of the pixels with a label and a true range, up to a factor common to all. Pixels of kSky and kRider
+/// have none: each estimate is wrong, and in front.
 struct LabelMeasures {
   double pixels = 0.0;
   double estimates = 0.0;  ///< those of them with an estimate
@@ -66,6 +67,12 @@ struct TrueView {
   Image<float> range;          ///< [m]
   Image<std::uint8_t> labels;  ///< empty, or of the range's size
 };
+
+/// Points that at least one view sees in front of the sky, or of a mover and of what is behind that by more than
+/// `max_relative_error` of its true range, with such pixels all around. Counted under kSky and kMover; a point may be
+/// counted under both.
+std::map<int, std::size_t> count_floating(const std::vector<Eigen::Vector3f>& points,
+                                          const std::vector<TrueView>& views, double max_relative_error, int threads);
 
 /// Points that lie behind the true surface from everywhere: by more than `max_offset` of the true range for each view
 /// that knows a range in their direction. What some view sees as it should, or in front of the surface, is not among

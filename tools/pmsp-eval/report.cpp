@@ -195,10 +195,10 @@ Json to_json(const LabelTable& labels) {
   return json;
 }
 
-Json to_json(const Behind& behind) {
+Json to_json(const LabelCounts& counts) {
   Json json = Json::object();
-  for (const auto& [label, count] : behind.counts) {
-    json[label_name(label)] = static_cast<double>(count) / static_cast<double>(behind.points);
+  for (const auto& [label, count] : counts.counts) {
+    json[label_name(label)] = static_cast<double>(count) / static_cast<double>(counts.points);
   }
   return json;
 }
@@ -283,12 +283,12 @@ std::string to_table(const LabelTable& labels, const LabelOptions& options) {
                        100.0 * thin->second.grown_share(), options.beside_px);
 }
 
-std::string to_table(const Behind& behind, const LabelOptions& options) {
-  std::string text = format("behind      points more than %g %% behind the true surface from everywhere\n",
-                            100.0 * options.max_offset);
-  for (const auto& [label, count] : behind.counts) {
+std::string to_table(const LabelCounts& counts, const std::string& title) {
+  if (counts.counts.empty()) return "";
+  std::string text = title + "\n";
+  for (const auto& [label, count] : counts.counts) {
     text += format("  %-14s  %8.3f %%\n", label_name(label).c_str(),
-                   100.0 * static_cast<double>(count) / static_cast<double>(behind.points));
+                   100.0 * static_cast<double>(count) / static_cast<double>(counts.points));
   }
   return text;
 }

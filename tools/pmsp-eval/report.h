@@ -29,8 +29,8 @@ struct KeyframeDepth {
   LabelTable labels;
 };
 
-/// Points of a cloud that lie behind the true surface, see count_behind.
-struct Behind {
+/// Points of a cloud by label, see count_behind and count_floating.
+struct LabelCounts {
   std::size_t points = 0;  ///< of the cloud
   std::map<int, std::size_t> counts;
 };
@@ -43,7 +43,7 @@ Json to_json(const DepthMeasures& measures);
 Json to_json(const std::vector<KeyframeDepth>& maps);
 Json to_json(const Calibration& calibration);
 Json to_json(const LabelTable& labels);
-Json to_json(const Behind& behind);
+Json to_json(const LabelCounts& counts);
 
 /// The same for people, lines of at most 100 characters.
 std::string to_table(const Alignment& alignment);
@@ -52,6 +52,6 @@ std::string to_table(const ViewMeasures& measures, const ViewOptions& options);
 std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions& options);
 std::string to_table(const Calibration& calibration);
 std::string to_table(const LabelTable& labels, const LabelOptions& options);
-std::string to_table(const Behind& behind, const LabelOptions& options);
+std::string to_table(const LabelCounts& counts, const std::string& title);
 
 }  // namespace pmsp::eval

@@ -18,9 +18,12 @@ using MakeMission = std::function<synth::Mission(const synth::Recipe&)>;
 
 const std::map<std::string, MakeMission>& scenes() {
   static const std::map<std::string, MakeMission> kScenes = {
-      {"room", synth::textured_room},   {"empty", synth::empty_room},    {"painted", synth::painted_room},
-      {"sphere", synth::sphere_inside}, {"plane", synth::slanted_plane}, {"corridor", synth::corridor_across_seam},
-      {"floor", synth::floor_at_nadir}, {"gloss", synth::glossy_room},   {"thin", synth::thin_room}};
+      {"room", synth::textured_room},     {"empty", synth::empty_room},
+      {"painted", synth::painted_room},   {"sphere", synth::sphere_inside},
+      {"plane", synth::slanted_plane},    {"corridor", synth::corridor_across_seam},
+      {"floor", synth::floor_at_nadir},   {"gloss", synth::glossy_room},
+      {"thin", synth::thin_room},         {"yard", synth::yard},
+      {"flat-photos", synth::flat_photos}};
   return kScenes;
 }
 
@@ -36,10 +39,10 @@ What it writes into DIR:
   images/%06d.png        the keyframes' images, named by frame index (.jpg with --jpeg)
   map.msg                the map, as stella_vslam stores it (MessagePack); frame f has the timestamp f / 10 s
   gt/traj_tum.txt        true poses, "ts tx ty tz qx qy qz qw", camera to world, metres
-  gt/range_mm/%06d.png   16-bit: true distance along the ray of each pixel's centre [mm]; 0 = unknown. Through glass: of
-                         what is behind
-  gt/label/%06d.png      gloss and thin, 16-bit: 1 on a thin thing, 2 on a mirroring surface, 3 seen through glass, 0
-                         elsewhere; pmsp-eval reports by these labels
+  gt/range_mm/%06d.png   16-bit: true distance along the ray of each pixel's centre [mm]; 0 = unknown. Through glass
+                         and movers: of what is behind
+  gt/label/%06d.png      where there are any, 16-bit: 1 thin thing, 2 mirroring surface, 3 seen through glass, 4 sky,
+                         5 rider, 6 mover, 0 elsewhere; pmsp-eval reports by these labels
   mask.png               with --mask-nadir: 0 = ignore
 
 Examples:
@@ -61,12 +64,14 @@ void add_scene_options(CLI::App& app, Arguments& arguments) {
          "--scene", arguments.scene,
          "room (with furniture), empty (the same without), painted (with bare walls, a door, pictures), sphere (from "
          "inside), plane (slanted), corridor (a wall across the seam), floor (at the nadir), gloss (long room with a "
-         "mirroring floor, a polished column and a glass wall), thin (long room with poles, rails, cables, chairs)")
+         "mirroring floor, a polished column and a glass wall), thin (long room with poles, rails, cables, chairs), "
+         "yard "
+         "(outdoors: houses, trees, wires, sky), flat-photos (12 panoramas of a flat, 1.5 m apart)")
       ->check(CLI::IsMember(names))
       ->capture_default_str()
       ->group(group);
   app.add_option("--keyframes", arguments.recipe.keyframes,
-                 "keyframes; each scene has room for about ten, gloss and thin for 30")
+                 "keyframes; each scene has room for about ten, gloss, thin and yard for 30")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str()
       ->group(group);
@@ -75,6 +80,15 @@ void add_scene_options(CLI::App& app, Arguments& arguments) {
       ->capture_default_str()
       ->group(group);
   app.add_flag("--weak", arguments.recipe.weak_texture, "plaster: contrast of a few gray levels")->group(group);
+  app.add_flag("--overexposed-sky", arguments.recipe.overexposed_sky, "yard: a sky that is white all over")
+      ->group(group);
+  app.add_flag("--rider", arguments.recipe.rider,
+               "a dashboard, a hand, a head and a pole that the camera carries along")
+      ->group(group);
+  app.add_option("--movers", arguments.recipe.movers, "walking figures; from the third on, a bus, too")
+      ->check(CLI::Range(0, 100))
+      ->capture_default_str()
+      ->group(group);
   app.add_option("--seed", arguments.recipe.texture_seed, "of textures, landmarks and noise; same seed, same bytes")
       ->check(CLI::Range(0, 1000000000))
       ->capture_default_str()
