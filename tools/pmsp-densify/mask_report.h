@@ -14,7 +14,7 @@
 namespace pmsp::tool {
 
 /// Where the masks of a mission come from, and what they hide.
-struct MaskReport {
+struct MaskReport {                   // NOLINT(bugprone-exception-escape): a JSON value is assigned by value
   std::string text;                   ///< for people; "" = no mask
   std::vector<std::string> warnings;  ///< what is wrong with them, probably
   nlohmann::ordered_json json;        ///< for --stats; null = no mask
