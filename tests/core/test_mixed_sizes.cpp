@@ -62,7 +62,7 @@ TEST_CASE("Images of two sizes, each with a mask of its own, make one cloud", "[
       }
     }
     CHECK(masked == 0);
-    CHECK(beside > kFlightWidth / 8 * kFlightHeight * 3 / 4);
+    CHECK(beside > kFlightWidth / 8 * kFlightHeight / 2);
   }
   // As many points as of one size, and as right.
   CHECK(static_cast<double>(mixed.points()) > 0.9 * static_cast<double>(of_one.points()));
