@@ -137,9 +137,9 @@ TEST_CASE("depth maps of a run, fused again, give its cloud", "[fuse]") {
     };
     CAPTURE(kind);
     only({"depth", "normal", "confidence"});
-    check_same(dir / "run.ply", fused("pfm"), 1e-4, 0.998);  // depth maps do not tell far pixels from unknown ones
+    check_same(dir / "run.ply", fused("pfm"), 1e-4, 0.996);  // depth maps do not tell far pixels from unknown ones
     only({"exr"});
-    check_same(dir / "run.ply", fused("exr"), 1e-4, 0.998);
+    check_same(dir / "run.ply", fused("exr"), 1e-4, 0.996);
     only({"depth_png", "normal_png", "confidence_png"});
     check_same(dir / "run.ply", fused("png"), 2e-3, 0.98);
   }

@@ -56,7 +56,8 @@ std::string pixels_kept(const RunReport& report) {
   return "pixels kept: " + std::string(report.given_depth.is_null() ? "PatchMatch " : "given ") +
          percent_text(s.pixels_matched, s.pixels) + ", median filter " + percent_text(s.pixels_after_median, s.pixels) +
          ", consistency filter " + percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) +
-         (s.pixels_far > 0 ? "; sky " + percent_text(s.pixels_far, s.pixels) : "") + "\n";
+         (1000 * s.pixels_far >= s.pixels && s.pixels_far > 0 ? "; sky " + percent_text(s.pixels_far, s.pixels) : "") +
+         "\n";
 }
 
 std::string seconds_text(double seconds) {
