@@ -123,7 +123,7 @@ Mission glossy_room(const Recipe& recipe = {});
 Mission thin_room(const Recipe& recipe = {});
 /// A lawn between houses, with trees, a fence, wires and a sky with clouds and sun.
 Mission yard(const Recipe& recipe = {});
-/// Rooms that one to three panoramas see, 1.5 m apart; `keyframes` is without influence.
+/// Rooms that one to three panoramas see, 1.5 m apart; `keyframes` is without influence, there are no movers.
 Mission flat_photos(const Recipe& recipe = {});
 Mission sphere_inside(const Recipe& recipe = {});  ///< sphere of radius 2.8 around the flight
 Mission slanted_plane(const Recipe& recipe = {});  ///< plane, slanted in all directions, in a dome of radius 3

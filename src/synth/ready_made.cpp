@@ -36,9 +36,33 @@ class Textures {
   std::uint64_t next_ = 0;
 };
 
-TextureOptions tinted(TextureOptions texture, const Eigen::Vector3d& base, double contrast);
-Box block(double x, double y, double z, const Eigen::Vector3d& size);
-Cylinder rod(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double diameter);
+Eigen::Matrix3d turned_by(double degrees, const Eigen::Vector3d& axis = Eigen::Vector3d::UnitY()) {
+  return Eigen::AngleAxisd(degrees * 3.14159265358979323846 / 180.0, axis).toRotationMatrix();
+}
+
+/// A box that stands on the floor of the room.
+Box furniture(double x, double z, const Eigen::Vector3d& size, double turned_deg) {
+  Box box;
+  box.half_size = 0.5 * size;
+  box.center = Eigen::Vector3d(x, kFloor - box.half_size.y(), z);
+  box.world_from_box = turned_by(turned_deg);
+  return box;
+}
+
+Box block(double x, double y, double z, const Eigen::Vector3d& size) {
+  return Box{{x, y, z}, 0.5 * size, Eigen::Matrix3d::Identity()};
+}
+
+Cylinder rod(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double diameter) {
+  return Cylinder{0.5 * (from + to), (to - from).normalized(), 0.5 * diameter, 0.5 * (to - from).norm()};
+}
+
+/// `texture` with another mean colour and contrast.
+TextureOptions tinted(TextureOptions texture, const Eigen::Vector3d& base, double contrast) {
+  texture.base = base;
+  texture.contrast = contrast;
+  return texture;
+}
 
 /// What a cyclist's or driver's camera sees of them, in its axes.
 Scene make_rider(Textures textures) {
@@ -103,34 +127,6 @@ Mission make(Recipe recipe, const Scene& scene, Flight flight) {
     };
   }
   return render_mission(recipe, scene, fly(flight));
-}
-
-Eigen::Matrix3d turned_by(double degrees) {
-  return Eigen::AngleAxisd(degrees * 3.14159265358979323846 / 180.0, Eigen::Vector3d::UnitY()).toRotationMatrix();
-}
-
-/// A box that stands on the floor of the room.
-Box furniture(double x, double z, const Eigen::Vector3d& size, double turned_deg) {
-  Box box;
-  box.half_size = 0.5 * size;
-  box.center = Eigen::Vector3d(x, kFloor - box.half_size.y(), z);
-  box.world_from_box = turned_by(turned_deg);
-  return box;
-}
-
-Box block(double x, double y, double z, const Eigen::Vector3d& size) {
-  return Box{{x, y, z}, 0.5 * size, Eigen::Matrix3d::Identity()};
-}
-
-Cylinder rod(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double diameter) {
-  return Cylinder{0.5 * (from + to), (to - from).normalized(), 0.5 * diameter, 0.5 * (to - from).norm()};
-}
-
-/// `texture` with another mean colour and contrast.
-TextureOptions tinted(TextureOptions texture, const Eigen::Vector3d& base, double contrast) {
-  texture.base = base;
-  texture.contrast = contrast;
-  return texture;
 }
 
 Flight through_room() {
@@ -357,15 +353,13 @@ Mission thin_room(const Recipe& recipe) {
 
 namespace {
 
-/// A house with a saddle roof along z that overhangs its walls, windows and a door on the side x = `face`.
+/// A house with a saddle roof along z that overhangs its walls, a chimney, and windows on both long sides.
 void add_house(Scene& scene, Textures& textures, const Eigen::Vector3d& center, const Eigen::Vector3d& size,
                double turned_deg, const Eigen::Vector3d& color, double contrast) {
   const Eigen::Matrix3d turn = turned_by(turned_deg);
   const auto part = [&](const Eigen::Vector3d& at, const Eigen::Vector3d& extent, double tilt_deg,
                         const TextureOptions& texture) {
-    const Eigen::Matrix3d tilt =
-        Eigen::AngleAxisd(tilt_deg * 3.14159265358979323846 / 180.0, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    scene.add(Box{center + turn * at, 0.5 * extent, turn * tilt}, texture);
+    scene.add(Box{center + turn * at, 0.5 * extent, turn * turned_by(tilt_deg, Eigen::Vector3d::UnitZ())}, texture);
   };
   const double top = -size.y();
   part({0.0, 0.5 * top, 0.0}, size, 0.0, tinted(textures.at(8.0), color, contrast));
@@ -445,6 +439,10 @@ Mission yard(const Recipe& recipe) {
 }
 
 Mission flat_photos(const Recipe& recipe) {
+  if (recipe.movers > 0) {
+    throw InvalidOption("movers = " + std::to_string(recipe.movers) +
+                        ": this scene has no flight beside which they walk; expected 0.");
+  }
   Textures textures(recipe);
   Scene scene;
   const auto wall = [&](double x0, double z0, double x1, double z1) {  // along one axis

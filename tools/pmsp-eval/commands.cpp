@@ -208,13 +208,10 @@ void run_cloud(const CommonArguments& common, CloudArguments arguments) {
   json["behind"] = to_json(behind);
   json["floating"] = to_json(floating);
   json["surface"] = to_json(measures);
-  deliver(
-      common, json,
-      "cloud       " + arguments.cloud.string() + "\n" + frame + to_table(alignment) +
-          to_table(views, arguments.views) +
-          to_table(behind,
-                   "behind      points behind the true surface from everywhere, by more than a tenth of its range") +
-          to_table(floating, "floating    points in front of sky or movers") + to_table(measures));
+  deliver(common, json,
+          "cloud       " + arguments.cloud.string() + "\n" + frame + to_table(alignment) +
+              to_table(views, arguments.views) + table_of_behind(behind, label_options) + table_of_floating(floating) +
+              to_table(measures));
 }
 
 void run_depth(const CommonArguments& common, DepthArguments arguments) {

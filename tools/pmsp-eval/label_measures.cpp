@@ -106,14 +106,15 @@ bool is_inside(const Image<std::uint8_t>& labels, const Eigen::Vector2i& pixel, 
   return true;
 }
 
-/// Whether the view sees the point in front of pixels with this label.
-bool floats(const Eigen::Vector3d& point, const TrueView& view, int label, double max_relative_error) {
+/// The label of what the view sees the point in front of: kSky, kMover, or kOther where it is neither.
+int floats_before(const Eigen::Vector3d& point, const TrueView& view, double max_relative_error) {
   const Eigen::Vector3d in_cam = view.cam_from_world * point;
   const Eigen::Vector2i pixel = pixel_of(in_cam, view.range.width(), view.range.height());
-  if (view.labels(pixel.x(), pixel.y()) != label || !is_inside(view.labels, pixel, label)) return false;
-  const auto range = static_cast<double>(view.range(pixel.x(), pixel.y()));
-  return label == kSky || !is_range(view.range(pixel.x(), pixel.y())) ||
-         in_cam.norm() < (1.0 - max_relative_error) * range;
+  const int label = view.labels(pixel.x(), pixel.y());
+  if ((label != kSky && label != kMover) || !is_inside(view.labels, pixel, label)) return kOther;
+  const float range = view.range(pixel.x(), pixel.y());
+  const bool in_front = !is_range(range) || in_cam.norm() < (1.0 - max_relative_error) * static_cast<double>(range);
+  return in_front ? label : kOther;
 }
 
 /// Number of points under each label that `labels_of(point, add)` adds.
@@ -214,17 +215,16 @@ LabelTable measure_labels(const Image<float>& estimate, const Image<float>& erro
 
 std::map<int, std::size_t> count_floating(const std::vector<Eigen::Vector3f>& points,
                                           const std::vector<TrueView>& views, double max_relative_error, int threads) {
-  std::vector<const TrueView*> labelled;
-  for (const TrueView& view : views) {
-    if (!view.labels.empty()) labelled.push_back(&view);
-  }
   return count_points(points, threads, [&](const Eigen::Vector3d& point, const auto& add) {
-    for (const int label : {kSky, kMover}) {
-      const bool does = std::any_of(labelled.begin(), labelled.end(), [&](const TrueView* view) {
-        return floats(point, *view, label, max_relative_error);
-      });
-      if (does) add(label);
+    bool before_sky = false;
+    bool before_mover = false;
+    for (const TrueView& view : views) {
+      const int label = view.labels.empty() ? int{kOther} : floats_before(point, view, max_relative_error);
+      before_sky = before_sky || label == kSky;
+      before_mover = before_mover || label == kMover;
     }
+    if (before_sky) add(kSky);
+    if (before_mover) add(kMover);
   });
 }
 

@@ -102,6 +102,16 @@ std::string verdict(const char* name, const Monotone& m) {
   return text + "\n";
 }
 
+/// A line for each label.
+std::string rows_of(const LabelCounts& counts) {
+  std::string text;
+  for (const auto& [label, count] : counts.counts) {
+    text += format("  %-14s  %8.3f %%\n", label_name(label).c_str(),
+                   100.0 * static_cast<double>(count) / static_cast<double>(counts.points));
+  }
+  return text;
+}
+
 }  // namespace
 
 Json to_json(const Alignment& a) {
@@ -283,14 +293,14 @@ std::string to_table(const LabelTable& labels, const LabelOptions& options) {
                        100.0 * thin->second.grown_share(), options.beside_px);
 }
 
-std::string to_table(const LabelCounts& counts, const std::string& title) {
-  if (counts.counts.empty()) return "";
-  std::string text = title + "\n";
-  for (const auto& [label, count] : counts.counts) {
-    text += format("  %-14s  %8.3f %%\n", label_name(label).c_str(),
-                   100.0 * static_cast<double>(count) / static_cast<double>(counts.points));
-  }
-  return text;
+std::string table_of_behind(const LabelCounts& counts, const LabelOptions& options) {
+  return format("behind      points more than %g %% behind the true surface from everywhere\n",
+                100.0 * options.max_offset) +
+         rows_of(counts);
+}
+
+std::string table_of_floating(const LabelCounts& counts) {
+  return counts.counts.empty() ? "" : "floating    points in front of sky or movers\n" + rows_of(counts);
 }
 
 }  // namespace pmsp::eval

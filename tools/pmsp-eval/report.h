@@ -52,6 +52,7 @@ std::string to_table(const ViewMeasures& measures, const ViewOptions& options);
 std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions& options);
 std::string to_table(const Calibration& calibration);
 std::string to_table(const LabelTable& labels, const LabelOptions& options);
-std::string to_table(const LabelCounts& counts, const std::string& title);
+std::string table_of_behind(const LabelCounts& counts, const LabelOptions& options);
+std::string table_of_floating(const LabelCounts& counts);  ///< "" where none floats
 
 }  // namespace pmsp::eval

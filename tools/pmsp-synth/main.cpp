@@ -65,8 +65,7 @@ void add_scene_options(CLI::App& app, Arguments& arguments) {
          "room (with furniture), empty (the same without), painted (with bare walls, a door, pictures), sphere (from "
          "inside), plane (slanted), corridor (a wall across the seam), floor (at the nadir), gloss (long room with a "
          "mirroring floor, a polished column and a glass wall), thin (long room with poles, rails, cables, chairs), "
-         "yard "
-         "(outdoors: houses, trees, wires, sky), flat-photos (12 panoramas of a flat, 1.5 m apart)")
+         "yard (outdoors: houses, trees, wires, sky), flat-photos (12 panoramas of a flat, 1.5 m apart)")
       ->check(CLI::IsMember(names))
       ->capture_default_str()
       ->group(group);
@@ -85,7 +84,8 @@ void add_scene_options(CLI::App& app, Arguments& arguments) {
   app.add_flag("--rider", arguments.recipe.rider,
                "a dashboard, a hand, a head and a pole that the camera carries along")
       ->group(group);
-  app.add_option("--movers", arguments.recipe.movers, "walking figures; from the third on, a bus, too")
+  app.add_option("--movers", arguments.recipe.movers,
+                 "walking figures; from the third on, a bus, too; not with flat-photos")
       ->check(CLI::Range(0, 100))
       ->capture_default_str()
       ->group(group);
