@@ -112,4 +112,26 @@ std::string check_disk_space(const std::vector<DiskNeed>& needs) {
   return warning;
 }
 
+double share_to_make(const workspace::Step& step) {
+  const auto made = std::count_if(step.keyframes.begin(), step.keyframes.end(),
+                                  [](const auto& planned) { return planned.second.passes > 0; });
+  return static_cast<double>(made) / std::max<double>(1.0, static_cast<double>(step.keyframes.size()));
+}
+
+bool knows_size(DensifierOptions& options, const SlamMap& map) {
+  if (options.width > 0 && options.height == 0) options.height = options.width / 2;
+  return options.width > 0 || (!map.cameras.empty() && map.cameras[0].width > 0);
+}
+
+std::string disk_warning(const Arguments& arguments, const SlamMap& map, const ImageSource& images, const Plan& plan,
+                         DensifierOptions options, double in_workspace) {
+  if (!knows_size(options, map)) return "";
+  try {
+    const Budget budget = estimate_budget({map, plan, options, 0, 0, {}});
+    return check_disk_space(disk_needs(arguments, budget, images, in_workspace));
+  } catch (const InvalidInput&) {  // the densifier says so
+    return "";
+  }
+}
+
 }  // namespace pmsp::tool

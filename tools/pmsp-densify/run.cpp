@@ -247,25 +247,12 @@ class Run {
 
   /// Compares the forecast with what is free. Throws OutputError.
   void check_disk(DensifierOptions options) {
-    if (options.width == 0 && (map_.cameras.empty() || map_.cameras[0].width == 0)) return;  // no forecast
-    if (options.width > 0 && options.height == 0) options.height = options.width / 2;
+    if (!knows_size(options, map_)) return;  // no forecast
     Plan plan = step_ ? step_->step().plan : given_ != nullptr ? given_->plan() : Plan{};
-    double in_workspace = 1.0;
-    if (step_) {
-      const auto& planned = step_->step().keyframes;
-      const auto made =
-          std::count_if(planned.begin(), planned.end(), [](const auto& it) { return it.second.passes > 0; });
-      in_workspace = static_cast<double>(made) / std::max<double>(1.0, static_cast<double>(planned.size()));
-    } else if (given_ == nullptr) {
+    if (!step_ && given_ == nullptr) {
       plan = make_plan(keyframes_without_image(map_, input_.images.get(), options), options);
     }
-    std::string warning;
-    try {
-      const Budget budget = estimate_budget({map_, plan, options, 0, 0, {}});
-      warning = check_disk_space(disk_needs(arguments_, budget, *input_.images, in_workspace));
-    } catch (const InvalidInput&) {  // the densifier will say so
-    }
-    if (!warning.empty()) progress_.warning(warning);
+    warn(disk_warning(arguments_, map_, *input_.images, plan, options, step_ ? share_to_make(step_->step()) : 1.0));
   }
 
   void look_at_given(DensifierOptions& options) {

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "disk_space.h"
 #include "engine_text.h"
 #include "exit_code.h"
 #include "image_loop.h"
@@ -88,6 +89,9 @@ class ShardRun {
     look(!before);
     step_->decide();
     require_same(workspace_.shards().post(my_job()));
+    const std::string warning =
+        disk_warning(arguments_, map_, *input_.images, step_->step().plan, options_, share_to_make(step_->step()));
+    if (!warning.empty()) progress_.warning(warning);
     step_->begin();
     for (const PlanEntry& entry : step_->step().plan.entries) {
       if (entry.has_depth_map()) depth_maps_.push_back(entry.id);
