@@ -85,7 +85,9 @@ void add_movers(Scene& scene, Textures textures, int count, const Flight& flight
     const double phase = 1.7 * i;
     const Eigen::Vector3d feet(3.2 * std::sin(0.35 * time + phase), kFloor,
                                here.z() + 2.5 * std::cos(phase + 0.2 * time));
-    const TextureOptions cloth = tinted(textures.at(1.5), {60.0 + 40.0 * (i % 4), 70.0, 150.0 - 30.0 * (i % 4)}, 22.0);
+    TextureOptions skin = tinted(textures.at(0.5), {190.0, 140.0, 115.0}, 12.0);
+    TextureOptions cloth = tinted(textures.at(1.5), {60.0 + 40.0 * (i % 4), 70.0, 150.0 - 30.0 * (i % 4)}, 22.0);
+    skin.origin = cloth.origin = feet;
     const double swing = 0.25 * std::sin(2.0 * time + phase);
     const auto add = [&](const Primitive& primitive, const TextureOptions& texture) {
       scene.add(primitive, texture, {}, Label::kMover);
@@ -96,11 +98,12 @@ void add_movers(Scene& scene, Textures textures, int count, const Flight& flight
           cloth);
     }
     add(rod(feet + Eigen::Vector3d(0.0, -0.85, 0.0), feet + Eigen::Vector3d(0.0, -1.5, 0.0), 0.4), cloth);
-    add(Sphere{feet + Eigen::Vector3d(0.0, -1.65, 0.0), 0.13}, tinted(textures.at(0.5), {190.0, 140.0, 115.0}, 12.0));
+    add(Sphere{feet + Eigen::Vector3d(0.0, -1.65, 0.0), 0.13}, skin);
   }
   if (count > 2) {
-    scene.add(block(4.4, kFloor - 1.4, -14.0 + 1.1 * time, {2.2, 2.6, 7.0}),
-              tinted(textures.at(3.0), {180.0, 60.0, 50.0}, 25.0), {}, Label::kMover);
+    TextureOptions paint = tinted(textures.at(3.0), {180.0, 60.0, 50.0}, 25.0);
+    paint.origin.z() = -14.0 + 1.1 * time;
+    scene.add(block(4.4, kFloor - 1.4, paint.origin.z(), {2.2, 2.6, 7.0}), paint, {}, Label::kMover);
   }
 }
 

@@ -104,7 +104,8 @@ Eigen::Vector3d Texture::color(const Eigen::Vector3d& position, const Eigen::Vec
   Eigen::Array4d noise = Eigen::Array4d::Zero();
   if (options_.contrast > 0.0) {
     for (const Octave& octave : octaves_) {
-      noise += octave.amplitude * value_noise(octave.lattice_from_world * position + octave.offset, octave.seed);
+      noise += octave.amplitude *
+               value_noise(octave.lattice_from_world * (position - options_.origin) + octave.offset, octave.seed);
     }
   }
   const Eigen::Vector3d light(0.51, -0.80, 0.32);

@@ -8,7 +8,7 @@
 
 namespace pmsp::synth {
 
-/// A solid texture: colour as a function of the position in the world.
+/// A solid texture: colour as a function of the position in the world, or on what moves.
 struct TextureOptions {
   double coarsest = 0.36;     ///< size of the largest blobs [scene units]
   int octaves = 4;            ///< each has blobs half as large as the one before
@@ -18,6 +18,7 @@ struct TextureOptions {
   double shading = 0.10;      ///< change of the brightness with the surface's direction, relative
   Eigen::Vector3d base = Eigen::Vector3d(128.0, 128.0, 128.0);  ///< mean colour, red, green, blue, 0 to 255
   std::uint64_t seed = 1;
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< that positions are relative to, of what moves
 };
 
 /// Strong contrast on all scales.
