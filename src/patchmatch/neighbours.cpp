@@ -12,19 +12,34 @@ namespace {
 /// Parallax that gives accuracy without changing what patches look like too much.
 constexpr double kBestParallaxDeg = 10.0;
 
+/// Of the landmarks that the best candidate shares: views that share fewer, such as those of other rooms, make matching
+/// worse, unless there are not even kFewest others.
+constexpr double kMinShared = 0.25;
+constexpr std::size_t kFewest = 2;
+
 struct Candidate {
   std::size_t index;
   bool after;
+  int landmarks;  ///< that it shares with the reference
   double usefulness;
 };
+
+struct Use {
+  int landmarks;
+  double usefulness;
+};
+
+Use use_of(const Keyframe& reference, const Keyframe& other) {
+  const CommonParallax common = common_parallax(reference.landmarks, reference.cam_from_world.center(), other.landmarks,
+                                                other.cam_from_world.center(), 0.0, 180.0);
+  if (common.landmarks == 0) return {0, 0.0};
+  return {common.landmarks, parallax_usefulness(common.median_deg) * std::min(1.0, common.landmarks / 30.0)};
+}
 
 }  // namespace
 
 double neighbour_usefulness(const Keyframe& reference, const Keyframe& other) {
-  const CommonParallax common = common_parallax(reference.landmarks, reference.cam_from_world.center(), other.landmarks,
-                                                other.cam_from_world.center(), 0.0, 180.0);
-  if (common.landmarks == 0) return 0.0;
-  return parallax_usefulness(common.median_deg) * std::min(1.0, common.landmarks / 30.0);
+  return use_of(reference, other).usefulness;
 }
 
 double parallax_usefulness(double parallax_deg) {
@@ -36,12 +51,15 @@ double parallax_usefulness(double parallax_deg) {
 std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference,
                                            int count) {
   std::vector<Candidate> candidates;
+  int most = 0;
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     if (i == reference) continue;
     const double baseline =
         (sequence[i]->cam_from_world.center() - sequence[reference]->cam_from_world.center()).norm();
     if (!(baseline > 0.0)) continue;
-    candidates.push_back({i, i > reference, neighbour_usefulness(*sequence[reference], *sequence[i])});
+    const Use use = use_of(*sequence[reference], *sequence[i]);
+    candidates.push_back({i, i > reference, use.landmarks, use.usefulness});
+    most = std::max(most, use.landmarks);
   }
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return a.usefulness > b.usefulness; });
@@ -52,6 +70,7 @@ std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& s
     for (const Candidate& candidate : candidates) {
       const bool known = std::find(chosen.begin(), chosen.end(), candidate.index) != chosen.end();
       if (known || chosen.size() >= wanted) continue;
+      if (chosen.size() >= kFewest && candidate.landmarks < kMinShared * most) continue;
       const bool enough = per_side[candidate.after ? 1 : 0] >= (wanted + 1) / 2;
       if (round == 0 && (enough || !(candidate.usefulness > 0.0))) continue;
       ++per_side[candidate.after ? 1 : 0];

@@ -14,6 +14,8 @@
 namespace pmsp {
 namespace {
 
+constexpr std::size_t kFewestNear = 2;
+constexpr double kMinShareOfOthers = 0.5;  ///< of the usefulness of those that see most together
 constexpr std::size_t kMostSharers = 32;   ///< keyframes that near neighbours and windows are chosen from
 constexpr std::size_t kSharpnessOf = 3;    ///< keyframes that sharpness is compared with
 constexpr double kSharedToSkip = 0.5;      ///< of a blurred keyframe's landmarks, and
@@ -142,7 +144,8 @@ void UnorderedPlan::leave_out() {
   }
 }
 
-/// Those that see most of what the keyframe sees under useful parallax; if these are too few, the most useful others.
+/// Those that see most of what the keyframe sees under useful parallax; if these are too few, the most useful others
+/// that see much of it: views of other rooms make matching worse.
 std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
   const PlanNode& reference = nodes_[i];
   const int count = options_.patchmatch.neighbours;
@@ -163,17 +166,19 @@ std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
     if (useful > 0.0) others.emplace_back(-useful, k);
   }
   std::sort(others.begin(), others.end());
+  const auto value = [&](const std::vector<std::size_t>& list) {
+    std::vector<const Covisibility*> views;
+    for (const std::size_t k : list) views.push_back(covisibilities[k]);
+    return covisible_usefulness(covisibilities_[i], views);
+  };
+  const double enough = kMinShareOfOthers * value(chosen);
   for (std::size_t k = 0; k < others.size() && chosen.size() < static_cast<std::size_t>(count); ++k) {
-    chosen.push_back(others[k].second);
+    if (chosen.size() < kFewestNear || value({others[k].second}) >= enough) chosen.push_back(others[k].second);
   }
   if (const PlanEntry* before = previous_.find(reference.keyframe.id)) {
     const std::vector<std::size_t> kept = places_of(before->near, places);
-    const auto value = [&](const std::vector<std::size_t>& list) {
-      std::vector<const Covisibility*> views;
-      for (const std::size_t k : list) views.push_back(covisibilities[k]);
-      return covisible_usefulness(covisibilities_[i], views);
-    };
-    if (kept.size() == chosen.size() && value(kept) >= kNearlyAsGood * value(chosen)) chosen = kept;
+    const bool as_many = !kept.empty() && kept.size() + 1 >= chosen.size();
+    if (as_many && value(kept) >= kNearlyAsGood * value(chosen)) chosen = kept;
   }
   for (std::size_t& k : chosen) k = candidates[k];
   return chosen;
