@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <sstream>
 #include <stdexcept>
 
@@ -425,6 +426,47 @@ TEST_CASE("what info predicts grows with the mission, and is what a run takes") 
     CHECK(less[key].get<double>() < all[key].get<double>());
   }
   CHECK(less["cpu"]["memory_bytes"].get<double>() <= all["cpu"]["memory_bytes"].get<double>());
+}
+
+namespace {
+
+/// Two keyframes side by side, each with landmarks around at these ranges, of which they have some in common.
+tool::Budget budget_of_pair(const std::vector<double>& ranges, bool overlap) {
+  SlamMap map;
+  map.cameras.push_back({"camera", 640, 320, 10.0});
+  Plan plan;
+  for (std::int64_t id = 0; id < 2; ++id) {
+    MapKeyframe keyframe;
+    keyframe.id = id;
+    keyframe.cam_from_world.translation.x() = 0.1 * static_cast<double>(id);
+    for (std::size_t i = 0; i < ranges.size(); ++i) {
+      const auto number = static_cast<std::int64_t>(i + (overlap ? 0 : ranges.size() * static_cast<std::size_t>(id)));
+      keyframe.observations.push_back({number, {0.0F, 0.0F}});
+      if (id == 1 && overlap) continue;
+      const double angle = 6.28 * static_cast<double>(i) / static_cast<double>(ranges.size());
+      map.landmarks.push_back({number, {ranges[i] * std::cos(angle), 0.0, ranges[i] * std::sin(angle)}});
+    }
+    map.keyframes.push_back(keyframe);
+    PlanEntry entry;
+    entry.id = id;
+    entry.use = KeyframeUse::kDepthMap;
+    entry.near = entry.fusion = entry.owners = {1 - id};
+    plan.entries.push_back(entry);
+  }
+  return tool::estimate_budget({map, plan, preset(Quality::kOnline), 0, 0, {}});
+}
+
+}  // namespace
+
+TEST_CASE("predicted points: duplicates where keyframes share landmarks, fewer where some of these are far") {
+  const std::vector<double> room(20, 5.0);
+  const double alone = budget_of_pair(room, false).points_per_pixel;
+  const double shared = budget_of_pair(room, true).points_per_pixel;
+  CHECK(alone > 0.85);
+  CHECK(shared < 0.9 * alone);
+  std::vector<double> yard = room;
+  std::fill_n(yard.begin(), 4, 25.0);
+  CHECK(budget_of_pair(yard, false).points_per_pixel < 0.7 * alone);
 }
 
 TEST_CASE("keyframes that are not used take no memory of a predicted run") {

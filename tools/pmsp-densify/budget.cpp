@@ -2,12 +2,14 @@
 #include "budget.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 #include <unordered_map>
 
 #include "decoder.h"
 #include "map_figures.h"
+#include "pmsp/camera.h"
 #include "pmsp/cost.h"
 #include "pmsp/executor.h"
 #include "pmsp/lens_distance.h"
@@ -21,18 +23,20 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kMiB = 1024.0 * 1024.0;
 
-// Measured on nine missions (a drone's flight, rooms rendered and furnished, panoramas of one room), where it was 0.88
-// to 0.99: pixels of a depth map that make a point before one asks whose place it is. A little less, since missions
-// that are harder were not among them.
-constexpr double kKept = 0.9;
-// Of these, with `fusion.suppression`, give way to one beside them; there 0.05 to 0.35 with maps of this width or more,
-// a third of it with maps of a third: errors must be wider than a pixel.
+// Fitted to nine missions (flights through rooms, a hall and a yard, photo sets of flats and of a garden), with
+// `online` and `normal`: pixels of a depth map that make a point before duplicates are removed, where all landmarks are
+// near.
+constexpr double kKept = 0.93;
+// Landmarks much farther than the others mean an open scene: little parallax, and sky, which has no landmarks.
+constexpr double kFar = 2.0;         // from so many times the median range on
+constexpr double kLostBehind = 4.0;  // pixels without a point for each landmark that is infinitely far
+
+// Points that give way to one beside them with `fusion.suppression`; there 0.05 to 0.35 with maps of this width or
+// more, a third of it with maps of a third: errors must be wider than a pixel.
 constexpr double kGiveWay = 0.24;
 constexpr double kGiveWayWidth = 1440.0;
-// Fitted there, to what was left of these points after the free-space filter and ownership: how much of a keyframe's
-// places another one of the fusion window, and one farther away, has a point for.
-constexpr double kShownNear = 1.5;  // besides, the free-space filter takes some
-constexpr double kShownFar = 0.25;
+// Fitted there, to what duplicate removal leaves: points of another keyframe for each pixel of it that shows a place.
+constexpr double kShown = 1.5;
 
 constexpr double kPlanesBytes = 16.0;  // of a pixel
 constexpr double kPointBytes = 40.0;   // of a point in a workspace
@@ -59,42 +63,95 @@ class Mean {
   int count_ = 0;
 };
 
-/// Of a keyframe's points those that are left when every place has one owner. A landmark of the map stands for what is
-/// around it. Where others show the place twice as finely, or more, all of their points rank higher; of those that show
-/// it about as finely half do. A point with `m` higher ones around on a pixel's area is left with a probability of
-/// 1 / (1 + a m), `a` being the area from which they drive it out: the fewer there is room for, the fewer are there.
-class OwnShare {
+/// Of a depth map's pixels those that make a point. A landmark of the map stands for what is around it: one for each
+/// cell of the panorama, since landmarks lie densely where there is texture.
+///
+/// Duplicates: where other keyframes see a place twice as finely, or more, all of their points rank higher; of those
+/// that see it about as finely half do. A point with `m` higher ones around on a pixel's area is left with a
+/// probability of 1 / (1 + a m), `a` being the area from which they drive it out: the fewer there is room for, the
+/// fewer are there.
+class PointShare {
  public:
-  OwnShare(const SlamMap& map, const DensifierOptions& options)
+  PointShare(const SlamMap& map, const DensifierOptions& options)
       : map_(map), area_(kPi * options.fusion.spacing_px * options.fusion.spacing_px) {
-    for (const MapKeyframe& keyframe : map.keyframes) centers_.emplace(keyframe.id, keyframe.cam_from_world.center());
+    for (const MapKeyframe& keyframe : map.keyframes) {
+      View& view = views_[keyframe.id];
+      view.center = keyframe.cam_from_world.center();
+      for (const MapObservation& observation : keyframe.observations) view.landmarks.push_back(observation.landmark_id);
+      std::sort(view.landmarks.begin(), view.landmarks.end());
+    }
   }
 
   double of(const PlanEntry& entry) const {
-    constexpr std::size_t kSamples = 64;
+    constexpr int kColumns = 20, kRows = 10;
     const MapKeyframe* const keyframe = map_.find_keyframe(entry.id);
-    if (keyframe == nullptr || area_ == 0.0) return 1.0;
-    const Eigen::Vector3d center = centers_.at(entry.id);
-    const std::size_t stride = std::max<std::size_t>(1, keyframe->observations.size() / kSamples);
-    Mean share;
-    for (std::size_t i = 0; i < keyframe->observations.size(); i += stride) {
-      const MapLandmark* const landmark = map_.find_landmark(keyframe->observations[i].landmark_id);
+    if (keyframe == nullptr) return kKept;
+    const Eigen::Vector3d& center = views_.at(entry.id).center;
+    std::array<bool, static_cast<std::size_t>(kColumns) * kRows> known{};
+    std::vector<const MapLandmark*> places;
+    for (const MapObservation& observation : keyframe->observations) {
+      const MapLandmark* const landmark = map_.find_landmark(observation.landmark_id);
       if (landmark == nullptr) continue;
-      share.add(of_place(landmark->position_world, center, entry));
+      const Eigen::Vector2d at =
+          pixel_from_bearing(keyframe->cam_from_world * landmark->position_world, kColumns, kRows);
+      if (!(at.array() >= 0.0).all() || !(at.x() < kColumns) || !(at.y() < kRows)) continue;
+      bool& is_known = known[static_cast<std::size_t>(static_cast<int>(at.y()) * kColumns + static_cast<int>(at.x()))];
+      if (is_known) continue;
+      is_known = true;
+      places.push_back(landmark);
     }
-    return share.value() > 0.0 ? share.value() : 1.0;
+    if (places.empty()) return kKept;
+    const std::vector<Viewer> viewers = viewers_of(entry, places);
+    Mean share;
+    std::vector<double> ranges;
+    for (const MapLandmark* const place : places) {
+      share.add(of_place(place->position_world, center, viewers));
+      ranges.push_back((place->position_world - center).norm());
+    }
+    const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
+    std::nth_element(ranges.begin(), middle, ranges.end());
+    Mean lost;
+    for (const double range : ranges) lost.add(kLostBehind * std::max(0.0, 1.0 - kFar * *middle / range));
+    return kKept * std::max(0.0, 1.0 - lost.value()) * share.value();
   }
 
  private:
-  double of_place(const Eigen::Vector3d& place, const Eigen::Vector3d& center, const PlanEntry& entry) const {
+  struct View {
+    Eigen::Vector3d center;
+    std::vector<std::int64_t> landmarks;  ///< ascending
+  };
+  /// Another keyframe that may have duplicates, and how much of this one's surface it sees.
+  struct Viewer {
+    const View* view;
+    double overlap;
+  };
+
+  /// By the landmarks that both observe, of which a SLAM finds only some again: the most that any has in common count
+  /// as all.
+  std::vector<Viewer> viewers_of(const PlanEntry& entry, const std::vector<const MapLandmark*>& places) const {
+    std::vector<Viewer> viewers;
+    double most = 1.0;
+    for (const std::int64_t id : entry.owners) {
+      const auto view = views_.find(id);
+      if (view == views_.end()) continue;
+      const std::vector<std::int64_t>& seen = view->second.landmarks;
+      const auto shared = std::count_if(places.begin(), places.end(), [&](const MapLandmark* place) {
+        return std::binary_search(seen.begin(), seen.end(), place->id);
+      });
+      viewers.push_back({&view->second, static_cast<double>(shared)});
+      most = std::max(most, viewers.back().overlap);
+    }
+    for (Viewer& viewer : viewers) viewer.overlap /= most;
+    return viewers;
+  }
+
+  double of_place(const Eigen::Vector3d& place, const Eigen::Vector3d& center,
+                  const std::vector<Viewer>& viewers) const {
     const double own = (place - center).norm();
     double higher = 0.0, even = 0.0;
-    for (const std::int64_t id : entry.owners) {
-      const bool is_near = std::find(entry.fusion.begin(), entry.fusion.end(), id) != entry.fusion.end();
-      const auto at = centers_.find(id);
-      if (at == centers_.end()) continue;
-      const double ratio = own / std::max((place - at->second).norm(), 1e-9);
-      const double density = area_ * (is_near ? kShownNear : kShownFar) * std::min(ratio * ratio, 1.0 / area_);
+    for (const Viewer& other : viewers) {
+      const double ratio = own / std::max((place - other.view->center).norm(), 1e-9);
+      const double density = area_ * kShown * other.overlap * std::min(ratio * ratio, 1.0 / area_);
       // octaves of the distance: within a factor of two there is a border with the probability of its logarithm
       const double octaves = std::clamp(std::log2(ratio), -1.0, 1.0);
       if (octaves > 0.0) higher += octaves * density;
@@ -106,7 +163,7 @@ class OwnShare {
 
   const SlamMap& map_;
   double area_;
-  std::unordered_map<std::int64_t, Eigen::Vector3d> centers_;
+  std::unordered_map<std::int64_t, View> views_;
 };
 
 double map_bytes(const SlamMap& map) {
@@ -159,7 +216,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
   b.threads = threads_of(options);
   const double pixels = static_cast<double>(b.width) * b.height;
 
-  const OwnShare own_share(question.map, options);
+  const PointShare point_share(question.map, options);
   Mean share, views, owners;
   std::vector<std::int64_t> ids;
   for (const PlanEntry& entry : question.plan.entries) {
@@ -169,13 +226,13 @@ Budget estimate_budget(const BudgetQuestion& question) {
     ++b.depth_maps;
     views.add(static_cast<double>(entry.near.size()));
     owners.add(static_cast<double>(entry.owners.size()));
-    share.add(own_share.of(entry));
+    share.add(point_share.of(entry));
   }
   b.keyframes = static_cast<std::int64_t>(ids.size());
   const double all_pixels = pixels * static_cast<double>(b.depth_maps);
   b.views = views.value();
   const double give_way = options.fusion.suppression > 0.0 ? kGiveWay * std::min(1.0, b.width / kGiveWayWidth) : 0.0;
-  b.points_per_pixel = kKept * (1.0 - give_way) * share.value();
+  b.points_per_pixel = (1.0 - give_way) * share.value();
   b.points = b.points_per_pixel * all_pixels;
   b.cloud_bytes = kPlyBytes * b.points;
   b.workspace_bytes =
