@@ -57,6 +57,9 @@ struct PMSP_API LiveOptions {
   /// then is matched anew. From then on it is fixed. Takes about a second of processor time once, and up to 2 MiB for
   /// each of these keyframes.
   bool calibrate_lenses = true;
+  /// Whether to find what the camera carries along (RigMaskEstimator) from the same keyframes. No cloud shows it from
+  /// then on.
+  bool find_rig = true;
   bool previews = true;  ///< preliminary points at half the size, as soon as the next keyframe has come
   /// For all that is kept of keyframes besides their points, 1 to 1000000; on a GPU, there. What neighbouring keyframes
   /// need of each other must find room: 13 to 19 of them, with about 50 bytes a pixel.
@@ -102,6 +105,7 @@ struct LiveStats {
   bool failed = false;          ///< the worker could not go on: what is told from now on is passed over
   std::int64_t memory_mib = 0;  ///< kept at the moment
   double lens_distance = 0.0;   ///< in force, see LiveOptions::calibrate_lenses [scene units]; 0 = one centre
+  double rig = 0.0;             ///< share of the sphere that the rig covers, see LiveOptions::find_rig
 };
 
 /// What is still to be done at the moment.

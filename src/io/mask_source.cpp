@@ -45,6 +45,10 @@ void ignore_rows(Image<std::uint8_t>& mask, int first, int last) {
     std::fill(mask.row(y), mask.row(y) + mask.width(), std::uint8_t{0});
 }
 
+void hide(Image<std::uint8_t>& mask, const Image<std::uint8_t>& other) {
+  for (std::size_t i = 0; i < other.size(); ++i) mask.pixels()[i] = std::min(mask.pixels()[i], other.pixels()[i]);
+}
+
 bool is_blank(const Image<std::uint8_t>& mask) {
   return std::none_of(mask.pixels().begin(), mask.pixels().end(), [](std::uint8_t v) { return v != 0; });
 }
@@ -69,6 +73,7 @@ struct MaskSource::Impl {
   bool folder = false;
   std::vector<io::MaskRectangle> rectangles;
   io::MaskNames names;
+  Image<std::uint8_t> rig;                                                        ///< hidden, too; empty = none
   std::map<fs::path, FoundMask> files;                                            ///< by image
   std::map<std::tuple<fs::path, fs::path, int, int>, Image<std::uint8_t>> masks;  ///< by file, image and size
 
@@ -110,7 +115,8 @@ struct MaskSource::Impl {
     return {file.empty() ? Place::kNone : Place::kBeside, std::move(file)};
   }
 
-  bool has_caps() const { return options.nadir_deg > 0.0 || options.zenith_deg > 0.0; }
+  /// Whether something is hidden in all images.
+  bool is_everywhere() const { return options.nadir_deg > 0.0 || options.zenith_deg > 0.0 || !rig.empty(); }
 
   bool may_have_alpha(const fs::path& image) const { return options.found && pmsp::may_have_alpha(image); }
 
@@ -120,17 +126,23 @@ struct MaskSource::Impl {
         file.empty() || is_yaml(file) ? Image<std::uint8_t>(width, height, 255) : read_mask(file, width, height);
     const cv::Mat opacity = image.empty() ? cv::Mat() : io::image_opacity(image);
     if (!opacity.empty()) {
-      const Image<std::uint8_t> alpha = io::scale_mask(image.string(), opacity, width, height);
-      for (std::size_t i = 0; i < alpha.size(); ++i) mask.pixels()[i] = std::min(mask.pixels()[i], alpha.pixels()[i]);
+      hide(mask, io::scale_mask(image.string(), opacity, width, height));
+    }
+    if (!rig.empty()) {
+      for (int y = 0; y < height; ++y) {
+        const std::uint8_t* const from = rig.row(y * rig.height() / height);
+        for (int x = 0; x < width; ++x) mask(x, y) = std::min(mask(x, y), from[x * rig.width() / width]);
+      }
     }
     for (const io::MaskRectangle& rectangle : rectangles) ignore_rectangle(mask, rectangle);
     const auto rows = [height](double degrees) { return degrees / 180.0 * height; };
     ignore_rows(mask, static_cast<int>(std::floor(height - rows(options.nadir_deg))), height);
     ignore_rows(mask, 0, static_cast<int>(std::ceil(rows(options.zenith_deg))));
-    if (file.empty() && opacity.empty() && !has_caps()) return {};
+    if (file.empty() && opacity.empty() && !is_everywhere()) return {};
     if (is_blank(mask))
-      throw InvalidInput((file.empty() ? image : file).string() +
-                         ": the mask, the alpha channel and the caps at nadir and zenith leave no pixel to use");
+      throw InvalidInput(
+          (file.empty() ? image : file).string() +
+          ": the mask, the alpha channel, the rig and the caps at nadir and zenith leave no pixel to use");
     return mask;
   }
 
@@ -185,6 +197,11 @@ MaskSource::MaskSource(const MaskOptions& options) : impl_(std::make_unique<Impl
 
 MaskSource::~MaskSource() = default;
 
+void MaskSource::set_rig(Image<std::uint8_t> mask) {
+  impl_->rig = std::move(mask);
+  impl_->masks.clear();
+}
+
 bool MaskSource::is_folder() const { return impl_->folder; }
 
 fs::path MaskSource::file_for(const fs::path& image) const {
@@ -197,7 +214,7 @@ bool MaskSource::is_per_image(const fs::path& image) const {
 }
 
 bool MaskSource::has_mask(const fs::path& image) const {
-  return impl_->has_caps() || !file_for(image).empty() || impl_->may_have_alpha(image);
+  return impl_->is_everywhere() || !file_for(image).empty() || impl_->may_have_alpha(image);
 }
 
 MaskSummary MaskSource::look(const std::vector<fs::path>& images, int width, int height) {
@@ -233,7 +250,7 @@ MaskSummary MaskSource::look(const std::vector<fs::path>& images, int width, int
 ImageView<const std::uint8_t> MaskSource::mask_for(const fs::path& image, int width, int height) {
   const fs::path file = file_for(image);
   const fs::path with_alpha = impl_->may_have_alpha(image) ? image : fs::path();
-  if (file.empty() && with_alpha.empty() && !impl_->has_caps()) return {};
+  if (file.empty() && with_alpha.empty() && !impl_->is_everywhere()) return {};
   const auto key = std::tuple(file, with_alpha, width, height);
   auto found = impl_->masks.find(key);
   if (found == impl_->masks.end()) {

@@ -61,18 +61,19 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
       cancel_(cancel) {
   results_.cloud = [this](const KeyframeCloud& cloud) {
     ++stats_.clouds;
-    publish_(cloud, nodes_.at(cloud.keyframe_id).serial, false);
+    publish_(without_rig(cloud), nodes_.at(cloud.keyframe_id).serial, false);
   };
   const std::string why_not = why_too_little(densifier_);
   if (!why_not.empty()) throw InvalidOption(why_not);
   engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
   if (options_.calibrate_lenses && densifier_.lens_distance == 0.0) begin_with_lenses();
+  if (options_.find_rig) rig_.emplace();
   if (options_.previews) {
     preview_ = std::make_unique<LivePreview>(options_, cancel_, [this](const KeyframeCloud& cloud) {
       const LiveNode* const node = find(cloud.keyframe_id);
       if (node == nullptr || node->shown > 0) return;
       ++stats_.previews;
-      publish_(cloud, node->serial, true);
+      publish_(without_rig(cloud), node->serial, true);
     });
   }
 }
@@ -185,6 +186,7 @@ void LiveBuilder::erase(std::int64_t id) {
   if (node == nullptr) return;
   if (preview_) preview_->erase(id);
   if (lenses_) lenses_->remove(id);
+  if (rig_) rig_->remove(id);
   leave_out(id);
   for (auto& [other_id, other] : nodes_) {
     const auto names = [&](const std::vector<std::int64_t>& ids) {
@@ -203,7 +205,7 @@ void LiveBuilder::stay_within_memory() {
 
 bool LiveBuilder::work() {
   if (preview_ && preview_->work(nodes_, on_error_)) return true;
-  if (decide() || look_at_lenses() || link()) return true;
+  if (decide() || look_at_lenses() || look_at_rig() || link()) return true;
   look_for_moves();
   return show(false, kGroup) || match() || show(false, 1) || match_again() || show(true, 1) || show_wide();
 }
@@ -446,7 +448,7 @@ std::size_t LiveBuilder::bytes_of_results() const { return kResultPixel * pixels
 std::size_t LiveBuilder::most_bytes() const { return static_cast<std::size_t>(options_.memory_mib) << 20U; }
 
 std::size_t LiveBuilder::bytes() const {
-  std::size_t bytes = (lenses_ ? lenses_->bytes() : 0) + (preview_ ? preview_->bytes() : 0);
+  std::size_t bytes = (lenses_ ? lenses_->bytes() : 0) + (rig_ ? rig_->bytes() : 0) + (preview_ ? preview_->bytes() : 0);
   for (const auto& [id, node] : nodes_) {
     if (node.image.data != nullptr) {
       bytes += static_cast<std::size_t>(node.image.height) * static_cast<std::size_t>(node.image.width) * 3;

@@ -19,6 +19,7 @@
 #include "pmsp/lens_distance.h"
 #include "pmsp/live.h"
 #include "pmsp/live_map.h"
+#include "pmsp/rig_mask.h"
 
 namespace pmsp {
 
@@ -94,9 +95,12 @@ class LiveBuilder {
   bool link();
   void link(LiveNode& node);
 
-  // Lenses (live_lenses.cpp).
+  // Lenses and rig (live_calibration.cpp).
   void begin_with_lenses();
-  void collect_for_lenses(const LiveNode& node, const Keyframe& keyframe);
+  void collect_for_calibration(const LiveNode& node, const Keyframe& keyframe);
+  bool look_at_rig();
+  std::shared_ptr<const Image<std::uint8_t>> mask_for(int width, int height);
+  KeyframeCloud without_rig(KeyframeCloud cloud) const;
   bool look_at_lenses();
   void use_lenses(double distance);
 
@@ -160,8 +164,12 @@ class LiveBuilder {
   std::map<std::int64_t, Flight> flights_;       ///< ids of used ones in order, by map
   std::set<std::int64_t> undecided_;             ///< ids
   std::optional<LensDistanceEstimator> lenses_;  ///< while their distance is not fixed
-  std::int64_t lenses_map_ = 0;                  ///< of its keyframes
+  std::optional<RigMaskEstimator> rig_;          ///< while it is not fixed
+  std::int64_t calibration_map_ = 0;             ///< of their keyframes
   std::size_t lenses_looked_at_ = 0;             ///< keyframes of the last estimate
+  std::size_t rig_looked_at_ = 0;
+  Image<std::uint8_t> rig_mask_;                     ///< empty = none
+  std::shared_ptr<const Image<std::uint8_t>> mask_;  ///< see mask_for
   const std::atomic<bool>& cancel_;
   LeftOut left_out_;
   std::map<std::int64_t, std::int64_t> last_arrivals_;  ///< number of the last keyframe that came, by map

@@ -49,7 +49,8 @@ bool LiveBuilder::decide() {
     }
     undecided_.erase(id);
     Image<Rgb> converted;
-    const Keyframe keyframe = node.keyframe(options_.mask.get(), converted);
+    const auto mask = mask_for(node.image.width, node.image.height);
+    const Keyframe keyframe = node.keyframe(mask.get(), converted);
     try {
       if (!is_crowded(node) && is_wanted(node, keyframe)) {
         use(node, keyframe);
@@ -103,7 +104,7 @@ void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
   node.frame = engine_->prepare(keyframe);
   node.used = true;
   node.has_image = true;
-  collect_for_lenses(node, keyframe);
+  collect_for_calibration(node, keyframe);
   node.image = {};
   node.prior_depth.reset();
   ++stats_.used;

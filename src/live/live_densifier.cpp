@@ -261,6 +261,7 @@ struct LiveDensifier::Impl {
     }
     a.memory_mib = b.memory_mib;
     a.lens_distance = b.lens_distance;
+    a.rig = b.rig;
     return a;
   }
 

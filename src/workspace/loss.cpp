@@ -23,18 +23,20 @@ void add_differences(const Json& then, const Json& now, const std::string& prefi
   }
 }
 
-/// "" = none but the distance of the lenses, which is estimated again as a mission grows.
+/// "" = none but the distance of the lenses and a rig mask, which are estimated again as a mission grows.
 std::string difference(const Record& record, const StepInputs& inputs) {
   constexpr std::size_t kMost = 4;
   const char* const kLenses = "lens_distance";
+  const char* const kRig = "rig_mask";
   const Json then = Json::parse(record.options);
   Json now = Json::parse(inputs.planes_options_json);
   const bool has_other_lenses = now.value(kLenses, Json()) != then.value(kLenses, Json());
-  now.erase(kLenses);
+  const bool has_new_rig = now.contains(kRig) && !then.contains(kRig);
+  for (const char* key : {kLenses, kRig}) now.erase(key);
   std::vector<std::string> texts;
   add_differences(then, now, "", texts);
   if (record.engine != inputs.engine) texts.push_back("engine \"" + record.engine + "\" -> \"" + inputs.engine + "\"");
-  if (texts.empty() && !has_other_lenses) texts.emplace_back("another mask, or other depth images of --prior-depth");
+  if (texts.empty() && !has_other_lenses && !has_new_rig) texts.emplace_back("another mask, or other depth images of --prior-depth");
   std::string text;
   for (std::size_t i = 0; i < std::min(kMost, texts.size()); ++i) text += (i > 0 ? ", " : "") + texts[i];
   if (texts.size() > kMost) text += " and " + std::to_string(texts.size() - kMost) + " more";

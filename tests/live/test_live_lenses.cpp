@@ -5,6 +5,7 @@
 
 #include "core/recording.h"
 #include "live/live_missions.h"
+#include "pmsp/camera.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -134,4 +135,35 @@ TEST_CASE("A camera with one centre has the points that it has when nobody looks
   const auto not_looked = at_once(live_keyframes(room()), options);
   REQUIRE_FALSE(looked->clouds.empty());
   CHECK(same_points(*looked, *not_looked));
+}
+
+TEST_CASE("A live flight finds its rig, and no cloud shows it", PMSP_ACCURACY) {
+  synth::Recipe recipe;
+  recipe.keyframes = 10;
+  recipe.rider = true;
+  recipe.mission.render.samples = 2;
+  const synth::Mission mission = synth::textured_room(recipe);
+  const Image<std::uint8_t>& label = mission.frames.front().label;
+  LiveOptions options = small_live(128);
+  const auto on_rider = [&](bool find_rig) {
+    options.find_rig = find_rig;
+    LiveDensifier live(options);
+    for (const LiveKeyframe& keyframe : live_keyframes(mission)) live.add(keyframe);
+    end(live);
+    CHECK((live.stats().rig > 0.02) == find_rig);
+    std::size_t points = 0;
+    for (const LiveCloud& cloud : live.snapshot()->clouds) {
+      for (const CloudPoint& point : cloud.cloud->points) {
+        const Eigen::Vector2d at =
+            pixel_from_bearing(point.position.cast<double>().normalized(), label.width(), label.height());
+        const int x = std::min(static_cast<int>(at.x()), label.width() - 1);
+        const int y = std::min(static_cast<int>(at.y()), label.height() - 1);
+        points += label(x, y) == static_cast<std::uint8_t>(synth::Label::kRider) ? 1 : 0;
+      }
+    }
+    return points;
+  };
+  const std::size_t before = on_rider(false);
+  CHECK(before > 50);
+  CHECK(4 * on_rider(true) < before);
 }

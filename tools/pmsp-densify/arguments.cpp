@@ -228,15 +228,24 @@ void add_behaviour(CLI::App& app, Arguments& a) {
   app.add_flag("-v,--verbose", a.verbose, "One line for each keyframe, with what became of it")->group(group);
 }
 
+void set_mask(Arguments& a, const std::string& text) {
+  a.find_rig = text == kMaskAuto;
+  a.no_masks = a.no_masks || text == kMaskNone;
+  a.mask = text == kMaskAuto || text == kMaskNone ? "" : text;
+}
+
 /// Of the verbs that look at images.
 void add_image_inputs(CLI::App& app, Arguments& a) {
   add_inputs(app, a);
-  app.add_option(
-         "--mask", a.mask,
-         "Image whose black pixels are ignored in every keyframe; or a folder with one for each image (7.jpg.png, "
+  app.add_option_function<std::string>(
+         "--mask", [&a](const std::string& text) { set_mask(a, text); },
+         "auto: masks that come with the images (what MAP names, the folder masks beside them, 7_mask.png, alpha), and "
+         "the rig, where images show that something moves with the camera, which is written as CLOUD.rig-mask.png; "
+         "none; or an image whose black pixels are ignored in every keyframe; or a folder with one for each image "
+         "(7.jpg.png, "
          "7.png, 7_mask.png or 7.mask.png for 7.jpg); or a YAML configuration of the SLAM, for its mask_rectangles "
-         "[default masks that come with the images: what MAP names, the folder masks beside them, 7_mask.png]")
-      ->type_name("FILE|DIR")
+         "[default auto]")
+      ->type_name("auto|none|FILE|DIR")
       ->group("Input");
   app.add_option_function<std::string>(
          "--mask-nadir", [&a](const std::string& text) { a.mask_nadir = cap_from("--mask-nadir", text); },
@@ -335,7 +344,7 @@ void check_fuse(Arguments& a) {
     throw UsageError(std::string(a.given_depth.empty() ? "DIR and MAP are" : "MAP is") +
                      " missing: pmsp-densify fuse DIR MAP --images IMAGES; see fuse --help");
   }
-  a.calibrate_lenses = false;  // depth from elsewhere knows nothing of them
+  a.calibrate_lenses = a.find_rig = false;  // for PatchMatch alone
 }
 
 void check_run(const Arguments& a) {

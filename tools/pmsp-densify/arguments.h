@@ -20,6 +20,10 @@ namespace pmsp::tool {
 enum class Verb { kRun, kFuse, kMerge, kInfo, kConfig };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 
+/// Words in place of a path after --mask.
+constexpr const char* kMaskAuto = "auto";
+constexpr const char* kMaskNone = "none";
+
 /// The command line, understood but not yet acted upon.
 struct Arguments {
   Verb verb = Verb::kRun;
@@ -31,10 +35,11 @@ struct Arguments {
   std::filesystem::path camera_from_body;
   std::filesystem::path images;
   std::filesystem::path video;
-  std::filesystem::path mask;
-  double mask_nadir = 0.0;   ///< [deg]
-  double mask_zenith = 0.0;  ///< [deg]
-  bool no_masks = false;     ///< none but those of --mask, --mask-nadir and --mask-zenith
+  std::filesystem::path mask;  ///< empty: --mask auto or none
+  double mask_nadir = 0.0;     ///< [deg]
+  double mask_zenith = 0.0;    ///< [deg]
+  bool no_masks = false;       ///< none but those of --mask, --mask-nadir and --mask-zenith
+  bool find_rig = true;        ///< --mask auto
   std::filesystem::path prior_depth;
   std::filesystem::path given_depth;        ///< fuse
   std::optional<double> depth_scale = 1.0;  ///< fuse [scene units of a value]; nullopt = by the landmarks

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "budget_text.h"
+#include "calibration.h"
 #include "cloud_report.h"
 #include "decoder.h"
 #include "depth_output.h"
@@ -192,7 +193,8 @@ std::unique_ptr<workspace::Workspace> check_places(const Arguments& arguments) {
 /// Throws OutputError where a run refuses to replace the depth maps of the workspace.
 void check_losses(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
                   const SlamMap& map, const ImageSource& images) {
-  WorkspaceStep step(workspace, arguments, options, map, arguments.growing, nullptr);
+  const RigMask rig = arguments.find_rig ? recorded_rig(workspace.record()) : RigMask{};
+  WorkspaceStep step(workspace, arguments, options, map, rig, arguments.growing, nullptr);
   std::vector<SkippedKeyframe> unreadable;
   step.new_images(images, unreadable);
   step.refuse_losses();

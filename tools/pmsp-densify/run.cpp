@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "budget_text.h"
+#include "calibration.h"
 #include "cloud_report.h"
 #include "decoder.h"
 #include "disk_space.h"
@@ -20,7 +21,6 @@
 #include "given_depth.h"
 #include "image_loop.h"
 #include "interrupt.h"
-#include "lenses.h"
 #include "live_view.h"
 #include "mission_input.h"
 #include "plane_keeper.h"
@@ -71,7 +71,7 @@ class Run {
     report_.masks = input_.mask_report;
     report_.keyframes = map_.keyframes.size();
     report_.with_image = input_.images->keyframe_ids().size();
-    views_ = std::make_unique<ViewImages>(arguments, map_, *input_.images);
+    views_ = std::make_unique<ViewImages>(arguments, map_, *input_.images, *input_.masks);
     for (const std::filesystem::path& path : arguments.cloud.paths) report_.outputs.push_back(path.string());
     frame_ = input_.find_frame();
     options.expected_keyframes = static_cast<std::int64_t>(report_.with_image);
@@ -82,13 +82,16 @@ class Run {
                           frame_.file_from_map});
     }
     if (merge == nullptr && given == nullptr) {  // shards have done so, and given depth needs it not
-      progress_.stage("looking at the lenses");
+      progress_.stage("calibrating the camera");
       const Spent spent(report_.time, Busy::kImages);
-      report_.lenses = find_lenses(arguments, options, map_, *input_.images, growing_,
-                                   workspace != nullptr ? workspace->record() : workspace::Record{});
-      options.lens_distance = report_.lenses.distance;
-      if (report_.lenses.estimated) progress_.message(describe(report_.lenses));
+      report_.calibration = calibrate(arguments, options, map_, *input_.images, *input_.masks, growing_,
+                                      workspace != nullptr ? workspace->record() : workspace::Record{});
+      options.lens_distance = report_.calibration.lens_distance;
+      for (const std::string& text : describe(report_.calibration)) progress_.message(text);
+    } else if (merge != nullptr) {
+      report_.calibration.rig = merge->rig;
     }
+    input_.masks->set_rig(report_.calibration.rig.mask);
     if (given_ != nullptr) look_at_given(options);
     if (!arguments.no_verify) verifier_ = std::make_unique<PairingVerifier>(map_);
     if (workspace_ != nullptr) open_workspace(options);
@@ -139,7 +142,7 @@ class Run {
     const std::string inconsistent = consistency_warning(report_.stats);
     if (!inconsistent.empty()) progress_.warning(inconsistent);
     if (step_) {
-      if (!arguments_.delete_workspace) step_->commit(report_.lenses.images, recorded_);
+      if (!arguments_.delete_workspace) step_->commit(report_.calibration.images, recorded_);
       step_->count_keyframes(report_.stats);
       report_.stats.points = results_->points_in();
       report_.stats.depth_maps = step_->depth_maps();
@@ -266,7 +269,8 @@ class Run {
 
   void open_workspace(const DensifierOptions& options) {
     if (arguments_.delete_workspace && workspace_->is_blank()) {
-      keeper_ = std::make_unique<PlaneKeeper>(*workspace_, arguments_, options, map_, *input_.images, report_.time);
+      keeper_ = std::make_unique<PlaneKeeper>(*workspace_, arguments_, options, map_, report_.calibration.rig,
+                                              *input_.images, report_.time);
     } else {
       open_step(options);
     }
@@ -274,7 +278,8 @@ class Run {
 
   /// What a workspace lacks. Images that it does not know are looked at first.
   void open_step(const DensifierOptions& options) {
-    step_ = std::make_unique<WorkspaceStep>(*workspace_, arguments_, options, map_, growing_, &report_.time);
+    step_ = std::make_unique<WorkspaceStep>(*workspace_, arguments_, options, map_, report_.calibration.rig, growing_,
+                                            &report_.time);
     std::vector<SkippedKeyframe> unreadable;
     const std::set<std::int64_t> fresh = step_->new_images(*input_.images, unreadable);
     if (merge_ == nullptr) step_->refuse_losses();
@@ -382,12 +387,24 @@ class Run {
 
   void write_results() {
     results_->write(progress_);
+    write_rig();
     if (results_->page() == nullptr) return;
     if (step_ || given_ != nullptr) {  // others are told by the densifier
       const Plan& plan = step_ ? step_->step().plan : given_->plan();
       for (const PlanEntry& entry : plan.entries) results_->page()->set_use(entry);
     }
     results_->write_page(progress_, to_json(report_));
+  }
+
+  void write_rig() {
+    if (report_.calibration.rig.mask.empty()) return;
+    const std::filesystem::path path = rig_mask_path(arguments_);
+    if (write_rig_mask(arguments_, report_.calibration.rig)) {
+      report_.outputs.push_back(path.string());
+    } else {
+      warn(path.string() + ": exists with other pixels, so the rig mask of this run is not written; --mask " +
+           path.string() + " uses it, --force replaces it");
+    }
   }
 
   RunReport report_;  ///< its clock runs

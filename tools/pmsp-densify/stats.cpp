@@ -175,14 +175,15 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   if (on_device && report.device_start) json["device_start"] = *report.device_start;
   json["peak_memory_mib"] = peak_memory_mib();
   if (!report.masks.json.is_null()) json["mask"] = report.masks.json;
-  if (report.lenses.estimated) {
-    const LensDistance& it = *report.lenses.estimated;
+  if (report.calibration.lenses) {
+    const LensDistance& it = *report.calibration.lenses;
     json["lenses"] = {{"distance", it.distance},
                       {"standard_error", it.standard_error},
                       {"shift_px_of_1920", it.shift_px},
                       {"landmarks", it.landmarks},
                       {"corrected", it.significant}};
   }
+  if (!report.calibration.rig.mask.empty()) json["rig"] = {{"hidden", report.calibration.rig.share}};
   if (report.pairing) {
     json["pairing"] = {{"comparisons", report.pairing->comparisons}, {"agreement", report.pairing->agreement},
                        {"by_chance", report.pairing->by_chance},     {"fit", report.pairing->fit},

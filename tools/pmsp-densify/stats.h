@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "lenses.h"
+#include "calibration.h"
 #include "mask_report.h"
 #include "pmsp/densifier.h"
 #include "pmsp/io/image_source.h"
@@ -32,7 +32,7 @@ struct RunReport {
   std::vector<std::string> warnings;  ///< see Progress::warning
   std::optional<PairingVerifier::Verdict> pairing;
   MaskReport masks;
-  Lenses lenses;
+  Calibration calibration;
   TimeAccount time;                    ///< of the main thread
   std::optional<double> device_start;  ///< what starting a CUDA device took, beside all else [s]; none without one
   std::string empty_reason;            ///< of an empty result

@@ -45,8 +45,9 @@ void write_jpeg(const fs::path& path, const Image<Rgb>& image) {
   write_file(path, encoded);
 }
 
-/// White where there is no mask.
-std::vector<unsigned char> png_of(ImageView<const std::uint8_t> mask, int width, int height) {
+}  // namespace
+
+std::vector<unsigned char> mask_png(ImageView<const std::uint8_t> mask, int width, int height) {
   cv::Mat gray(height, width, CV_8UC1, cv::Scalar(255));
   for (int y = 0; y < mask.height; ++y) {
     std::transform(mask.row(y), mask.row(y) + width, gray.ptr<std::uint8_t>(y),
@@ -57,10 +58,8 @@ std::vector<unsigned char> png_of(ImageView<const std::uint8_t> mask, int width,
   return encoded;
 }
 
-}  // namespace
-
-ViewImages::ViewImages(const Arguments& arguments, const SlamMap& map, const ImageSource& source)
-    : arguments_(arguments), map_(map), masks_(mask_options(arguments, map, source)) {
+ViewImages::ViewImages(const Arguments& arguments, const SlamMap& map, const ImageSource& source, MaskSource& masks)
+    : arguments_(arguments), map_(map), masks_(masks) {
   for (const std::int64_t id : source.keyframe_ids()) origins_[id] = source.origin(id);
 }
 
@@ -94,18 +93,17 @@ std::vector<OutputView> ViewImages::put(const fs::path& folder, const Similarity
 }
 
 void ViewImages::put_masks(const fs::path& folder, std::vector<OutputView>& views) const {
-  MaskSource masks(masks_);
   const auto file_of = [&](const OutputView& view) { return origins_.at(view.keyframe_id).file; };
   const bool is_wanted =
-      std::any_of(views.begin(), views.end(), [&](const OutputView& view) { return masks.has_mask(file_of(view)); });
+      std::any_of(views.begin(), views.end(), [&](const OutputView& view) { return masks_.has_mask(file_of(view)); });
   if (!is_wanted) return;
   make_folder(folder / "masks");
   std::vector<unsigned char> encoded;
   std::tuple<fs::path, int, int> encoded_of;
   for (OutputView& view : views) {
-    const std::tuple<fs::path, int, int> wanted(masks.file_for(file_of(view)), view.width, view.height);
-    if (encoded.empty() || wanted != encoded_of || masks.is_per_image(file_of(view))) {
-      encoded = png_of(masks.mask_for(file_of(view), view.width, view.height), view.width, view.height);
+    const std::tuple<fs::path, int, int> wanted(masks_.file_for(file_of(view)), view.width, view.height);
+    if (encoded.empty() || wanted != encoded_of || masks_.is_per_image(file_of(view))) {
+      encoded = mask_png(masks_.mask_for(file_of(view), view.width, view.height), view.width, view.height);
       encoded_of = wanted;
     }
     write_file(folder / "masks" / (view.name + ".png"), encoded);

@@ -14,11 +14,14 @@
 
 namespace pmsp::tool {
 
+/// A mask as PNG of that size: white = use. `mask`: of that size; empty = use all. Throws OutputError.
+std::vector<unsigned char> mask_png(ImageView<const std::uint8_t> mask, int width, int height);
+
 /// The mission's images, for datasets: copies of files, or frames of the video as JPEG; and their masks.
 class ViewImages {
  public:
   /// All must outlive it but `source`, which is not restricted to some keyframes yet.
-  ViewImages(const Arguments& arguments, const SlamMap& map, const ImageSource& source);
+  ViewImages(const Arguments& arguments, const SlamMap& map, const ImageSource& source, MaskSource& masks);
 
   /// Of an image that is used. Others are left out.
   void set_size(std::int64_t keyframe_id, int width, int height) { sizes_[keyframe_id] = {width, height}; }
@@ -36,7 +39,7 @@ class ViewImages {
 
   const Arguments& arguments_;
   const SlamMap& map_;
-  const MaskOptions masks_;
+  MaskSource& masks_;
   std::map<std::int64_t, ImageSource::Origin> origins_;
   std::map<std::int64_t, Size> sizes_;
 };

@@ -70,6 +70,9 @@ class PMSP_API MaskSource {
   explicit MaskSource(const MaskOptions& options);
   ~MaskSource();
 
+  /// Hides these pixels in all images, too (0 = ignore), scaled to their size; empty = none.
+  void set_rig(Image<std::uint8_t> mask);
+
   bool is_folder() const;  ///< MaskOptions::path is one
 
   /// What the mask of an image is read from, its alpha channel apart; empty where nothing is.

@@ -41,8 +41,8 @@ bool is_plain_name(const std::string& name) {
 
 std::string value_for_mission(const std::string& name, const std::string& value, const fs::path& folder) {
   if (name == kFormat) formats_in({name + "=" + value});
-  if (value.empty() || (name == "--align" && value == kAlignExif)) return value;
-  if (is_one_of(kFilesToRead, name)) return fs::absolute(folder / value).lexically_normal().string();
+  if (value.empty()) return value;
+  if (is_file_to_read(name + "=" + value)) return fs::absolute(folder / value).lexically_normal().string();
   const bool is_taken = value == "work" || value.rfind("cloud.", 0) == 0 || value.find(".json") != std::string::npos ||
                         value == "log.txt";
   if (is_one_of(kFoldersForResults, name) && (is_taken || !is_plain_name(value))) {
@@ -120,7 +120,10 @@ std::vector<const CloudFormat*> formats_in(const std::vector<std::string>& optio
 bool is_of_machine(const std::string& option) { return is_one_of(kOfMachine, name_of_option(option)); }
 
 bool is_file_to_read(const std::string& option) {
-  return is_one_of(kFilesToRead, name_of_option(option)) && value_of(option) != kAlignExif;
+  const std::string name = name_of_option(option), value = value_of(option);
+  const bool is_word =
+      (name == "--align" && value == kAlignExif) || (name == "--mask" && (value == kMaskAuto || value == kMaskNone));
+  return is_one_of(kFilesToRead, name) && !value.empty() && !is_word;
 }
 
 std::string name_of_option(const std::string& option) { return option.substr(0, option.find('=')); }

@@ -9,6 +9,7 @@
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
 #include "pmsp/io/workspace/workspace.h"
+#include "pmsp/rig_mask.h"
 #include "time_account.h"
 
 namespace pmsp::tool {
@@ -19,7 +20,7 @@ class PlaneKeeper {
  public:
   /// All must outlive it. `options`: as told.
   PlaneKeeper(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
-              const SlamMap& map, const ImageSource& source, TimeAccount& time);
+              const SlamMap& map, const RigMask& rig, const ImageSource& source, TimeAccount& time);
 
   /// For DensifierCallbacks. `densifier`: that which makes them.
   bool wants_planes(const Densifier& densifier);
@@ -30,6 +31,7 @@ class PlaneKeeper {
   const Arguments& arguments_;
   const DensifierOptions options_;
   const SlamMap& map_;
+  const RigMask& rig_;
   const ImageSource& source_;
   TimeAccount& time_;
   PlanesPace pace_;

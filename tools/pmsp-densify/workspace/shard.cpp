@@ -11,12 +11,12 @@
 #include <utility>
 #include <vector>
 
+#include "calibration.h"
 #include "disk_space.h"
 #include "engine_text.h"
 #include "exit_code.h"
 #include "image_loop.h"
 #include "interrupt.h"
-#include "lenses.h"
 #include "mission_input.h"
 #include "pmsp/executor.h"
 #include "pmsp/io/files.h"
@@ -79,11 +79,13 @@ class ShardRun {
     input_.open_images();
     input_.check_poses(options_.threads);
     input_.announce();
-    const Lenses lenses = find_lenses(arguments_, options_, map_, *input_.images, false, workspace_.record());
+    const Calibration calibration =  // the same for all shards, since they decode the same images
+        calibrate(arguments_, options_, map_, *input_.images, *input_.masks, false, workspace_.record());
     options_.expected_keyframes = static_cast<std::int64_t>(input_.images->keyframe_ids().size());
-    options_.lens_distance = lenses.distance;  // of all shards the same: they look at the same images
-    if (lenses.estimated) progress_.message(describe(lenses));
-    step_ = std::make_unique<WorkspaceStep>(workspace_, arguments_, options_, map_, false, nullptr);
+    options_.lens_distance = calibration.lens_distance;
+    input_.masks->set_rig(calibration.rig.mask);
+    for (const std::string& text : describe(calibration)) progress_.message(text);
+    step_ = std::make_unique<WorkspaceStep>(workspace_, arguments_, options_, map_, calibration.rig, false, nullptr);
     const std::optional<workspace::ShardJob> before = workspace_.shards().job(workspace_.record().step);
     if (before) require_same(*before);
     look(!before);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "calibration.h"
 #include "image_input.h"
 #include "option_json.h"
 #include "pmsp/error.h"
@@ -184,6 +185,8 @@ Merge::Merge(const Arguments& given, workspace::Workspace& the_workspace) : work
   arguments.camera_from_body = there(job.camera_from_body);
   if (job.component >= 0) arguments.component = job.component;
   apply_json(options, nlohmann::json::parse(job.options), workspace.shards().path().string());
+  const std::optional<workspace::Record>& begun = workspace.begun();
+  rig = recorded_rig(is_repeated || !begun ? workspace.record() : *begun);
   workspace::ShardJob now = shared_job(arguments, options, workspace);
   now.count = job.count;
   const std::string other = workspace::difference(now, job);

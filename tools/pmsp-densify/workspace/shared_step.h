@@ -52,6 +52,7 @@ struct Merge {
   workspace::Workspace& workspace;
   workspace::ShardJob job;
   bool is_repeated = false;  ///< the shards were merged before
+  RigMask rig;               ///< of the shards
   Arguments arguments;
   DensifierOptions options;
 };

@@ -5,6 +5,7 @@
 #include <system_error>
 #include <utility>
 
+#include "calibration.h"
 #include "engine_text.h"
 #include "image_input.h"
 #include "option_json.h"
@@ -65,13 +66,15 @@ std::string relative_text(const std::filesystem::path& path, const std::filesyst
 }
 
 WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& arguments,
-                             const DensifierOptions& options, const SlamMap& map, bool growing, TimeAccount* time)
+                             const DensifierOptions& options, const SlamMap& map, const RigMask& rig, bool growing,
+                             TimeAccount* time)
     : workspace_(workspace),
       arguments_(arguments),
       options_(options),
       map_(map),
       time_(time),
-      executor_(options.threads, options.simd) {
+      executor_(options.threads, options.simd),
+      rig_(rig_json(rig)) {
   workspace_.look_again();
   inputs_.options = options;
   inputs_.mask = masks_text(arguments, workspace_);
@@ -145,10 +148,11 @@ void WorkspaceStep::look_at(const Keyframe& keyframe) {
 
 /// What is done, and by whom. `options`: with sizes, backend and simd in force.
 void WorkspaceStep::describe(const DensifierOptions& options, const std::string& engine,
-                             workspace::StepInputs& inputs) {
+                             workspace::StepInputs& inputs) const {
   inputs.engine = engine;
   inputs.width = options.width;
   nlohmann::ordered_json json = options_of_results(options);
+  if (!rig_.is_null()) json[kRigMask] = rig_;
   inputs.options_json = json.dump();
   for (const char* later : {"view_filter", "consistency", "fusion", "free_space"}) json.erase(later);
   inputs.planes_options_json = json.dump();

@@ -20,6 +20,7 @@
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
 #include "pmsp/io/workspace/workspace.h"
+#include "pmsp/rig_mask.h"
 #include "time_account.h"
 
 namespace pmsp::tool {
@@ -32,9 +33,9 @@ class WorkspaceStep {
  public:
   using TakeCloud = std::function<void(const KeyframeCloud&)>;
 
-  /// All must outlive it. `time`: where that of the workspace is counted; nullptr = nobody asks.
+  /// All but `rig` must outlive it. `time`: where that of the workspace is counted; nullptr = nobody asks.
   WorkspaceStep(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
-                const SlamMap& map, bool growing, TimeAccount* time);
+                const SlamMap& map, const RigMask& rig, bool growing, TimeAccount* time);
 
   /// Takes stock of the images; returns the keyframes whose images must be looked at. `unreadable` have none.
   std::set<std::int64_t> new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable);
@@ -85,7 +86,7 @@ class WorkspaceStep {
 
   /// Hands on the clouds that come after the last one made.
   void finish();
-  /// `lenses_looked_at`: keyframes with an image, where this run has estimated the distance of the lenses; else 0.
+  /// `lenses_looked_at`: Calibration::images.
   void commit(std::size_t lenses_looked_at, workspace::RecordedCloud cloud);
 
   /// Calls `take(id, width, height)` for each image of the mission.
@@ -100,7 +101,7 @@ class WorkspaceStep {
   nlohmann::ordered_json report() const;
 
  private:
-  static void describe(const DensifierOptions& options, const std::string& engine, workspace::StepInputs& inputs);
+  void describe(const DensifierOptions& options, const std::string& engine, workspace::StepInputs& inputs) const;
   void refuse_loss(const workspace::Record& record, const std::string& whose, const workspace::StepInputs& inputs,
                    const std::map<std::int64_t, std::string>& images) const;
   void name_inputs(workspace::Record& record) const;
@@ -118,6 +119,7 @@ class WorkspaceStep {
   Executor executor_;
   std::vector<std::int64_t> ids_;  ///< of keyframes with an image, in order
   std::map<std::int64_t, workspace::StepKeyframe> stock_;
+  nlohmann::ordered_json rig_;  ///< see rig_json
   workspace::StepInputs inputs_;
   workspace::Step step_;
   std::set<std::int64_t> there_;       ///< points that need not be made

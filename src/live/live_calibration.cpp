@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <cstddef>
+
+#include "equirect.h"
+#include "live/live_builder.h"
+#include "pmsp/lens_distance.h"
+#include "pmsp/rig_mask.h"
+
+// Lens distance and rig mask, from the first used keyframes of a live mission.
+namespace pmsp {
+namespace {
+
+/// After so many used keyframes it is fixed: as many as a run from a file looks at.
+constexpr std::size_t kEnough = 24;
+/// Where no more come for now, so many may tell it, too.
+constexpr std::size_t kFewest = 8;
+
+}  // namespace
+
+/// `keyframe`: the node's, with image.
+void LiveBuilder::collect_for_calibration(const LiveNode& node, const Keyframe& keyframe) {
+  if (node.map_id != calibration_map_) {  // places of two maps do not compare
+    if (lenses_) begin_with_lenses();
+    if (rig_) rig_.emplace();
+    calibration_map_ = node.map_id;
+  }
+  if (lenses_) lenses_->add(keyframe);
+  if (rig_) rig_->add(keyframe, engine_->executor());
+}
+
+/// Finds the rig when there are enough keyframes, or no more come for now. Returns whether there was anything to do.
+bool LiveBuilder::look_at_rig() {
+  if (!rig_) return false;
+  const std::size_t count = rig_->keyframes();
+  const bool enough = count >= kEnough;
+  const bool last = finishing_ && undecided_.empty() && count >= kFewest && count != rig_looked_at_;
+  if (!enough && !last) return false;
+  rig_looked_at_ = count;
+  for (const auto& [id, node] : nodes_) {
+    if (node.used) rig_->move(node.keyframe());
+  }
+  RigMask found = rig_->estimate(engine_->executor());
+  if (enough || !found.mask.empty()) rig_.reset();
+  if (found.mask.empty()) return true;
+  stats_.rig = found.share;
+  rig_mask_ = std::move(found.mask);
+  mask_.reset();
+  for (auto& [id, node] : nodes_) {
+    if (node.has_map()) node.points_due = true;
+  }
+  return true;
+}
+
+/// Of an image of that size: the caller's mask and the rig; null = none.
+std::shared_ptr<const Image<std::uint8_t>> LiveBuilder::mask_for(int width, int height) {
+  if (rig_mask_.empty()) return options_.mask;
+  if (mask_ && mask_->width() == width && mask_->height() == height) return mask_;
+  Image<std::uint8_t> mask = options_.mask ? *options_.mask : Image<std::uint8_t>(width, height, 255);
+  for (int y = 0; y < mask.height(); ++y) {
+    const std::uint8_t* const from = rig_mask_.row(y * rig_mask_.height() / mask.height());
+    for (int x = 0; x < mask.width(); ++x) {
+      if (from[x * rig_mask_.width() / mask.width()] == 0) mask(x, y) = 0;
+    }
+  }
+  return mask_ = std::make_shared<const Image<std::uint8_t>>(std::move(mask));
+}
+
+/// Without points on the rig, which keyframes matched before it was found still have.
+KeyframeCloud LiveBuilder::without_rig(KeyframeCloud cloud) const {
+  if (rig_mask_.empty()) return cloud;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    const Eigen::Vector3f& p = cloud.points[i].position;
+    const int at =
+        kernels::pixel_index(kernels::Vec3<float>{p.x(), p.y(), p.z()}, rig_mask_.width(), rig_mask_.height());
+    if (rig_mask_.pixels()[static_cast<std::size_t>(at)] == 0) continue;
+    cloud.points[kept] = cloud.points[i];
+    if (!cloud.pixels.empty()) cloud.pixels[kept] = cloud.pixels[i];
+    if (!cloud.agree.empty()) cloud.agree[kept] = cloud.agree[i];
+    ++kept;
+  }
+  cloud.points.resize(kept);
+  if (!cloud.pixels.empty()) cloud.pixels.resize(kept);
+  if (!cloud.agree.empty()) cloud.agree.resize(kept);
+  return cloud;
+}
+
+void LiveBuilder::begin_with_lenses() {
+  lenses_.emplace();
+  lenses_looked_at_ = 0;
+}
+
+/// Estimates it when there are enough keyframes, or no more come for now. Returns whether there was anything to do.
+bool LiveBuilder::look_at_lenses() {
+  if (!lenses_) return false;
+  const std::size_t count = lenses_->keyframes();
+  const bool enough = count >= kEnough;
+  const bool last = finishing_ && undecided_.empty() && count >= kFewest && count != lenses_looked_at_;
+  if (!enough && !last) return false;
+  lenses_looked_at_ = count;
+  for (const auto& [id, node] : nodes_) {
+    if (node.used) lenses_->move(node.keyframe());
+  }
+  const LensDistance found = lenses_->estimate(engine_->executor());
+  if (found.significant) {
+    lenses_.reset();
+    use_lenses(found.distance);
+  } else if (enough && found.standard_error == 0.0) {
+    begin_with_lenses();  // hardly a landmark was seen by both lenses: those to come may tell more
+  } else if (enough) {
+    lenses_.reset();
+  }
+  return true;
+}
+
+/// All that was made of a camera with one centre is made anew.
+void LiveBuilder::use_lenses(double distance) {
+  densifier_.lens_distance = distance;
+  if (preview_) preview_->set_lens_distance(distance);
+  for (auto& [id, node] : nodes_) {
+    if (!node.has_map()) continue;
+    node.filtered_made = node.fused_made = 0;
+    node.points_due = true;
+    if (!can_match(node)) continue;
+    node.anew = false;  // those that come wait for it
+    node.had_in_between = false;
+    node.passes = 0;
+    node.moved_px = node.owed_px = 0.0;
+  }
+}
+
+}  // namespace pmsp
