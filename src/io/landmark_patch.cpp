@@ -56,27 +56,21 @@ void normalise(LandmarkPatch& patch) {
 
 }  // namespace
 
-PatchSteps steps_across(const Eigen::Vector3d& to_landmark_world, double size) {
-  int axis = 0;
-  to_landmark_world.cwiseAbs().minCoeff(&axis);
-  const Eigen::Vector3d u = Eigen::Vector3d::Unit(axis).cross(to_landmark_world).normalized();
-  PatchSteps steps;
-  steps << size * u, size * to_landmark_world.normalized().cross(u);
-  return steps;
-}
-
-bool lay_patch(const RigidTransform& cam_from_world, const Eigen::Vector3d& to_landmark_world, const PatchSteps& steps,
-               int width, int height, PatchPlace& out) {
+bool lay_patch(const RigidTransform& cam_from_world, const Eigen::Vector3d& to_landmark_world, int axis,
+               double sample_rad, int width, int height, PatchPlace& out) {
+  const Eigen::Vector3d direction = to_landmark_world.normalized();
+  const Eigen::Vector3d u = Eigen::Vector3d::Unit(axis).cross(direction).normalized();
+  const Eigen::Vector3d v = direction.cross(u);
+  const double reach = sample_rad * kPatchRadius;
   const Eigen::Matrix3d& rotation = cam_from_world.rotation;
-  out.centre = pixel_from_bearing(rotation * to_landmark_world, width, height);
-  const auto step = [&](const Eigen::Vector3d& one) {
-    Eigen::Vector2d d =
-        pixel_from_bearing(rotation * (to_landmark_world + kPatchRadius * one), width, height) - out.centre;
+  out.centre = pixel_from_bearing(rotation * direction, width, height);
+  const auto step = [&](const Eigen::Vector3d& tangent) {
+    Eigen::Vector2d d = pixel_from_bearing(rotation * (direction + reach * tangent), width, height) - out.centre;
     d.x() -= width * std::round(d.x() / width);
     return Eigen::Vector2d(d / kPatchRadius);
   };
-  out.u = step(steps.col(0));
-  out.v = step(steps.col(1));
+  out.u = step(u);
+  out.v = step(v);
   return out.centre.allFinite() && out.u.allFinite() && out.v.allFinite();
 }
 

@@ -25,16 +25,11 @@ struct PatchPlace {
   Eigen::Vector2d centre, u, v;
 };
 
-/// Steps from one sample of a patch to the next, in world axes [scene units].
-using PatchSteps = Eigen::Matrix<double, 3, 2>;
-
-/// Of a patch across the ray to a landmark, with samples `size` apart.
-PatchSteps steps_across(const Eigen::Vector3d& to_landmark_world, double size);
-
-/// Where a camera sees the patch around a landmark. Turning, approaching and the panorama's stretch near the poles
-/// don't make sightings of one landmark look different. False where that gives no finite place.
-bool lay_patch(const RigidTransform& cam_from_world, const Eigen::Vector3d& to_landmark_world, const PatchSteps& steps,
-               int width, int height, PatchPlace& out);
+/// Lays a patch that is fixed to the world into an image, so that turning, approaching and the panorama's stretch near
+/// the poles don't make sightings of one landmark look different. Its columns follow `axis` of the world (0, 1, 2);
+/// samples are `sample_rad` apart. False where that gives no finite place.
+bool lay_patch(const RigidTransform& cam_from_world, const Eigen::Vector3d& to_landmark_world, int axis,
+               double sample_rad, int width, int height, PatchPlace& out);
 
 /// Columns wrap, rows end at the image's edge. The middle lies at most one width beside the image.
 LandmarkPatch sample_patch(ImageView<const Rgb> image, const PatchPlace& place);

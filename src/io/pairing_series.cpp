@@ -5,8 +5,6 @@
 #include <array>
 #include <cmath>
 
-#include <Eigen/Geometry>
-
 #include "elementary.h"
 
 namespace pmsp::io {
@@ -16,9 +14,6 @@ constexpr double kSpacingPx = 2.0;       ///< between samples, in pixels of the 
 constexpr float kSameLook = 0.8F;        ///< correlation from which on a place beside looks like the landmark itself
 constexpr std::size_t kLeastPlaces = 3;  ///< of the four beside that look different; else nothing can be told
 constexpr double kMaxRescaling = 2.0;    ///< of a patch against the camera's own resolution
-constexpr double kWideAngle = 0.25;      ///< sine of the angle between rays from which on slanted surfaces are tried
-constexpr double kSlant = 0.8;           ///< tangent of their angle with the one that faces both cameras
-constexpr double kLeastCosine = 0.2;     ///< of the angle between a surface's normal and a ray
 constexpr std::size_t kHistory = 16;     ///< keyframes whose patches are kept
 constexpr double kClustering = 4.0;      ///< at least so many tries in one image count as one
 
@@ -43,24 +38,6 @@ PatchPlace presented(PatchPlace place, const Presentation& how, int width, int h
   place.u = place.u.cwiseProduct(flip);
   place.v = place.v.cwiseProduct(flip);
   return place;
-}
-
-/// Normals of surfaces that a landmark may be on, by the rays to it: facing both cameras, and with a wide angle between
-/// the rays four slanted ones. Only surfaces that both cameras see.
-std::vector<Eigen::Vector3d> surface_normals(const Eigen::Vector3d& ray, const Eigen::Vector3d& other_ray) {
-  const Eigen::Vector3d a = ray.normalized();
-  const Eigen::Vector3d b = other_ray.normalized();
-  const Eigen::Vector3d facing = (a + b).normalized();
-  std::vector<Eigen::Vector3d> normals{facing};
-  const Eigen::Vector3d across = a.cross(b);
-  if (across.norm() < kWideAngle) return normals;
-  const Eigen::Vector3d axis = across.normalized();
-  for (const Eigen::Vector3d& slant : {axis, Eigen::Vector3d(axis.cross(facing))})
-    for (const double side : {-kSlant, kSlant}) {
-      const Eigen::Vector3d normal = (facing + side * slant).normalized();
-      if (std::min(normal.dot(a), normal.dot(b)) > kLeastCosine) normals.push_back(normal);
-    }
-  return normals;
 }
 
 }  // namespace
@@ -105,8 +82,7 @@ double PairingSeries::least_fit() const {
 struct PairingSeries::Look {
   Sighting sighting;
   PatchPlace place;
-  const Sighting* earlier = nullptr;
-  std::vector<PatchPlace> as_earlier;  ///< places of the patch of `earlier`, one for each surface that it may be on
+  const Sighting* last = nullptr;
 };
 
 /// The same ones for all images that see them: those whose ids have the smallest hashes.
@@ -123,22 +99,13 @@ std::vector<MapObservation> PairingSeries::choose(const MapKeyframe& keyframe) c
   return chosen;
 }
 
-/// The earlier sighting from the nearest direction at about the same scale; nullptr = none.
-const PairingSeries::Sighting* PairingSeries::earlier_sighting(const Sighting& of) const {
-  const Sighting* nearest = nullptr;
-  double best = -2.0;
-  for (const Frame& frame : history_) {
-    const auto at = std::lower_bound(frame.begin(), frame.end(), of.landmark_id,
+const PairingSeries::Sighting* PairingSeries::last_sighting(std::int64_t landmark_id) const {
+  for (auto frame = history_.rbegin(); frame != history_.rend(); ++frame) {
+    const auto at = std::lower_bound(frame->begin(), frame->end(), landmark_id,
                                      [](const Sighting& s, std::int64_t id) { return s.landmark_id < id; });
-    if (at == frame.end() || at->landmark_id != of.landmark_id) continue;
-    const double scale = at->sample_size / of.sample_size;
-    if (!(scale <= kMaxRescaling && scale * kMaxRescaling >= 1.0)) continue;
-    const double cosine = at->to_landmark.normalized().dot(of.to_landmark.normalized());
-    if (cosine < best) continue;
-    best = cosine;
-    nearest = &*at;
+    if (at != frame->end() && at->landmark_id == landmark_id) return &*at;
   }
-  return nearest;
+  return nullptr;
 }
 
 /// False where the map gives no sensible geometry.
@@ -154,31 +121,29 @@ bool PairingSeries::place(const MapKeyframe& keyframe, const MapObservation& obs
   // An image smaller than the camera's has no finer detail than its own pixels.
   const double spacing_px = std::max(kSpacingPx, static_cast<double>(camera.width) / image.width);
   const double own_size = 2.0 * kernels::kPi * spacing_px / camera.width * distance;
+  look.last = last_sighting(observation.landmark_id);
+  if (look.last != nullptr &&
+      (look.last->sample_size > own_size * kMaxRescaling || own_size > look.last->sample_size * kMaxRescaling))
+    look.last = nullptr;
   look.sighting.landmark_id = observation.landmark_id;
-  look.sighting.to_landmark = to_landmark;
-  look.sighting.sample_size = own_size;
-  const auto lay = [&](const PatchSteps& steps, PatchPlace& to) {
-    if (!lay_patch(keyframe.cam_from_world, to_landmark, steps, image.width, image.height, to)) return false;
-    to.centre = position.matrix() * image.width;
-    to = presented(to, presentation, image.width, image.height);
-    return true;
-  };
-  if (!lay(steps_across(to_landmark, own_size), look.place)) return false;
-  look.earlier = earlier_sighting(look.sighting);
-  if (look.earlier == nullptr) return true;
-  const Eigen::Vector3d& ray = look.earlier->to_landmark;
-  const PatchSteps steps = steps_across(ray, look.earlier->sample_size);
-  for (const Eigen::Vector3d& normal : surface_normals(ray, to_landmark)) {
-    PatchPlace place;
-    if (lay(steps - ray * (normal.transpose() * steps) / normal.dot(ray), place)) look.as_earlier.push_back(place);
+  look.sighting.sample_size = look.last != nullptr ? look.last->sample_size : own_size;
+  if (look.last != nullptr) {
+    look.sighting.axis = look.last->axis;
+  } else {
+    to_landmark.cwiseAbs().minCoeff(&look.sighting.axis);
   }
+  if (!lay_patch(keyframe.cam_from_world, to_landmark, look.sighting.axis, look.sighting.sample_size / distance,
+                 image.width, image.height, look.place))
+    return false;
+  look.place.centre = position.matrix() * image.width;
+  look.place = presented(look.place, presentation, image.width, image.height);
   return true;
 }
 
 void PairingSeries::add(const MapKeyframe& keyframe, ImageView<const Rgb> image, const Presentation& presentation) {
   Frame frame;
   frame.reserve(std::min(landmarks_, keyframe.observations.size()));
-  const LandmarkPatch* other = nullptr;  // an earlier sighting of another landmark
+  const LandmarkPatch* other = nullptr;  // the last sighting of another landmark
   int tries = 0;
   int hits = 0;
   int chance_tries = 0;
@@ -186,44 +151,37 @@ void PairingSeries::add(const MapKeyframe& keyframe, ImageView<const Rgb> image,
   for (const MapObservation& observation : choose(keyframe)) {
     Look it;
     if (!place(keyframe, observation, image, presentation, it)) continue;
-    it.sighting.patch = sample_patch(image, it.place);
-    ++looked_at_;
-    flat_ += it.sighting.patch.flat;
-    frame.push_back(it.sighting);
-    if (it.earlier == nullptr || it.earlier->patch.flat) continue;
-    std::vector<PatchWithNeighbours> seen;
-    for (const PatchPlace& place : it.as_earlier) {
-      PatchWithNeighbours patches = sample_with_neighbours(image, place);
-      if (patches.here.flat) continue;
-      std::size_t places = 0;
-      for (LandmarkPatch& beside : patches.beside) {
-        beside.flat = beside.flat || correlation(beside, patches.here) > kSameLook;
-        places += !beside.flat;
-      }
-      if (places >= kLeastPlaces) seen.push_back(patches);
+    const bool comparable = it.last != nullptr && !it.last->patch.flat;
+    PatchWithNeighbours seen;
+    if (comparable) {
+      seen = sample_with_neighbours(image, it.place);
+    } else {
+      seen.here = sample_patch(image, it.place);
     }
-    if (seen.empty()) continue;
-    // The surface that fits best has the landmark here, not beside.
-    const auto finds = [&](const LandmarkPatch& earlier) {
-      float here = -1.0F;
-      float beside = -1.0F;
-      for (const PatchWithNeighbours& patches : seen) {
-        here = std::max(here, correlation(earlier, patches.here));
-        for (const LandmarkPatch& patch : patches.beside)
-          if (!patch.flat) beside = std::max(beside, correlation(earlier, patch));
-      }
-      return beside < here;
+    ++looked_at_;
+    flat_ += seen.here.flat;
+    it.sighting.patch = seen.here;
+    frame.push_back(it.sighting);
+    if (!comparable || seen.here.flat) continue;
+    std::size_t places = 0;
+    for (const LandmarkPatch& beside : seen.beside)
+      if (!beside.flat && correlation(beside, seen.here) <= kSameLook) seen.beside[places++] = beside;
+    if (places < kLeastPlaces) continue;
+    const auto finds = [&](const LandmarkPatch& last) {
+      const float likeness = correlation(last, seen.here);
+      return std::all_of(seen.beside.begin(), seen.beside.begin() + static_cast<std::ptrdiff_t>(places),
+                         [&](const LandmarkPatch& beside) { return correlation(last, beside) < likeness; });
     };
     ++tries;
-    hits += finds(it.earlier->patch);
-    likeness_ += correlation(it.earlier->patch, seen.front().here);
+    hits += finds(it.last->patch);
+    likeness_ += correlation(it.last->patch, seen.here);
     if (other != nullptr) {
       ++chance_tries;
       chance_hits += finds(*other);
-      const double unrelated = correlation(*other, seen.front().here);
+      const double unrelated = correlation(*other, seen.here);
       unrelated_ += unrelated * unrelated;
     }
-    other = &it.earlier->patch;
+    other = &it.last->patch;
   }
   found_.add_image(tries, hits);
   by_chance_.add_image(chance_tries, chance_hits);

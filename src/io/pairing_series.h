@@ -49,9 +49,8 @@ class Tally {
 };
 
 /// Follows landmarks through images that are taken for those of certain keyframes. A landmark is *found* where the
-/// image looks more like an earlier sighting right where the map has it than a few samples beside. Patches are laid on
-/// surfaces through the landmark; with wide baselines several are tried, and the best one counts. Large baselines and
-/// noise change that less than the likeness itself.
+/// image looks more like its last sighting right where the map has it than a few samples beside. Large baselines
+/// and noise change that less than the likeness itself.
 class PairingSeries {
  public:
   /// `map` must outlive the series. So many landmarks of an image are looked at, the same ones in image after image.
@@ -64,10 +63,10 @@ class PairingSeries {
 
   const Tally& found() const { return found_; }
 
-  /// The same with an earlier sighting of another landmark instead: what chance gives in these images.
+  /// The same with the last sighting of another landmark instead: what chance gives in these images.
   const Tally& by_chance() const { return by_chance_; }
 
-  /// Mean correlation of landmarks with earlier sightings, -1 to 1.
+  /// Mean correlation of landmarks with their last sightings, -1 to 1.
   double likeness() const { return found_.tries() > 0 ? likeness_ / found_.tries() : 0.0; }
 
   /// Mean square of the correlation of landmarks with others, 0 to 1: 1 / kPatchSamples where there is only noise.
@@ -86,15 +85,15 @@ class PairingSeries {
  private:
   struct Sighting {
     std::int64_t landmark_id = 0;
-    Eigen::Vector3d to_landmark;  ///< from the camera, world axes [scene units]
-    double sample_size = 0.0;     ///< at the landmark [scene units]
-    LandmarkPatch patch;          ///< across the ray
+    int axis = 0;              ///< as lay_patch, the same in all sightings of a chain
+    double sample_size = 0.0;  ///< at the landmark [scene units], the same in all sightings of a chain
+    LandmarkPatch patch;
   };
   using Frame = std::vector<Sighting>;  ///< ascending landmark_id
   struct Look;
 
   std::vector<MapObservation> choose(const MapKeyframe& keyframe) const;
-  const Sighting* earlier_sighting(const Sighting& of) const;
+  const Sighting* last_sighting(std::int64_t landmark_id) const;
   bool place(const MapKeyframe& keyframe, const MapObservation& observation, ImageView<const Rgb> image,
              const Presentation& presentation, Look& look) const;
 

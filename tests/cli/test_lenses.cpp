@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/command.h"
+#include "pmsp/io/densify.h"
 
 using namespace pmsp_test;
 using Catch::Matchers::Contains;
@@ -66,6 +67,25 @@ TEST_CASE("two lenses") {
     CHECK(found["lenses"]["corrected"] == true);
     CHECK(found["lenses"]["distance"].get<double>() == Approx(0.03).epsilon(0.15));
     CHECK(found["options"]["lens_distance"] == found["lenses"]["distance"]);
+  }
+
+  SECTION("are corrected by the library as by the tool: the same points") {
+    run(dir, {});
+    const pmsp::SlamMap map = pmsp::read_map(two_lenses() / "map.msg");
+    const auto images = pmsp::open_image_folder(map, two_lenses() / "images");
+    pmsp::DensifierOptions options = pmsp::preset(pmsp::Quality::kNormal);
+    options.width = 64;
+    options.height = 32;
+    options.patchmatch.geometric_passes = 0;
+    pmsp::CloudOutput cloud(dir / "library.ply", pmsp::cloud_header_of(map));
+    pmsp::densify(map, *images, options, cloud);
+    cloud.commit();
+    const auto points_of = [&](const char* name) {
+      const std::string text = read_text(dir / name);
+      return text.substr(text.find("end_header\n"));
+    };
+    CHECK(points_of("library.ply").size() > 10000);
+    CHECK(points_of("library.ply") == points_of("c.ply"));
   }
 
   SECTION("a distance that is given is not estimated, nor where nobody wants it") {

@@ -68,9 +68,14 @@ TEST_CASE("what cannot give points is refused with what to do") {
     }
   }
   CHECK_THROWS_WITH(densify(mirrored, *images, quick(), DensifierCallbacks()), Contains("mirror"));
+}
+
+TEST_CASE("a map without landmarks gets them from the images") {
+  SlamMap map = read_map(kData / "map.msg");
   map.landmarks.clear();
-  CHECK_THROWS_WITH(densify(map, *images, quick(), DensifierCallbacks()),
-                    Contains("no landmarks") && Contains("LandmarkSweep"));
+  for (MapKeyframe& keyframe : map.keyframes) keyframe.observations.clear();
+  const auto images = open_image_folder(map, kData / "images");
+  CHECK(densify(map, *images, quick(), DensifierCallbacks()).depth_maps > 1);
 }
 
 TEST_CASE("a cloud's format follows from its name") {

@@ -5,14 +5,12 @@
 #include <cstdio>
 #include <fstream>
 #include <iterator>
-#include <memory>
 #include <sstream>
 #include <system_error>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
-#include "decoder.h"
-#include "pmsp/error.h"
 #include "pmsp/executor.h"
 #include "pmsp/io/files.h"
 #include "pmsp/io/map.h"
@@ -49,28 +47,12 @@ Calibration calibrate(const Arguments& arguments, const DensifierOptions& option
   const std::size_t then = recorded.lenses_looked_at;
   if ((!wants_lenses && !wants_rig) || !(growing ? now >= 2 * then : now != then)) return result;
 
-  const std::unique_ptr<ImageSource> source = all_images.again();
-  std::vector<std::int64_t> ids = keyframes_for_lens_distance(source->keyframe_ids());
-  if (!arguments.video.empty()) {  // the beginning, since all before the last one is decoded
-    const std::vector<std::int64_t>& all = source->keyframe_ids();
-    ids.assign(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(ids.size()));
-  }
-  source->restrict_to({ids.begin(), ids.end()});
   const Executor executor(options.threads, options.simd);
-  LensDistanceEstimator lenses;
-  RigMaskEstimator rig;
-  try {
-    ImageReader images(*source, map, executor.threads(), nullptr);
-    images.each([&](Keyframe& keyframe) {
-      keyframe.mask = masks.mask_for(source->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
-      if (wants_lenses) lenses.add(keyframe, &executor);
-      if (wants_rig) rig.add(keyframe, executor);
-    });
-  } catch (const Error&) {
-    return result;  // the run will meet that image or mask, and report it
-  }
-  if (wants_lenses) result.lenses = lenses.estimate(executor);
-  if (wants_rig) result.rig = rig.estimate(executor);
+  std::optional<CameraCalibration> found =
+      calibrate_camera(map, all_images, &masks, {wants_lenses, wants_rig}, executor);
+  if (!found) return result;  // the run will meet that image or mask, and report it
+  result.lenses = found->lenses;
+  if (wants_rig) result.rig = std::move(found->rig);
   result.images = now;
   if (result.lenses && result.lenses->significant) result.lens_distance = result.lenses->distance;
   return result;

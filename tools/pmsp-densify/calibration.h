@@ -7,13 +7,12 @@
 #include <vector>
 
 #include "arguments.h"
+#include "pmsp/io/calibration.h"
 #include "pmsp/io/image_source.h"
 #include "pmsp/io/map.h"
 #include "pmsp/io/mask.h"
 #include "pmsp/io/workspace/record.h"
-#include "pmsp/lens_distance.h"
 #include "pmsp/options.h"
-#include "pmsp/rig_mask.h"
 
 namespace pmsp::tool {
 

@@ -12,19 +12,18 @@
 namespace pmsp {
 
 /// Checks, while images stream by, that they belong to their keyframes. A landmark is found where an image looks more
-/// like an earlier sighting of the landmark, from the nearest direction of the last sixteen images, right where the map
-/// has it than a few pixels beside. Patches lie on surfaces of the world, so turning and approaching do no harm; with
-/// wide baselines surfaces of several slants are tried. How many are found is compared with what chance finds in the
-/// same images (each landmark sought with the looks of another), and with other pairings of them: of the keyframe
-/// before and after, in reverse order, mirrored, flipped, upside down, turned by half a turn.
+/// like the landmark's last sighting right where the map has it than a few pixels beside. Patches lie fixed in the
+/// world, so turning and approaching do no harm. How many are found is compared with what chance finds in the same
+/// images (each landmark sought with the looks of another), and with other pairings of them: of the keyframe before and
+/// after, in reverse order, mirrored, flipped, upside down, turned by half a turn.
 ///
 /// Images are refused where they find hardly more than chance, or clearly less than another pairing: only where the
 /// difference is more than four standard deviations, taken between images, so that right images are refused in fewer
 /// than one of a thousand missions, although the verdict is asked after each image. Where noise hides what the images
 /// show, less is demanded.
 ///
-/// Costs about 5 ms per keyframe at first, 3 ms once the other pairings are known well enough (after some forty
-/// keyframes), twice that with wide baselines, and 4 MB for the last sixteen keyframes.
+/// Costs about 3 ms per keyframe at first, 2 ms once the other pairings are known well enough (after some forty
+/// keyframes), and 4 MB for the last sixteen keyframes.
 class PMSP_API PairingVerifier {
  public:
   /// `map` must outlive the verifier.
@@ -40,7 +39,7 @@ class PMSP_API PairingVerifier {
     double agreement = 0.0;   ///< share of them that are found, 0 to 1
     double by_chance = 0.0;   ///< share that chance finds in the same images
     double fit = 0.0;         ///< agreement beyond chance: 0 = as by chance, 1 = all
-    double likeness = 0.0;    ///< mean correlation of landmarks with earlier sightings; compares pairings of a map
+    double likeness = 0.0;    ///< mean correlation of landmarks with their last sightings; compares pairings of a map
     bool conclusive = false;  ///< enough comparisons to judge
     bool belongs = true;      ///< false: the images evidently belong to other keyframes
     bool doubtful = false;    ///< they may belong, but fit worse than the right images do

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp/io/calibration.h"
+
+#include <memory>
+#include <vector>
+
+#include "pmsp/error.h"
+
+namespace pmsp {
+
+std::optional<CameraCalibration> calibrate_camera(const SlamMap& map, const ImageSource& images, MaskSource* masks,
+                                                  const CalibrationOptions& options, const Executor& executor) {
+  CameraCalibration result;
+  if (images.keyframe_ids().empty() || (!options.lenses && !options.rig)) return result;
+  const std::unique_ptr<ImageSource> source = images.again();
+  std::vector<std::int64_t> ids = keyframes_for_lens_distance(source->keyframe_ids());
+  const std::vector<std::int64_t>& all = source->keyframe_ids();
+  const bool is_video = !source->origin(all.front()).frame.empty();
+  // All before the last frame of a video is decoded.
+  if (is_video) ids.assign(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(ids.size()));
+  source->restrict_to({ids.begin(), ids.end()});
+  source->read_ahead(executor.threads());
+  LensDistanceEstimator lenses;
+  RigMaskEstimator rig;
+  try {
+    while (const std::optional<ImageSource::Item> item = source->next()) {
+      const MapKeyframe* const in_map = map.find_keyframe(item->keyframe_id);
+      if (in_map == nullptr) return std::nullopt;
+      Keyframe keyframe = keyframe_of(map, *in_map);
+      keyframe.image = item->image.view();
+      if (masks != nullptr) {
+        keyframe.mask = masks->mask_for(source->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
+      }
+      if (options.lenses) lenses.add(keyframe, &executor);
+      if (options.rig) rig.add(keyframe, executor);
+    }
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+  if (options.lenses) result.lenses = lenses.estimate(executor);
+  if (options.rig) result.rig = rig.estimate(executor);
+  return result;
+}
+
+}  // namespace pmsp
