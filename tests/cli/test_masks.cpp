@@ -212,3 +212,100 @@ TEST_CASE("shards and merge use the same masks as a run", "[masks][shards]") {
   INFO(merged.err);
   CHECK(merged.code == 0);
 }
+
+namespace {
+
+/// A room through which the camera carries a rider.
+const fs::path& with_rider() {
+  static const TempDir dir;
+  static const fs::path folder = [] {
+    const Result made = Command({PMSP_SYNTH, "--scene", "room", "--keyframes", "10", "--width", "512", "--samples", "1",
+                                 "--rider", "-o", (dir / "room").string()})
+                            .wait();
+    if (made.code != 0) throw std::runtime_error("pmsp-synth: " + made.err);
+    return dir / "room";
+  }();
+  return folder;
+}
+
+Words rider_run(const fs::path& cloud, const Words& more = {}) {
+  Words words{"run",
+              (with_rider() / "map.msg").string(),
+              "--images",
+              (with_rider() / "images").string(),
+              "--width",
+              "64",
+              "--patchmatch-geometric-passes",
+              "0",
+              "--backend",
+              "cpu",
+              "-o",
+              cloud.string()};
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+std::string points_in(const fs::path& ply) {
+  const std::string text = read_text(ply);
+  return text.substr(text.find("end_header"));
+}
+
+}  // namespace
+
+TEST_CASE("the rig is found, hidden and written as a mask") {
+  const TempDir dir;
+  const Result found = densify(rider_run(dir / "a.ply", {"--stats", (dir / "s.json").string()}));
+  INFO(found.err);
+  REQUIRE(found.code == 0);
+  CHECK_THAT(found.err, Contains("rig: ") && Contains("--mask none"));
+  const auto stats = nlohmann::json::parse(read_text(dir / "s.json"));
+  CHECK(stats["rig"]["hidden"].get<double>() > 0.05);
+  const fs::path png = dir / "a.ply.rig-mask.png";
+  const cv::Mat mask = cv::imread(png.string(), cv::IMREAD_UNCHANGED);
+  REQUIRE(mask.cols == 512);
+
+  SECTION("as a mask that is passed, it gives the same points") {
+    REQUIRE(densify(rider_run(dir / "b.ply", {"--mask", png.string()})).code == 0);
+    CHECK(points_in(dir / "b.ply") == points_in(dir / "a.ply"));
+    CHECK_FALSE(fs::exists(dir / "b.ply.rig-mask.png"));
+  }
+  SECTION("without masks all is used") {
+    const Result none = densify(rider_run(dir / "b.ply", {"--mask", "none"}));
+    CHECK(none.code == 0);
+    CHECK_THAT(none.err, !Contains("rig: "));
+    CHECK_FALSE(fs::exists(dir / "b.ply.rig-mask.png"));
+    CHECK(points_in(dir / "b.ply") != points_in(dir / "a.ply"));
+  }
+  SECTION("a mask that was edited is left alone") {
+    write_text(png, "edited");
+    fs::remove(dir / "a.ply");
+    const Result again = densify(rider_run(dir / "a.ply"));
+    CHECK(again.code == 0);
+    CHECK_THAT(again.err, Contains("rig-mask.png") && Contains("--force"));
+    CHECK(read_text(png) == "edited");
+  }
+  SECTION("a workspace keeps it, shards and their merge share it") {
+    const std::string kept = (dir / "kept").string();
+    REQUIRE(densify(rider_run(dir / "b.ply", {"--workspace", kept})).code == 0);
+    CHECK(points_in(dir / "b.ply") == points_in(dir / "a.ply"));
+    const Result again = densify(rider_run(dir / "b.ply", {"--workspace", kept, "--force"}));
+    INFO(again.err);
+    CHECK(again.code == 0);
+    CHECK_THAT(again.err, Contains("rig: "));
+    CHECK(points_in(dir / "b.ply") == points_in(dir / "a.ply"));
+
+    const std::string shared = (dir / "shared").string();
+    for (const char* shard : {"0/2", "1/2"}) {
+      Words words = rider_run("");
+      words.resize(words.size() - 2);  // a shard writes no cloud
+      words.insert(words.end(), {"--workspace", shared, "--shard", shard});
+      const Result made = densify(words);
+      INFO(made.err);
+      REQUIRE(made.code == 0);
+    }
+    const Result merged = densify({"merge", shared, "-o", (dir / "c.ply").string()});
+    INFO(merged.err);
+    REQUIRE(merged.code == 0);
+    CHECK(points_in(dir / "c.ply") == points_in(dir / "a.ply"));
+  }
+}
