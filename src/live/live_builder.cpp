@@ -448,7 +448,8 @@ std::size_t LiveBuilder::bytes_of_results() const { return kResultPixel * pixels
 std::size_t LiveBuilder::most_bytes() const { return static_cast<std::size_t>(options_.memory_mib) << 20U; }
 
 std::size_t LiveBuilder::bytes() const {
-  std::size_t bytes = (lenses_ ? lenses_->bytes() : 0) + (rig_ ? rig_->bytes() : 0) + (preview_ ? preview_->bytes() : 0);
+  std::size_t bytes =
+      (lenses_ ? lenses_->bytes() : 0) + (rig_ ? rig_->bytes() : 0) + (preview_ ? preview_->bytes() : 0);
   for (const auto& [id, node] : nodes_) {
     if (node.image.data != nullptr) {
       bytes += static_cast<std::size_t>(node.image.height) * static_cast<std::size_t>(node.image.width) * 3;

@@ -36,7 +36,8 @@ std::string difference(const Record& record, const StepInputs& inputs) {
   std::vector<std::string> texts;
   add_differences(then, now, "", texts);
   if (record.engine != inputs.engine) texts.push_back("engine \"" + record.engine + "\" -> \"" + inputs.engine + "\"");
-  if (texts.empty() && !has_other_lenses && !has_new_rig) texts.emplace_back("another mask, or other depth images of --prior-depth");
+  if (texts.empty() && !has_other_lenses && !has_new_rig)
+    texts.emplace_back("another mask, or other depth images of --prior-depth");
   std::string text;
   for (std::size_t i = 0; i < std::min(kMost, texts.size()); ++i) text += (i > 0 ? ", " : "") + texts[i];
   if (texts.size() > kMost) text += " and " + std::to_string(texts.size() - kMost) + " more";
