@@ -22,6 +22,9 @@ struct RigMask {
 /// Of a mask of kWidth x kWidth / 2 pixels, with its share of the sphere.
 PMSP_API RigMask rig_mask_of(Image<std::uint8_t> mask);
 
+/// Hides the rig in an image's mask of any size, too. `rig`: RigMask::mask; empty = changes nothing.
+PMSP_API void hide_rig(const Image<std::uint8_t>& rig, Image<std::uint8_t>& mask);
+
 /// Finds the rig from some keyframes: image gradients that keep their place in the camera's frame, while the poses say
 /// that whatever the world shows there has moved, at infinity as at the distance of the landmarks. What looks alike
 /// where that motion brings it proves nothing (an edge of a corridor, clouds), nor do places without texture.

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 #include "cpu/executor_impl.h"
@@ -214,6 +213,13 @@ RigMask rig_mask_of(Image<std::uint8_t> mask) {
   return result;
 }
 
+void hide_rig(const Image<std::uint8_t>& rig, Image<std::uint8_t>& mask) {
+  for (int y = 0; y < mask.height() && !rig.empty(); ++y) {
+    const std::uint8_t* const from = rig.row(y * rig.height() / mask.height());
+    for (int x = 0; x < mask.width(); ++x) mask(x, y) = std::min(mask(x, y), from[x * rig.width() / mask.width()]);
+  }
+}
+
 struct RigMaskEstimator::View {
   std::int64_t id = 0;
   std::vector<std::uint8_t> gray;  ///< kPixels
@@ -351,7 +357,6 @@ std::size_t RigMaskEstimator::bytes() const {
 RigMask RigMaskEstimator::estimate(const Executor& executor) const {
   if (views_.size() < kFewestKeyframes) return {};
   ThreadPool& pool = pool_of(executor);
-  directions();
   std::vector<Gradients> gradients(views_.size());
   pool.for_each(static_cast<int>(views_.size()), [&](int i) {
     gradients[static_cast<std::size_t>(i)] = views_[static_cast<std::size_t>(i)]->gradients();

@@ -61,7 +61,8 @@ DensifierStats densify(const SlamMap& original, ImageSource& images, const Densi
     if (found && found->lenses && found->lenses->significant) options.lens_distance = found->lenses->distance;
     if (found) masks.set_rig(found->rig.mask);
   }
-  options.expected_keyframes = static_cast<std::int64_t>(images.keyframe_ids().size());
+  if (options.expected_keyframes == 0)
+    options.expected_keyframes = static_cast<std::int64_t>(images.keyframe_ids().size());
   Densifier densifier(options, callbacks);
   PairingVerifier verifier(map);
   std::string unreadable;

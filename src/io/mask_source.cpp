@@ -14,6 +14,7 @@
 #include "mask_rectangles.h"
 #include "pmsp/error.h"
 #include "pmsp/io/mask.h"
+#include "pmsp/rig_mask.h"
 
 namespace pmsp {
 namespace {
@@ -43,10 +44,6 @@ void ignore_rectangle(Image<std::uint8_t>& mask, const io::MaskRectangle& r) {
 void ignore_rows(Image<std::uint8_t>& mask, int first, int last) {
   for (int y = std::max(first, 0); y < std::min(last, mask.height()); ++y)
     std::fill(mask.row(y), mask.row(y) + mask.width(), std::uint8_t{0});
-}
-
-void hide(Image<std::uint8_t>& mask, const Image<std::uint8_t>& other) {
-  for (std::size_t i = 0; i < other.size(); ++i) mask.pixels()[i] = std::min(mask.pixels()[i], other.pixels()[i]);
 }
 
 bool is_blank(const Image<std::uint8_t>& mask) {
@@ -126,14 +123,10 @@ struct MaskSource::Impl {
         file.empty() || is_yaml(file) ? Image<std::uint8_t>(width, height, 255) : read_mask(file, width, height);
     const cv::Mat opacity = image.empty() ? cv::Mat() : io::image_opacity(image);
     if (!opacity.empty()) {
-      hide(mask, io::scale_mask(image.string(), opacity, width, height));
+      const Image<std::uint8_t> alpha = io::scale_mask(image.string(), opacity, width, height);
+      for (std::size_t i = 0; i < alpha.size(); ++i) mask.pixels()[i] = std::min(mask.pixels()[i], alpha.pixels()[i]);
     }
-    if (!rig.empty()) {
-      for (int y = 0; y < height; ++y) {
-        const std::uint8_t* const from = rig.row(y * rig.height() / height);
-        for (int x = 0; x < width; ++x) mask(x, y) = std::min(mask(x, y), from[x * rig.width() / width]);
-      }
-    }
+    hide_rig(rig, mask);
     for (const io::MaskRectangle& rectangle : rectangles) ignore_rectangle(mask, rectangle);
     const auto rows = [height](double degrees) { return degrees / 180.0 * height; };
     ignore_rows(mask, static_cast<int>(std::floor(height - rows(options.nadir_deg))), height);

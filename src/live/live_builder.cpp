@@ -61,19 +61,19 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
       cancel_(cancel) {
   results_.cloud = [this](const KeyframeCloud& cloud) {
     ++stats_.clouds;
-    publish_(without_rig(cloud), nodes_.at(cloud.keyframe_id).serial, false);
+    publish_cloud(cloud, nodes_.at(cloud.keyframe_id).serial, false);
   };
   const std::string why_not = why_too_little(densifier_);
   if (!why_not.empty()) throw InvalidOption(why_not);
   engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
   if (options_.calibrate_lenses && densifier_.lens_distance == 0.0) begin_with_lenses();
-  if (options_.find_rig) rig_.emplace();
+  if (options_.find_rig) begin_with_rig();
   if (options_.previews) {
     preview_ = std::make_unique<LivePreview>(options_, cancel_, [this](const KeyframeCloud& cloud) {
       const LiveNode* const node = find(cloud.keyframe_id);
       if (node == nullptr || node->shown > 0) return;
       ++stats_.previews;
-      publish_(without_rig(cloud), node->serial, true);
+      publish_cloud(cloud, node->serial, true);
     });
   }
 }

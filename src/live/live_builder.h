@@ -97,10 +97,13 @@ class LiveBuilder {
 
   // Lenses and rig (live_calibration.cpp).
   void begin_with_lenses();
+  void begin_with_rig();
   void collect_for_calibration(const LiveNode& node, const Keyframe& keyframe);
   bool look_at_rig();
   std::shared_ptr<const Image<std::uint8_t>> mask_for(int width, int height);
-  KeyframeCloud without_rig(KeyframeCloud cloud) const;
+  void publish_cloud(const KeyframeCloud& cloud, std::uint64_t serial, bool preliminary) const;
+  template <class Estimator>
+  bool is_time_for(Estimator& estimator, std::size_t& looked_at) const;
   bool look_at_lenses();
   void use_lenses(double distance);
 

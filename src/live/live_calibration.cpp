@@ -21,24 +21,30 @@ constexpr std::size_t kFewest = 8;
 void LiveBuilder::collect_for_calibration(const LiveNode& node, const Keyframe& keyframe) {
   if (node.map_id != calibration_map_) {  // places of two maps do not compare
     if (lenses_) begin_with_lenses();
-    if (rig_) rig_.emplace();
+    if (rig_) begin_with_rig();
     calibration_map_ = node.map_id;
   }
   if (lenses_) lenses_->add(keyframe);
   if (rig_) rig_->add(keyframe, engine_->executor());
 }
 
-/// Finds the rig when there are enough keyframes, or no more come for now. Returns whether there was anything to do.
-bool LiveBuilder::look_at_rig() {
-  if (!rig_) return false;
-  const std::size_t count = rig_->keyframes();
-  const bool enough = count >= kEnough;
-  const bool last = finishing_ && undecided_.empty() && count >= kFewest && count != rig_looked_at_;
-  if (!enough && !last) return false;
-  rig_looked_at_ = count;
+/// Whether there are enough keyframes, or no more come for now and some are new. Then they get their newest poses.
+template <class Estimator>
+bool LiveBuilder::is_time_for(Estimator& estimator, std::size_t& looked_at) const {
+  const std::size_t count = estimator.keyframes();
+  const bool last = finishing_ && undecided_.empty() && count >= kFewest && count != looked_at;
+  if (count < kEnough && !last) return false;
+  looked_at = count;
   for (const auto& [id, node] : nodes_) {
-    if (node.used) rig_->move(node.keyframe());
+    if (node.used) estimator.move(node.keyframe());
   }
+  return true;
+}
+
+/// Finds the rig when it is time. Returns whether there was anything to do.
+bool LiveBuilder::look_at_rig() {
+  if (!rig_ || !is_time_for(*rig_, rig_looked_at_)) return false;
+  const bool enough = rig_->keyframes() >= kEnough;
   RigMask found = rig_->estimate(engine_->executor());
   if (enough || !found.mask.empty()) rig_.reset();
   if (found.mask.empty()) return true;
@@ -56,33 +62,34 @@ std::shared_ptr<const Image<std::uint8_t>> LiveBuilder::mask_for(int width, int 
   if (rig_mask_.empty()) return options_.mask;
   if (mask_ && mask_->width() == width && mask_->height() == height) return mask_;
   Image<std::uint8_t> mask = options_.mask ? *options_.mask : Image<std::uint8_t>(width, height, 255);
-  for (int y = 0; y < mask.height(); ++y) {
-    const std::uint8_t* const from = rig_mask_.row(y * rig_mask_.height() / mask.height());
-    for (int x = 0; x < mask.width(); ++x) {
-      if (from[x * rig_mask_.width() / mask.width()] == 0) mask(x, y) = 0;
-    }
-  }
+  hide_rig(rig_mask_, mask);
   return mask_ = std::make_shared<const Image<std::uint8_t>>(std::move(mask));
 }
 
 /// Without points on the rig, which keyframes matched before it was found still have.
-KeyframeCloud LiveBuilder::without_rig(KeyframeCloud cloud) const {
-  if (rig_mask_.empty()) return cloud;
-  std::size_t kept = 0;
+void LiveBuilder::publish_cloud(const KeyframeCloud& cloud, std::uint64_t serial, bool preliminary) const {
+  if (rig_mask_.empty()) return publish_(cloud, serial, preliminary);
+  KeyframeCloud kept = cloud;
+  std::size_t count = 0;
   for (std::size_t i = 0; i < cloud.points.size(); ++i) {
     const Eigen::Vector3f& p = cloud.points[i].position;
     const int at =
         kernels::pixel_index(kernels::Vec3<float>{p.x(), p.y(), p.z()}, rig_mask_.width(), rig_mask_.height());
     if (rig_mask_.pixels()[static_cast<std::size_t>(at)] == 0) continue;
-    cloud.points[kept] = cloud.points[i];
-    if (!cloud.pixels.empty()) cloud.pixels[kept] = cloud.pixels[i];
-    if (!cloud.agree.empty()) cloud.agree[kept] = cloud.agree[i];
-    ++kept;
+    kept.points[count] = cloud.points[i];
+    if (!cloud.pixels.empty()) kept.pixels[count] = cloud.pixels[i];
+    if (!cloud.agree.empty()) kept.agree[count] = cloud.agree[i];
+    ++count;
   }
-  cloud.points.resize(kept);
-  if (!cloud.pixels.empty()) cloud.pixels.resize(kept);
-  if (!cloud.agree.empty()) cloud.agree.resize(kept);
-  return cloud;
+  kept.points.resize(count);
+  if (!cloud.pixels.empty()) kept.pixels.resize(count);
+  if (!cloud.agree.empty()) kept.agree.resize(count);
+  publish_(kept, serial, preliminary);
+}
+
+void LiveBuilder::begin_with_rig() {
+  rig_.emplace();
+  rig_looked_at_ = 0;
 }
 
 void LiveBuilder::begin_with_lenses() {
@@ -90,17 +97,10 @@ void LiveBuilder::begin_with_lenses() {
   lenses_looked_at_ = 0;
 }
 
-/// Estimates it when there are enough keyframes, or no more come for now. Returns whether there was anything to do.
+/// Estimates their distance when it is time. Returns whether there was anything to do.
 bool LiveBuilder::look_at_lenses() {
-  if (!lenses_) return false;
-  const std::size_t count = lenses_->keyframes();
-  const bool enough = count >= kEnough;
-  const bool last = finishing_ && undecided_.empty() && count >= kFewest && count != lenses_looked_at_;
-  if (!enough && !last) return false;
-  lenses_looked_at_ = count;
-  for (const auto& [id, node] : nodes_) {
-    if (node.used) lenses_->move(node.keyframe());
-  }
+  if (!lenses_ || !is_time_for(*lenses_, lenses_looked_at_)) return false;
+  const bool enough = lenses_->keyframes() >= kEnough;
   const LensDistance found = lenses_->estimate(engine_->executor());
   if (found.significant) {
     lenses_.reset();
@@ -113,7 +113,7 @@ bool LiveBuilder::look_at_lenses() {
   return true;
 }
 
-/// All that was made of a camera with one centre is made anew.
+/// Discards what was made for a camera with one centre.
 void LiveBuilder::use_lenses(double distance) {
   densifier_.lens_distance = distance;
   if (preview_) preview_->set_lens_distance(distance);

@@ -27,12 +27,11 @@ void add_differences(const Json& then, const Json& now, const std::string& prefi
 std::string difference(const Record& record, const StepInputs& inputs) {
   constexpr std::size_t kMost = 4;
   const char* const kLenses = "lens_distance";
-  const char* const kRig = "rig_mask";
   const Json then = Json::parse(record.options);
   Json now = Json::parse(inputs.planes_options_json);
   const bool has_other_lenses = now.value(kLenses, Json()) != then.value(kLenses, Json());
-  const bool has_new_rig = now.contains(kRig) && !then.contains(kRig);
-  for (const char* key : {kLenses, kRig}) now.erase(key);
+  const bool has_new_rig = now.contains(kRigMask) && !then.contains(kRigMask);
+  for (const char* key : {kLenses, kRigMask}) now.erase(key);
   std::vector<std::string> texts;
   add_differences(then, now, "", texts);
   if (record.engine != inputs.engine) texts.push_back("engine \"" + record.engine + "\" -> \"" + inputs.engine + "\"");

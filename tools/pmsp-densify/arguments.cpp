@@ -242,8 +242,8 @@ void add_image_inputs(CLI::App& app, Arguments& a) {
          "auto: masks that come with the images (what MAP names, the folder masks beside them, 7_mask.png, alpha), and "
          "the rig, where images show that something moves with the camera, which is written as CLOUD.rig-mask.png; "
          "none; or an image whose black pixels are ignored in every keyframe; or a folder with one for each image "
-         "(7.jpg.png, "
-         "7.png, 7_mask.png or 7.mask.png for 7.jpg); or a YAML configuration of the SLAM, for its mask_rectangles "
+         "(7.jpg.png, 7.png, 7_mask.png or 7.mask.png for 7.jpg); or a YAML configuration of the SLAM, for its "
+         "mask_rectangles "
          "[default auto]")
       ->type_name("auto|none|FILE|DIR")
       ->group("Input");

@@ -60,7 +60,7 @@ Calibration calibrate(const Arguments& arguments, const DensifierOptions& option
 
 RigMask recorded_rig(const workspace::Record& record) {
   const nlohmann::json options = nlohmann::json::parse(record.options);
-  const auto runs = options.find(kRigMask);
+  const auto runs = options.find(workspace::kRigMask);
   if (runs == options.end()) return {};
   Image<std::uint8_t> mask(RigMaskEstimator::kWidth, RigMaskEstimator::kWidth / 2);
   auto at = mask.pixels().begin();
@@ -71,7 +71,7 @@ RigMask recorded_rig(const workspace::Record& record) {
     at = std::fill_n(at, run.get<std::ptrdiff_t>(), value);
     value = static_cast<std::uint8_t>(255 - value);
   }
-  return rig_mask_of(std::move(mask));
+  return at == mask.pixels().end() ? rig_mask_of(std::move(mask)) : RigMask{};
 }
 
 nlohmann::ordered_json rig_json(const RigMask& rig) {

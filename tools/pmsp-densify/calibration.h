@@ -31,9 +31,6 @@ struct Calibration {
 Calibration calibrate(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
                       const ImageSource& images, MaskSource& masks, bool growing, const workspace::Record& recorded);
 
-/// Key of rig_json among the options in a record.
-constexpr const char* kRigMask = "rig_mask";
-
 /// The rig mask in a workspace's record; empty = none.
 RigMask recorded_rig(const workspace::Record& record);
 

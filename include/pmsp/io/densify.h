@@ -25,8 +25,8 @@ struct DensifyExtras {
 
 /// A mission from its map and images to points, the same as `pmsp-densify run` makes: landmarks from the images where
 /// the map has none, lens distance and rig mask from some of them, then a Densifier that is given each keyframe with
-/// its pose, landmarks and mask. `images`: before the first `next`. `callbacks`: see DensifierCallbacks. Skips images
-/// that cannot be read.
+/// its pose, landmarks and mask (with Quality::kPaper the tool leaves `calibrate.lenses` out). `images`: before the
+/// first `next`. `callbacks`: see DensifierCallbacks. Skips images that cannot be read.
 ///
 /// Throws InvalidInput where the map's conventions, poses or images evidently are not what they should be (`verify`),
 /// landmarks can neither be read nor made, or no image can be read; and what Densifier throws.

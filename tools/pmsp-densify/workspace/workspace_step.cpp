@@ -152,7 +152,7 @@ void WorkspaceStep::describe(const DensifierOptions& options, const std::string&
   inputs.engine = engine;
   inputs.width = options.width;
   nlohmann::ordered_json json = options_of_results(options);
-  if (!rig_.is_null()) json[kRigMask] = rig_;
+  if (!rig_.is_null()) json[workspace::kRigMask] = rig_;
   inputs.options_json = json.dump();
   for (const char* later : {"view_filter", "consistency", "fusion", "free_space"}) json.erase(later);
   inputs.planes_options_json = json.dump();

@@ -33,7 +33,7 @@ class WorkspaceStep {
  public:
   using TakeCloud = std::function<void(const KeyframeCloud&)>;
 
-  /// All but `rig` must outlive it. `time`: where that of the workspace is counted; nullptr = nobody asks.
+  /// All but `rig` must outlive it. `time`: account of the time that the workspace takes; nullptr = none.
   WorkspaceStep(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
                 const SlamMap& map, const RigMask& rig, bool growing, TimeAccount* time);
 

@@ -62,6 +62,9 @@ struct RecordedCloud {
   std::vector<std::string> comments;                 ///< how it was made, but for its frame
 };
 
+/// Key of the rig mask among the options of a record.
+constexpr const char* kRigMask = "rig_mask";
+
 /// What a workspace holds after its last finished step, and where all of it came from.
 struct Record {
   std::string step;
