@@ -7,7 +7,7 @@
 #include "cuda/cuda_engine.h"
 #include "pmsp-densify/exit_code.h"
 #include "pmsp/error.h"
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 #include "pmsp/version.h"
 #include "stages.h"
 

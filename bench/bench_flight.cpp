@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "pmsp/error.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
-#include "pmsp/view_filter.h"
+#include "pmsp/stages.h"
 #include "synth/mission.h"
 
 namespace pmsp::bench {

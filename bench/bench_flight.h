@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "pmsp/keyframe.h"
+#include "pmsp/types.h"
 
 namespace pmsp::bench {
 

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <optional>
 
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 #include "pmsp/version.h"
 
 namespace pmsp::bench {
@@ -80,9 +80,9 @@ std::size_t most_repetitions(const std::vector<Case>& cases, const Results& resu
 std::string setting(const Workload& workload) {
   const DensifierOptions& options = workload.options;
   return format("\n%s: depth maps %d x %d, %d neighbours, %d iterations, %d geometric passes; images %d x %d\n",
-                workload.quality.c_str(), options.width, options.height, options.patchmatch.neighbours,
-                options.patchmatch.iterations, options.patchmatch.geometric_passes, workload.flight.image_width,
-                workload.flight.image_height);
+                workload.quality.c_str(), options.width, options.height, options.advanced.patchmatch.neighbours,
+                options.advanced.patchmatch.iterations, options.advanced.patchmatch.geometric_passes,
+                workload.flight.image_width, workload.flight.image_height);
 }
 
 std::string heading(const std::vector<Case>& cases, const Results& results) {
@@ -252,10 +252,10 @@ nlohmann::ordered_json to_json(const std::vector<Case>& cases, const Results& re
                                     {"backend", name_of(one.cuda ? Backend::kCuda : Backend::kCpu)},
                                     {"width", options.width},
                                     {"height", options.height},
-                                    {"neighbours", options.patchmatch.neighbours},
-                                    {"iterations", options.patchmatch.iterations},
-                                    {"refinements", options.patchmatch.refinements},
-                                    {"geometric_passes", options.patchmatch.geometric_passes},
+                                    {"neighbours", options.advanced.patchmatch.neighbours},
+                                    {"iterations", options.advanced.patchmatch.iterations},
+                                    {"refinements", options.advanced.patchmatch.refinements},
+                                    {"geometric_passes", options.advanced.patchmatch.geometric_passes},
                                     {"image_width", one.workload->flight.image_width},
                                     {"image_height", one.workload->flight.image_height},
                                     {"wall_ms", to_json(found->second.wall_ms)}};

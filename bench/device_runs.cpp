@@ -55,7 +55,7 @@ class Runner {
     DensifierOptions options = workload_.options;
     options.backend = Backend::kCuda;
     options.devices = {request_.device};
-    options.pipelined = pipelined;
+    options.advanced.pipelined = pipelined;
     return options;
   }
 
@@ -116,8 +116,8 @@ std::string case_name(const Workload& workload, const char* stage) {
 /// random plane and the candidates, or the plane so far, then in each iteration the neighbours' planes and the random
 /// steps.
 double nominal_samples(const DensifierOptions& options) {
-  const int candidates = (options.init.sparse_points ? 1 : 0) + (options.init.warp_previous ? 1 : 0);
-  const PatchMatchOptions& patchmatch = options.patchmatch;
+  const int candidates = (options.advanced.init.sparse_points ? 1 : 0) + (options.advanced.init.warp_previous ? 1 : 0);
+  const PatchMatchOptions& patchmatch = options.advanced.patchmatch;
   int hypotheses = 0;  // of a pixel
   for (int pass = 0; pass <= patchmatch.geometric_passes; ++pass) {
     const int starts = pass == 0 ? 1 + candidates : 1;

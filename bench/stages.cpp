@@ -2,8 +2,7 @@
 #include "stages.h"
 
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
-#include "pmsp/fusion.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::bench {
 namespace {
@@ -20,7 +19,7 @@ void sparse(benchmark::State& state, const Workload& workload, const Executor& e
   const DensifierOptions& options = workload.options;
   while (state.KeepRunning()) {
     const PlaneMap planes = planes_from_landmarks(workload.keyframes[workload.current], options.width, options.height,
-                                                  options.init, executor);
+                                                  options.advanced.init, executor);
     benchmark::DoNotOptimize(planes.x.pixels().data());
   }
 }
@@ -36,33 +35,34 @@ void warp(benchmark::State& state, const Workload& workload, const Executor& exe
 
 void match(benchmark::State& state, const Workload& workload, const Executor& executor) {
   while (state.KeepRunning()) {
-    const PlaneMap map = patchmatch(workload.match, workload.options.patchmatch, workload.options.seed, executor);
+    const PlaneMap map =
+        patchmatch(workload.match, workload.options.advanced.patchmatch, workload.options.seed, executor);
     benchmark::DoNotOptimize(map.x.pixels().data());
   }
 }
 
 void median(benchmark::State& state, const Workload& workload, const Executor& executor) {
   while (state.KeepRunning()) {
-    const PlaneMap map = median_filter(workload.raw[workload.current], workload.options.median, executor);
+    const PlaneMap map = median_filter(workload.raw[workload.current], workload.options.advanced.median, executor);
     benchmark::DoNotOptimize(map.x.pixels().data());
   }
 }
 
 void consistency(benchmark::State& state, const Workload& workload, const Executor& executor) {
-  const std::size_t reach = static_cast<std::size_t>(workload.options.consistency.window - 1) / 2;
+  const std::size_t reach = static_cast<std::size_t>(workload.options.advanced.consistency.window - 1) / 2;
   std::vector<const PlaneMap*> others;
   for (std::size_t i = workload.current - reach; i <= workload.current + reach; ++i) {
     if (i != workload.current) others.push_back(&workload.median[i]);
   }
   while (state.KeepRunning()) {
     const Image<float> confidence =
-        consistency_filter(workload.median[workload.current], others, workload.options.consistency, executor);
+        consistency_filter(workload.median[workload.current], others, workload.options.advanced.consistency, executor);
     benchmark::DoNotOptimize(confidence.pixels().data());
   }
 }
 
 void fuse_current(benchmark::State& state, const Workload& workload, const Executor& executor) {
-  const std::size_t reach = static_cast<std::size_t>(workload.options.fusion.window - 1) / 2;
+  const std::size_t reach = static_cast<std::size_t>(workload.options.advanced.fusion.window - 1) / 2;
   std::vector<FusionMap> window;
   for (std::size_t i = workload.current - reach; i <= workload.current + reach; ++i) {
     window.push_back({&workload.median[i],
@@ -71,7 +71,7 @@ void fuse_current(benchmark::State& state, const Workload& workload, const Execu
                       {workload.median[i].cam_from_world}});
   }
   while (state.KeepRunning()) {
-    const SurfelMap points = fuse_pixels(window, reach, workload.options.fusion, executor);
+    const SurfelMap points = fuse_pixels(window, reach, workload.options.advanced.fusion, executor);
     benchmark::DoNotOptimize(points.surfels.pixels().data());
   }
 }

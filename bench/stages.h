@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 #include "workload.h"
 
 namespace pmsp::bench {

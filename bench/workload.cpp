@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::bench {
 namespace {
@@ -37,7 +37,7 @@ void make_maps(Workload& workload, const Executor& executor) {
                        " gave a depth map; expected all of them to do so");
   }
   for (const PlaneMap& map : workload.raw) {
-    workload.median.push_back(median_filter(map, workload.options.median, executor));
+    workload.median.push_back(median_filter(map, workload.options.advanced.median, executor));
   }
   for (DepthMap& map : filtered) workload.confidence.push_back(std::move(map.confidence));
 }
@@ -47,13 +47,13 @@ void make_match_input(Workload& workload, const Executor& executor) {
   const auto posed = [&](std::size_t i) { return PosedPanorama{&workload.panoramas[i], workload.keyframes[i].pose()}; };
   workload.match.keyframe_id = workload.keyframes[current].id;
   workload.match.reference = posed(current);
-  const int count = workload.options.patchmatch.neighbours;
+  const int count = workload.options.advanced.patchmatch.neighbours;
   for (const std::size_t i : neighbours_of(current, workload.keyframes.size(), count)) {
     workload.match.neighbours.push_back(posed(i));
   }
-  workload.match.range = depth_range(workload.keyframes[current], workload.options.init);
+  workload.match.range = depth_range(workload.keyframes[current], workload.options.advanced.init);
   workload.sparse = planes_from_landmarks(workload.keyframes[current], workload.options.width, workload.options.height,
-                                          workload.options.init, executor);
+                                          workload.options.advanced.init, executor);
   workload.warped = warp_planes(workload.median[current - 1], workload.keyframes[current].pose(),
                                 workload.options.width, workload.options.height, executor);
   workload.match.landmarks = &workload.sparse;
@@ -69,7 +69,8 @@ int image_width_of(const WorkloadRequest& request) {
 }
 
 int flight_length(const DensifierOptions& options) {
-  return std::max({options.consistency.window, options.fusion.window, options.patchmatch.neighbours + 1});
+  return std::max({options.advanced.consistency.window, options.advanced.fusion.window,
+                   options.advanced.patchmatch.neighbours + 1});
 }
 
 std::unique_ptr<Workload> outline(const WorkloadRequest& request) {
@@ -79,7 +80,7 @@ std::unique_ptr<Workload> outline(const WorkloadRequest& request) {
   if (request.width != 0) workload->options.width = request.width;
   if (workload->options.width == 0) workload->options.width = image_width_of(request);
   workload->options.height = request.height != 0 ? request.height : workload->options.width / 2;
-  PatchMatchOptions& patchmatch = workload->options.patchmatch;
+  PatchMatchOptions& patchmatch = workload->options.advanced.patchmatch;
   patchmatch.neighbours = request.neighbours.value_or(patchmatch.neighbours);
   patchmatch.iterations = request.iterations.value_or(patchmatch.iterations);
   patchmatch.refinements = request.refinements.value_or(patchmatch.refinements);

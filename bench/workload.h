@@ -10,9 +10,7 @@
 
 #include "bench_flight.h"
 #include "pmsp/densifier.h"
-#include "pmsp/initialiser.h"
-#include "pmsp/panorama.h"
-#include "pmsp/patchmatch.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::bench {
 

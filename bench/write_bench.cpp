@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "write_bench.h"
+#include "machine.h"
 
 #include <sched.h>
 #include <sys/resource.h>
@@ -20,8 +21,8 @@
 
 #include "pmsp-densify/exit_code.h"
 #include "pmsp/error.h"
-#include "pmsp/executor.h"
-#include "pmsp/io/cloud_output.h"
+#include "pmsp/io/cloud.h"
+#include "pmsp/stages.h"
 #include "util/thread_pool.h"
 
 namespace pmsp::bench {

@@ -1,6 +1,6 @@
 # Installs the libraries, headers and tools, and what find_package(pmsp) and pkg-config need. Included once all targets exist.
-# Components (cmake --install build --component core): core = the library that a SLAM links, io = pmsp_io, tools. Tools that were
-# not built are left out.
+# Components (cmake --install build --component pmsp): those of find_package, pmsp = the library that a SLAM links, pmsp_io,
+# pmsp_web; and tools. Tools that were not built are left out.
 include(CMakePackageConfigHelpers)
 
 set(_pmsp_cmake_dir "${CMAKE_INSTALL_LIBDIR}/cmake/pmsp")
@@ -8,30 +8,37 @@ set(_pmsp_components pmsp)
 if(TARGET pmsp_io)
   list(APPEND _pmsp_components pmsp_io)
 endif()
+if(TARGET pmsp_web)
+  list(APPEND _pmsp_components pmsp_web)
+endif()
 
-set(_pmsp_component_of_pmsp core)
-set(_pmsp_component_of_pmsp_io io)
 foreach(component IN LISTS _pmsp_components)
-  set(_pmsp_part ${_pmsp_component_of_${component}})
   set_target_properties(${component} PROPERTIES
     VERSION ${PROJECT_VERSION}
     SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}   # before 1.0 a minor version may break the interface
     DEFINE_SYMBOL ""   # nothing asks whether it is compiled for a shared library
     INSTALL_RPATH "$ORIGIN")
   install(TARGETS ${component} EXPORT ${component}-targets
-    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${_pmsp_part}
-    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${_pmsp_part}
-    RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT ${_pmsp_part})
-  install(EXPORT ${component}-targets NAMESPACE pmsp:: DESTINATION ${_pmsp_cmake_dir} COMPONENT ${_pmsp_part})
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component}
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component}
+    RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT ${component})
+  install(EXPORT ${component}-targets NAMESPACE pmsp:: DESTINATION ${_pmsp_cmake_dir} COMPONENT ${component})
 endforeach()
 
-install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/pmsp DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT core
-  FILES_MATCHING PATTERN "*.h" PATTERN "*.hpp" PATTERN io EXCLUDE)
-install(FILES ${PROJECT_BINARY_DIR}/include/pmsp/version.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pmsp COMPONENT core)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/pmsp DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT pmsp
+  FILES_MATCHING PATTERN "*.h" PATTERN io EXCLUDE PATTERN web.h EXCLUDE)
+install(FILES ${PROJECT_BINARY_DIR}/include/pmsp/version.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pmsp COMPONENT pmsp)
 if("pmsp_io" IN_LIST _pmsp_components)
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/pmsp/io DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pmsp COMPONENT io
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/pmsp/io DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pmsp COMPONENT pmsp_io
     FILES_MATCHING PATTERN "*.h")
 endif()
+if("pmsp_web" IN_LIST _pmsp_components)
+  install(FILES ${PROJECT_SOURCE_DIR}/include/pmsp/web.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pmsp COMPONENT pmsp_web)
+endif()
+
+file(GLOB _pmsp_examples ${PROJECT_SOURCE_DIR}/examples/*.h ${PROJECT_SOURCE_DIR}/examples/*.cpp)
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT pmsp)
+install(FILES ${_pmsp_examples} DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT pmsp)
 
 file(RELATIVE_PATH _pmsp_bin_to_lib "/${CMAKE_INSTALL_BINDIR}" "/${CMAKE_INSTALL_LIBDIR}")
 foreach(tool pmsp-densify pmsp-eval pmsp-synth)
@@ -63,7 +70,7 @@ endif()
 configure_package_config_file(cmake/pmsp-config.cmake.in package/pmsp-config.cmake INSTALL_DESTINATION ${_pmsp_cmake_dir})
 write_basic_package_version_file(package/pmsp-config-version.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/package/pmsp-config.cmake ${PROJECT_BINARY_DIR}/package/pmsp-config-version.cmake
-  DESTINATION ${_pmsp_cmake_dir} COMPONENT core)
+  DESTINATION ${_pmsp_cmake_dir} COMPONENT pmsp)
 
 # pkg-config: the prefix is found from the file's own place, so that an installed tree can be moved.
 file(RELATIVE_PATH PMSP_PC_TO_PREFIX "/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/")
@@ -85,5 +92,5 @@ endif()
 foreach(component IN LISTS _pmsp_components)
   configure_file(cmake/${component}.pc.in package/${component}.pc @ONLY)
   install(FILES ${PROJECT_BINARY_DIR}/package/${component}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig
-    COMPONENT ${_pmsp_component_of_${component}})
+    COMPONENT ${component})
 endforeach()

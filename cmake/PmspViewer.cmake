@@ -19,8 +19,8 @@ function(pmsp_report_template variable)
     endif()
   endif()
   add_custom_command(OUTPUT ${made}
-                     COMMAND ${CMAKE_COMMAND} -DFROM=${page} -DTO=${made} -DNAME=kReportTemplate
-                             -DHEADER=report_template.h -P ${PROJECT_SOURCE_DIR}/cmake/EmbedText.cmake
+                     COMMAND ${CMAKE_COMMAND} -DFROM=${page} -DTO=${made} -DNAME=kPageTemplate
+                             -DHEADER=web/page.h -P ${PROJECT_SOURCE_DIR}/cmake/EmbedText.cmake
                      DEPENDS ${page} ${PROJECT_SOURCE_DIR}/cmake/EmbedText.cmake VERBATIM)
   if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
     set_source_files_properties(${made} PROPERTIES COMPILE_OPTIONS -Wno-overlength-strings)

@@ -24,8 +24,8 @@
 #include <vector>
 
 #include "fake_slam.h"
-#include "pmsp/io/cloud_output.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/cloud.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
 #include "pmsp/live.h"
 

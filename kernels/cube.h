@@ -12,7 +12,7 @@ namespace pmsp::kernels {
 
 /// Gray values of a face map. `quads[face * face_elements + j * (size + 1) + i]` packs the 2 x 2 nodes from (i, j) on
 /// as four numbers of 16 bits, lowest first: (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1); one 64-bit read serves one
-/// bilinear sample. Bytes would take half the memory, but their rounding shows in scores (docs/gpu.md).
+/// bilinear sample. Bytes would take half the memory, but their rounding shows in scores.
 struct CubeView {
   const std::uint64_t* quads;
   float half_size;             ///< size / 2

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/densifier.h"
+#include "planned_densifier.h"
 
 #include <algorithm>
 #include <string>
@@ -8,20 +8,20 @@
 #include "densifier_checks.h"
 #include "make_engine.h"
 #include "pipeline.h"
+#include "plan/plan.h"
 #include "pmsp/error.h"
-#include "pmsp/plan.h"
 
 namespace pmsp {
 namespace {
 
-Wanted wanted_by(const DensifierCallbacks& callbacks) {
+Wanted wanted_by(const PlannedCallbacks& callbacks) {
   if (callbacks.cloud) return Wanted::kPoints;
   return callbacks.planes && !callbacks.filtered_depth ? Wanted::kPlanes : Wanted::kDepthMaps;
 }
 
 }  // namespace
 
-Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, DensifierCallbacks to,
+Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, PlannedCallbacks to,
                    std::function<PlaneMap(std::int64_t id)> load)
     : given_options_(given),
       options_(given),
@@ -276,7 +276,8 @@ void Pipeline::run(const Stage& stage, std::int64_t i) {
   const PlanEntry& entry = entry_of(reference);
   if (stage.kind == Stage::Kind::kMatch) {
     take_earlier(reference, stage.step);
-    const bool rests = part_ && part_->shortcut(reference.place) && stage.step < options_.patchmatch.geometric_passes;
+    const bool rests =
+        part_ && part_->shortcut(reference.place) && stage.step < options_.advanced.patchmatch.geometric_passes;
     if (rests && !runs(stage, reference)) engine_->carry(*reference.frame, stage.step);
   }
   if (!runs(stage, reference)) return;
@@ -302,7 +303,7 @@ void Pipeline::run(const Stage& stage, std::int64_t i) {
 PassRange Pipeline::passes_of(const View& view) const {
   const Shortcut* shortcut = nullptr;
   if (part_ && part_->shortcut(view.place)) shortcut = &*part_->shortcut(view.place);
-  return pass_range(shortcut, options_.patchmatch.geometric_passes);
+  return pass_range(shortcut, options_.advanced.patchmatch.geometric_passes);
 }
 
 /// Planes of an earlier run, when passes look at them: from the first one on or, as results of the last one, then.
@@ -396,12 +397,19 @@ struct Densifier::Impl : Pipeline {
   using Pipeline::Pipeline;
 };
 
+Densifier::Densifier(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Densifier::Densifier(const DensifierOptions& options, DensifierCallbacks callbacks) {
   options.validate();
   impl_ = std::make_unique<Impl>(options, std::nullopt, std::move(callbacks));
 }
-Densifier::Densifier(const DensifierOptions& options, const Plan& plan, const std::vector<std::int64_t>& ids,
-                     DensifierCallbacks callbacks, Shortcuts shortcuts) {
+PlannedDensifier::PlannedDensifier(const DensifierOptions& options, PlannedCallbacks callbacks) : Densifier(nullptr) {
+  options.validate();
+  impl_ = std::make_unique<Impl>(options, std::nullopt, std::move(callbacks));
+}
+PlannedDensifier::PlannedDensifier(const DensifierOptions& options, const Plan& plan,
+                                   const std::vector<std::int64_t>& ids, PlannedCallbacks callbacks,
+                                   Shortcuts shortcuts)
+    : Densifier(nullptr) {
   options.validate();
   PlanPart part(plan, ids, options, wanted_by(callbacks), shortcuts.keyframes);
   for (const auto& [id, shortcut] : shortcuts.keyframes) {
@@ -416,11 +424,11 @@ Densifier& Densifier::operator=(Densifier&&) noexcept = default;
 
 bool Densifier::add(const Keyframe& keyframe) { return impl_->add(keyframe); }
 void Densifier::flush() { impl_->flush(); }
-void Densifier::run(const KeyframeSource& keyframes) { impl_->run(keyframes); }
+void PlannedDensifier::run(const KeyframeSource& keyframes) { impl_->run(keyframes); }
 void Densifier::cancel() noexcept { impl_->stop(); }
 bool Densifier::cancelled() const noexcept { return impl_->stopped(); }
 const DensifierStats& Densifier::stats() const { return impl_->stats(); }
-std::vector<std::int64_t> Densifier::images() const { return impl_->images(); }
+std::vector<std::int64_t> PlannedDensifier::images() const { return impl_->images(); }
 const DensifierOptions& Densifier::options() const { return impl_->options(); }
 const std::string& Densifier::backend() const { return impl_->backend(); }
 

@@ -5,9 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "pmsp/image.h"
-#include "pmsp/keyframe.h"
 #include "pmsp/options.h"
+#include "pmsp/types.h"
 #include "util/io_api.h"
 
 namespace pmsp {

@@ -9,11 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "pmsp/densifier.h"
-#include "pmsp/executor.h"
-#include "pmsp/fusion.h"
-#include "pmsp/initialiser.h"
-#include "pmsp/keyframe.h"
+#include "planned_densifier.h"
+#include "pmsp/stages.h"
+#include "pmsp/types.h"
 #include "schedule.h"
 
 namespace pmsp {

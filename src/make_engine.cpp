@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "make_engine.h"
+#include "machine.h"
 
 #include <algorithm>
 #include <utility>
@@ -7,9 +8,9 @@
 
 #include "cpu/cpu_engine.h"
 #include "cuda/cuda_engine.h"
-#include "pmsp/devices.h"
+#include "devices.h"
 #include "pmsp/error.h"
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 
 namespace pmsp {
 namespace {

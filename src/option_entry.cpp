@@ -6,8 +6,8 @@
 #include <system_error>
 #include <type_traits>
 
+#include "option_table.h"
 #include "pmsp/error.h"
-#include "pmsp/option_table.h"
 
 namespace pmsp {
 namespace {

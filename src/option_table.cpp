@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/option_table.h"
+#include "option_table.h"
 
 #include "patch.h"
-#include "pmsp/keyframe.h"
+#include "pmsp/types.h"
 #include "ranges.h"
 
 namespace pmsp {
@@ -52,6 +52,9 @@ class Table {
 #define PMSP_OPTION(field, help) \
   table.option(                  \
       #field, +[](DensifierOptions & o) -> auto& { return o.field; }, help)
+#define PMSP_ADVANCED_OPTION(field, help) \
+  table.option(                           \
+      #field, +[](DensifierOptions & o) -> auto& { return o.advanced.field; }, help)
 
 // Defaults are those of the structs, and the quality online. What `paper` has is Surmann et al. 2022, with the figures
 // of their program where the paper gives none. What is its defect rather than its method is not repeated: a blind strip
@@ -81,7 +84,8 @@ void machine(Table& table) {
   PMSP_OPTION(devices, "CUDA devices that share the work, as the driver numbers them; the result is that of one")
       .named("device")
       .range(0, 255);
-  PMSP_OPTION(pipelined, "CUDA: overlap copies and work of successive keyframes; results come one keyframe later");
+  PMSP_ADVANCED_OPTION(pipelined,
+                       "CUDA: overlap copies and work of successive keyframes; results come one keyframe later");
   PMSP_OPTION(threads, "Threads; 0 = one for each CPU that the process may use").range(1, 1024).zero_too();
   PMSP_OPTION(simd, "Instruction set; auto takes the widest that this machine has");
   PMSP_OPTION(lens_distance,
@@ -94,70 +98,76 @@ void machine(Table& table) {
 
 void view_filter(Table& table) {
   table.stage("View filter");
-  PMSP_OPTION(view_filter.enabled,
-              "Leave out keyframes with too little or too much parallax, and those that are clearly blurred");
-  PMSP_OPTION(view_filter.min_parallax_deg, "Smallest useful parallax of a landmark").unit("deg").range(0, 180);
-  PMSP_OPTION(view_filter.max_parallax_deg, "Largest useful parallax of a landmark").unit("deg").range(0, 180);
-  PMSP_OPTION(view_filter.min_share,
-              "Share of the common landmarks that must have useful parallax; less accepts more keyframes")
+  PMSP_ADVANCED_OPTION(view_filter.enabled,
+                       "Leave out keyframes with too little or too much parallax, and those that are clearly blurred");
+  PMSP_ADVANCED_OPTION(view_filter.min_parallax_deg, "Smallest useful parallax of a landmark")
+      .unit("deg")
+      .range(0, 180);
+  PMSP_ADVANCED_OPTION(view_filter.max_parallax_deg, "Largest useful parallax of a landmark").unit("deg").range(0, 180);
+  PMSP_ADVANCED_OPTION(view_filter.min_share,
+                       "Share of the common landmarks that must have useful parallax; less accepts more keyframes")
       .range(0, 1)
       .paper(0.2);
-  PMSP_OPTION(view_filter.min_sharpness,
-              "Sharpness, relative to that of the keyframes before, below which a keyframe is blurred; 0 = none is "
-              "left out")
+  PMSP_ADVANCED_OPTION(
+      view_filter.min_sharpness,
+      "Sharpness, relative to that of the keyframes before, below which a keyframe is blurred; 0 = none is "
+      "left out")
       .range(0, 1)
       .paper(0);
 }
 
 void init(Table& table) {
   table.stage("Initialisation");
-  PMSP_OPTION(init.sparse_points, "Start from planes through the keyframe's landmarks");
-  PMSP_OPTION(init.sparse_radius_px, "How far one landmark spreads")
+  PMSP_ADVANCED_OPTION(init.sparse_points, "Start from planes through the keyframe's landmarks");
+  PMSP_ADVANCED_OPTION(init.sparse_radius_px, "How far one landmark spreads")
       .unit("px of the depth map")
       .range(0, 100)
       .paper(kOnePixel);
-  PMSP_OPTION(init.warp_previous, "Start from the previous depth map, moved into this keyframe");
-  PMSP_OPTION(init.chain_keyframes, "Begin that anew for each stretch of so many keyframe ids; 0 = never")
+  PMSP_ADVANCED_OPTION(init.warp_previous, "Start from the previous depth map, moved into this keyframe");
+  PMSP_ADVANCED_OPTION(init.chain_keyframes, "Begin that anew for each stretch of so many keyframe ids; 0 = never")
       .unit("ids")
       .range(0, 100000)
       .paper(0);
-  PMSP_OPTION(init.range_margin, "Factor that widens the landmarks' depth range at both ends").range(1, 1000);
+  PMSP_ADVANCED_OPTION(init.range_margin, "Factor that widens the landmarks' depth range at both ends").range(1, 1000);
 }
 
 void patchmatch(Table& table) {
   table.stage("PatchMatch");
-  PMSP_OPTION(patchmatch.iterations, "Visits of every pixel in the first pass")
+  PMSP_ADVANCED_OPTION(patchmatch.iterations, "Visits of every pixel in the first pass")
       .range(1, 100)
       .normal(2)
       .high(2)
       .paper(4);
-  PMSP_OPTION(patchmatch.neighbours, "Keyframes to match with; time grows in proportion")
+  PMSP_ADVANCED_OPTION(patchmatch.neighbours, "Keyframes to match with; time grows in proportion")
       .range(1, kernels::kMaxViews)
       .normal(4)
       .high(6);
-  PMSP_OPTION(patchmatch.refinements, "Random draws per pixel and iteration").range(0, 32).paper(6);
-  PMSP_OPTION(patchmatch.fine_patch, "Size of the patch of textured pixels")
+  PMSP_ADVANCED_OPTION(patchmatch.refinements, "Random draws per pixel and iteration").range(0, 32).paper(6);
+  PMSP_ADVANCED_OPTION(patchmatch.fine_patch, "Size of the patch of textured pixels")
       .unit("share of the patch")
       .range(0.1, 1)
       .normal(0.4)
       .high(0.5)
       .paper(1);
-  PMSP_OPTION(patchmatch.image_scale, "Width of the images that are compared, at most; finer ones keep edges sharper")
+  PMSP_ADVANCED_OPTION(patchmatch.image_scale,
+                       "Width of the images that are compared, at most; finer ones keep edges sharper")
       .unit("widths of the depth map")
       .range(0.25, 8)
       .paper(1);
-  PMSP_OPTION(patchmatch.sigma_color, "Bilateral weight: difference in brightness")
+  PMSP_ADVANCED_OPTION(patchmatch.sigma_color, "Bilateral weight: difference in brightness")
       .unit("gray levels")
       .range(1, 1000)
       .paper(50);
-  PMSP_OPTION(patchmatch.min_sigma_color,
-              "The same where the surface around a pixel is smooth; from sigma_color on: everywhere the same")
+  PMSP_ADVANCED_OPTION(patchmatch.min_sigma_color,
+                       "The same where the surface around a pixel is smooth; from sigma_color on: everywhere the same")
       .unit("gray levels")
       .range(1, 1000)
       .paper(50);
-  PMSP_OPTION(patchmatch.plane_priors, "Prefer planes through the reliable surface around where there is no texture")
+  PMSP_ADVANCED_OPTION(patchmatch.plane_priors,
+                       "Prefer planes through the reliable surface around where there is no texture")
       .paper(0);
-  PMSP_OPTION(patchmatch.geometric_passes, "Further passes that prefer what neighbouring depth maps agree with")
+  PMSP_ADVANCED_OPTION(patchmatch.geometric_passes,
+                       "Further passes that prefer what neighbouring depth maps agree with")
       .range(0, 8)
       .normal(3)
       .high(3)
@@ -166,31 +176,32 @@ void patchmatch(Table& table) {
 
 void filters(Table& table) {
   table.stage("Median filter");
-  PMSP_OPTION(median.enabled, "Remove single outliers").paper(1);
-  PMSP_OPTION(median.max_relative_deviation,
-              "Deviation from the neighbourhood's median beyond which a pixel is dropped")
+  PMSP_ADVANCED_OPTION(median.enabled, "Remove single outliers").paper(1);
+  PMSP_ADVANCED_OPTION(median.max_relative_deviation,
+                       "Deviation from the neighbourhood's median beyond which a pixel is dropped")
       .unit("share of the depth")
       .range(0, 1);
-  PMSP_OPTION(median.min_score, "Photometric score below which a pixel is dropped; 0: none")
+  PMSP_ADVANCED_OPTION(median.min_score, "Photometric score below which a pixel is dropped; 0: none")
       .unit("NCC")
       .range(-1, 1)
       .paper(0.1);
 
-  PMSP_OPTION(median.weighted, "Then move depth edges to where the image has them").paper(0);
+  PMSP_ADVANCED_OPTION(median.weighted, "Then move depth edges to where the image has them").paper(0);
 
   table.stage("Consistency filter");
-  PMSP_OPTION(consistency.enabled, "Keep only what several depth maps agree on");
-  PMSP_OPTION(consistency.window, "Depth maps compared, the filtered one in the middle")
+  PMSP_ADVANCED_OPTION(consistency.enabled, "Keep only what several depth maps agree on");
+  PMSP_ADVANCED_OPTION(consistency.window, "Depth maps compared, the filtered one in the middle")
       .unit("depth maps")
       .range(3, 15)
       .odd()
       .normal(7)
       .high(7);
-  PMSP_OPTION(consistency.min_views, "Depth maps that must agree, the filtered one included; at most the window")
+  PMSP_ADVANCED_OPTION(consistency.min_views,
+                       "Depth maps that must agree, the filtered one included; at most the window")
       .unit("depth maps")
       .range(1, 15);
-  PMSP_OPTION(consistency.max_relative_depth,
-              "Deviation that still counts as agreement; a pixel's angle where that is larger")
+  PMSP_ADVANCED_OPTION(consistency.max_relative_depth,
+                       "Deviation that still counts as agreement; a pixel's angle where that is larger")
       .unit("share of the depth")
       .range(0, 1)
       .normal(0.007)
@@ -200,34 +211,36 @@ void filters(Table& table) {
 
 void fusion(Table& table) {
   table.stage("Fusion");
-  PMSP_OPTION(fusion.window, "Depth maps that are joined with each other")
+  PMSP_ADVANCED_OPTION(fusion.window, "Depth maps that are joined with each other")
       .unit("depth maps")
       .range(1, kernels::kMaxViewers - 1)
       .odd();
-  PMSP_OPTION(fusion.spacing_px, "Points closer than this are one point")
+  PMSP_ADVANCED_OPTION(fusion.spacing_px, "Points closer than this are one point")
       .unit("px of the nearer depth map")
       .range(0, 4)
       .paper(kOnePixel);
-  PMSP_OPTION(fusion.max_relative_depth, "Deviation up to which two depths are one surface")
+  PMSP_ADVANCED_OPTION(fusion.max_relative_depth, "Deviation up to which two depths are one surface")
       .unit("share of the depth")
       .range(0, 1)
       .paper(0.08);
-  PMSP_OPTION(fusion.max_normal_deg, "Angle of normals up to which they are one surface")
+  PMSP_ADVANCED_OPTION(fusion.max_normal_deg, "Angle of normals up to which they are one surface")
       .unit("deg")
       .range(0, 180)
       .paper(180);
-  PMSP_OPTION(fusion.min_confidence, "Points with less confidence are not written")
+  PMSP_ADVANCED_OPTION(fusion.min_confidence, "Points with less confidence are not written")
       .shortly("min_confidence")
       .range(0, 1)
       .paper(0);
-  PMSP_OPTION(fusion.suppression,
-              "A pixel gives way to a clearly more confident one so near; 0: none does. More makes the cloud truer and "
-              "sparser")
+  PMSP_ADVANCED_OPTION(
+      fusion.suppression,
+      "A pixel gives way to a clearly more confident one so near; 0: none does. More makes the cloud truer and "
+      "sparser")
       .unit("expected errors")
       .range(0, 10)
       .high(2.0);
-  PMSP_OPTION(fusion.history,
-              "With free_space.whole_mission: keyframes that may make the point of a place in place of this one")
+  PMSP_ADVANCED_OPTION(
+      fusion.history,
+      "With free_space.whole_mission: keyframes that may make the point of a place in place of this one")
       .unit("keyframes")
       .range(1, 100000)
       .high(30);
@@ -235,25 +248,26 @@ void fusion(Table& table) {
 
 void free_space(Table& table) {
   table.stage("Free space");
-  PMSP_OPTION(free_space.enabled, "Remove points that other keyframes have looked through").paper(0);
-  PMSP_OPTION(free_space.views, "Keyframes that are asked about each keyframe's points")
+  PMSP_ADVANCED_OPTION(free_space.enabled, "Remove points that other keyframes have looked through").paper(0);
+  PMSP_ADVANCED_OPTION(free_space.views, "Keyframes that are asked about each keyframe's points")
       .unit("keyframes")
       .range(1, kernels::kMaxViewers);
-  PMSP_OPTION(free_space.max_relative_depth, "Deviation that still confirms a point")
+  PMSP_ADVANCED_OPTION(free_space.max_relative_depth, "Deviation that still confirms a point")
       .unit("share of the depth")
       .range(0, 1);
-  PMSP_OPTION(free_space.min_relative_gap, "A surface this much farther away has been seen through the point")
+  PMSP_ADVANCED_OPTION(free_space.min_relative_gap, "A surface this much farther away has been seen through the point")
       .unit("share of the depth")
       .range(0, 1);
-  PMSP_OPTION(free_space.max_contradiction,
-              "What may speak against a point, relative to what speaks for it; less removes more")
+  PMSP_ADVANCED_OPTION(free_space.max_contradiction,
+                       "What may speak against a point, relative to what speaks for it; less removes more")
       .range(0, 100);
-  PMSP_OPTION(free_space.mirrors, "Remove what mirrors show, such as polished floors");
-  PMSP_OPTION(free_space.whole_mission, "Hold points back until the end, so that later keyframes have their say too")
+  PMSP_ADVANCED_OPTION(free_space.mirrors, "Remove what mirrors show, such as polished floors");
+  PMSP_ADVANCED_OPTION(free_space.whole_mission,
+                       "Hold points back until the end, so that later keyframes have their say too")
       .normal(1)
       .high(1);
-  PMSP_OPTION(free_space.history,
-              "Keyframes that may be asked, half on either side; bounds the memory of long missions")
+  PMSP_ADVANCED_OPTION(free_space.history,
+                       "Keyframes that may be asked, half on either side; bounds the memory of long missions")
       .unit("keyframes")
       .range(1, 100000);
 }

@@ -6,8 +6,8 @@
 #include <string>
 #include <type_traits>
 
+#include "option_table.h"
 #include "pmsp/error.h"
-#include "pmsp/option_table.h"
 
 namespace pmsp {
 namespace {
@@ -21,9 +21,9 @@ void check(const DensifierOptions& options, const std::string& stage) {
 
 /// The stage's options alone.
 template <class Stage>
-void check(Stage DensifierOptions::*member, const Stage& stage, const std::string& prefix) {
+void check(Stage AdvancedOptions::*member, const Stage& stage, const std::string& prefix) {
   DensifierOptions options;
-  options.*member = stage;
+  options.advanced.*member = stage;
   check(options, prefix);
 }
 
@@ -32,7 +32,7 @@ void check(Stage DensifierOptions::*member, const Stage& stage, const std::strin
 // Ranges stand in the table; here is what one option demands of another.
 
 void ViewFilterOptions::validate() const {
-  check(&DensifierOptions::view_filter, *this, "view_filter.");
+  check(&AdvancedOptions::view_filter, *this, "view_filter.");
   if (min_parallax_deg >= max_parallax_deg) {
     std::ostringstream text;
     text << "view_filter.min_parallax_deg is " << min_parallax_deg
@@ -41,33 +41,33 @@ void ViewFilterOptions::validate() const {
   }
 }
 
-void InitOptions::validate() const { check(&DensifierOptions::init, *this, "init."); }
+void InitOptions::validate() const { check(&AdvancedOptions::init, *this, "init."); }
 
-void PatchMatchOptions::validate() const { check(&DensifierOptions::patchmatch, *this, "patchmatch."); }
+void PatchMatchOptions::validate() const { check(&AdvancedOptions::patchmatch, *this, "patchmatch."); }
 
-void MedianFilterOptions::validate() const { check(&DensifierOptions::median, *this, "median."); }
+void MedianFilterOptions::validate() const { check(&AdvancedOptions::median, *this, "median."); }
 
 void ConsistencyFilterOptions::validate() const {
-  check(&DensifierOptions::consistency, *this, "consistency.");
+  check(&AdvancedOptions::consistency, *this, "consistency.");
   if (min_views > window) {
     throw InvalidOption("consistency.min_views is " + std::to_string(min_views) +
                         "; expected no more than consistency.window, " + std::to_string(window));
   }
 }
 
-void FusionOptions::validate() const { check(&DensifierOptions::fusion, *this, "fusion."); }
+void FusionOptions::validate() const { check(&AdvancedOptions::fusion, *this, "fusion."); }
 
-void FreeSpaceOptions::validate() const { check(&DensifierOptions::free_space, *this, "free_space."); }
+void FreeSpaceOptions::validate() const { check(&AdvancedOptions::free_space, *this, "free_space."); }
 
 void DensifierOptions::validate() const {
   check(*this, "");
-  if (expected_keyframes < 0) {
-    throw InvalidOption("expected_keyframes is " + std::to_string(expected_keyframes) +
+  if (advanced.expected_keyframes < 0) {
+    throw InvalidOption("expected_keyframes is " + std::to_string(advanced.expected_keyframes) +
                         "; expected 0 (not known) or more");
   }
-  view_filter.validate();
-  patchmatch.validate();
-  consistency.validate();
+  advanced.view_filter.validate();
+  advanced.patchmatch.validate();
+  advanced.consistency.validate();
 }
 
 DensifierOptions preset(Quality quality) {

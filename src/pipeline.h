@@ -17,7 +17,7 @@
 #include "plan/halo.h"
 #include "plan/plan_part.h"
 #include "plan/planner.h"
-#include "pmsp/densifier.h"
+#include "planned_densifier.h"
 #include "schedule.h"
 #include "stage_progress.h"
 
@@ -43,7 +43,7 @@ class Pipeline {
  public:
   /// `given`: valid. `part`: nullopt = the plan is made of the keyframes that come, and all of it is run.
   /// `load`: gives the planes of an earlier run that the part names.
-  Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, DensifierCallbacks to,
+  Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, PlannedCallbacks to,
            std::function<PlaneMap(std::int64_t id)> load = nullptr);
 
   /// As those of the Densifier.
@@ -109,8 +109,8 @@ class Pipeline {
 
   const DensifierOptions given_options_;  ///< what the plan is made with; sizes may be 0
   DensifierOptions options_;
-  DensifierCallbacks callbacks_;  ///< of the caller
-  EngineResults results_;         ///< what the engine calls
+  PlannedCallbacks callbacks_;  ///< of the caller
+  EngineResults results_;       ///< what the engine calls
   const Schedule schedule_;
   Planner planner_;
   const std::optional<PlanPart> part_;  ///< in place of what the planner makes

@@ -31,9 +31,9 @@ class Rehearsal {
   /// `in_step`: as several devices work that share a flight.
   explicit Rehearsal(const DensifierOptions& options, bool in_step = false)
       : in_step_(in_step),
-        passes_(options.patchmatch.geometric_passes),
+        passes_(options.advanced.patchmatch.geometric_passes),
         rounds_(ownership_rounds(options)),
-        has_evidence_(passes_ > 0 && options.patchmatch.plane_priors),
+        has_evidence_(passes_ > 0 && options.advanced.patchmatch.plane_priors),
         schedule_(options, true),
         next_(schedule_.stages().size(), 0),
         kept_(schedule_.lifetimes().size(), 0) {}

@@ -27,7 +27,7 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   using Kind = Stage::Kind;
   const PlanReach reach = plan_reach(options);
   std::size_t matched = 0;
-  for (int pass = 0; pass <= options.patchmatch.geometric_passes; ++pass) {
+  for (int pass = 0; pass <= options.advanced.patchmatch.geometric_passes; ++pass) {
     std::vector<Stage::Need> needs;
     if (pass > 0) needs.push_back({matched, reach.near});
     matched = add(Kind::kMatch, pass, std::move(needs), reach.near);
@@ -38,7 +38,8 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   keep(Artefact::kPlanes, stages_.front().lead, {{matched, reach.near}});
   const std::int64_t last_match = stages_[matched].lead;
   std::vector<Lifetime::Reader> median{{filtered, reach.consistency}};
-  if (matched == 0 && options.init.warp_previous) median.push_back({0, 1});  // the only pass hands its planes on
+  if (matched == 0 && options.advanced.init.warp_previous)
+    median.push_back({0, 1});  // the only pass hands its planes on
   if (!points) {
     keep(Artefact::kColor, 0, {{matched, 0}});
     keep(Artefact::kMedian, last_match, std::move(median));
@@ -51,7 +52,7 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   keep(Artefact::kMedian, last_match, std::move(median));
   keep(Artefact::kFiltered, stages_[filtered].lead, {{fused, reach.fusion}});
   std::size_t decided = fused;
-  if (options.free_space.enabled) {
+  if (options.advanced.free_space.enabled) {
     decided = add(Kind::kJudge, 0, {{fused, 0}, {filtered, reach.viewers_after}}, reach.near + reach.viewers_after);
     keep(Artefact::kRangeMap, stages_[filtered].lead, {{decided, reach.viewers_before}});
   }

@@ -56,7 +56,7 @@ class StageEngine final : public Engine {
                                               options.unordered ? scratch_.get() : nullptr);
     {
       const Stopwatch watch(context_.stats.seconds_prepare);
-      const double scale = options.patchmatch.image_scale;
+      const double scale = options.advanced.patchmatch.image_scale;
       const int compared = compared_size(keyframe.image.width, options.width, options.height, scale).width;
       frame->noise = image_noise(keyframe.image, keyframe.mask, options.width, compared, pool_of(executor_));
     }
@@ -113,8 +113,9 @@ class StageEngine final : public Engine {
     const bool is_wanted = context_.results.filtered_depth && reference.asked_for;
     auto confidence = on.template array<float>(pixels());
     const auto told = is_wanted ? on.template array<float>(pixels()) : Array<float>{};
-    auto stage = consistency_stage<Views>(on.map(planes), on.grid(), others.size(), context_.options.consistency,
-                                          reference.pose_error, confidence.get(), told.get());
+    auto stage =
+        consistency_stage<Views>(on.map(planes), on.grid(), others.size(), context_.options.advanced.consistency,
+                                 reference.pose_error, confidence.get(), told.get());
     std::vector<Planes> held;
     for (std::size_t k = 0; k < others.size(); ++k) {
       held.push_back(own(*others[k]).median.get(on));
@@ -126,7 +127,7 @@ class StageEngine final : public Engine {
           stats.pixels_after_consistency += numbers[1];
           stats.pixels_far += numbers[2];
         });
-    if (context_.results.cloud && context_.options.free_space.enabled) {
+    if (context_.results.cloud && context_.options.advanced.free_space.enabled) {
       find_ranges(reference, filtered(planes, confidence, on), on);
     }
     if (is_wanted) hand_out_depths(reference, planes, told.get(), context_.results.filtered_depth, on);
@@ -153,7 +154,7 @@ class StageEngine final : public Engine {
     reference.window_ids.clear();
     kernels::FusePixels<Views> stage{};
     stage.grid = on.grid();
-    stage.limits = fusion_limits(context_.options.fusion);
+    stage.limits = fusion_limits(context_.options.advanced.fusion);
     stage.pose_error = static_cast<float>(reference.pose_error);
     stage.first = view(reference);
     for (std::size_t i = 0; i < window.size(); ++i) {
@@ -161,7 +162,7 @@ class StageEngine final : public Engine {
       stage.others[stage.count++] = view(own(*window[i]));
       reference.window_ids.push_back(window[i]->id);
     }
-    const int agree_bytes = pmsp::agree_bytes(context_.options.fusion);
+    const int agree_bytes = pmsp::agree_bytes(context_.options.advanced.fusion);
     const std::size_t agree_size = pixels() * static_cast<std::size_t>(agree_bytes);
     auto surfels = on.template array<std::uint32_t>(pixels());
     auto details = on.template array<std::uint32_t>(pixels());
@@ -205,14 +206,14 @@ class StageEngine final : public Engine {
                                       to.zoom};
       from_viewers.push_back(relation(reference.pose, viewer.pose, lens()).other_from_first);
     }
-    stage.limits = free_space_limits(context_.options.free_space);
-    stage.max_contradiction = static_cast<float>(context_.options.free_space.max_contradiction);
+    stage.limits = free_space_limits(context_.options.advanced.free_space);
+    stage.max_contradiction = static_cast<float>(context_.options.advanced.free_space.max_contradiction);
     stage.standings = standings.get();
     Mirrors mirrors;
     on.counted(
         context_.stats.seconds_free_space,
         [&](Counts* counts) {
-          if (context_.options.free_space.mirrors) mirrors = find_mirrors(on, from_viewers, stage);
+          if (context_.options.advanced.free_space.mirrors) mirrors = find_mirrors(on, from_viewers, stage);
           on.launch(stage, counts);
         },
         [eligible = reference.eligible](const std::int64_t* numbers) { *eligible = numbers[0]; });
@@ -244,7 +245,7 @@ class StageEngine final : public Engine {
       const Relation to = relation(viewer.pose, reference.pose, lens());
       stage.others[stage.count++] = {view(viewer), to.other_from_first, to.zoom, viewer.id < reference.id};
     }
-    stage.limits = ownership_limits(context_.options.fusion);
+    stage.limits = ownership_limits(context_.options.advanced.fusion);
     stage.standings = standings.get();
     Asked asked{reference.asked.get(), reference.asked.count()};
     on.timed(context_.stats.seconds_ownership, [&] { on.own(stage, asked); });
@@ -267,7 +268,7 @@ class StageEngine final : public Engine {
     cloud.scale = reference.pose.scale;
     cloud.window_ids = reference.window_ids;
     on.hand_out_points({surfels.get(), details.get(), standings.get(), agree.get(),
-                        agree_bytes(context_.options.fusion), static_cast<float>(lens())},
+                        agree_bytes(context_.options.advanced.fusion), static_cast<float>(lens())},
                        std::move(cloud), context_.stats.seconds_ownership,
                        [this, eligible = reference.eligible](const KeyframeCloud& made) {
                          context_.stats.points_repeated += *eligible - static_cast<std::int64_t>(made.points.size());
@@ -411,7 +412,7 @@ class StageEngine final : public Engine {
       look_around(task, pass, sources, on);
       if (task.pass == 0) {
         propose_first_planes(task, pass, sources, on);
-      } else if (context_.options.patchmatch.plane_priors) {
+      } else if (context_.options.advanced.patchmatch.plane_priors) {
         sources.priors = on.planes();
         StageFrame& reference = own(*task.reference);
         const kernels::Baselines baselines = baselines_of(pass.matching);
@@ -432,7 +433,7 @@ class StageEngine final : public Engine {
       } else {
         on.launch(kernels::ReorderPlanes<Views>{on.map(sources.before), pass.state, false}, nullptr);
       }
-      run_iterations(on, pass, iterations_of(context_.options.patchmatch, task.pass), task.pass > 0,
+      run_iterations(on, pass, iterations_of(context_.options.advanced.patchmatch, task.pass), task.pass > 0,
                      [&] { return cancelled(); });
       on.launch(kernels::ReorderPlanes<Views>{on.map(state), on.to(result), true}, nullptr);
     });
@@ -507,7 +508,8 @@ class StageEngine final : public Engine {
     if (!looks && has_priors()) looks = on.upload(look_table({options.width, options.height}));
   }
   bool has_priors() const {
-    return context_.options.patchmatch.plane_priors && context_.options.patchmatch.geometric_passes > 0;
+    return context_.options.advanced.patchmatch.plane_priors &&
+           context_.options.advanced.patchmatch.geometric_passes > 0;
   }
 
   /// The keyframe's image, and what else is made of it.
@@ -529,8 +531,8 @@ class StageEngine final : public Engine {
     const StageFrame& reference = own(*task.reference);
     pass.grid = on.grid();
     pass.mask = view_of(sources.mask, on);
-    pass.matching = make_matching(on.gray(sources.reference), reference.noise, options.patchmatch, options.width,
-                                  task.range, options.seed, reference.id);
+    pass.matching = make_matching(on.gray(sources.reference), reference.noise, options.advanced.patchmatch,
+                                  options.width, task.range, options.seed, reference.id);
     for (std::size_t i = 0; i < task.neighbours.size(); ++i) {
       const Cubes& cubes = sources.neighbours[i];
       pass.matching.views[pass.matching.num_views++] = {
@@ -541,7 +543,7 @@ class StageEngine final : public Engine {
 
   /// Planes of landmarks, and those of the previous keyframe, moved.
   void propose_first_planes(const MatchTask& task, Pass& pass, Sources& sources, Processor& on) {
-    const InitOptions& options = context_.options.init;
+    const InitOptions& options = context_.options.advanced.init;
     if (options.sparse_points) {
       sources.landmark_keys = on.keys();
       const auto [points, count] = on.landmarks(*task.keyframe, lens());
@@ -580,7 +582,8 @@ class StageEngine final : public Engine {
   Planes median_of(const StageFrame& frame, const Planes& raw, Counts* counts, Processor& on) {
     Planes filtered = on.planes();
     const HeldMask mask = mask_of(frame, on);
-    on.launch(median_stage<Views>(on.map(raw), on.grid(), view_of(mask, on), context_.options.median, on.to(filtered)),
+    on.launch(median_stage<Views>(on.map(raw), on.grid(), view_of(mask, on), context_.options.advanced.median,
+                                  on.to(filtered)),
               counts);
     return filtered;
   }
@@ -613,7 +616,7 @@ class StageEngine final : public Engine {
         [&](Counts* counts) {
           median = median_of(reference, raw, counts, on);
           if (draft) return;
-          if (context_.options.median.weighted) median = weighted_median_of(reference, median, on);
+          if (context_.options.advanced.median.weighted) median = weighted_median_of(reference, median, on);
           if (priors) take_priors_off(median, priors, median, on);
         },
         [&stats = context_.stats](const std::int64_t* numbers) {

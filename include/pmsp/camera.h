@@ -2,9 +2,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "pmsp/api.h"
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 
@@ -18,7 +19,13 @@ PMSP_API Eigen::Vector2d pixel_from_bearing(const Eigen::Vector3d& direction, in
 
 /// OpenVSLAM and stella_vslam put the centre of a pixel at its whole index where this library adds one half. In
 /// longitude that is a turn of the camera about its y axis by pi / width, which this function undoes:
-///     keyframe.cam_from_world = cam_from_slam_cam(image_width) * slam_pose_cw.
+///     keyframe.cam_from_world = cam_from_slam_cam(image_width) * rigid_transform(slam_pose_cw).
 PMSP_API RigidTransform cam_from_slam_cam(int image_width);
+
+/// A pose as most SLAM systems hold it. The bottom row is ignored.
+inline RigidTransform rigid_transform(const Eigen::Ref<const Eigen::Matrix4d>& matrix) {
+  return {matrix.topLeftCorner<3, 3>(), matrix.topRightCorner<3, 1>()};
+}
+inline RigidTransform rigid_transform(const Eigen::Isometry3d& pose) { return {pose.linear(), pose.translation()}; }
 
 }  // namespace pmsp

@@ -10,12 +10,43 @@
 #include <vector>
 
 #include "pmsp/api.h"
-#include "pmsp/image.h"
-#include "pmsp/keyframe.h"
-#include "pmsp/live_snapshot.h"
 #include "pmsp/options.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
+
+/// Counts what happens to a live map. Of two versions the later one is the higher; 0 = the empty map at the start.
+using LiveVersion = std::uint64_t;
+
+/// A keyframe's points at one moment. A viewer draws `cloud->points` with `pose`: where only the pose has changed, what
+/// it has on the GPU stays.
+struct LiveCloud {
+  std::int64_t keyframe_id = 0;
+  std::int64_t map_id = 0;  ///< of the SLAM's map that the pose belongs to
+  KeyframePose pose;        ///< the newest one; that of `cloud` is as it was when the points were made
+  std::shared_ptr<const KeyframeCloud> cloud;  ///< never null; does not change
+  bool preliminary = false;                    ///< final points will replace these
+  LiveVersion cloud_since = 0;                 ///< version that brought these points
+  LiveVersion pose_since = 0;                  ///< version that brought this pose
+};
+
+/// A live map at one moment. It never changes, and costs nothing to hold but the clouds that it names.
+struct LiveSnapshot {
+  LiveVersion version = 0;
+  std::vector<LiveCloud> clouds;  ///< by ascending keyframe id
+};
+
+/// What makes one version of a live map of an earlier one. Each keyframe is in one list at most.
+struct LiveChanges {
+  LiveVersion from = 0;
+  LiveVersion to = 0;
+  bool reset = false;  ///< the map began anew in between: drop all that is there first; all clouds are in `added`
+  std::vector<LiveCloud> added;
+  std::vector<LiveCloud> replaced;  ///< other points, perhaps at another pose
+  std::vector<LiveCloud> moved;     ///< the same points at another pose or in another map
+  std::vector<std::int64_t> removed;
+  bool empty() const { return !reset && added.empty() && replaced.empty() && moved.empty() && removed.empty(); }
+};
 
 enum class PixelFormat { kRgb, kBgr, kGray };  ///< 3, 3 and 1 bytes a pixel
 
@@ -47,7 +78,7 @@ struct PMSP_API LiveOptions {
   /// Size, quality, seed, backend. With `free_space.whole_mission` points of a place that several keyframes see are
   /// made by one of them, wherever these are; else only neighbours are asked, and keyframes that a loop closure brings
   /// together.
-  /// `unordered`, `pipelined`, `scratch_folder` and `expected_keyframes` do not apply.
+  /// `unordered` must be false and `scratch_folder` empty; `pipelined` and `expected_keyframes` are ignored.
   DensifierOptions densifier = preset(Quality::kOnline);
   /// Of the worker threads, on Linux, 0 to 19, as of the command `nice`; 19: they run only where a core is idle. More
   /// than 0: on a GPU, at the lowest priority.

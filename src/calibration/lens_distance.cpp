@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/lens_distance.h"
+#include "pmsp/calibration.h"
 
 #include <algorithm>
 #include <array>

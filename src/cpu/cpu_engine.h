@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "engine.h"
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::cpu {
 

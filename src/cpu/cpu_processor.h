@@ -67,7 +67,7 @@ class CpuProcessor {
 
   static int number_of(const EngineContext& /*context*/) { return 1; }
   CpuProcessor(const EngineContext& context, const Executor& executor, int /*number*/, Queue& /*queue*/)
-      : cancel_(&context.cancel), image_scale_(context.options.patchmatch.image_scale), executor_(executor) {}
+      : cancel_(&context.cancel), image_scale_(context.options.advanced.patchmatch.image_scale), executor_(executor) {}
   /// For stages alone.
   CpuProcessor(const Executor& executor, int width, int height) : executor_(executor) { set_size(width, height); }
 

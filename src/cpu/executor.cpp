@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/executor.h"
+#include "machine.h"
+#include "pmsp/stages.h"
 
 #include <algorithm>
 #include <thread>

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cpu/row_kernels.h"
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 #include "util/inside.h"
 #include "util/thread_pool.h"
 

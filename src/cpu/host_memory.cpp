@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/cost.h"
+#include "cost.h"
 
 #include <algorithm>
 
@@ -16,17 +16,17 @@ constexpr double kPlanes = 16.0;  // bytes of a pixel: x, y, z and score
 
 HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used, int image_width) {
   const double pixels = static_cast<double>(options.width) * options.height;
-  const double side =
-      cube_size_for(compared_size(image_width, options.width, options.height, options.patchmatch.image_scale).width);
+  const double side = cube_size_for(
+      compared_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale).width);
   const double texels = 6.0 * side * side;  // 8 bytes each in a cube map that is matched with, 2 in one put away
-  const double surfel = 2.0 * 4.0 + 2.0 + agree_bytes(options.fusion) + 4.0;  // and who is still to be asked
+  const double surfel = 2.0 * 4.0 + 2.0 + agree_bytes(options.advanced.fusion) + 4.0;  // and who is still to be asked
   const bool waits_in_file = !options.scratch_folder.empty();
 
   HostMemory needed;
   // One stage's own: planes of a pass and keys, or what it looks at of others where that is in the file, and points on
   // their way out.
   const double matching = (4.0 * kPlanes + 2.0 * 8.0) * pixels;
-  const double asking = (waits_in_file ? 5.0 * options.free_space.views : 0.0) * pixels;
+  const double asking = (waits_in_file ? 5.0 * options.advanced.free_space.views : 0.0) * pixels;
   constexpr double kMirrors = 2.0;         // two words for each cell of four pixels
   const double cube_nodes = 8.0 * texels;  // of the last image
   needed.memory = std::max(matching, asking + (20.0 + kMirrors) * pixels) + cube_nodes;

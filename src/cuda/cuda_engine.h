@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "cost.h"
 #include "engine.h"
-#include "pmsp/cost.h"
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 
 // What the rest of the library knows of CUDA. Builds without a toolkit have it too (not_built.cpp).
 namespace pmsp::cuda {

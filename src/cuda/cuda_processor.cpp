@@ -5,7 +5,7 @@
 #include <cstddef>
 
 #include "init/init_setup.h"
-#include "pmsp/point_cloud.h"
+#include "pmsp/types.h"
 #include "sphere/cube_map.h"
 #include "sphere/panorama_data.h"
 #include "util/inside.h"
@@ -80,7 +80,7 @@ void CudaProcessor::set_image_size(int width, int height) {
   PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));  // kernels may still read the old tables
   columns_.emplace(width, grid().width, compute_);
   rows_.emplace(height, grid().height, compute_);
-  compared_ = compared_size(width, grid().width, grid().height, context_.options.patchmatch.image_scale);
+  compared_ = compared_size(width, grid().width, grid().height, context_.options.advanced.patchmatch.image_scale);
   gray_columns_.emplace(width, compared_.width, compute_);
   gray_rows_.emplace(height, compared_.height, compute_);
   const std::size_t compared = static_cast<std::size_t>(compared_.width) * static_cast<std::size_t>(compared_.height);
@@ -241,8 +241,8 @@ void CudaProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, Keyfr
   const std::shared_ptr<PointsDownload> lent = clouds_.get(pixels());
   ++clouds_out_;
   const auto select = [&](Counts* counts) {
-    owned_points({grid(), map, lent->points.get(), lent->pixels.get(), lent->agree.get(), counts->of},
-                 select_scratch_.get(), select_scratch_.size(), compute_.get());
+    kept_points({grid(), map, lent->points.get(), lent->pixels.get(), lent->agree.get(), counts->of},
+                select_scratch_.get(), select_scratch_.size(), compute_.get());
   };
   counted(seconds, select,
           [this, lent, cloud = std::move(cloud), to = std::move(to)](const std::int64_t* numbers) mutable {
@@ -261,7 +261,7 @@ void CudaProcessor::copy_bytes(void* to, const void* from, std::size_t bytes, cu
 /// While a round goes on, there is one before on each of the devices.
 void ResultQueue::deliver(bool all) {
   const std::int64_t behind = static_cast<std::int64_t>(context_.options.devices.size());
-  const std::int64_t until = all || !context_.options.pipelined ? round_ : round_ - behind;
+  const std::int64_t until = all || !context_.options.advanced.pipelined ? round_ : round_ - behind;
   while (!pending_.empty() && pending_.front().round <= until) hand_out_first();
   ++round_;
 }

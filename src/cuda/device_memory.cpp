@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/cost.h"
+#include "cost.h"
 
 #include <algorithm>
 #include <cmath>
@@ -34,18 +34,19 @@ double cube_texels(int width) {
 
 std::size_t device_memory_needed(const DensifierOptions& options, int image_width) {
   const double pixels = static_cast<double>(options.width) * options.height;
-  const ImageSize compared = compared_size(image_width, options.width, options.height, options.patchmatch.image_scale);
+  const ImageSize compared =
+      compared_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale);
   const double image = (options.devices.size() < 2 ? 1.0 : 2.0) * on_pages(2.0 * cube_texels(compared.width)) +
                        on_pages(cube_texels(options.width));  // packed for others, too; the mask
   const bool waits_in_file = !options.scratch_folder.empty();
-  const bool is_short = options.expected_keyframes > 0 && !options.unordered;  // in a set all wait for all
-  const std::int64_t used = is_short ? options.expected_keyframes : kLongFlight;
+  const bool is_short = options.advanced.expected_keyframes > 0 && !options.unordered;  // in a set all wait for all
+  const std::int64_t used = is_short ? options.advanced.expected_keyframes : kLongFlight;
 
   // How many arrays keyframes have at most, of 16, 4 and 1 bytes a pixel: memory of one size is not used again for
   // another. A device has its share, and of what others look at a copy of all the rest.
   const double share = 1.0 / static_cast<double>(std::max<std::size_t>(1, options.devices.size()));
   double images = 0.0, of16 = 0.0, of4 = 0.0, of1 = 0.0;
-  const double agree = agree_bytes(options.fusion);
+  const double agree = agree_bytes(options.advanced.fusion);
   Rehearsal(options, options.devices.size() > 1).run(used, [&](const Rehearsal::Held& all) {
     images = std::max(images, all.images);
     of16 = std::max(of16, all.planes + all.medians);

@@ -40,8 +40,8 @@ void iterate_pixels(const PatchMatchPass& pass, int colour, int iteration, bool 
 /// A round of ownership for all pixels of a keyframe.
 void own(const OwnershipArgs& args, cudaStream_t stream);
 
-/// The points that a keyframe makes, in row order (pmsp::owned_points). `scratch`: at least owned_scratch_bytes.
-void owned_points(const OwnedArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
+/// The points that a keyframe makes, in row order (pmsp::kept_points). `scratch`: at least owned_scratch_bytes.
+void kept_points(const OwnedArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
 std::size_t owned_scratch_bytes(int pixels);
 
 }  // namespace pmsp::cuda

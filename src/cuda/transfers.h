@@ -8,9 +8,8 @@
 
 #include "cuda/launch.h"
 #include "cuda/memory.h"
-#include "pmsp/depth_map.h"
-#include "pmsp/plane_map.h"
-#include "pmsp/point_cloud.h"
+#include "pmsp/stages.h"
+#include "pmsp/types.h"
 #include "util/thread_pool.h"
 
 // What lies in device memory for a whole flight, and what travels between host and device. `stream`: of the kernels

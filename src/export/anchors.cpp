@@ -8,11 +8,11 @@
 
 #include <Eigen/Geometry>
 
+#include "export/cloud_frame.h"
 #include "export/number_table.h"
 #include "io/map_file.h"
 #include "io/trajectory.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_frame.h"
 
 namespace pmsp {
 namespace {

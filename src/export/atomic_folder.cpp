@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/atomic_folder.h"
+#include "export/atomic_folder.h"
 
 #include <algorithm>
 #include <system_error>
 #include <vector>
 
+#include "export/files.h"
 #include "export/sync_folder.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp {
 

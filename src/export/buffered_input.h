@@ -10,8 +10,8 @@
 #include <system_error>
 #include <vector>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp {
 

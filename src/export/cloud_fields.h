@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "export/buffered_input.h"
-#include "pmsp/io/cloud_reader.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp {
 

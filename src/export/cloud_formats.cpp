@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/cloud_frame.h"
+#include "export/cloud_frame.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,9 +9,9 @@
 #include <Eigen/LU>
 
 #include "elementary.h"
+#include "export/fit_similarity.h"
 #include "export/number_table.h"
 #include "pmsp/error.h"
-#include "pmsp/io/fit_similarity.h"
 
 namespace pmsp {
 namespace {

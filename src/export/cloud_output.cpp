@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/cloud_output.h"
+#include "pmsp/io/cloud.h"
 
 #include <algorithm>
 #include <optional>

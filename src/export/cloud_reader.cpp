@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/cloud_reader.h"
+#include "pmsp/io/cloud.h"
 
 #include <cmath>
 #include <fstream>
@@ -8,9 +8,9 @@
 #include <Eigen/LU>
 #include <nlohmann/json.hpp>
 
+#include "export/fit_similarity.h"
 #include "pmsp/error.h"
-#include "pmsp/io/fit_similarity.h"
-#include "pmsp/io/workspace/workspace_cloud.h"
+#include "workspace/workspace_cloud.h"
 
 namespace pmsp {
 

@@ -8,10 +8,10 @@
 #include <Eigen/Geometry>
 
 #include "export/dataset_folder.h"
+#include "export/little_endian.h"
 #include "export/spool.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "pmsp/io/little_endian.h"
 
 namespace pmsp {
 

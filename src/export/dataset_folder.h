@@ -5,10 +5,10 @@
 #include <system_error>
 #include <vector>
 
+#include "export/atomic_folder.h"
+#include "export/files.h"
 #include "export/thinning.h"
-#include "pmsp/io/atomic_folder.h"
-#include "pmsp/io/cloud_writer.h"
-#include "pmsp/io/files.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp {
 

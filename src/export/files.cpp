@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/files.h"
+#include "export/files.h"
 
 #include <atomic>
 #include <fstream>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/fit_similarity.h"
+#include "export/fit_similarity.h"
 
 #include <cmath>
 #include <cstddef>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/folder_lock.h"
+#include "export/folder_lock.h"
 
 #include <thread>
 

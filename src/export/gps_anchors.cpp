@@ -3,9 +3,9 @@
 #include <cstdio>
 
 #include "elementary.h"
+#include "export/cloud_frame.h"
 #include "io/exif.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_frame.h"
 
 namespace pmsp {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp {
 

@@ -10,10 +10,10 @@
 #include <string>
 
 #include "export/integer_frame.h"
+#include "export/little_endian.h"
 #include "export/record_file.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_writer.h"
-#include "pmsp/io/little_endian.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp {
 namespace {

@@ -9,8 +9,8 @@
 #include <string>
 
 #include "export/cloud_fields.h"
+#include "export/little_endian.h"
 #include "pmsp/error.h"
-#include "pmsp/io/little_endian.h"
 
 namespace pmsp {
 namespace {

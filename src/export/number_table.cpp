@@ -7,8 +7,8 @@
 #include <system_error>
 #include <utility>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp {
 namespace {

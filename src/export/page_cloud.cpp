@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/page_cloud.h"
+#include "export/page_cloud.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,10 +8,10 @@
 #include <utility>
 
 #include "export/integer_frame.h"
+#include "export/little_endian.h"
 #include "export/octree.h"
 #include "export/spool.h"
 #include "pmsp/error.h"
-#include "pmsp/io/little_endian.h"
 
 namespace pmsp {
 namespace {

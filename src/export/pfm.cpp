@@ -7,9 +7,9 @@
 #include <string>
 #include <system_error>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
-#include "pmsp/io/files.h"
+#include "pmsp/io/depth.h"
 
 namespace pmsp {
 namespace {

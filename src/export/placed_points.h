@@ -6,8 +6,7 @@
 #include <functional>
 #include <vector>
 
-#include "pmsp/io/cloud_output.h"
-#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/cloud.h"
 #include "util/thread_pool.h"
 
 namespace pmsp {

@@ -10,7 +10,7 @@
 
 #include "export/cloud_fields.h"
 #include "pmsp/error.h"
-#include "pmsp/io/ply.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp {
 namespace {

@@ -6,9 +6,9 @@
 
 #include <opencv2/imgcodecs.hpp>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
-#include "pmsp/io/files.h"
+#include "pmsp/io/depth.h"
 
 namespace pmsp {
 

@@ -8,14 +8,14 @@
 
 #include <nlohmann/json.hpp>
 
+#include "export/atomic_folder.h"
 #include "export/background_file.h"
+#include "export/files.h"
 #include "export/integer_frame.h"
+#include "export/little_endian.h"
 #include "export/octree.h"
 #include "pmsp/error.h"
-#include "pmsp/io/atomic_folder.h"
-#include "pmsp/io/cloud_writer.h"
-#include "pmsp/io/files.h"
-#include "pmsp/io/little_endian.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp {
 

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "export/cloud_fields.h"
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp {
 namespace {

@@ -11,8 +11,9 @@
 #include <vector>
 
 #include "export/background_file.h"
-#include "pmsp/executor.h"
-#include "pmsp/io/cloud_writer.h"
+#include "machine.h"
+#include "pmsp/io/cloud.h"
+#include "pmsp/stages.h"
 #include "util/thread_pool.h"
 
 namespace pmsp {

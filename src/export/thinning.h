@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "pmsp/io/cloud_output.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp {
 

@@ -6,7 +6,7 @@
 #include "densifier_checks.h"
 #include "filters/filter_setup.h"
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
+#include "pmsp/stages.h"
 #include "sphere/grid.h"
 #include "sphere/plane_views.h"
 #include "util/eigen_kernels.h"
@@ -15,7 +15,7 @@ namespace pmsp {
 
 Image<float> consistency_filter(const PlaneMap& map, const std::vector<const PlaneMap*>& others,
                                 const ConsistencyFilterOptions& options, const Executor& executor, FilterStats* stats,
-                                double pose_error) {
+                                double pose_error, double lens_distance) {
   options.validate();
   check_pose_error("consistency_filter: ", pose_error);
   if (others.size() > static_cast<std::size_t>(kernels::kMaxCompared)) {
@@ -31,7 +31,8 @@ Image<float> consistency_filter(const PlaneMap& map, const std::vector<const Pla
   for (std::size_t k = 0; k < others.size(); ++k) {
     if (!same_size(*others[k], map)) throw InvalidInput("consistency_filter: the maps differ in size");
     check_scale("consistency_filter: ", others[k]->scale);
-    stage.others[k] = {view_of(*others[k]), relation(others[k]->pose(), map.pose()).other_from_first};
+    stage.others[k] = {view_of(*others[k]),
+                       relation(others[k]->pose(), map.pose(), 0.5 * lens_distance).other_from_first};
   }
   const auto counts = inside(executor).run(stage);
   if (stats != nullptr) *stats = {counts[0], counts[1]};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "cpu/executor_impl.h"
 #include "filters/filter_setup.h"
-#include "pmsp/filters.h"
+#include "pmsp/stages.h"
 #include "sphere/grid.h"
 #include "sphere/plane_views.h"
 

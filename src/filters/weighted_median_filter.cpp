@@ -6,7 +6,7 @@
 #include "cpu/cpu_processor.h"
 #include "cpu/executor_impl.h"
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
+#include "pmsp/stages.h"
 #include "sphere/grid.h"
 #include "sphere/plane_views.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/fusion.h"
+#include "pmsp/stages.h"
 
 #include <string>
 #include <utility>
@@ -34,6 +34,7 @@ void check(const std::vector<FusionMap>& window, std::size_t current) {
       throw InvalidInput("fuse_pixels: planes, confidences and colours differ in size");
     }
     check_scale("fuse_pixels: ", input.pose.scale);
+    check_pose_error("fuse_pixels: ", input.pose_error);
   }
 }
 
@@ -56,7 +57,7 @@ kernels::SurfelView view_of(const SurfelsFrom& points) {
 }  // namespace
 
 SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
-                      const Executor& executor) {
+                      const Executor& executor, double lens_distance) {
   using kernels::HostMachine;
   options.validate();
   check(window, current);
@@ -71,9 +72,10 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   kernels::FusePixels<HostMachine> stage{};
   stage.grid = grid.view();
   stage.limits = fusion_limits(options);
+  stage.pose_error = static_cast<float>(window[current].pose_error);
   for (std::size_t k = 0; k < window.size(); ++k) {
     const FusionMap& input = window[k];
-    const Relation to = relation(input.pose, window[current].pose);
+    const Relation to = relation(input.pose, window[current].pose, 0.5 * lens_distance);
     colors.push_back(color_words(*input.color, executor));
     const kernels::FusionView<HostMachine> view{view_of(*input.map, *input.confidence), colors.back().get(),
                                                 to.other_from_first, to.zoom};
@@ -91,13 +93,14 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   return fused;
 }
 
-Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const std::vector<RangeMapFrom>& viewers,
-                          const FreeSpaceOptions& options, const Executor& executor) {
+Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& pose,
+                                      const std::vector<RangeMapFrom>& viewers, const FreeSpaceOptions& options,
+                                      const Executor& executor, double lens_distance) {
   options.validate();
-  check_scale("judge: ", pose.scale);
+  check_scale("free_space_filter: ", pose.scale);
   const int width = map.surfels.width();
   const int height = map.surfels.height();
-  check_count("judge", viewers.size());
+  check_count("free_space_filter", viewers.size());
   CpuProcessor on(executor, width, height);
   Image<std::uint8_t> standings(width, height);
   std::vector<kernels::Rigid> from_viewers;
@@ -109,18 +112,18 @@ Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const 
   stage.max_contradiction = static_cast<float>(options.max_contradiction);
   stage.standings = standings.pixels().data();
   for (const RangeMapFrom& viewer : viewers) {
-    if (viewer.ranges == nullptr) throw InvalidInput("judge: a viewer lacks its range map");
+    if (viewer.ranges == nullptr) throw InvalidInput("free_space_filter: a viewer lacks its range map");
     const Image<float>& nearest = viewer.ranges->nearest;
     if (2 * nearest.width() != width || 2 * nearest.height() != height) {
-      throw InvalidInput("judge: maps differ in size");
+      throw InvalidInput("free_space_filter: maps differ in size");
     }
-    check_scale("judge: ", viewer.pose.scale);
-    const Relation to = relation(viewer.pose, pose);
+    check_scale("free_space_filter: ", viewer.pose.scale);
+    const Relation to = relation(viewer.pose, pose, 0.5 * lens_distance);
     stage.viewers[stage.count++] = {
         {nearest.pixels().data(), viewer.ranges->farthest.pixels().data(), nearest.width(), nearest.height()},
         to.other_from_first,
         to.zoom};
-    from_viewers.push_back(relation(pose, viewer.pose).other_from_first);
+    from_viewers.push_back(relation(pose, viewer.pose, 0.5 * lens_distance).other_from_first);
   }
   if (!options.enabled) stage.count = 0;
   Mirrors mirrors;
@@ -129,12 +132,12 @@ Image<std::uint8_t> judge(const SurfelMap& map, const KeyframePose& pose, const 
   return standings;
 }
 
-Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& asked,
+Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& asked,
                                     const std::vector<SurfelsFrom>& viewers, const FusionOptions& options,
-                                    const Executor& executor) {
+                                    const Executor& executor, double lens_distance) {
   options.validate();
-  check_count("ownership_round", viewers.size());
-  check_surfels("ownership_round", reference);
+  check_count("duplicate_round", viewers.size());
+  check_surfels("duplicate_round", reference);
   const SurfelMap& map = *reference.map;
   const int width = map.surfels.width();
   const int height = map.surfels.height();
@@ -149,9 +152,9 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
     const SurfelsFrom& viewer = viewers[k];
     ++stage.count;
     if (viewer.map == nullptr) continue;
-    check_surfels("ownership_round", viewer);
-    if (!same_size(viewer.map->surfels, map.surfels)) throw InvalidInput("ownership_round: maps differ in size");
-    const Relation to = relation(viewer.pose, reference.pose);
+    check_surfels("duplicate_round", viewer);
+    if (!same_size(viewer.map->surfels, map.surfels)) throw InvalidInput("duplicate_round: maps differ in size");
+    const Relation to = relation(viewer.pose, reference.pose, 0.5 * lens_distance);
     stage.others[k] = {view_of(viewer), to.other_from_first, to.zoom, viewer.map->keyframe_id < map.keyframe_id};
   }
   const CpuProcessor on(executor, width, height);
@@ -161,13 +164,13 @@ Image<std::uint8_t> ownership_round(const SurfelsFrom& reference, std::vector<st
   return standings;
 }
 
-KeyframeCloud owned_points(const SurfelsFrom& points) {
-  check_surfels("owned_points", points);
+KeyframeCloud kept_points(const SurfelsFrom& points, double lens_distance) {
+  check_surfels("kept_points", points);
   const SurfelMap& map = *points.map;
   const SphereGrid grid(map.surfels.width(), map.surfels.height());
   KeyframeCloud cloud{map.keyframe_id, points.pose.cam_from_world, {}, points.pose.scale, {}, {}, map.window_ids};
   collect_points({map.surfels.pixels().data(), map.details.pixels().data(), points.standings->pixels().data(),
-                  map.agree.data(), map.agree_bytes(), 0.0F},
+                  map.agree.data(), map.agree_bytes(), static_cast<float>(0.5 * lens_distance)},
                  grid.view(), cloud);
   return cloud;
 }

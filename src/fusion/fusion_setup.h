@@ -3,8 +3,8 @@
 
 #include "fused_point.h"
 #include "ownership.h"
-#include "pmsp/fusion.h"
 #include "pmsp/options.h"
+#include "pmsp/stages.h"
 #include "ranges.h"
 
 // What the kernels of fusion are given, on every machine.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/range_map.h"
+#include "pmsp/stages.h"
 
 #include "cpu/executor_impl.h"
 #include "pmsp/error.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/point_cloud.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 

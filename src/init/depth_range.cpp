@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pmsp/initialiser.h"
+#include "pmsp/stages.h"
 
 namespace pmsp {
 

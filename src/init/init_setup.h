@@ -5,8 +5,8 @@
 
 #include "init.h"
 #include "pmsp/camera.h"
-#include "pmsp/initialiser.h"
-#include "pmsp/keyframe.h"
+#include "pmsp/stages.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "cpu/cpu_processor.h"
-#include "pmsp/initialiser.h"
+#include "pmsp/stages.h"
 #include "sphere/plane_views.h"
 
 namespace pmsp {
 
 PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options,
-                               const Executor& executor) {
+                               const Executor& executor, double lens_distance) {
   using kernels::HostMachine;
   const CpuProcessor on(executor, width, height);
   const auto keys = on.keys();
-  const auto [points, count] = on.landmarks(keyframe, 0.0);
+  const auto [points, count] = on.landmarks(keyframe, 0.5 * lens_distance);
   on.splat({points.get(), on.grid(), static_cast<float>(options.sparse_radius_px), {keys.get()}}, count);
   PlaneMap planes(width, height);
   planes.keyframe_id = keyframe.id;

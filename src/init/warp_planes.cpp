@@ -1,33 +1,34 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "cpu/cpu_processor.h"
 #include "densifier_checks.h"
-#include "pmsp/initialiser.h"
+#include "pmsp/stages.h"
 #include "sphere/plane_views.h"
 #include "util/eigen_kernels.h"
 
 namespace pmsp {
 
 PlaneMap warp_planes(const PlaneMap& previous, const KeyframePose& pose, int width, int height,
-                     const Executor& executor) {
+                     const Executor& executor, double lens_distance) {
   using kernels::HostMachine;
   check_scale("warp_planes: ", previous.scale);
   check_scale("warp_planes: ", pose.scale);
   const SphereGrid from(previous.width(), previous.height());
   const CpuProcessor on(executor, width, height);
   const auto keys = on.keys();
-  on.launch(kernels::WarpPixels<HostMachine, HostKeys>{view_of(previous),
-                                                       from.view(),
-                                                       relation(pose, previous.pose()).other_from_first,
-                                                       width,
-                                                       height,
-                                                       {keys.get()}},
-            nullptr);
+  on.launch(
+      kernels::WarpPixels<HostMachine, HostKeys>{view_of(previous),
+                                                 from.view(),
+                                                 relation(pose, previous.pose(), 0.5 * lens_distance).other_from_first,
+                                                 width,
+                                                 height,
+                                                 {keys.get()}},
+      nullptr);
   PlaneMap planes(width, height);
   planes.cam_from_world = pose.cam_from_world;
   planes.scale = pose.scale;
   on.launch(
       kernels::PlanesOfKeys<HostMachine, kernels::WarpedPlanes<kernels::PlaneMapView>>{
-          {keys.get(), view_of(previous), relation(previous.pose(), pose).other_from_first},
+          {keys.get(), view_of(previous), relation(previous.pose(), pose, 0.5 * lens_distance).other_from_first},
           on.grid(),
           arrays_of(planes)},
       nullptr);

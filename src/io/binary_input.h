@@ -6,9 +6,9 @@
 #include <fstream>
 #include <string>
 
+#include "export/files.h"
+#include "export/little_endian.h"
 #include "map_scene.h"
-#include "pmsp/io/files.h"
-#include "pmsp/io/little_endian.h"
 
 namespace pmsp::map_detail {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/calibration.h"
+#include "pmsp/io/densify.h"
 
 #include <memory>
 #include <vector>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/convention.h"
+#include "io/convention.h"
+#include "machine.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +9,7 @@
 
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 #include "pose_convention.h"
 #include "util/median_of.h"
 #include "util/thread_pool.h"

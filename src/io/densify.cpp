@@ -5,87 +5,67 @@
 #include <optional>
 #include <string>
 
+#include "io/mission.h"
 #include "pmsp/error.h"
-#include "pmsp/io/convention.h"
-#include "pmsp/io/landmark_sweep.h"
-#include "pmsp/io/pairing.h"
 
 namespace pmsp {
 namespace {
 
-/// The next image that can be read; nullopt after the last one. `unreadable`: why the first one of the others is not.
-std::optional<ImageSource::Item> next_readable(ImageSource& images, std::string& unreadable) {
-  for (;;) {
-    try {
-      return images.next();
-    } catch (const Error& error) {
-      if (unreadable.empty()) unreadable = error.what();
-    }
-  }
-}
-
-/// A copy of the map with landmarks that the images give.
-SlamMap with_landmarks(const SlamMap& map, const ImageSource& images, MaskSource& masks, bool verify) {
-  const std::unique_ptr<ImageSource> source = images.again();
-  LandmarkSweep sweep(map);
-  std::string unreadable;
-  while (const auto item = next_readable(*source, unreadable)) {
-    sweep.add(item->keyframe_id, item->image.view(),
-              masks.mask_for(source->origin(item->keyframe_id).file, item->image.width(), item->image.height()));
-  }
-  SlamMap result = map;
-  const LandmarkSweep::Result made = sweep.make_landmarks(result, 0, verify);
-  if (!made.fits) throw InvalidInput(map.path.string() + ": " + made.message);
-  if (!result.landmarks.empty()) return result;
-  throw InvalidInput(map.path.string() +
-                     ": neither the map nor its images give landmarks, expected at least some: depth "
-                     "ranges follow from them; a PLY file with points may stand in (ReadMapOptions::points)");
-}
+/// Ends a pass over images early.
+struct Stopped {};
 
 }  // namespace
 
-DensifierStats densify(const SlamMap& original, ImageSource& images, const DensifierOptions& given,
+DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierOptions& given,
                        const DensifierCallbacks& callbacks, const DensifyExtras& extras) {
-  if (extras.verify) require_convention(original);
-  std::optional<SlamMap> swept;
+  io::MissionLog log;
+  if (extras.warning) log.warning = extras.warning;
+  io::Mission mission({extras.verify, extras.verify, given.threads}, log);
   MaskSource alpha_alone{MaskOptions{}};
-  MaskSource& masks = extras.masks != nullptr ? *extras.masks : alpha_alone;
-  if (original.landmarks.empty()) swept = with_landmarks(original, images, masks, extras.verify);
-  const SlamMap& map = swept ? *swept : original;
+  mission.prior_depths = io::PriorDepths(extras.prior_depth, extras.image_folder);
+  mission.set_map(map);
+  mission.set_images(images, extras.masks != nullptr ? *extras.masks : alpha_alone);
+  mission.check_poses();
+  if (mission.map.landmarks.empty()) {
+    throw InvalidInput(map.path.string() +
+                       ": neither the map nor its images give landmarks, expected at least some: depth "
+                       "ranges follow from them; a PLY file with points may stand in (ReadMapOptions::points)");
+  }
   DensifierOptions options = given;
   {
     CalibrationOptions calibrate = extras.calibrate;
     calibrate.lenses = calibrate.lenses && options.lens_distance == 0.0;
     const Executor executor(options.threads, options.simd);
-    const std::optional<CameraCalibration> found = calibrate_camera(map, images, &masks, calibrate, executor);
+    const std::optional<CameraCalibration> found =
+        calibrate_camera(mission.map, images, mission.masks, calibrate, executor);
     if (found && found->lenses && found->lenses->significant) options.lens_distance = found->lenses->distance;
-    if (found) masks.set_rig(found->rig.mask);
+    if (found) mission.masks->set_rig(found->rig.mask);
   }
-  if (options.expected_keyframes == 0)
-    options.expected_keyframes = static_cast<std::int64_t>(images.keyframe_ids().size());
+  if (options.advanced.expected_keyframes == 0)
+    options.advanced.expected_keyframes = static_cast<std::int64_t>(images.keyframe_ids().size());
   Densifier densifier(options, callbacks);
-  PairingVerifier verifier(map);
-  std::string unreadable;
-  std::size_t done = 0;
-  while (const auto item = next_readable(images, unreadable)) {
-    const MapKeyframe* in_map = map.find_keyframe(item->keyframe_id);
-    if (in_map == nullptr) {
-      throw InvalidInput("an image names keyframe " + std::to_string(item->keyframe_id) + ", which the map lacks");
-    }
-    if (extras.verify) {
-      verifier.add(item->keyframe_id, item->image.view());
-      const PairingVerifier::Verdict verdict = verifier.verdict();
-      if (verdict.conclusive && !verdict.belongs) throw InvalidInput(verdict.message);
-    }
-    Keyframe keyframe = keyframe_of(map, *in_map);
-    keyframe.image = item->image.view();
-    keyframe.mask = masks.mask_for(images.origin(keyframe.id).file, item->image.width(), item->image.height());
+  const std::unique_ptr<PairingVerifier> verifier = mission.verifier();
+  io::ImageReader reader(images, mission.map, mission.threads(), verifier.get());
+  const auto add = [&](std::size_t index, Keyframe& keyframe) {
+    mission.complete(keyframe, images);
     densifier.add(keyframe);
-    ++done;
-    if (extras.progress && !extras.progress(done, images.keyframe_ids().size())) return densifier.stats();
+    if (extras.progress && !extras.progress(index + 1, images.keyframe_ids().size())) throw Stopped{};
+  };
+  const auto skipped = [&](const SkippedKeyframe& keyframe) {
+    log.warning("keyframe " + std::to_string(keyframe.keyframe_id) + ": " + keyframe.reason);
+  };
+  try {
+    const io::ImageLoop::End end = io::ImageLoop{reader, add, skipped}();
+    if (end.images == 0)
+      throw InvalidInput("no image can be read" +
+                         (end.first_error.empty() ? "" : "; the first one: " + end.first_error));
+    if (end.pairing) {
+      const std::string doubt = io::warning_of(*end.pairing, true);
+      if (!doubt.empty()) log.warning(doubt);
+    }
+  } catch (const Stopped&) {
+    return densifier.stats();
   }
-  if (done == 0)
-    throw InvalidInput("no image can be read" + (unreadable.empty() ? "" : "; the first one: " + unreadable));
   densifier.flush();
   return densifier.stats();
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/depth_folder.h"
+#include "pmsp/io/depth.h"
 
 #include <algorithm>
 #include <initializer_list>
@@ -9,7 +9,6 @@
 
 #include "json_input.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
 
 namespace pmsp {
 namespace {

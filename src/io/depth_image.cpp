@@ -11,10 +11,10 @@
 
 #include <zlib.h>
 
+#include "export/files.h"
+#include "export/little_endian.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
-#include "pmsp/io/files.h"
-#include "pmsp/io/little_endian.h"
+#include "pmsp/io/depth.h"
 
 namespace pmsp {
 namespace {

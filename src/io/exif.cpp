@@ -8,10 +8,10 @@
 #include <initializer_list>
 #include <utility>
 
+#include "export/files.h"
 #include "jpeg_segments.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 
 namespace pmsp::io {
 namespace {

@@ -5,8 +5,8 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "pmsp/image.h"
 #include "pmsp/io/map.h"
+#include "pmsp/types.h"
 
 namespace pmsp::io {
 

@@ -14,7 +14,7 @@
 #include "map_scene.h"
 #include "pairing_trial.h"
 #include "pmsp/error.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 
 namespace pmsp {
 namespace {

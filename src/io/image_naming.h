@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
 
 namespace pmsp::io {

@@ -6,9 +6,9 @@
 #include <unordered_set>
 #include <vector>
 
+#include "export/files.h"
 #include "map_byte_source.h"
 #include "map_scene.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp::map_detail {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/landmark_sweep.h"
+#include "io/landmark_sweep.h"
 
 #include <algorithm>
 #include <cmath>

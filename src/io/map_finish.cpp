@@ -7,7 +7,7 @@
 #include "map_raw.h"
 #include "panorama_size.h"
 #include "pmsp/camera.h"
-#include "pmsp/keyframe.h"
+#include "pmsp/types.h"
 
 namespace pmsp::map_detail {
 namespace {

@@ -11,11 +11,11 @@
 
 #include <pugixml.hpp>
 
+#include "export/files.h"
 #include "map_file.h"
 #include "map_scene.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
-#include "pmsp/io/similarity.h"
+#include "pmsp/io/cloud.h"
 #include "text_input.h"
 
 namespace pmsp::map_detail {

@@ -3,9 +3,10 @@
 #include <string>
 #include <utility>
 
+#include "machine.h"
 #include "map_msgpack_entries.h"
 #include "map_msgpack_handler.h"
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::map_detail {
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "map_msgpack_entries.h"
+#include "machine.h"
 
 #include <algorithm>
 #include <iterator>
@@ -7,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::map_detail {
 namespace {

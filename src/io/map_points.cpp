@@ -6,7 +6,7 @@
 
 #include "map_scene.h"
 #include "pmsp/camera.h"
-#include "pmsp/io/ply.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp::map_detail {
 namespace {

@@ -13,7 +13,7 @@
 
 #include "panorama_size.h"
 #include "pmsp/error.h"
-#include "pmsp/keyframe.h"
+#include "pmsp/types.h"
 
 namespace pmsp::map_detail {
 namespace {

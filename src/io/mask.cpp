@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/mask.h"
+#include "pmsp/io/images.h"
 
 #include <algorithm>
 #include <array>

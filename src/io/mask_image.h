@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp::io {
 

@@ -7,8 +7,8 @@
 #include <sstream>
 #include <string>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp::io {
 namespace {

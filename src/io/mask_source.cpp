@@ -12,9 +12,9 @@
 #include "mask_image.h"
 #include "mask_names.h"
 #include "mask_rectangles.h"
+#include "pmsp/calibration.h"
 #include "pmsp/error.h"
-#include "pmsp/io/mask.h"
-#include "pmsp/rig_mask.h"
+#include "pmsp/io/images.h"
 
 namespace pmsp {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/pairing.h"
+#include "io/pairing.h"
 
 #include <algorithm>
 #include <cmath>

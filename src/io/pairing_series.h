@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "landmark_patch.h"
-#include "pmsp/image.h"
 #include "pmsp/io/map.h"
+#include "pmsp/types.h"
 
 namespace pmsp::io {
 

@@ -8,8 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/image.h"
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 
 namespace pmsp::io {
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/plan_io.h"
+#include "io/plan_io.h"
 
 #include <cmath>
 
 #include <nlohmann/json.hpp>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 
 namespace pmsp::map_detail {
 

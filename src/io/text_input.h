@@ -10,8 +10,8 @@
 #include <system_error>
 #include <type_traits>
 
+#include "export/files.h"
 #include "map_scene.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp::map_detail {
 

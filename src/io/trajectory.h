@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 
 namespace pmsp::map_detail {
 

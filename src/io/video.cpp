@@ -9,7 +9,7 @@
 #include "image_decode.h"
 #include "image_naming.h"
 #include "pmsp/error.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 #include "video_pairing.h"
 #include "video_reader.h"
 

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 #include "video_reader.h"
 
 namespace pmsp::io {

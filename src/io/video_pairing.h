@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
 #include "video_reader.h"
 

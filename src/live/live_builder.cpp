@@ -33,10 +33,10 @@ std::size_t pixels_of(const DensifierOptions& options) {
 
 DensifierOptions suitable(DensifierOptions options) {
   options.unordered = false;
-  options.pipelined = false;
+  options.advanced.pipelined = false;
   options.scratch_folder.clear();
-  options.expected_keyframes = 0;
-  options.free_space.whole_mission = false;
+  options.advanced.expected_keyframes = 0;
+  options.advanced.free_space.whole_mission = false;
   return options;
 }
 
@@ -53,7 +53,7 @@ LiveBuilder::Reach::Reach(const DensifierOptions& options) {
 LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& cancel, Publish publish, OnError on_error)
     : options_(options),
       densifier_(suitable(options.densifier)),
-      full_(densifier_.patchmatch.geometric_passes + 1),
+      full_(densifier_.advanced.patchmatch.geometric_passes + 1),
       reach_(densifier_),
       asks_all_(asks_whole_mission(options.densifier)),
       publish_(std::move(publish)),
@@ -390,7 +390,7 @@ void LiveBuilder::match(LiveNode& node) {
   const bool photometric = node.passes == 0 || in_between;
   task.near = photometric ? 0 : static_cast<std::size_t>(outdated - neighbours.begin());
   task.range = node.depths;
-  if (node.passes == 0 && densifier_.init.warp_previous) {
+  if (node.passes == 0 && densifier_.advanced.init.warp_previous) {
     const LiveNode* const previous = previous_of(node);
     if (previous != nullptr && previous->has_map() && !begins_anew(*previous)) task.previous = previous->frame.get();
   }

@@ -14,12 +14,12 @@
 #include <vector>
 
 #include "engine.h"
+#include "live/live_map.h"
 #include "live/live_node.h"
 #include "live/live_preview.h"
-#include "pmsp/lens_distance.h"
+#include "planned_densifier.h"
+#include "pmsp/calibration.h"
 #include "pmsp/live.h"
-#include "pmsp/live_map.h"
-#include "pmsp/rig_mask.h"
 
 namespace pmsp {
 

@@ -3,8 +3,7 @@
 
 #include "equirect.h"
 #include "live/live_builder.h"
-#include "pmsp/lens_distance.h"
-#include "pmsp/rig_mask.h"
+#include "pmsp/calibration.h"
 
 // Lens distance and rig mask, from the first used keyframes of a live mission.
 namespace pmsp {

@@ -7,7 +7,7 @@
 #include "live/live_builder.h"
 #include "patchmatch/neighbours.h"
 #include "pmsp/error.h"
-#include "pmsp/initialiser.h"
+#include "pmsp/stages.h"
 #include "view_filter/view_chain.h"
 
 // Which keyframes of a live mission are used, and what they are matched with.
@@ -83,14 +83,14 @@ bool LiveBuilder::is_wanted(LiveNode& node, const Keyframe& keyframe) {
   node.sharpness = plan_keyframe(keyframe, densifier_, &engine_->executor()).sharpness;
   const Flight& flight = flights_[node.map_id];
   const auto next = std::lower_bound(flight.begin(), flight.end(), node.id);
-  if (!densifier_.view_filter.enabled || next == flight.begin()) return true;
+  if (!densifier_.advanced.view_filter.enabled || next == flight.begin()) return true;
   const LiveNode& newest = nodes_.at(*std::prev(next));
-  ViewChain chain(densifier_.view_filter);
+  ViewChain chain(densifier_.advanced.view_filter);
   const Keyframe newest_keyframe = newest.keyframe();
   chain.add(newest_keyframe.landmarks, newest_keyframe.cam_from_world.center());
   const ViewChain::Verdict verdict = chain.compare(keyframe.landmarks, keyframe.cam_from_world.center());
   if (verdict.use != KeyframeUse::kDepthMap) return false;
-  if (!verdict.dispensable || densifier_.view_filter.min_sharpness == 0.0) return true;
+  if (!verdict.dispensable || densifier_.advanced.view_filter.min_sharpness == 0.0) return true;
   const std::size_t count = std::min<std::size_t>(kSharpnessReach, static_cast<std::size_t>(next - flight.begin()));
   for (auto at = next - static_cast<std::ptrdiff_t>(count); at != next; ++at) {
     const SharpnessRecord& record = nodes_.at(*at).sharpness;
@@ -194,10 +194,10 @@ void LiveBuilder::link(LiveNode& node) {
   std::vector<const Keyframe*> sequence;
   for (const Keyframe& keyframe : keyframes) sequence.push_back(&keyframe);
   node.near.clear();
-  for (const std::size_t k : choose_neighbours(sequence, own, densifier_.patchmatch.neighbours)) {
+  for (const std::size_t k : choose_neighbours(sequence, own, densifier_.advanced.patchmatch.neighbours)) {
     node.near.push_back(sequence[k]->id);
   }
-  node.depths = depth_range(keyframes[own], densifier_.init);
+  node.depths = depth_range(keyframes[own], densifier_.advanced.init);
   node.linked = true;
   node.has_depth = !node.near.empty() && node.depths.max > node.depths.min;
 }

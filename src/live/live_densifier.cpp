@@ -13,10 +13,11 @@
 #include "densifier_checks.h"
 #include "live/live_builder.h"
 #include "live/live_image.h"
+#include "live/live_map.h"
 #include "live/live_tracker.h"
+#include "machine.h"
 #include "pmsp/error.h"
-#include "pmsp/executor.h"
-#include "pmsp/live_map.h"
+#include "pmsp/stages.h"
 #include "util/check_option.h"
 
 namespace pmsp {
@@ -36,6 +37,12 @@ void check_place(const LiveKeyframe& keyframe) {
 
 void LiveOptions::validate() const {
   densifier.validate();
+  if (densifier.unordered)
+    throw InvalidOption("unordered is true; expected false: a live map takes keyframes in order");
+  if (!densifier.scratch_folder.empty()) {
+    throw InvalidOption("scratch_folder is " + densifier.scratch_folder +
+                        "; expected none: a live map keeps all in memory, see memory_mib");
+  }
   check_option("nice", nice, 0, 19);
   check_option("memory_mib", memory_mib, 1, 1000000);
   check_option("max_waiting", max_waiting, 4, 100000);

@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "pmsp/image.h"
 #include "pmsp/live.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/live_map.h"
+#include "live/live_map.h"
 
 #include <algorithm>
 #include <utility>

@@ -9,10 +9,10 @@
 
 #include "engine.h"
 #include "plan/moves.h"
-#include "pmsp/image.h"
-#include "pmsp/initialiser.h"
+#include "plan/plan.h"
 #include "pmsp/live.h"
-#include "pmsp/plan.h"
+#include "pmsp/stages.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 

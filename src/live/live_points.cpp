@@ -62,7 +62,7 @@ bool LiveBuilder::show(bool because_moved, std::size_t fewest) {
 
 /// Keyframes beyond the fusion window are asked about points, too, many together.
 bool LiveBuilder::show_wide() {
-  if (densifier_.fusion.spacing_px == 0.0) return false;
+  if (densifier_.advanced.fusion.spacing_px == 0.0) return false;
   std::vector<LiveNode*> nodes;
   for (auto& [id, node] : nodes_) {
     if (nodes.size() < kWideGroup && node.wide_due && node.shown > 0 && shared_level_of(node) >= node.shown)
@@ -99,9 +99,9 @@ void LiveBuilder::ask_around(LiveNode& node) {
   known.landmarks = node.keyframe().landmarks;
   const PlanNode plan_node(std::move(known), 0);
   const auto choose = [&](const std::vector<std::int64_t>& before) {
-    return choose_viewers(plan_node, window, candidates, densifier_.free_space.views, &before);
+    return choose_viewers(plan_node, window, candidates, densifier_.advanced.free_space.views, &before);
   };
-  node.viewers = densifier_.free_space.enabled ? choose(node.viewers) : std::vector<std::int64_t>{};
+  node.viewers = densifier_.advanced.free_space.enabled ? choose(node.viewers) : std::vector<std::int64_t>{};
   if (!asks_all_) {
     const auto stays_apart = [&](const ViewerCandidate& candidate) {
       const LiveNode& other = nodes_.at(candidate.id);

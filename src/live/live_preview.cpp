@@ -27,17 +27,17 @@ DensifierOptions preview_options(const DensifierOptions& final) {
   options.width = std::max(32, options.width / 2 * 2);
   options.height = std::max(16, static_cast<int>(options.width * shape) / 2 * 2);
   options.unordered = false;
-  options.pipelined = false;
+  options.advanced.pipelined = false;
   options.scratch_folder.clear();
-  options.expected_keyframes = 0;
-  options.patchmatch.neighbours = kNeighbours;
-  options.patchmatch.iterations = 1;
-  options.patchmatch.geometric_passes = 0;
-  options.patchmatch.plane_priors = false;
-  options.consistency.max_relative_depth = std::max(0.03, final.consistency.max_relative_depth);
-  options.fusion.window = 1;
-  options.fusion.spacing_px = 0.0;
-  options.free_space.enabled = false;
+  options.advanced.expected_keyframes = 0;
+  options.advanced.patchmatch.neighbours = kNeighbours;
+  options.advanced.patchmatch.iterations = 1;
+  options.advanced.patchmatch.geometric_passes = 0;
+  options.advanced.patchmatch.plane_priors = false;
+  options.advanced.consistency.max_relative_depth = std::max(0.03, final.advanced.consistency.max_relative_depth);
+  options.advanced.fusion.window = 1;
+  options.advanced.fusion.spacing_px = 0.0;
+  options.advanced.free_space.enabled = false;
   return options;
 }
 
@@ -122,7 +122,7 @@ bool LivePreview::make(const Nodes& nodes, std::int64_t newest) {
     task.neighbours.push_back(entries_.at(sequence[k]->id).frame.get());
   }
   task.near = task.neighbours.size();
-  task.range = depth_range(keyframes[own], options_.init);
+  task.range = depth_range(keyframes[own], options_.advanced.init);
   if (task.neighbours.empty() || !(task.range.max > task.range.min)) return true;
   std::vector<const Engine::Frame*> others;
   for (std::size_t i = 0; i < own; ++i) {

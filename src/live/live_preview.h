@@ -12,6 +12,7 @@
 
 #include "engine.h"
 #include "live/live_node.h"
+#include "planned_densifier.h"
 
 namespace pmsp {
 

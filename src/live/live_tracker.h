@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "live/live_map.h"
 #include "pmsp/live.h"
-#include "pmsp/live_map.h"
 
 namespace pmsp {
 

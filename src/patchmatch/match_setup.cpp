@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cost.h"
 #include "elementary.h"
-#include "pmsp/cost.h"
 
 namespace pmsp {
 namespace {

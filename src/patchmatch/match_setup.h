@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "match.h"
-#include "pmsp/initialiser.h"
 #include "pmsp/options.h"
+#include "pmsp/stages.h"
 
 // What the backends' PatchMatch starts from: the kernels' form of the options.
 namespace pmsp {

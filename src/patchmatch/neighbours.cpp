@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pmsp/view_filter.h"
+#include "pmsp/stages.h"
 
 namespace pmsp {
 namespace {

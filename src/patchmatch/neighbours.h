@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "pmsp/keyframe.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 

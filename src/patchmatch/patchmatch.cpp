@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/patchmatch.h"
+#include "pmsp/stages.h"
 
 #include <sstream>
 #include <string>
@@ -85,9 +85,10 @@ Pass pass_for(const MatchInput& input, const PatchMatchOptions& options, std::ui
   for (std::size_t i = 0; i < input.neighbours.size(); ++i) {
     const PosedPanorama& neighbour = input.neighbours[i];
     const PanoramaData& data = inside(*neighbour.panorama);
-    pass.matching.views[i] = {data.gray.view(), data.matchable.view(),
-                              relation(neighbour.pose, input.reference.pose).other_from_first,
-                              view_of_given(input.neighbour_maps.empty() ? nullptr : input.neighbour_maps[i])};
+    pass.matching.views[i] = {
+        data.gray.view(), data.matchable.view(),
+        relation(neighbour.pose, input.reference.pose, 0.5 * input.lens_distance).other_from_first,
+        view_of_given(input.neighbour_maps.empty() ? nullptr : input.neighbour_maps[i])};
   }
   pass.matching.num_views = static_cast<int>(input.neighbours.size());
   pass.grid = grid;

@@ -12,7 +12,7 @@
 #include "ownership.h"
 #include "plan/reach.h"
 #include "pmsp/error.h"
-#include "pmsp/initialiser.h"
+#include "pmsp/stages.h"
 
 namespace pmsp {
 namespace {
@@ -31,14 +31,15 @@ struct List {
 
 std::vector<List> lists_of(const DensifierOptions& options) {
   const PlanReach reach = plan_reach(options);
-  const int window = options.fusion.window - 1;
-  const int asked = std::min(kernels::kMaxViewers, window + options.free_space.views);
+  const int window = options.advanced.fusion.window - 1;
+  const int asked = std::min(kernels::kMaxViewers, window + options.advanced.free_space.views);
   return {
-      {"near", &PlanEntry::near, options.patchmatch.neighbours, reach.near, reach.near, true},
-      {"consistency", &PlanEntry::consistency, options.consistency.enabled ? options.consistency.window - 1 : 0,
-       reach.consistency, reach.consistency, false},
+      {"near", &PlanEntry::near, options.advanced.patchmatch.neighbours, reach.near, reach.near, true},
+      {"consistency", &PlanEntry::consistency,
+       options.advanced.consistency.enabled ? options.advanced.consistency.window - 1 : 0, reach.consistency,
+       reach.consistency, false},
       {"fusion", &PlanEntry::fusion, window, reach.fusion, reach.fusion, false},
-      {"viewers", &PlanEntry::viewers, options.free_space.enabled ? asked : window, reach.viewers_before,
+      {"viewers", &PlanEntry::viewers, options.advanced.free_space.enabled ? asked : window, reach.viewers_before,
        reach.viewers_after, false},
       {"owners", &PlanEntry::owners, asks_whole_mission(options) ? asked : window, reach.owners, reach.owners, false}};
 }
@@ -113,7 +114,7 @@ class PlanChecker {
   void check_first_planes(const PlanEntry& entry) const {
     const std::int64_t id = *entry.first_planes;
     const std::int64_t away = distance(entry, "first_planes", id, false);
-    const bool warps = options_.init.warp_previous && !options_.unordered;
+    const bool warps = options_.advanced.init.warp_previous && !options_.unordered;
     if (warps && away == -1) return;
     refuse(entry, "first_planes", id,
            std::string("; expected ") + (warps ? "the used keyframe before" : "nobody") + kOtherOptions);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include "plan/plan.h"
 #include "pmsp/options.h"
-#include "pmsp/plan.h"
 
 namespace pmsp {
 

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/plan.h"
+#include "plan/plan.h"
 #include "view_filter/view_chain.h"
 
 namespace pmsp {

@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/keyframe.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 

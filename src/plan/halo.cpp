@@ -63,7 +63,7 @@ class HaloFinder {
 }  // namespace
 
 void refuse_endless_chain(const DensifierOptions& options) {
-  if (!options.init.warp_previous || options.init.chain_keyframes != 0 || options.unordered) return;
+  if (!options.advanced.init.warp_previous || options.advanced.init.chain_keyframes != 0 || options.unordered) return;
   throw InvalidOption(
       "init.chain_keyframes is 0: planes are handed on from keyframe to keyframe through the whole flight, so that "
       "every result depends on all keyframes before; expected 1 to 100000, or init.warp_previous off");
@@ -78,7 +78,7 @@ PassRange pass_range(const Shortcut* shortcut, int passes) {
 RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
                   Wanted wanted, const std::map<std::int64_t, Shortcut>& shortcuts) {
   const HaloFinder find(plan);
-  const int passes = options.patchmatch.geometric_passes;
+  const int passes = options.advanced.patchmatch.geometric_passes;
   const auto shortcut_of = [&](std::int64_t id) {
     const auto found = shortcuts.find(id);
     return found == shortcuts.end() ? nullptr : &found->second;
@@ -112,7 +112,7 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
   }
   result.rounds[0] = find.ids(made);
   Set range_maps = find.none();
-  if (options.free_space.enabled) find.follow(made, &PlanEntry::viewers, range_maps);
+  if (options.advanced.free_space.enabled) find.follow(made, &PlanEntry::viewers, range_maps);
   result.range_maps = find.ids(range_maps);
   Set filtered = wanted == Wanted::kPlanes ? find.none() : asked;
   HaloFinder::add(filtered, made);
@@ -185,7 +185,7 @@ std::vector<std::int64_t> PointsHalo::planes_of(std::int64_t id) const {
     follow(asking, &PlanEntry::owners, made);
   }
   Places filtered = made;
-  if (options_.free_space.enabled) follow(made, &PlanEntry::viewers, filtered);
+  if (options_.advanced.free_space.enabled) follow(made, &PlanEntry::viewers, filtered);
   follow(made, &PlanEntry::fusion, filtered);
   Places planes = filtered;
   follow(filtered, &PlanEntry::consistency, planes);

@@ -7,9 +7,9 @@
 #include <unordered_map>
 #include <vector>
 
-#include "pmsp/densifier.h"
+#include "plan/plan.h"
+#include "planned_densifier.h"
 #include "pmsp/options.h"
-#include "pmsp/plan.h"
 #include "util/io_api.h"
 
 namespace pmsp {

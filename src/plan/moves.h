@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 #include "util/io_api.h"
 
 namespace pmsp {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/plan.h"
+#include "plan/plan.h"
 
 #include <unordered_set>
 
@@ -58,7 +58,7 @@ SharpnessRecord record_sharpness(const Keyframe& keyframe, int width, const Exec
 
 PlanKeyframe plan_keyframe(const Keyframe& keyframe, const DensifierOptions& options, const Executor* executor) {
   PlanKeyframe result{keyframe.id, keyframe.cam_from_world, keyframe.landmarks, {}};
-  if (options.view_filter.enabled && options.view_filter.min_sharpness > 0.0) {
+  if (options.advanced.view_filter.enabled && options.advanced.view_filter.min_sharpness > 0.0) {
     result.sharpness = record_sharpness(keyframe, options.width > 0 ? options.width : 2 * options.height, executor);
   }
   return result;

@@ -17,7 +17,7 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
   for (std::size_t place = 0; place < plan.entries.size(); ++place) places_.emplace(plan.entries[place].id, place);
   for (const auto& [id, shortcut] : shortcuts) {
     const int fewest = shortcut.planes == Shortcut::Planes::kStart ? 0 : 1;
-    const int most = options.patchmatch.geometric_passes + (fewest == 0 ? 0 : 1);
+    const int most = options.advanced.patchmatch.geometric_passes + (fewest == 0 ? 0 : 1);
     if (shortcut.passes < fewest || shortcut.passes > most) {
       throw InvalidInput("keyframe " + std::to_string(id) + " is to be matched in " + std::to_string(shortcut.passes) +
                          " passes; expected " + std::to_string(fewest) + " to " + std::to_string(most));

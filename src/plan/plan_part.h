@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "plan/halo.h"
-#include "pmsp/densifier.h"
+#include "plan/plan.h"
+#include "planned_densifier.h"
 #include "pmsp/options.h"
-#include "pmsp/plan.h"
 #include "schedule.h"
 
 namespace pmsp {

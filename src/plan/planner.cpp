@@ -12,7 +12,7 @@ namespace pmsp {
 std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }
 
 Planner::Planner(const DensifierOptions& options, const Plan* previous)
-    : options_(options), reach_(plan_reach(options)), previous_(previous), chain_(options.view_filter) {
+    : options_(options), reach_(plan_reach(options)), previous_(previous), chain_(options.advanced.view_filter) {
   options.validate();
 }
 
@@ -61,7 +61,7 @@ void Planner::finish() {
 
 /// Whether the keyframe is used, and if not, why not.
 KeyframeUse Planner::judge(const PlanKeyframe& keyframe) {
-  if (!options_.view_filter.enabled) return KeyframeUse::kDepthMap;
+  if (!options_.advanced.view_filter.enabled) return KeyframeUse::kDepthMap;
   const bool first = !in_sequence_;
   const std::int64_t block = floor_div(keyframe.id, kViewBlock);
   if (first || block != block_) block_begun_ = false;
@@ -97,7 +97,7 @@ KeyframeUse Planner::begin_block(const PlanKeyframe& keyframe) {
 }
 
 bool Planner::is_blurred(const PlanKeyframe& keyframe) const {
-  return options_.view_filter.min_sharpness > 0.0 &&
+  return options_.advanced.view_filter.min_sharpness > 0.0 &&
          chain_.is_blurred(keyframe.sharpness.landmarks, previous_.lean(keyframe.id));
 }
 
@@ -123,12 +123,12 @@ void Planner::choose_neighbours_of(std::int64_t i) {
   std::vector<const Keyframe*> sequence;
   for (std::int64_t k = from; k < to; ++k) sequence.push_back(&node(k).keyframe);
   const std::vector<std::size_t> near =
-      choose_near(sequence, static_cast<std::size_t>(i - from), options_.patchmatch.neighbours, before);
+      choose_near(sequence, static_cast<std::size_t>(i - from), options_.advanced.patchmatch.neighbours, before);
   for (const std::size_t k : near) entry.near.push_back(sequence[k]->id);
-  settle(entry, choose_range(reference.keyframe, options_.init, before));
+  settle(entry, choose_range(reference.keyframe, options_.advanced.init, before));
   reference.has_depth_map = entry.has_depth_map();
-  const std::int64_t chain = options_.init.chain_keyframes;
-  if (options_.init.warp_previous && entry.has_depth_map() && i > first_ && node(i - 1).has_depth_map) {
+  const std::int64_t chain = options_.advanced.init.chain_keyframes;
+  if (options_.advanced.init.warp_previous && entry.has_depth_map() && i > first_ && node(i - 1).has_depth_map) {
     const std::int64_t id = node(i - 1).keyframe.id;
     if (chain == 0 || floor_div(id, chain) == floor_div(entry.id, chain)) entry.first_planes = id;
   }
@@ -146,7 +146,7 @@ void Planner::choose_windows_of(std::int64_t i) {
   const PlanNode& reference = node(i);
   PlanEntry& entry = entry_of(reference);
   if (!entry.has_depth_map()) return;
-  if (options_.consistency.enabled) entry.consistency = window_around(i, reach_.consistency);
+  if (options_.advanced.consistency.enabled) entry.consistency = window_around(i, reach_.consistency);
   entry.fusion = window_around(i, reach_.fusion);
 }
 
@@ -155,7 +155,7 @@ void Planner::choose_viewers_of(std::int64_t i) {
   PlanEntry& entry = entry_of(reference);
   if (!entry.has_depth_map()) return;
   entry.viewers = entry.owners = entry.fusion;
-  if (!options_.free_space.enabled) return;
+  if (!options_.advanced.free_space.enabled) return;
   const PlanEntry* const before = previous_.find(entry.id);
   const auto choose = [&](std::int64_t behind, std::int64_t ahead, const std::vector<std::int64_t>* known) {
     std::vector<ViewerCandidate> candidates;
@@ -163,7 +163,7 @@ void Planner::choose_viewers_of(std::int64_t i) {
       if (k == i || !node(k).has_depth_map) continue;
       candidates.push_back({node(k).keyframe.id, (node(k).center - reference.center).norm()});
     }
-    return choose_viewers(reference, entry.fusion, candidates, options_.free_space.views, known);
+    return choose_viewers(reference, entry.fusion, candidates, options_.advanced.free_space.views, known);
   };
   entry.viewers = choose(reach_.viewers_before, reach_.viewers_after, before != nullptr ? &before->viewers : nullptr);
   if (!asks_whole_mission(options_)) return;

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "plan/choices.h"
+#include "plan/plan.h"
 #include "plan/reach.h"
-#include "pmsp/plan.h"
 #include "util/io_api.h"
 #include "view_filter/view_chain.h"
 

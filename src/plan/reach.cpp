@@ -8,29 +8,30 @@
 namespace pmsp {
 
 bool asks_whole_mission(const DensifierOptions& options) {
-  return options.free_space.enabled && options.free_space.whole_mission;
+  return options.advanced.free_space.enabled && options.advanced.free_space.whole_mission;
 }
 
 PlanReach plan_reach(const DensifierOptions& options) {
   PlanReach reach{};
-  reach.near = neighbour_reach(options.patchmatch.neighbours);
-  reach.consistency = options.consistency.enabled ? options.consistency.window / 2 : 0;
-  reach.fusion = options.fusion.window / 2;
+  reach.near = neighbour_reach(options.advanced.patchmatch.neighbours);
+  reach.consistency = options.advanced.consistency.enabled ? options.advanced.consistency.window / 2 : 0;
+  reach.fusion = options.advanced.fusion.window / 2;
   reach.windows = std::max(reach.consistency, reach.fusion);
   reach.viewers_before = reach.viewers_after = reach.owners = reach.fusion;
-  if (options.free_space.enabled) {
-    const std::int64_t half = options.free_space.history / 2;
+  if (options.advanced.free_space.enabled) {
+    const std::int64_t half = options.advanced.free_space.history / 2;
     reach.viewers_before = std::max(reach.fusion, half);
   }
   if (asks_whole_mission(options)) {
     reach.viewers_after = reach.viewers_before;
-    reach.owners = std::min(reach.viewers_before, std::max<std::int64_t>(reach.fusion, options.fusion.history / 2));
+    reach.owners =
+        std::min(reach.viewers_before, std::max<std::int64_t>(reach.fusion, options.advanced.fusion.history / 2));
   }
   return reach;
 }
 
 int ownership_rounds(const DensifierOptions& options) {
-  if (options.fusion.spacing_px == 0.0) return 0;
+  if (options.advanced.fusion.spacing_px == 0.0) return 0;
   return asks_whole_mission(options) ? 4 : 2;
 }
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "plan/plan.h"
 #include "pmsp/options.h"
-#include "pmsp/plan.h"
 #include "util/io_api.h"
 
 namespace pmsp {

@@ -5,8 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "pmsp/keyframe.h"
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 #include "util/io_api.h"
 
 // A monocular SLAM closes a loop by similarities, one for each keyframe, and keeps of each its rotation and translation

@@ -126,11 +126,11 @@ bool UnorderedPlan::is_blurred(std::size_t i) const {
   for (std::size_t k = 0; k < std::min(kSharpnessOf, sharers.size()); ++k) {
     relative.push_back(relative_sharpness(sharpness_[i].landmarks, sharpness_[sharers[k].node].landmarks));
   }
-  return median(relative) < leaning(options_.view_filter.min_sharpness, lean, true);
+  return median(relative) < leaning(options_.advanced.view_filter.min_sharpness, lean, true);
 }
 
 void UnorderedPlan::leave_out() {
-  const bool enabled = options_.view_filter.enabled;
+  const bool enabled = options_.advanced.view_filter.enabled;
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     KeyframeUse use = KeyframeUse::kDepthMap;
     if (enabled && is_blurred(i)) use = KeyframeUse::kBlurred;
@@ -148,7 +148,7 @@ void UnorderedPlan::leave_out() {
 /// that see much of it: views of other rooms make matching worse.
 std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
   const PlanNode& reference = nodes_[i];
-  const int count = options_.patchmatch.neighbours;
+  const int count = options_.advanced.patchmatch.neighbours;
   std::vector<std::size_t> candidates;
   std::vector<const Covisibility*> covisibilities;
   Places places;
@@ -189,7 +189,7 @@ void UnorderedPlan::choose_neighbours_of(std::size_t i) {
   PlanEntry& decided = entry(i);
   const PlanEntry* before = previous_.find(decided.id);
   for (const std::size_t k : choose_near_of(i)) decided.near.push_back(nodes_[k].keyframe.id);
-  settle(decided, choose_range(reference.keyframe, options_.init, before));
+  settle(decided, choose_range(reference.keyframe, options_.advanced.init, before));
   reference.has_depth_map = decided.has_depth_map();
 }
 
@@ -219,12 +219,13 @@ std::vector<std::int64_t> UnorderedPlan::window_of(std::size_t i, int size, cons
 void UnorderedPlan::choose_windows_of(std::size_t i) {
   PlanEntry& decided = entry(i);
   const PlanEntry* before = previous_.find(decided.id);
-  if (options_.consistency.enabled) {
-    decided.consistency = window_of(i, options_.consistency.window, before != nullptr ? &before->consistency : nullptr);
+  if (options_.advanced.consistency.enabled) {
+    decided.consistency =
+        window_of(i, options_.advanced.consistency.window, before != nullptr ? &before->consistency : nullptr);
   }
-  decided.fusion = window_of(i, options_.fusion.window, before != nullptr ? &before->fusion : nullptr);
+  decided.fusion = window_of(i, options_.advanced.fusion.window, before != nullptr ? &before->fusion : nullptr);
   decided.viewers = decided.owners = decided.fusion;
-  if (!options_.free_space.enabled) return;
+  if (!options_.advanced.free_space.enabled) return;
   const auto in_window = [&](std::int64_t id) {
     return std::find(decided.fusion.begin(), decided.fusion.end(), id) != decided.fusion.end();
   };
@@ -237,7 +238,7 @@ void UnorderedPlan::choose_windows_of(std::size_t i) {
   std::sort(others.begin(), others.end());
   std::vector<ViewerCandidate> candidates;
   for (const auto& [away, k] : others) candidates.push_back({nodes_[k].keyframe.id, away});
-  decided.viewers = choose_viewers(nodes_[i], decided.fusion, candidates, options_.free_space.views,
+  decided.viewers = choose_viewers(nodes_[i], decided.fusion, candidates, options_.advanced.free_space.views,
                                    before != nullptr ? &before->viewers : nullptr);
   if (asks_whole_mission(options_)) decided.owners = decided.viewers;
 }

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "plan/choices.h"
-#include "pmsp/plan.h"
+#include "plan/plan.h"
 
 namespace pmsp {
 

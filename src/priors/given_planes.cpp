@@ -9,7 +9,7 @@
 #include <Eigen/Geometry>
 
 #include "pmsp/camera.h"
-#include "pmsp/initialiser.h"
+#include "pmsp/stages.h"
 #include "priors/nearest_value.h"
 #include "priors/prior_setup.h"
 #include "util/median_of.h"

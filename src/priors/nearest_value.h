@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "pmsp/camera.h"
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/plane_priors.h"
+#include "pmsp/stages.h"
 
 #include <string>
 
@@ -15,7 +15,8 @@
 namespace pmsp {
 
 PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const std::vector<KeyframePose>& neighbours,
-                      const DepthRange& range, const Executor& executor, ImageView<const float> prior_depth) {
+                      const DepthRange& range, const Executor& executor, ImageView<const float> prior_depth,
+                      double lens_distance) {
   if (!same_size(map, panorama)) throw InvalidInput("plane_priors: the map is not of the panorama's size");
   if (neighbours.empty() || neighbours.size() > static_cast<std::size_t>(kernels::kMaxViews)) {
     throw InvalidInput("plane_priors: there are " + std::to_string(neighbours.size()) + " neighbours; expected 1 to " +
@@ -24,7 +25,7 @@ PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const std::
   const KeyframePose pose{map.cam_from_world, map.scale};
   kernels::Baselines baselines{};
   for (const KeyframePose& neighbour : neighbours) {
-    baselines.to[baselines.count++] = baseline(relation(neighbour, pose).other_from_first);
+    baselines.to[baselines.count++] = baseline(relation(neighbour, pose, 0.5 * lens_distance).other_from_first);
   }
   const CpuProcessor on(executor, map.width(), map.height());
   PlaneMap priors(map.width(), map.height());

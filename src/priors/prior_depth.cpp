@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/prior_depth.h"
+#include "pmsp/calibration.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "pmsp/initialiser.h"
+#include "pmsp/stages.h"
 #include "priors/nearest_value.h"
 #include "util/median_of.h"
 

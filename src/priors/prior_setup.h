@@ -7,7 +7,7 @@
 
 #include "patchmatch/match_setup.h"
 #include "plane_prior.h"
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 #include "processor.h"
 
 // What the backends' plane priors start from.

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "pmsp/panorama.h"
+#include "pmsp/stages.h"
 
 namespace pmsp {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 #include "util/thread_pool.h"
 
 namespace pmsp {

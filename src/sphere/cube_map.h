@@ -6,7 +6,7 @@
 
 #include "cube.h"
 #include "equirect.h"
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 #include "util/thread_pool.h"
 
 namespace pmsp {

@@ -8,9 +8,8 @@
 #include <Eigen/Geometry>
 
 #include "equirect.h"
-#include "pmsp/depth_map.h"
-#include "pmsp/executor.h"
-#include "pmsp/initialiser.h"
+#include "pmsp/stages.h"
+#include "pmsp/types.h"
 #include "sphere/grid.h"
 #include "util/eigen_kernels.h"
 #include "util/inside.h"

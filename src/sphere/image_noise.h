@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 #include "util/thread_pool.h"
 
 namespace pmsp {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/panorama.h"
+#include "pmsp/stages.h"
 
 #include <algorithm>
 #include <cmath>

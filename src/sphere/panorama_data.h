@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "pmsp/panorama.h"
+#include "pmsp/stages.h"
 #include "sphere/cube_map.h"
 #include "util/inside.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/plane_map.h"
+#include "pmsp/stages.h"
 
 #include "cpu/cpu_processor.h"
 #include "plane.h"

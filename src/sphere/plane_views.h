@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include "pmsp/plane_map.h"
+#include "pmsp/stages.h"
 #include "stage.h"
 
 namespace pmsp {

@@ -8,9 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/image.h"
-#include "pmsp/keyframe.h"
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 #include "synth/render.h"
 #include "synth/scene.h"
 

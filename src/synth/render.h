@@ -5,8 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/image.h"
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 #include "synth/scene.h"
 
 namespace pmsp::synth {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "equirect.h"
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 #include "rigid.h"
 #include "vec3.h"
 

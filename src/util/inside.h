@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include "pmsp/executor.h"
-#include "pmsp/panorama.h"
+#include "pmsp/stages.h"
 
 namespace pmsp {
 

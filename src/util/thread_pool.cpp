@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "util/thread_pool.h"
+#include "machine.h"
 
 #include <system_error>
 #include <utility>
 
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 
 namespace pmsp {
 

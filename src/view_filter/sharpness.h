@@ -3,9 +3,8 @@
 
 #include <vector>
 
-#include "pmsp/executor.h"
-#include "pmsp/keyframe.h"
-#include "pmsp/view_filter.h"
+#include "pmsp/stages.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 

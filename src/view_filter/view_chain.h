@@ -6,10 +6,10 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/keyframe.h"
+#include "plan/plan.h"
 #include "pmsp/options.h"
-#include "pmsp/plan.h"
-#include "pmsp/view_filter.h"
+#include "pmsp/stages.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/workspace/loss.h"
+#include "workspace/loss.h"
 
 #include <algorithm>
 #include <vector>

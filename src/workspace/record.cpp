@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/workspace/record.h"
+#include "workspace/record.h"
 
 #include <charconv>
 #include <cmath>
@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "densifier_checks.h"
+#include "io/plan_io.h"
 #include "pmsp/error.h"
-#include "pmsp/io/plan_io.h"
 
 namespace pmsp::workspace {
 namespace {

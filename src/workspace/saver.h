@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-#include "pmsp/io/files.h"
+#include "export/files.h"
 
 namespace pmsp::workspace {
 

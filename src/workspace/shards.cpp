@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/workspace/shards.h"
+#include "workspace/shards.h"
 
 #include <algorithm>
 #include <set>
@@ -7,8 +7,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp::workspace {
 namespace {

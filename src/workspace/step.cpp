@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/workspace/step.h"
+#include "workspace/step.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,8 +12,8 @@
 #include "plan/planner.h"
 #include "plan/reach.h"
 #include "plan/scale_recovery.h"
-#include "pmsp/io/workspace/fingerprint.h"
 #include "util/median_of.h"
+#include "workspace/fingerprint.h"
 
 namespace pmsp::workspace {
 namespace {
@@ -186,7 +186,7 @@ class StepPlanner {
     it.has_planes = true;
   }
 
-  int full_passes() const { return inputs_.options.patchmatch.geometric_passes + 1; }
+  int full_passes() const { return inputs_.options.advanced.patchmatch.geometric_passes + 1; }
 
   int passes_had(std::int64_t id) const {
     const RecordedKeyframe* const before = recorded(id);

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/workspace/workspace.h"
+#include "workspace/workspace.h"
 
 #include <set>
 #include <system_error>
 #include <utility>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
-#include "pmsp/io/workspace/artefact_file.h"
-#include "pmsp/io/workspace/fingerprint.h"
+#include "workspace/artefact_file.h"
+#include "workspace/fingerprint.h"
 #include "workspace/saver.h"
 
 namespace pmsp::workspace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/io/workspace/workspace_cloud.h"
+#include "workspace/workspace_cloud.h"
 
 #include <system_error>
 #include <vector>

@@ -11,6 +11,7 @@
 #include "batch_run.h"
 #include "cli/batch_missions.h"
 #include "report_page.h"
+#include "web/page.h"
 
 using namespace pmsp_test;
 using Catch::Contains;
@@ -67,7 +68,7 @@ TEST_CASE("a batch has a page with its table, which leads to what each mission h
   missions.write({Missions::line("a"), Missions::line("b", {{"options", {{"format", "ply,potree"}}}}),
                   Missions::line("c<b>", {{"map", "none & nowhere.msg"}}),
                   Missions::line("d", {{"map", "none<i>.msg"}})});
-  const bool has_page = pmsp::tool::has_report_page();
+  const bool has_page = pmsp::web::has_report_page();
   const std::vector<std::string> more =
       has_page ? std::vector<std::string>{"--report", "report.html", "--report-points", "500"}
                : std::vector<std::string>{};

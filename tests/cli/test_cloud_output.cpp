@@ -9,8 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "cli/command.h"
-#include "pmsp/io/cloud_writer.h"
-#include "pmsp/io/ply.h"
+#include "pmsp/io/cloud.h"
 
 using namespace pmsp;
 using namespace pmsp_test;

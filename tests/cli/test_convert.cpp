@@ -6,10 +6,9 @@
 #include <catch2/catch.hpp>
 
 #include "cli/command.h"
-#include "pmsp/io/cloud_reader.h"
-#include "pmsp/io/cloud_writer.h"
-#include "pmsp/io/ply.h"
+#include "pmsp/io/cloud.h"
 #include "report_page.h"
+#include "web/page.h"
 
 using namespace pmsp;
 using namespace pmsp_test;
@@ -153,7 +152,7 @@ TEST_CASE("a known length sets the scale", "[convert]") {
 }
 
 TEST_CASE("map units are never called metres", "[convert]") {
-  if (!tool::has_report_page()) return;
+  if (!web::has_report_page()) return;
   const TempDir dir;
   const auto report = [&](const fs::path& from, const Words& more) {
     return densify(joined({"report", from.string(), "-o", (dir / "r.html").string(), "--force"}, more));

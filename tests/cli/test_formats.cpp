@@ -10,8 +10,8 @@
 
 #include "cli/command.h"
 #include "map/scene_files.h"
+#include "pmsp/io/cloud.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/ply.h"
 #include "stats.h"
 
 using namespace pmsp;

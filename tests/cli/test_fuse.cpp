@@ -16,10 +16,10 @@
 
 #include "cli/command.h"
 #include "depth_output.h"
-#include "pmsp/io/depth_io.h"
-#include "pmsp/io/little_endian.h"
+#include "export/little_endian.h"
+#include "pmsp/io/cloud.h"
+#include "pmsp/io/depth.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/ply.h"
 
 using namespace pmsp;
 using namespace pmsp_test;

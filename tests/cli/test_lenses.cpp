@@ -76,7 +76,7 @@ TEST_CASE("two lenses") {
     pmsp::DensifierOptions options = pmsp::preset(pmsp::Quality::kNormal);
     options.width = 64;
     options.height = 32;
-    options.patchmatch.geometric_passes = 0;
+    options.advanced.patchmatch.geometric_passes = 0;
     pmsp::CloudOutput cloud(dir / "library.ply", pmsp::cloud_header_of(map));
     pmsp::densify(map, *images, options, cloud);
     cloud.commit();

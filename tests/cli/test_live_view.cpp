@@ -7,6 +7,7 @@
 #include "cli/command.h"
 #include "report_page.h"
 #include "web/client.h"
+#include "web/page.h"
 
 using namespace pmsp_test;
 using Catch::Contains;
@@ -28,7 +29,7 @@ std::string url_of(const Command& command) {
 }  // namespace
 
 TEST_CASE("clients that mean harm change nothing in a run that is looked at") {
-  if (!pmsp::tool::has_report_page()) return;
+  if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   REQUIRE(densify(quick_run(dir / "alone.ply")).code == 0);
   Command run(densify_words(quick_run(dir / "looked.ply", {"--live-view", "0"})));

@@ -4,8 +4,8 @@
 
 #include <catch2/catch.hpp>
 
+#include "devices.h"
 #include "memory_shares.h"
-#include "pmsp/devices.h"
 
 TEST_CASE("memory of the host is shared out among missions, who is alone gets what it needs", "[batch]") {
   pmsp::tool::MemoryNeed need;

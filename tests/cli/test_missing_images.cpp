@@ -6,7 +6,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "cli/command.h"
-#include "pmsp/io/ply.h"
+#include "pmsp/io/cloud.h"
 
 using namespace pmsp_test;
 using Catch::Contains;

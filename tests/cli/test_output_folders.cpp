@@ -12,7 +12,7 @@
 #include "cli/command.h"
 #include "disk_space.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/cloud.h"
 
 using namespace pmsp;
 using namespace pmsp_test;

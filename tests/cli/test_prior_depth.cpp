@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
-#include "pmsp/io/depth_io.h"
+#include "pmsp/io/depth.h"
 
 using namespace pmsp_test;
 using Catch::Contains;

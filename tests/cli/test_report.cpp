@@ -8,6 +8,7 @@
 #include "cli/command.h"
 #include "report_facts.h"
 #include "report_page.h"
+#include "web/page.h"
 
 using namespace pmsp_test;
 using Catch::Contains;
@@ -25,7 +26,7 @@ ordered_json data_of(const std::string& page) {
 }  // namespace
 
 TEST_CASE("a report says what was run and holds the points") {
-  if (!pmsp::tool::has_report_page()) return;
+  if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   const Result result =
       densify(quick_run(dir / "c.ply", {"--report", (dir / "r.html").string(), "--stats", (dir / "s.json").string(),
@@ -66,7 +67,7 @@ TEST_CASE("a report says what was run and holds the points") {
 }
 
 TEST_CASE("a report of a workspace is that of the whole mission") {
-  if (!pmsp::tool::has_report_page()) return;
+  if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   const auto report = [&](const std::string& name) {
     const Result result = densify(quick_run(dir / "c.ply", {"--report", (dir / name).string(), "--workspace",
@@ -84,7 +85,7 @@ TEST_CASE("a report of a workspace is that of the whole mission") {
 }
 
 TEST_CASE("a report that cannot be written is refused before the work") {
-  if (!pmsp::tool::has_report_page()) return;
+  if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   CHECK(densify(quick_run(dir / "c.ply", {"--report", (dir / "no" / "r.html").string()})).code == 6);
   CHECK(densify(quick_run(dir / "c.ply", {"--report", (dir / "c.ply").string()})).code == 2);
@@ -95,7 +96,7 @@ TEST_CASE("a report that cannot be written is refused before the work") {
 
 TEST_CASE("nothing in the data of a page ends its element") {
   const std::string evil = "</script><!--<script>&\xe2\x80\xa8\xff\"\\";
-  const std::string text = pmsp::tool::script_json({{"map", evil}, {evil, 1}});
+  const std::string text = pmsp::web::script_json({{"map", evil}, {evil, 1}});
   for (const char* mark : {"<", ">", "&", "\xe2\x80\xa8"}) CHECK(text.find(mark) == std::string::npos);
   const ordered_json back = ordered_json::parse(text);
   CHECK(back["map"].get<std::string>().substr(0, 23) == evil.substr(0, 23));
@@ -117,7 +118,7 @@ TEST_CASE("keyframes are named as people name them") {
 }
 
 TEST_CASE("a report is made from a cloud or a workspace alone, and says what it lacks") {
-  if (!pmsp::tool::has_report_page()) return;
+  if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   const Result run =
       densify(quick_run(dir / "c.ply", {"--workspace", (dir / "work").string(), "--stats", (dir / "s.json").string()}));
@@ -154,7 +155,7 @@ TEST_CASE("a report is made from a cloud or a workspace alone, and says what it 
 }
 
 TEST_CASE("merged shards give a report") {
-  if (!pmsp::tool::has_report_page()) return;
+  if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   const auto shard = [&](const std::string& which) {
     std::vector<std::string> words =

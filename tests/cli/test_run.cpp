@@ -10,9 +10,9 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
-#include "pmsp/io/depth_io.h"
+#include "pmsp/io/cloud.h"
+#include "pmsp/io/depth.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/ply.h"
 #include "stats.h"
 
 using namespace pmsp;

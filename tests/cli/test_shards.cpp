@@ -12,7 +12,8 @@
 #include <catch2/catch.hpp>
 
 #include "cli/command.h"
-#include "pmsp/executor.h"
+#include "machine.h"
+#include "pmsp/stages.h"
 
 using namespace pmsp_test;
 using Catch::Contains;

@@ -9,9 +9,9 @@
 
 #include "budget.h"
 #include "cli/command.h"
+#include "cost.h"
 #include "exit_code.h"
-#include "pmsp/cost.h"
-#include "pmsp/io/plan_io.h"
+#include "io/plan_io.h"
 
 using namespace pmsp;
 using namespace pmsp_test;
@@ -359,7 +359,7 @@ TEST_CASE("run --print-memory says what info says of memory, and runs nothing") 
   DensifierOptions options = preset(Quality::kHigh);  // of a device, before images are seen: they may be of any width
   options.width = predicted["width"];
   options.height = predicted["height"];
-  options.expected_keyframes = predicted["keyframes"];
+  options.advanced.expected_keyframes = predicted["keyframes"];
   CHECK(said["gpu"]["device_bytes"] == device_memory_needed(options));
   options.scratch_folder = "somewhere";
   CHECK(said["gpu"]["least_device_bytes"] ==

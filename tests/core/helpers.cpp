@@ -7,9 +7,7 @@
 
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "pmsp/initialiser.h"
-#include "pmsp/panorama.h"
-#include "pmsp/plane_map.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::test {
 

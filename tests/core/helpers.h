@@ -7,10 +7,9 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/depth_map.h"
-#include "pmsp/executor.h"
 #include "pmsp/options.h"
-#include "pmsp/patchmatch.h"
+#include "pmsp/stages.h"
+#include "pmsp/types.h"
 #include "synth/mission.h"
 
 /// Tag of tests that need images large enough for good depths. Under a sanitizer, where PatchMatch takes many

@@ -6,12 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/filters.h"
-#include "pmsp/fusion.h"
-#include "pmsp/initialiser.h"
-#include "pmsp/plane_map.h"
-#include "pmsp/plane_priors.h"
-#include "pmsp/range_map.h"
+#include "pmsp/stages.h"
 
 /// The stages on depth maps, in which tests are written: planes go in and come out again. What a filter keeps stays as
 /// it is.

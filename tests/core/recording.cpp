@@ -71,7 +71,7 @@ DensifierOptions fast_options(int width, int threads) {
   options.height = width / 2;
   options.threads = threads;
   options.simd = kAnySimd;
-  options.patchmatch.iterations = kSanitized ? 1 : 3;
+  options.advanced.patchmatch.iterations = kSanitized ? 1 : 3;
   return options;
 }
 

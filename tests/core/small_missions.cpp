@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "core/small_missions.h"
 
+#include "planned_densifier.h"
+
 #include <algorithm>
 #include <cmath>
 #include <unordered_set>
@@ -76,11 +78,11 @@ DensifierOptions small_preset(Quality quality, std::uint64_t seed) {
   options.threads = 1;
   options.simd = kAnySimd;
   options.seed = seed;
-  options.patchmatch.refinements = 1;
-  options.fusion.history = 4;
-  options.free_space.history = 8;
-  options.free_space.views = 3;
-  options.init.chain_keyframes = 4;
+  options.advanced.patchmatch.refinements = 1;
+  options.advanced.fusion.history = 4;
+  options.advanced.free_space.history = 8;
+  options.advanced.free_space.views = 3;
+  options.advanced.init.chain_keyframes = 4;
   return options;
 }
 
@@ -97,10 +99,10 @@ std::vector<SmallMission> small_missions(std::uint64_t seed) {
   std::reverse(photos.keyframes.begin(), photos.keyframes.begin() + static_cast<std::ptrdiff_t>(count / 3));
   missions.push_back(std::move(photos));
   SmallMission all_used{"all used", small_preset(Quality::kOnline, seed), small_flight(count / 2)};
-  all_used.options.view_filter.enabled = false;  // the keyframe without landmarks then lends its image
-  all_used.options.patchmatch.geometric_passes = 0;
-  all_used.options.consistency.enabled = false;
-  all_used.options.fusion.window = 1;
+  all_used.options.advanced.view_filter.enabled = false;  // the keyframe without landmarks then lends its image
+  all_used.options.advanced.patchmatch.geometric_passes = 0;
+  all_used.options.advanced.consistency.enabled = false;
+  all_used.options.advanced.fusion.window = 1;
   missions.push_back(std::move(all_used));
   return missions;
 }
@@ -180,7 +182,7 @@ Recording run_part(const SmallMission& mission, const Plan& plan, const std::vec
   const Halo needed = halo(plan, ids, mission.options);
   const std::unordered_set<std::int64_t> given(needed.images.begin(), needed.images.end());
   Recording recording;
-  Densifier densifier(mission.options, plan, ids, recording.callbacks());
+  PlannedDensifier densifier(mission.options, plan, ids, recording.callbacks());
   for (const Keyframe& keyframe : mission.keyframes) {
     if (given.count(keyframe.id) != 0) densifier.add(keyframe);
   }

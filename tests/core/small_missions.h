@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/recording.h"
-#include "pmsp/plan.h"
+#include "plan/plan.h"
 
 namespace pmsp::test {
 

@@ -13,7 +13,7 @@
 #include "core/on_depth_maps.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
+#include "pmsp/stages.h"
 #include "synth/rng.h"
 
 using namespace pmsp;

@@ -78,7 +78,7 @@ TEST_CASE("images that are finer than the depth maps make clouds more exact", "[
   const synth::Mission mission = synth::textured_room(small_recipe(640, 5));
   const auto good = [&](double image_scale) {
     DensifierOptions options = fast_options(320);
-    options.patchmatch.image_scale = image_scale;
+    options.advanced.patchmatch.image_scale = image_scale;
     return points_on_surface(mission.scene, densify(mission, options).clouds, 0.002);
   };
   const double coarse = good(1.0);

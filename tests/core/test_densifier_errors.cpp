@@ -116,7 +116,7 @@ TEST_CASE("bad options are refused when the Densifier is made", "[densifier]") {
   options.width = 33;
   CHECK_THROWS_AS(Densifier(options, {}), InvalidOption);
   options = {};
-  options.patchmatch.iterations = 0;
+  options.advanced.patchmatch.iterations = 0;
   CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("patchmatch.iterations"));
   options = {};
   options.threads = 5000;

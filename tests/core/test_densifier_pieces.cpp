@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/small_missions.h"
+#include "planned_densifier.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -108,7 +109,7 @@ TEST_CASE("depth maps of a piece need the images of their own halo only", "[dens
     Recording recording;
     DensifierCallbacks callbacks = recording.callbacks();
     callbacks.cloud = nullptr;
-    Densifier densifier(sample.mission.options, sample.plan, ids, callbacks);
+    PlannedDensifier densifier(sample.mission.options, sample.plan, ids, callbacks);
     for (const Keyframe& keyframe : sample.mission.keyframes) {
       if (std::find(images.begin(), images.end(), keyframe.id) != images.end()) CHECK(densifier.add(keyframe));
     }

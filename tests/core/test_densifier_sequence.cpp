@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "core/recording.h"
+#include "machine.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -71,7 +72,7 @@ TEST_CASE("results arrive while the flight goes on", "[densifier]") {
   const synth::Mission flight = synth::empty_room(small_recipe(kTinyWidth, 14));
   Recording recording;
   DensifierOptions options = fast_options(kTinyWidth);
-  options.patchmatch.geometric_passes = 0;
+  options.advanced.patchmatch.geometric_passes = 0;
   Densifier densifier(options, recording.callbacks());
   constexpr std::size_t kMatched = 2;  // keyframes for each pass of matching
   constexpr std::size_t kLate = 10;    // two more each for consistency, fusion and two rounds of ownership
@@ -116,7 +117,7 @@ TEST_CASE("what poses are off by lowers the confidences that are told, and chang
   const auto densified = [](double pose_error, bool free_space) {
     Recording recording;
     DensifierOptions options = fast_options();
-    options.free_space.enabled = free_space;
+    options.advanced.free_space.enabled = free_space;
     Densifier densifier(options, recording.callbacks());
     for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
       Keyframe keyframe = synth::keyframe_of(test_flight(), i);
@@ -205,8 +206,8 @@ TEST_CASE("accepted keyframes that get no depth map are counted with the reason"
   CHECK(alone.stats().depth_maps == 0);
 
   DensifierOptions options = fast_options(kTinyWidth);
-  options.view_filter.enabled = false;
-  options.init.range_margin = 1.0;  // one landmark then gives no range
+  options.advanced.view_filter.enabled = false;
+  options.advanced.init.range_margin = 1.0;  // one landmark then gives no range
   Recording recording;
   Densifier densifier(options, recording.callbacks());
   for (std::size_t i = 0; i < 4; ++i) {
@@ -225,7 +226,7 @@ TEST_CASE("accepted keyframes that get no depth map are counted with the reason"
 TEST_CASE("statistics add up", "[densifier]") {
   Recording recording;
   DensifierOptions options = fast_options();
-  options.median.weighted = GENERATE(false, true);
+  options.advanced.median.weighted = GENERATE(false, true);
   Densifier densifier(options, recording.callbacks());
   fly_through(densifier, test_flight());
   const DensifierStats& stats = densifier.stats();
@@ -244,7 +245,7 @@ TEST_CASE("statistics add up", "[densifier]") {
   CHECK(stats.pixels_matched >= depths(recording.raw));  // far pixels have no depth
   CHECK(stats.pixels_after_median <= stats.pixels_matched);
   // The weighted median gives planes to pixels that the median filter left without.
-  const std::int64_t before = options.median.weighted ? stats.pixels : stats.pixels_after_median;
+  const std::int64_t before = options.advanced.median.weighted ? stats.pixels : stats.pixels_after_median;
   CHECK(stats.pixels_after_consistency <= before);
   CHECK(stats.pixels_after_consistency == depths(recording.filtered));
   CHECK(stats.points == static_cast<std::int64_t>(recording.points()));
@@ -409,9 +410,9 @@ TEST_CASE("masked pixels stay empty through all stages", "[densifier][mask]") {
 TEST_CASE("warping the previous planes and sparse points can be switched off", "[densifier]" PMSP_ACCURACY) {
   DensifierOptions options = fast_options();
   const Recording warm = densify(part(0, 4), options);
-  options.init.warp_previous = false;
+  options.advanced.init.warp_previous = false;
   const Recording cold = densify(part(0, 4), options);
-  options.init.sparse_points = false;
+  options.advanced.init.sparse_points = false;
   const Recording colder = densify(part(0, 4), options);
   CHECK_FALSE(same(cold, colder));
   CHECK(cold.clouds.size() == 4);
@@ -426,11 +427,11 @@ TEST_CASE("warping the previous planes and sparse points can be switched off", "
   CHECK_FALSE(same(warm, cold));
   CHECK(share(warm) > share(colder) - 0.01);
   // What it is for: keyframes that follow one another need fewer iterations.
-  options.init = {};
-  options.patchmatch.iterations = 1;
-  options.patchmatch.geometric_passes = 0;
+  options.advanced.init = {};
+  options.advanced.patchmatch.iterations = 1;
+  options.advanced.patchmatch.geometric_passes = 0;
   const double soon = share(densify(part(0, 4), options));
-  options.init.warp_previous = false;
+  options.advanced.init.warp_previous = false;
   CHECK(soon > share(densify(part(0, 4), options)) + 0.02);
 }
 
@@ -438,10 +439,10 @@ TEST_CASE("with the whole mission, points are held back until the end, in order"
   for (const bool whole : {false, true}) {
     INFO(whole);
     DensifierOptions options = fast_options();
-    options.free_space.whole_mission = whole;
-    options.patchmatch.geometric_passes = 0;  // each would make all results later, and so would wider windows
-    options.consistency.window = options.fusion.window = 3;
-    options.consistency.min_views = 2;
+    options.advanced.free_space.whole_mission = whole;
+    options.advanced.patchmatch.geometric_passes = 0;  // each would make all results later, and so would wider windows
+    options.advanced.consistency.window = options.advanced.fusion.window = 3;
+    options.advanced.consistency.min_views = 2;
     std::vector<std::int64_t> handed_out;
     DensifierCallbacks callbacks;
     callbacks.cloud = [&](const KeyframeCloud& cloud) { handed_out.push_back(cloud.keyframe_id); };
@@ -458,8 +459,8 @@ TEST_CASE("with the whole mission, points are held back until the end, in order"
 TEST_CASE("a flight back over the same places gives few points more, and they are counted", "[densifier]") {
   const auto fly_twice = [](bool whole_mission, bool flush_between) {
     DensifierOptions options = fast_options(kTinyWidth);
-    options.fusion.spacing_px = 1.0;
-    options.free_space.whole_mission = whole_mission;
+    options.advanced.fusion.spacing_px = 1.0;
+    options.advanced.free_space.whole_mission = whole_mission;
     Recording recording;
     Densifier densifier(options, recording.callbacks());
     for (std::size_t i = 0; i < 7; ++i) densifier.add(synth::keyframe_of(test_flight(), i));

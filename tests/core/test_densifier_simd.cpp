@@ -20,7 +20,7 @@ TEST_CASE("AVX2 and AVX-512 give the same bytes: depth maps and clouds of a flig
     DensifierOptions options = preset(quality);
     options.width = kTinyWidth + 12;  // rows that fill no whole number of lanes
     options.height = options.width / 2;
-    options.patchmatch.iterations = 2;
+    options.advanced.patchmatch.iterations = 2;
     options.simd = Simd::kAvx2;
     const Recording narrow = densify(test_flight(), options);
     options.simd = Simd::kAvx512;

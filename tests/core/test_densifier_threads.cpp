@@ -39,8 +39,8 @@ TEST_CASE("two Densifiers at once give what each gives alone", "[densifier][thre
 TEST_CASE("what waits in a scratch folder is what would wait in memory", "[densifier]") {
   const pmsp_test::TempDir dir;
   DensifierOptions options = fast_options();
-  options.free_space.whole_mission = true;
-  options.free_space.history = 4;  // some points are handed out before the end
+  options.advanced.free_space.whole_mission = true;
+  options.advanced.free_space.history = 4;  // some points are handed out before the end
   const Recording memory = densify(test_flight(), options);
   options.scratch_folder = dir.path().string();
   CHECK(difference(densify(test_flight(), options), memory).empty());
@@ -97,8 +97,8 @@ TEST_CASE("after cancel nothing more is handed out", "[densifier][threads]") {
 
 TEST_CASE("cancel stops a running match soon", "[densifier][threads]") {
   DensifierOptions options = fast_options();
-  options.patchmatch.iterations = 100;  // minutes in all
-  options.patchmatch.refinements = 32;
+  options.advanced.patchmatch.iterations = 100;  // minutes in all
+  options.advanced.patchmatch.refinements = 32;
   Recording recording;
   Densifier densifier(options, recording.callbacks());
   densifier.add(synth::keyframe_of(test_flight(), 0));

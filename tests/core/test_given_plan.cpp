@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/small_missions.h"
+#include "planned_densifier.h"
 #include "pmsp/error.h"
 
 using namespace pmsp;
@@ -43,7 +44,7 @@ void check_whole(const SmallMission& mission) {
   Densifier densifier(mission.options, streamed.callbacks());
   fly_through(densifier, mission);
   Recording given;
-  Densifier other(mission.options, plan_of(mission), ids_of(mission.keyframes), given.callbacks());
+  PlannedDensifier other(mission.options, plan_of(mission), ids_of(mission.keyframes), given.callbacks());
   fly_through(other, mission);
   CHECK(difference(streamed, given).empty());
   CHECK(counts(densifier.stats()) == counts(other.stats()));
@@ -105,10 +106,10 @@ TEST_CASE("the plan of paper runs as a whole, its parts are refused", "[densifie
   mission.options = preset(Quality::kPaper);
   mission.options.width = small.width;
   mission.options.height = small.height;
-  mission.options.patchmatch.iterations = 1;
+  mission.options.advanced.patchmatch.iterations = 1;
   check_whole(mission);
   const Plan plan = plan_of(mission);
-  CHECK_THROWS_AS(Densifier(mission.options, plan, {mission.keyframes[3].id}, {}), InvalidOption);
+  CHECK_THROWS_AS(PlannedDensifier(mission.options, plan, {mission.keyframes[3].id}, {}), InvalidOption);
 }
 
 TEST_CASE("a plan that does not fit is refused by keyframe and list", "[densifier][plan]") {
@@ -118,19 +119,19 @@ TEST_CASE("a plan that does not fit is refused by keyframe and list", "[densifie
   REQUIRE(at > 0);
   REQUIRE(plan.entries[at].viewers.size() > 1);
   const Ids ids = {plan.entries[at].id};
-  CHECK_NOTHROW(Densifier(mission.options, plan, ids, {}));
+  CHECK_NOTHROW(PlannedDensifier(mission.options, plan, ids, {}));
   for (const Mistake& mistake : mistakes()) {
     Plan broken = plan;
     mistake.make(broken, at);
     INFO(mistake.name);
-    CHECK_THROWS_AS(Densifier(mission.options, broken, ids, {}), InvalidInput);
-    CHECK_THROWS_WITH(Densifier(mission.options, broken, ids, {}),
+    CHECK_THROWS_AS(PlannedDensifier(mission.options, broken, ids, {}), InvalidInput);
+    CHECK_THROWS_WITH(PlannedDensifier(mission.options, broken, ids, {}),
                       Contains("the plan's keyframe") && Contains(mistake.complaint));
   }
-  CHECK_THROWS_WITH(Densifier(mission.options, plan, {9999}, {}), Contains("9999"));
+  CHECK_THROWS_WITH(PlannedDensifier(mission.options, plan, {9999}, {}), Contains("9999"));
   DensifierOptions bad = mission.options;
-  bad.patchmatch.iterations = 0;
-  CHECK_THROWS_AS(Densifier(bad, plan, ids, {}), InvalidOption);
+  bad.advanced.patchmatch.iterations = 0;
+  CHECK_THROWS_AS(PlannedDensifier(bad, plan, ids, {}), InvalidOption);
 }
 
 TEST_CASE("a plan made with other options is refused where that shows", "[densifier][plan]") {
@@ -138,27 +139,27 @@ TEST_CASE("a plan made with other options is refused where that shows", "[densif
   const Plan plan = plan_of(mission);
   const Ids ids = ids_of(mission.keyframes);
   const std::function<void(DensifierOptions&)> changes[] = {
-      [](DensifierOptions& o) { o.patchmatch.neighbours = 2; },
-      [](DensifierOptions& o) { o.consistency.enabled = false; },
-      [](DensifierOptions& o) { o.consistency.window = 3; },
-      [](DensifierOptions& o) { o.fusion.window = 3; },
-      [](DensifierOptions& o) { o.free_space.whole_mission = false; },
-      [](DensifierOptions& o) { o.free_space.views = 1; },
-      [](DensifierOptions& o) { o.init.warp_previous = false; },
+      [](DensifierOptions& o) { o.advanced.patchmatch.neighbours = 2; },
+      [](DensifierOptions& o) { o.advanced.consistency.enabled = false; },
+      [](DensifierOptions& o) { o.advanced.consistency.window = 3; },
+      [](DensifierOptions& o) { o.advanced.fusion.window = 3; },
+      [](DensifierOptions& o) { o.advanced.free_space.whole_mission = false; },
+      [](DensifierOptions& o) { o.advanced.free_space.views = 1; },
+      [](DensifierOptions& o) { o.advanced.init.warp_previous = false; },
   };
   int refused = 0;
   for (const auto& change : changes) {
     DensifierOptions options = mission.options;
     change(options);
     INFO(refused);
-    CHECK_THROWS_WITH(Densifier(options, plan, ids, {}), Contains("was the plan made with others?"));
+    CHECK_THROWS_WITH(PlannedDensifier(options, plan, ids, {}), Contains("was the plan made with others?"));
     ++refused;
   }
   DensifierOptions fits = mission.options;
   fits.seed = 7;
   fits.width = 64;
   fits.height = 32;
-  CHECK_NOTHROW(Densifier(fits, plan, ids, {}));
+  CHECK_NOTHROW(PlannedDensifier(fits, plan, ids, {}));
 }
 
 TEST_CASE("of the keyframes of a mission a piece takes those it needs", "[densifier][plan]") {
@@ -169,7 +170,7 @@ TEST_CASE("of the keyframes of a mission a piece takes those it needs", "[densif
   const Ids& images = needed_by.images;
   REQUIRE(images.size() < mission.keyframes.size());
   Recording recording;
-  Densifier densifier(mission.options, plan, ids, recording.callbacks());
+  PlannedDensifier densifier(mission.options, plan, ids, recording.callbacks());
   for (Keyframe keyframe : mission.keyframes) {
     const bool needed = std::find(images.begin(), images.end(), keyframe.id) != images.end();
     if (!needed) keyframe.image = {};
@@ -197,7 +198,7 @@ TEST_CASE("what does not come, or not in the plan's order, is named", "[densifie
                          [&](const Keyframe& keyframe) { return keyframe.id == id; });
   };
   Recording recording;
-  Densifier densifier(mission.options, plan, {plan.entries[2].id}, recording.callbacks());
+  PlannedDensifier densifier(mission.options, plan, {plan.entries[2].id}, recording.callbacks());
   Keyframe unknown = keyframe_of(images[0]);
   unknown.id = 9999;
   CHECK_THROWS_WITH(densifier.add(unknown), Contains("the plan has no keyframe 9999"));
@@ -215,11 +216,11 @@ TEST_CASE("what does not come, or not in the plan's order, is named", "[densifie
 TEST_CASE("no keyframes asked for, no work", "[densifier][plan]") {
   const SmallMission mission = flight();
   Recording recording;
-  Densifier densifier(mission.options, plan_of(mission), {}, recording.callbacks());
+  PlannedDensifier densifier(mission.options, plan_of(mission), {}, recording.callbacks());
   for (const Keyframe& keyframe : mission.keyframes) CHECK_FALSE(densifier.add(keyframe));
   densifier.flush();
   CHECK(recording.order.empty());
-  Densifier empty(mission.options, Plan{}, {}, recording.callbacks());
+  PlannedDensifier empty(mission.options, Plan{}, {}, recording.callbacks());
   empty.flush();
   CHECK_THROWS_AS(empty.add(mission.keyframes[0]), InvalidInput);
 }
@@ -227,7 +228,7 @@ TEST_CASE("no keyframes asked for, no work", "[densifier][plan]") {
 TEST_CASE("a piece that is cancelled asks for nothing more", "[densifier][plan]") {
   const SmallMission mission = flight();
   Recording recording;
-  Densifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
+  PlannedDensifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
   CHECK(densifier.add(mission.keyframes[0]));
   densifier.cancel();
   CHECK_FALSE(densifier.add(mission.keyframes[5]));

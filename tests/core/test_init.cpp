@@ -9,7 +9,7 @@
 
 #include "core/on_depth_maps.h"
 #include "pmsp/camera.h"
-#include "pmsp/initialiser.h"
+#include "pmsp/stages.h"
 #include "synth/rng.h"
 
 using namespace pmsp;

@@ -7,11 +7,7 @@
 #include "core/recording.h"
 #include "cpu/executor_impl.h"
 #include "cpu/rows.h"
-#include "pmsp/filters.h"
-#include "pmsp/fusion.h"
-#include "pmsp/panorama.h"
-#include "pmsp/plane_priors.h"
-#include "pmsp/range_map.h"
+#include "pmsp/stages.h"
 #include "support/fused_float.h"
 
 using namespace pmsp;
@@ -103,7 +99,7 @@ Results run_all(const synth::Mission& mission, const Executor& executor) {
     for (std::size_t j = 0; j < 3; ++j) {
       if (j != i) viewers.push_back({&range_maps[j], window[j].pose});
     }
-    surfels[i].standings = judge(surfels[i], window[i].pose, viewers, FreeSpaceOptions{}, executor);
+    surfels[i].standings = free_space_filter(surfels[i], window[i].pose, viewers, FreeSpaceOptions{}, executor);
     results.standings.push_back(surfels[i].standings);
   }
   std::vector<std::uint32_t> still[3];
@@ -114,13 +110,13 @@ Results run_all(const synth::Mission& mission, const Executor& executor) {
       for (std::size_t j = 0; j < 3; ++j) {
         if (j != i) viewers.push_back({&surfels[j], &surfels[j].standings, window[j].pose});
       }
-      next.push_back(ownership_round({&surfels[i], &surfels[i].standings, window[i].pose}, still[i], viewers,
+      next.push_back(duplicate_round({&surfels[i], &surfels[i].standings, window[i].pose}, still[i], viewers,
                                      FusionOptions{}, executor));
     }
     for (std::size_t i = 0; i < 3; ++i) surfels[i].standings = next[i];
     results.standings.insert(results.standings.end(), next.begin(), next.end());
   }
-  results.cloud = owned_points({&surfels[1], &surfels[1].standings, window[1].pose});
+  results.cloud = kept_points({&surfels[1], &surfels[1].standings, window[1].pose});
   return results;
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/small_missions.h"
+#include "planned_densifier.h"
 #include "pmsp/error.h"
 #include "support/temp_dir.h"
 
@@ -51,7 +52,7 @@ class Source {
 ResultsById run_by_asking(const SmallMission& mission, const Plan& plan, const Ids& ids, int& again) {
   Source source(mission);
   Recording recording;
-  Densifier densifier(mission.options, plan, ids, recording.callbacks());
+  PlannedDensifier densifier(mission.options, plan, ids, recording.callbacks());
   densifier.run([&](std::int64_t id) { return source(id); });
   Ids came;
   for (const auto& [id, times] : source.asked) {
@@ -101,7 +102,7 @@ TEST_CASE("a given plan goes on by itself after keyframes were handed over", "[d
   const SmallMission mission = flight(Quality::kOnline);
   Source source(mission);
   Recording recording;
-  Densifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
+  PlannedDensifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
   for (std::size_t i = 0; i < 3; ++i) densifier.add(mission.keyframes[i]);
   densifier.run([&](std::int64_t id) { return source(id); });
   CHECK(difference(by_id(recording), by_id(whole_run(mission))) == "");
@@ -112,7 +113,7 @@ TEST_CASE("keyframes that cannot be had end the run, by name", "[densifier][sour
   const Plan plan = plan_of(mission);
   Source source(mission);
   const auto run = [&](const KeyframeSource& keyframes) {
-    Densifier densifier(mission.options, plan, ids_of(mission.keyframes), {});
+    PlannedDensifier densifier(mission.options, plan, ids_of(mission.keyframes), {});
     try {
       densifier.run(keyframes);
     } catch (...) {
@@ -128,10 +129,10 @@ TEST_CASE("keyframes that cannot be had end the run, by name", "[densifier][sour
                       return source(id);
                     }),
                     "the disk is gone");
-  Densifier densifier(mission.options, {});
+  PlannedDensifier densifier(mission.options, {});
   CHECK_THROWS_WITH(densifier.run([&](std::int64_t id) { return source(id); }), Contains("given plan"));
   CHECK_FALSE(densifier.cancelled());
-  Densifier given(mission.options, plan, ids_of(mission.keyframes), {});
+  PlannedDensifier given(mission.options, plan, ids_of(mission.keyframes), {});
   CHECK_THROWS_WITH(given.run(nullptr), Contains("nobody"));
   CHECK_FALSE(given.cancelled());
 }
@@ -143,7 +144,7 @@ TEST_CASE("an image that cannot be had a second time ends the run, and cancel do
     for (const bool cancel : {false, true}) {
       Source source(mission);
       Recording recording;
-      Densifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
+      PlannedDensifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
       int again = 0;
       const auto run = [&] {
         densifier.run([&](std::int64_t id) {
@@ -171,11 +172,11 @@ TEST_CASE("a run counts what a flight counts, and a second one has nothing to do
   mission.options.width = 0;  // that of the images
   mission.options.height = 0;
   Recording pushed;
-  Densifier pushes(mission.options, plan_of(mission), ids_of(mission.keyframes), pushed.callbacks());
+  PlannedDensifier pushes(mission.options, plan_of(mission), ids_of(mission.keyframes), pushed.callbacks());
   fly_through(pushes, mission);
   Source source(mission);
   Recording pulled;
-  Densifier pulls(mission.options, plan_of(mission), ids_of(mission.keyframes), pulled.callbacks());
+  PlannedDensifier pulls(mission.options, plan_of(mission), ids_of(mission.keyframes), pulled.callbacks());
   for (int i = 0; i < 2; ++i) pulls.run([&](std::int64_t id) { return source(id); });
   CHECK(difference(by_id(pulled), by_id(pushed)) == "");
   CHECK(pulls.stats().keyframes_accepted == pushes.stats().keyframes_accepted);

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/recording.h"
-#include "pmsp/lens_distance.h"
+#include "pmsp/calibration.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

@@ -6,7 +6,7 @@
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
+#include "pmsp/stages.h"
 #include "synth/rng.h"
 
 using namespace pmsp;

@@ -9,9 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "machine.h"
+#include "option_table.h"
 #include "pmsp/error.h"
-#include "pmsp/executor.h"
-#include "pmsp/option_table.h"
+#include "pmsp/stages.h"
 
 using namespace pmsp;
 
@@ -62,12 +63,18 @@ struct Documented {
 };
 
 std::vector<Documented> documented() {
-  const std::vector<std::pair<std::string, std::string>> kStages{
-      {"ViewFilterOptions", "view_filter."},        {"InitOptions", "init."},
-      {"PatchMatchOptions", "patchmatch."},         {"MedianFilterOptions", "median."},
-      {"ConsistencyFilterOptions", "consistency."}, {"FusionOptions", "fusion."},
-      {"FreeSpaceOptions", "free_space."},          {"DensifierOptions", ""}};
-  std::ifstream file(PMSP_OPTIONS_H);
+  const std::vector<std::pair<std::string, std::string>> kStages{{"ViewFilterOptions", "view_filter."},
+                                                                 {"InitOptions", "init."},
+                                                                 {"PatchMatchOptions", "patchmatch."},
+                                                                 {"MedianFilterOptions", "median."},
+                                                                 {"ConsistencyFilterOptions", "consistency."},
+                                                                 {"FusionOptions", "fusion."},
+                                                                 {"FreeSpaceOptions", "free_space."},
+                                                                 {"AdvancedOptions", ""},
+                                                                 {"DensifierOptions", ""}};
+  std::stringstream file;
+  for (const char* name : {"/advanced.h", "/options.h"})
+    file << std::ifstream(PMSP_HEADERS + std::string(name)).rdbuf();
   std::vector<Documented> fields;
   std::string prefix, before;
   bool inside = false, follows = false;
@@ -207,10 +214,10 @@ TEST_CASE("sizes are even, or 0 for automatic", "[options]") {
 TEST_CASE("windows are odd: as many keyframes before as after", "[options]") {
   for (const int window : {4, 14}) {
     DensifierOptions options;
-    options.consistency.window = window;
+    options.advanced.consistency.window = window;
     CHECK_THROWS_WITH(options.validate(), Catch::Contains("consistency.window") && Catch::Contains("odd"));
     options = {};
-    options.fusion.window = window;
+    options.advanced.fusion.window = window;
     CHECK_THROWS_WITH(options.validate(), Catch::Contains("fusion.window") && Catch::Contains("odd"));
   }
 }
@@ -229,29 +236,29 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   const DensifierOptions paper = preset(Quality::kPaper);
   CHECK(paper.width == 640);
   CHECK(paper.height == 320);
-  CHECK(paper.patchmatch.iterations == 4);
-  CHECK(paper.patchmatch.neighbours == 2);
-  CHECK(paper.init.chain_keyframes == 0);
-  CHECK(paper.patchmatch.fine_patch == 1.0);
-  CHECK(paper.consistency.window == 5);
-  CHECK(paper.consistency.min_views == 3);
-  CHECK(paper.consistency.max_relative_depth == 0.08);
+  CHECK(paper.advanced.patchmatch.iterations == 4);
+  CHECK(paper.advanced.patchmatch.neighbours == 2);
+  CHECK(paper.advanced.init.chain_keyframes == 0);
+  CHECK(paper.advanced.patchmatch.fine_patch == 1.0);
+  CHECK(paper.advanced.consistency.window == 5);
+  CHECK(paper.advanced.consistency.min_views == 3);
+  CHECK(paper.advanced.consistency.max_relative_depth == 0.08);
   const DensifierOptions online = preset(Quality::kOnline);
   CHECK(online.width == 640);
   CHECK(online.height == 320);
-  CHECK(online.patchmatch.neighbours == 2);
+  CHECK(online.advanced.patchmatch.neighbours == 2);
   const DensifierOptions normal = preset(Quality::kNormal);
   CHECK(normal.width == 1440);
   CHECK(normal.height == 720);
-  CHECK(normal.patchmatch.iterations == 2);
-  CHECK(normal.patchmatch.neighbours == 4);
+  CHECK(normal.advanced.patchmatch.iterations == 2);
+  CHECK(normal.advanced.patchmatch.neighbours == 4);
   const DensifierOptions high = preset(Quality::kHigh);
   CHECK(high.width == 0);
   CHECK(high.height == 0);
-  CHECK(high.patchmatch.neighbours == 6);
-  CHECK(high.free_space.whole_mission);
-  CHECK_FALSE(paper.patchmatch.plane_priors);
-  CHECK_FALSE(paper.free_space.enabled);
+  CHECK(high.advanced.patchmatch.neighbours == 6);
+  CHECK(high.advanced.free_space.whole_mission);
+  CHECK_FALSE(paper.advanced.patchmatch.plane_priors);
+  CHECK_FALSE(paper.advanced.free_space.enabled);
 }
 
 TEST_CASE("sizes that are left open are those of the images, small ones enlarged", "[options]") {

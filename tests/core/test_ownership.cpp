@@ -16,7 +16,7 @@
 #include "core/on_depth_maps.h"
 #include "ownership.h"
 #include "pmsp/error.h"
-#include "pmsp/fusion.h"
+#include "pmsp/stages.h"
 #include "synth/rng.h"
 
 using namespace pmsp;
@@ -84,7 +84,7 @@ class Owners {
     for (std::size_t i = 0; i < size(); ++i) {
       std::vector<RangeMapFrom> asked;
       for (const std::size_t k : viewers(i)) asked.push_back({&range_maps[k], poses[k]});
-      surfels[i].standings = judge(surfels[i], poses[i], asked, free_space, executor);
+      surfels[i].standings = free_space_filter(surfels[i], poses[i], asked, free_space, executor);
     }
     eligible = 0.0;
     for (const SurfelMap& map : surfels) {
@@ -97,13 +97,13 @@ class Owners {
         std::vector<SurfelsFrom> asked;
         for (const std::size_t k : viewers(i)) asked.push_back({&surfels[k], &surfels[k].standings, poses[k]});
         next.push_back(
-            ownership_round({&surfels[i], &surfels[i].standings, poses[i]}, still[i], asked, fusion, executor));
+            duplicate_round({&surfels[i], &surfels[i].standings, poses[i]}, still[i], asked, fusion, executor));
       }
       for (std::size_t i = 0; i < size(); ++i) surfels[i].standings = next[i];
     }
     clouds.clear();
     for (std::size_t i = 0; i < size(); ++i)
-      clouds.push_back(owned_points({&surfels[i], &surfels[i].standings, poses[i]}));
+      clouds.push_back(kept_points({&surfels[i], &surfels[i].standings, poses[i]}));
   }
 
   template <class Counts>
@@ -405,7 +405,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
     for (const std::size_t k : order) {
       if (k != i) asked.push_back({&range_maps[k], one.poses[k]});
     }
-    surfels[i].standings = judge(surfels[i], one.poses[i], asked, one.free_space, executor);
+    surfels[i].standings = free_space_filter(surfels[i], one.poses[i], asked, one.free_space, executor);
   }
   std::map<std::size_t, std::vector<std::uint32_t>> still;
   for (int round = 0; round < one.rounds; ++round) {
@@ -416,13 +416,13 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
         if (k != i) asked.push_back({&surfels[k], &surfels[k].standings, one.poses[k]});
       }
       next[i] =
-          ownership_round({&surfels[i], &surfels[i].standings, one.poses[i]}, still[i], asked, one.fusion, executor);
+          duplicate_round({&surfels[i], &surfels[i].standings, one.poses[i]}, still[i], asked, one.fusion, executor);
     }
     for (const std::size_t i : order) surfels[i].standings = next[i];
   }
   other.clouds.clear();
   for (const std::size_t i : order)
-    other.clouds.push_back(owned_points({&surfels[i], &surfels[i].standings, one.poses[i]}));
+    other.clouds.push_back(kept_points({&surfels[i], &surfels[i].standings, one.poses[i]}));
   // Sums over viewers are rounded in another order, which may tip what lies on the limit.
   const auto mine = keys(one);
   const auto theirs = keys(other);
@@ -581,20 +581,20 @@ TEST_CASE("ownership refuses what does not fit", "[ownership]") {
   FusionOptions options;
   options.spacing_px = -1.0;
   CHECK_THROWS_AS(fuse_pixels({map}, 0, options, executor), InvalidOption);
-  CHECK_THROWS_AS(judge(room.surfels[0], room.poses[0], {{nullptr, {}}}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(free_space_filter(room.surfels[0], room.poses[0], {{nullptr, {}}}, {}, executor), InvalidInput);
   const SurfelMap small{1, Image<std::uint32_t>(8, 4), Image<std::uint8_t>(8, 4), Image<std::uint32_t>(8, 4), {}, {}};
   const SurfelMap& own = room.surfels[0];
   const SurfelMap& other = room.surfels[1];
   const SurfelsFrom reference{&own, &own.standings, room.poses[0]};
   std::vector<std::uint32_t> asked;
-  CHECK_THROWS_AS(ownership_round(reference, asked, {{&small, &small.standings, {}}}, {}, executor), InvalidInput);
-  CHECK_THROWS_AS(ownership_round(reference, asked, {{&other, &small.standings, {}}}, {}, executor), InvalidInput);
-  CHECK_THROWS_AS(ownership_round({&own, nullptr, {}}, asked, {}, {}, executor), InvalidInput);
-  CHECK_THROWS_AS(owned_points({&own, &small.standings, {}}), InvalidInput);
-  const Image<std::uint8_t> judged[] = {judge(own, room.poses[0], {}, {}, executor),
-                                        judge(other, room.poses[1], {}, {}, executor)};
+  CHECK_THROWS_AS(duplicate_round(reference, asked, {{&small, &small.standings, {}}}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(duplicate_round(reference, asked, {{&other, &small.standings, {}}}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(duplicate_round({&own, nullptr, {}}, asked, {}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(kept_points({&own, &small.standings, {}}), InvalidInput);
+  const Image<std::uint8_t> judged[] = {free_space_filter(own, room.poses[0], {}, {}, executor),
+                                        free_space_filter(other, room.poses[1], {}, {}, executor)};
   const SurfelsFrom stale{&other, &judged[1], room.poses[1]};  // it stays as it was before the round
-  ownership_round(stale, asked, {{&own, &judged[0], room.poses[0]}}, {}, executor);
+  duplicate_round(stale, asked, {{&own, &judged[0], room.poses[0]}}, {}, executor);
   REQUIRE(!asked.empty());
-  CHECK_THROWS_AS(ownership_round(stale, asked, {}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(duplicate_round(stale, asked, {}, {}, executor), InvalidInput);
 }

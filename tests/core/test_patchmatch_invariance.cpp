@@ -7,7 +7,7 @@
 
 #include "core/helpers.h"
 #include "pmsp/error.h"
-#include "pmsp/panorama.h"
+#include "pmsp/stages.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

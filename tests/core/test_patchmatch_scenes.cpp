@@ -9,8 +9,7 @@
 
 #include "core/helpers.h"
 #include "pmsp/error.h"
-#include "pmsp/initialiser.h"
-#include "pmsp/panorama.h"
+#include "pmsp/stages.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -26,7 +25,7 @@ struct Shares {
 };
 
 /// Shares of pixels within 2 % of the truth.
-Shares judge(const synth::Mission& mission, const DepthMap& map, std::size_t reference) {
+Shares free_space_filter(const synth::Mission& mission, const DepthMap& map, std::size_t reference) {
   const synth::Frame& frame = mission.frames[reference];
   const int width = mission.width;
   const int height = mission.height;
@@ -45,7 +44,7 @@ Shares judge(const synth::Mission& mission, const DepthMap& map, std::size_t ref
 void check_scene(const std::string& name, const synth::Mission& mission, const Shares& expected) {
   MatchStats stats;
   const DepthMap map = match(mission, 1, {}, &stats);
-  const Shares found = judge(mission, map, 1);
+  const Shares found = free_space_filter(mission, map, 1);
   INFO(name);
   CAPTURE(found.all, found.off_axis, found.seam, found.poles, found.normals);
   CHECK(found.all >= expected.all);

@@ -5,7 +5,7 @@
 
 #include "core/helpers.h"
 #include "pmsp/error.h"
-#include "pmsp/plane_map.h"
+#include "pmsp/stages.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

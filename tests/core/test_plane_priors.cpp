@@ -11,9 +11,7 @@
 #include "core/on_depth_maps.h"
 #include "core/recording.h"
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
-#include "pmsp/panorama.h"
-#include "pmsp/plane_priors.h"
+#include "pmsp/stages.h"
 #include "synth/rng.h"
 #include "util/median_of.h"
 
@@ -62,7 +60,7 @@ struct Found {
   double within = 0.0;  ///< of these, those within 3 % of the truth
 };
 
-Found judge(const Image<float>& priors, const Image<float>& truth, const Where& counts) {
+Found free_space_filter(const Image<float>& priors, const Image<float>& truth, const Where& counts) {
   int pixels = 0;
   int present = 0;
   int good = 0;
@@ -115,11 +113,11 @@ TEST_CASE("a textureless patch of a wall gets the wall's plane, wherever it lies
     const Where outside = [&](int x, int y) { return degrees_from(textured, x, y, direction) > 24.0; };
     const synth::Frame frame = with_textureless(textured, textureless);
     const Image<float> priors = ranges(priors_of(frame, map_without_textureless(frame, textureless)));
-    const Found found = judge(priors, frame.depth, inner);
+    const Found found = free_space_filter(priors, frame.depth, inner);
     CAPTURE(found.share, found.within);
     CHECK(found.share > 0.98);
     CHECK(found.within > 0.98);
-    CHECK(judge(priors, frame.depth, outside).share < 0.02);  // textured
+    CHECK(free_space_filter(priors, frame.depth, outside).share < 0.02);  // textured
   }
 }
 
@@ -137,7 +135,8 @@ TEST_CASE("a bare wall in a noisy image is a bare wall", "[priors]") {
     }
   }
   const Image<float> priors = ranges(priors_of(frame, map_without_textureless(frame, textureless, 0.98F)));
-  const Found found = judge(priors, frame.depth, [&](int x, int y) { return degrees_from(frame, x, y, up) < 34.0; });
+  const Found found =
+      free_space_filter(priors, frame.depth, [&](int x, int y) { return degrees_from(frame, x, y, up) < 34.0; });
   CHECK(found.share > 0.98);  // what noise takes for texture gets none
   CHECK(found.within > 0.9);
 }
@@ -156,7 +155,7 @@ TEST_CASE("dots that have matched well somewhere, each for itself, support nothi
     }
   }
   const Found found =
-      judge(ranges(priors_of(frame, map)), frame.depth, [&](int x, int y) { return degrees(x, y) < 7.0; });
+      free_space_filter(ranges(priors_of(frame, map)), frame.depth, [&](int x, int y) { return degrees(x, y) < 7.0; });
   CAPTURE(found.share, found.within);
   CHECK(found.share > 0.95);
   CHECK(found.within > 0.95);
@@ -177,7 +176,8 @@ TEST_CASE("behind a near thing the wall goes on", "[priors]") {
     const double degrees = degrees_from(textured, x, y, Eigen::Vector3d::UnitZ());
     return degrees > 18.0 && degrees < 30.0;
   };
-  const Found found = judge(ranges(priors_of(frame, map_without_textureless(frame, textureless))), frame.depth, ring);
+  const Found found =
+      free_space_filter(ranges(priors_of(frame, map_without_textureless(frame, textureless))), frame.depth, ring);
   CAPTURE(found.share, found.within);
   CHECK(found.share > 0.9);
   CHECK(found.within > 0.97);
@@ -189,7 +189,7 @@ TEST_CASE("nothing is proposed to the sky, nor without anything reliable", "[pri
   const Where clearly = [&](int, int y) { return latitude_of(textured, y) > 4.0; };
   const synth::Frame frame = with_textureless(textured, sky);
   DepthMap map = map_without_textureless(frame, sky);
-  CHECK(judge(ranges(priors_of(frame, map)), frame.depth, clearly).share == 0.0);
+  CHECK(free_space_filter(ranges(priors_of(frame, map)), frame.depth, clearly).share == 0.0);
   std::fill(map.confidence.pixels().begin(), map.confidence.pixels().end(), 0.4F);
   CHECK(filled(ranges(priors_of(frame, map))) == 0.0);
 }
@@ -206,7 +206,7 @@ TEST_CASE("light that falls off along a wall is no texture", "[priors]") {
     }
   }
   const DepthMap map = map_without_textureless(frame, textureless);
-  CHECK(judge(ranges(priors_of(frame, map)), frame.depth, inner).share > 0.9);
+  CHECK(free_space_filter(ranges(priors_of(frame, map)), frame.depth, inner).share > 0.9);
 }
 
 TEST_CASE("priors do not depend on the number of threads, and need maps of the image's size", "[priors]") {
@@ -265,7 +265,7 @@ TEST_CASE("plane priors give painted walls their depth, and can be switched off"
   DepthMap filtered;
   const auto raw_depth = [&](bool with_priors) {
     DensifierOptions options = preset(Quality::kOnline);
-    options.patchmatch.plane_priors = with_priors;
+    options.advanced.patchmatch.plane_priors = with_priors;
     Image<float> depth;
     DensifierCallbacks callbacks;
     callbacks.raw_depth = [&](const DepthMap& map) {

@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "core/small_missions.h"
+#include "planned_densifier.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -10,10 +11,10 @@ TEST_CASE("a Densifier tells the plan that it makes, entry by entry", "[densifie
   for (const SmallMission& mission : small_missions()) {
     INFO(mission.name);
     Plan told;
-    DensifierCallbacks callbacks;
+    PlannedCallbacks callbacks;
     callbacks.cloud = [](const KeyframeCloud&) {};
     callbacks.planned = [&](const PlanEntry& entry) { told.entries.push_back(entry); };
-    Densifier densifier(mission.options, callbacks);
+    PlannedDensifier densifier(mission.options, callbacks);
     fly_through(densifier, mission);
     CHECK(told == plan_of(mission));
   }
@@ -21,7 +22,7 @@ TEST_CASE("a Densifier tells the plan that it makes, entry by entry", "[densifie
 
 TEST_CASE("the work that is done and to come tells how far a flight is", "[densifier]") {
   const SmallMission mission = small_missions().front();
-  DensifierCallbacks callbacks;
+  PlannedCallbacks callbacks;
   callbacks.cloud = [](const KeyframeCloud&) {};
   const Densifier* worker = nullptr;
   double before = 0.0;
@@ -33,7 +34,7 @@ TEST_CASE("the work that is done and to come tells how far a flight is", "[densi
     before = stats.work_done;
     ++calls;
   };
-  Densifier densifier(mission.options, callbacks);
+  PlannedDensifier densifier(mission.options, callbacks);
   worker = &densifier;
   fly_through(densifier, mission);
   CHECK(is_ordered);
@@ -52,9 +53,9 @@ TEST_CASE("of a part of a plan, the work is that of the part", "[densifier]") {
   }
   REQUIRE(one.size() == 1);
   const auto work = [&](const std::vector<std::int64_t>& ids) {
-    DensifierCallbacks callbacks;
+    PlannedCallbacks callbacks;
     callbacks.planes = [](const PlaneMap&) {};
-    Densifier densifier(mission.options, plan, ids, callbacks);
+    PlannedDensifier densifier(mission.options, plan, ids, callbacks);
     for (const std::int64_t id : densifier.images()) densifier.add(keyframe_of(mission, id));
     densifier.flush();
     return densifier.stats().work_done;

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/recording.h"
-#include "pmsp/rig_mask.h"
+#include "pmsp/calibration.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

@@ -8,8 +8,8 @@
 #include <malloc.h>
 
 #include "core/recording.h"
+#include "cost.h"
 #include "plan/reach.h"
-#include "pmsp/cost.h"
 #include "pmsp/error.h"
 #include "schedule.h"
 #include "support/temp_dir.h"
@@ -113,8 +113,8 @@ TEST_CASE("without points nothing is kept for them", "[schedule]") {
   CHECK(maps.keyframes_with(Artefact::kRangeMap) == 0);
   CHECK(maps.stages().back().kind == Stage::Kind::kFilter);
   DensifierOptions alone = preset(Quality::kOnline);
-  alone.fusion.spacing_px = 0.0;  // every pixel makes a point: nobody asks for another one's
-  alone.free_space.enabled = false;
+  alone.advanced.fusion.spacing_px = 0.0;  // every pixel makes a point: nobody asks for another one's
+  alone.advanced.free_space.enabled = false;
   CHECK(Schedule(alone, true).keyframes_with(Artefact::kSurfels) == 1);
 }
 
@@ -123,9 +123,9 @@ TEST_CASE("a long flight takes no more memory than a short one", "[schedule][den
   const pmsp_test::TempDir dir;
   for (const bool scratch : {false, true}) {
     DensifierOptions options = fast_options(kTinyWidth);
-    options.patchmatch.geometric_passes = 1;
-    options.free_space.whole_mission = true;
-    options.free_space.history = 4;
+    options.advanced.patchmatch.geometric_passes = 1;
+    options.advanced.free_space.whole_mission = true;
+    options.advanced.free_space.history = 4;
     if (scratch) options.scratch_folder = dir.path().string();
     std::size_t points = 0;
     DensifierCallbacks callbacks;
@@ -169,7 +169,7 @@ TEST_CASE("a short flight takes less of a device's memory, one that is not known
     for (const char* folder : {"", "somewhere"}) {
       options.scratch_folder = folder;
       const auto needed = [&](std::int64_t keyframes) {
-        options.expected_keyframes = keyframes;
+        options.advanced.expected_keyframes = keyframes;
         return device_memory_needed(options);
       };
       std::size_t before = 0;
@@ -184,7 +184,7 @@ TEST_CASE("a short flight takes less of a device's memory, one that is not known
     }
   }
   DensifierOptions options;
-  options.expected_keyframes = -1;
+  options.advanced.expected_keyframes = -1;
   CHECK_THROWS_AS(options.validate(), InvalidOption);
 }
 

@@ -12,6 +12,7 @@
 
 #include "core/small_missions.h"
 #include "pipeline.h"
+#include "planned_densifier.h"
 #include "pmsp/error.h"
 
 using namespace pmsp;
@@ -40,7 +41,7 @@ constexpr Shortcut kRefined{Shortcut::Planes::kStart, 1, false};
 constexpr Shortcut kMoved{Shortcut::Planes::kStart, 2, true};
 
 Shortcut result_of(const SmallMission& mission) {
-  return {Shortcut::Planes::kResult, mission.options.patchmatch.geometric_passes + 1, false};
+  return {Shortcut::Planes::kResult, mission.options.advanced.patchmatch.geometric_passes + 1, false};
 }
 
 /// Runs a plan for some keyframes with the images that it asks for.
@@ -48,11 +49,11 @@ Outcome run_with(const SmallMission& mission, const Plan& plan, const Ids& ids, 
                  const std::function<bool(std::int64_t keyframe_id)>& wants_planes = nullptr) {
   Outcome outcome;
   Recording recording;
-  DensifierCallbacks callbacks = recording.callbacks();
+  PlannedCallbacks callbacks = recording.callbacks();
   callbacks.raw_depth = nullptr;
   callbacks.planes = [&](const PlaneMap& map) { CHECK(outcome.planes.emplace(map.keyframe_id, map).second); };
   callbacks.wants_planes = wants_planes;
-  Densifier densifier(mission.options, plan, ids, callbacks, shortcuts);
+  PlannedDensifier densifier(mission.options, plan, ids, callbacks, shortcuts);
   for (const std::int64_t id : densifier.images()) densifier.add(keyframe_of(mission, id));
   densifier.flush();
   outcome.results = by_id(recording);
@@ -146,16 +147,16 @@ TEST_CASE("planes come of those keyframes of which they are wanted, and change n
 
 TEST_CASE("who asks for planes alone gets the same ones from fewer images", "[densifier][shortcuts]") {
   for (const SmallMission& mission : small_missions()) {
-    if (mission.options.init.warp_previous && mission.options.init.chain_keyframes == 0) continue;
+    if (mission.options.advanced.init.warp_previous && mission.options.advanced.init.chain_keyframes == 0) continue;
     INFO(mission.name);
     const Plan plan = plan_of(mission);
     const Ids all = with_depth_map(plan);
     const Outcome whole = run_with(mission, plan, all, {});
     const Ids ids(all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2), all.end());
     Maps planes;
-    DensifierCallbacks callbacks;
+    PlannedCallbacks callbacks;
     callbacks.planes = [&](const PlaneMap& map) { CHECK(planes.emplace(map.keyframe_id, map).second); };
-    Densifier densifier(mission.options, plan, ids, callbacks);
+    PlannedDensifier densifier(mission.options, plan, ids, callbacks);
     CHECK(densifier.images().size() <= halo(plan, ids, mission.options, false).images.size());
     for (const std::int64_t id : densifier.images()) densifier.add(keyframe_of(mission, id));
     densifier.flush();
@@ -168,7 +169,7 @@ TEST_CASE("who asks for planes alone gets the same ones from fewer images", "[de
 TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any order of the tasks",
           "[densifier][shortcuts]") {
   for (const SmallMission& mission : small_missions()) {
-    const int passes = mission.options.patchmatch.geometric_passes;
+    const int passes = mission.options.advanced.patchmatch.geometric_passes;
     if (passes < 2) continue;
     INFO(mission.name);
     const Plan plan = plan_of(mission);
@@ -189,7 +190,7 @@ TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any 
     for (std::uint32_t seed = 0; seed < (kSanitized ? 1 : 4); ++seed) {
       std::mt19937 random(seed);
       Recording recording;
-      DensifierCallbacks callbacks = recording.callbacks();
+      PlannedCallbacks callbacks = recording.callbacks();
       callbacks.raw_depth = nullptr;
       Pipeline pipeline(mission.options, PlanPart(plan, all, mission.options, Wanted::kPoints, ways), callbacks,
                         [&](std::int64_t id) { return whole.planes.at(id); });
@@ -229,14 +230,14 @@ TEST_CASE("shortcuts that do not fit are refused", "[densifier][shortcuts]") {
   const SmallMission mission{"", small_preset(Quality::kOnline), small_flight(10)};
   const Plan plan = plan_of(mission);
   const Ids all = with_depth_map(plan);
-  const int passes = mission.options.patchmatch.geometric_passes;
+  const int passes = mission.options.advanced.patchmatch.geometric_passes;
   const auto load = [](std::int64_t id) {
     PlaneMap map(8, 4);
     map.keyframe_id = id;
     return map;
   };
   const auto refused = [&](std::int64_t id, const Shortcut& shortcut) {
-    CHECK_THROWS_AS(Densifier(mission.options, plan, all, {}, Shortcuts{{{id, shortcut}}, load}), InvalidInput);
+    CHECK_THROWS_AS(PlannedDensifier(mission.options, plan, all, {}, Shortcuts{{{id, shortcut}}, load}), InvalidInput);
   };
   refused(9999, kKept);
   refused(all[0], {Shortcut::Planes::kStart, passes + 1, false});
@@ -244,7 +245,7 @@ TEST_CASE("shortcuts that do not fit are refused", "[densifier][shortcuts]") {
   refused(all[0], {Shortcut::Planes::kNone, 0, false});
   refused(all[0], {Shortcut::Planes::kNone, passes + 2, false});
   refused(all[0], {Shortcut::Planes::kResult, 0, false});
-  CHECK_THROWS_WITH(Densifier(mission.options, plan, all, {}, Shortcuts{{{all[0], kKept}}, nullptr}),
+  CHECK_THROWS_WITH(PlannedDensifier(mission.options, plan, all, {}, Shortcuts{{{all[0], kKept}}, nullptr}),
                     Contains("nobody to load"));
   CHECK_THROWS_WITH(run_with(mission, plan, all, {{{all[1], kKept}}, load}),
                     Contains("keyframe " + std::to_string(all[1]) + " are 8 x 4") && Contains("expected 32 x 16"));

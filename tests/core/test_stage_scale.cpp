@@ -5,11 +5,7 @@
 
 #include "core/helpers.h"
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
-#include "pmsp/initialiser.h"
-#include "pmsp/patchmatch.h"
-#include "pmsp/plane_map.h"
-#include "pmsp/range_map.h"
+#include "pmsp/stages.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

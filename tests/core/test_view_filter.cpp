@@ -7,7 +7,7 @@
 
 #include "core/helpers.h"
 #include "pmsp/error.h"
-#include "pmsp/view_filter.h"
+#include "pmsp/stages.h"
 #include "view_filter/sharpness.h"
 #include "view_filter/view_chain.h"
 

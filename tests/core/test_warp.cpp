@@ -10,7 +10,7 @@
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
 #include "pmsp/camera.h"
-#include "pmsp/initialiser.h"
+#include "pmsp/stages.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -30,7 +30,7 @@ struct WarpQuality {
   double normal = 0.0;   ///< share of planes whose normal is within 2 degrees of the truth
 };
 
-WarpQuality judge(const PlaneImage& planes, const synth::RenderedView& truth) {
+WarpQuality free_space_filter(const PlaneImage& planes, const synth::RenderedView& truth) {
   std::size_t present = 0;
   std::size_t depth = 0;
   std::size_t normal = 0;
@@ -116,7 +116,7 @@ TEST_CASE("a turned and moved camera gets planes through the true surface with t
   for (std::size_t i = 0; i < poses.size(); ++i) {
     INFO("pose " << i);
     const PlaneImage planes = warped(truth_map(mission.frames[0]), poses[i], Executor());
-    const WarpQuality quality = judge(planes, view_from(mission.scene, poses[i], 160));
+    const WarpQuality quality = free_space_filter(planes, view_from(mission.scene, poses[i], 160));
     CHECK(quality.present > 0.55);  // each pixel goes to one; where the image stretches, holes stay
     CHECK(quality.depth > 0.985);
     CHECK(quality.normal > 0.97);

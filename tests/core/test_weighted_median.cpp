@@ -6,8 +6,7 @@
 #include "core/helpers.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
-#include "pmsp/panorama.h"
+#include "pmsp/stages.h"
 #include "synth/rng.h"
 
 using namespace pmsp;

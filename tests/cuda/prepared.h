@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cuda/memory.h"
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp::test {
 

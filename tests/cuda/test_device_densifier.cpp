@@ -9,9 +9,10 @@
 
 #include "core/recording.h"
 #include "cuda/cuda_engine.h"
-#include "pmsp/devices.h"
+#include "devices.h"
+#include "plan/plan.h"
+#include "planned_densifier.h"
 #include "pmsp/error.h"
-#include "pmsp/plan.h"
 
 // What a Densifier promises, kept by the CUDA backend.
 using namespace pmsp;
@@ -22,7 +23,7 @@ namespace {
 DensifierOptions cuda_options(int width = kFlightWidth, bool pipelined = false) {
   DensifierOptions options = fast_options(width);
   options.backend = Backend::kCuda;
-  options.pipelined = pipelined;
+  options.advanced.pipelined = pipelined;
   return options;
 }
 
@@ -75,10 +76,10 @@ TEST_CASE("the device takes planes that it has handed out", "[cuda][densifier][s
     const DensifierOptions options = cuda_options(kTinyWidth, pipelined);
     std::map<std::int64_t, PlaneMap> planes;
     Recording whole;
-    DensifierCallbacks callbacks = whole.callbacks();
+    PlannedCallbacks callbacks = whole.callbacks();
     callbacks.raw_depth = nullptr;
     callbacks.planes = [&](const PlaneMap& map) { planes[map.keyframe_id] = map; };
-    Densifier first(options, plan, ids, callbacks);
+    PlannedDensifier first(options, plan, ids, callbacks);
     add_all(first, mission);
     first.flush();
     CHECK(planes.size() == whole.clouds.size());
@@ -86,14 +87,14 @@ TEST_CASE("the device takes planes that it has handed out", "[cuda][densifier][s
     for (const Shortcut::Planes kind : {Shortcut::Planes::kStart, Shortcut::Planes::kResult}) {
       Shortcuts shortcuts;
       for (const auto& [id, map] : planes) {
-        shortcuts.keyframes[id] = {kind, kind == Shortcut::Planes::kStart ? 0 : options.patchmatch.geometric_passes + 1,
-                                   false};
+        shortcuts.keyframes[id] = {
+            kind, kind == Shortcut::Planes::kStart ? 0 : options.advanced.patchmatch.geometric_passes + 1, false};
       }
       shortcuts.load = [&](std::int64_t id) { return planes.at(id); };
       Recording again;
       callbacks = again.callbacks();
       callbacks.raw_depth = nullptr;
-      Densifier second(options, plan, ids, callbacks, shortcuts);
+      PlannedDensifier second(options, plan, ids, callbacks, shortcuts);
       add_all(second, mission);
       second.flush();
       CHECK(second.stats().depth_maps == 0);
@@ -109,7 +110,7 @@ TEST_CASE("runs at full size give the same bytes", "[cuda][densifier]") {
   const Recording first = densify(mission, options);
   CHECK(first.points() > 100000);
   for (int i = 0; i < 3; ++i) CHECK(difference(densify(mission, options), first) == "");
-  options.pipelined = true;
+  options.advanced.pipelined = true;
   for (int i = 0; i < 3; ++i) CHECK(difference(densify(mission, options), first) == "");
 }
 
@@ -183,7 +184,7 @@ TEST_CASE("several processors that share the work give what one gives", "[cuda][
 
 TEST_CASE("several processors share out what waits for the whole mission, too", "[cuda][densifier]") {
   DensifierOptions options = cuda_options(kFlightWidth, true);
-  options.free_space.whole_mission = true;
+  options.advanced.free_space.whole_mission = true;
   const Recording one = by_kind(densify(test_flight(), options));
   options.devices = {0, 0};
   CHECK(difference(by_kind(densify(test_flight(), options)), one) == "");
@@ -360,7 +361,7 @@ TEST_CASE("sizes of the depth maps may come from the first image", "[cuda][densi
 TEST_CASE("keyframes without landmarks and alone give no depth map", "[cuda][densifier][small]") {
   Recording recording;
   DensifierOptions options = cuda_options(kTinyWidth);
-  options.view_filter.enabled = false;
+  options.advanced.view_filter.enabled = false;
   Densifier densifier(options, recording.callbacks());
   const synth::Mission mission = tiny_mission();
   densifier.add(synth::keyframe_of(mission, 0));

@@ -6,7 +6,7 @@
 #include "cuda/on_device.h"
 #include "cuda/prepared.h"
 #include "patchmatch/match_setup.h"
-#include "pmsp/panorama.h"
+#include "pmsp/stages.h"
 #include "sphere/panorama_data.h"
 #include "util/eigen_kernels.h"
 

@@ -5,7 +5,7 @@
 #include "core/recording.h"
 #include "cuda/cuda_engine.h"
 #include "cuda/memory.h"
-#include "pmsp/devices.h"
+#include "devices.h"
 #include "pmsp/error.h"
 #include "support/temp_dir.h"
 
@@ -64,7 +64,7 @@ TEST_CASE("the estimate of the memory covers what a short flight takes, and is n
   const synth::Mission mission = synth::empty_room(small_recipe(kImageWidth, 7));
   DensifierOptions options = preset(Quality::kNormal);
   options.backend = Backend::kCuda;
-  options.expected_keyframes = static_cast<std::int64_t>(mission.frames.size());
+  options.advanced.expected_keyframes = static_cast<std::int64_t>(mission.frames.size());
   Recording recording;
   const std::size_t before = cuda::find_device(0).free_bytes;
   Densifier densifier(options, recording.callbacks());

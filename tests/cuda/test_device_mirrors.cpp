@@ -10,7 +10,7 @@
 #include "cuda/transfers.h"
 #include "fusion/fusion_setup.h"
 #include "fusion/mirrors.h"
-#include "pmsp/fusion.h"
+#include "pmsp/stages.h"
 #include "util/eigen_kernels.h"
 
 using namespace pmsp;
@@ -83,7 +83,7 @@ TEST_CASE("mirrors on the device are those of the host", "[cuda][mirrors]") {
   cuda::launch(stage, counts.get(), nullptr);
   PMSP_CUDA_CHECK(cudaDeviceSynchronize());
 
-  const Image<std::uint8_t> host = judge(points, pose, viewers, {}, executor);
+  const Image<std::uint8_t> host = free_space_filter(points, pose, viewers, {}, executor);
   const std::vector<std::uint8_t> device = downloaded(standings);
   std::size_t same = 0;
   for (std::size_t i = 0; i < device.size(); ++i) same += (device[i] != 0) == (host.pixels()[i] != 0) ? 1 : 0;

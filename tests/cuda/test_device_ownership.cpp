@@ -10,7 +10,7 @@
 #include "cuda/on_device.h"
 #include "cuda/transfers.h"
 #include "fusion/fusion_setup.h"
-#include "pmsp/fusion.h"
+#include "pmsp/stages.h"
 #include "util/eigen_kernels.h"
 
 using namespace pmsp;
@@ -74,7 +74,7 @@ std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>&
     for (std::size_t k = 0; k < flight.size(); ++k) {
       if (k != i) asked.push_back({&range_maps[k], flight.poses[k]});
     }
-    surfels[i].standings = judge(surfels[i], flight.poses[i], asked, flight.free_space, executor);
+    surfels[i].standings = free_space_filter(surfels[i], flight.poses[i], asked, flight.free_space, executor);
   }
   std::vector<std::vector<std::uint32_t>> still(flight.size());
   for (int round = 0; round < kRounds; ++round) {
@@ -84,13 +84,13 @@ std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>&
       for (std::size_t k = 0; k < flight.size(); ++k) {
         if (k != i) asked.push_back({&surfels[k], &surfels[k].standings, flight.poses[k]});
       }
-      next.push_back(ownership_round({&surfels[i], &surfels[i].standings, flight.poses[i]}, still[i], asked,
+      next.push_back(duplicate_round({&surfels[i], &surfels[i].standings, flight.poses[i]}, still[i], asked,
                                      flight.fusion, executor));
     }
     for (std::size_t i = 0; i < flight.size(); ++i) surfels[i].standings = next[i];
   }
   for (std::size_t i = 0; i < flight.size(); ++i)
-    clouds.push_back(owned_points({&surfels[i], &surfels[i].standings, flight.poses[i]}));
+    clouds.push_back(kept_points({&surfels[i], &surfels[i].standings, flight.poses[i]}));
   return surfels;
 }
 
@@ -221,14 +221,14 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   const cuda::DeviceArray<unsigned char> scratch(cuda::owned_scratch_bytes(static_cast<int>(pixels)));
   std::vector<DeviceResult> results;
   for (OnDevice& frame : frames) {
-    cuda::owned_points({grid.view(),
-                        {frame.surfels.get(), frame.details.get(), frame.standings.get(), frame.agree.get(),
-                         static_cast<int>(kAgreeBytes), 0.0F},
-                        points.get(),
-                        indices.get(),
-                        agree.get(),
-                        count.get()},
-                       scratch.get(), scratch.size(), nullptr);
+    cuda::kept_points({grid.view(),
+                       {frame.surfels.get(), frame.details.get(), frame.standings.get(), frame.agree.get(),
+                        static_cast<int>(kAgreeBytes), 0.0F},
+                       points.get(),
+                       indices.get(),
+                       agree.get(),
+                       count.get()},
+                      scratch.get(), scratch.size(), nullptr);
     PMSP_CUDA_CHECK(cudaDeviceSynchronize());
     DeviceResult result{
         downloaded(frame.surfels), downloaded(frame.details), downloaded(frame.agree), downloaded(frame.standings),

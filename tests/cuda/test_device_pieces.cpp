@@ -7,6 +7,7 @@
 
 #include "core/small_missions.h"
 #include "pipeline.h"
+#include "planned_densifier.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;
@@ -66,7 +67,7 @@ TEST_CASE("photos whose images are asked for again, or wait in a scratch folder,
     INFO(mission.name);
     const ResultsById expected = by_id(whole_run(mission));
     Recording recording;
-    Densifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
+    PlannedDensifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
     densifier.run([&](std::int64_t id) { return keyframe_of(mission, id); });
     CHECK(difference(by_id(recording), expected) == "");
     mission.options.scratch_folder = dir.path().string();  // flights do without it where the device suffices

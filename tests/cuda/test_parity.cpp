@@ -7,8 +7,8 @@
 
 // Whole flights through the Densifier, on the CPU and on the device. Texels and random numbers are equal, but the
 // texture units interpolate with weights of 8 bits. That moves scores a little, and where several planes score
-// nearly alike, the search then ends at another one, as it does with another seed (docs/gpu.md, "How far CPU
-// and GPU agree"). Where a bound is below 0.99 it lies between what is measured and what two seeds of one backend have
+// nearly alike, the search then ends at another one, as it does with another seed
+// (docs/architecture.md, "Parity"). Where a bound is below 0.99 it lies between what is measured and what two seeds of one backend have
 // in common; that the device's depths are as right as the CPU's is checked besides.
 using namespace pmsp;
 using namespace pmsp::test;
@@ -119,9 +119,9 @@ DensifierOptions online(int width, int height) {
   DensifierOptions options = preset(Quality::kOnline);
   options.width = width;
   options.height = height;
-  options.patchmatch.iterations = 4;
-  options.patchmatch.fine_patch = 0.4;      // images are no finer than the depth maps here
-  options.patchmatch.geometric_passes = 0;  // they have a test of their own
+  options.advanced.patchmatch.iterations = 4;
+  options.advanced.patchmatch.fine_patch = 0.4;      // images are no finer than the depth maps here
+  options.advanced.patchmatch.geometric_passes = 0;  // they have a test of their own
   return options;
 }
 
@@ -223,8 +223,8 @@ TEST_CASE("CUDA and CPU agree with and without landmarks and warped planes", "[c
     for (const bool warp : {false, true}) {
       CAPTURE(sparse, warp);
       DensifierOptions options = online(640, 320);
-      options.init.sparse_points = sparse;
-      options.init.warp_previous = warp;
+      options.advanced.init.sparse_points = sparse;
+      options.advanced.init.warp_previous = warp;
       check_pair(run_both(mission, options), mission, kRoomEqual);
     }
   }
@@ -235,8 +235,8 @@ TEST_CASE("CUDA and CPU agree with geometric passes", "[cuda][parity][geometric]
   for (const int passes : {1, 2}) {
     CAPTURE(passes);
     DensifierOptions options = preset(Quality::kOnline);
-    options.patchmatch.fine_patch = 0.4;
-    options.patchmatch.geometric_passes = passes;
+    options.advanced.patchmatch.fine_patch = 0.4;
+    options.advanced.patchmatch.geometric_passes = passes;
     // The filter keeps more after such passes, also where there are several good planes. Measured: raw from 0.963
     // on, in common from 0.935 on; two seeds of one backend: from 0.954 and 0.930 on.
     check_pair(run_both(mission, options), mission, 0.96, 0.97, 0.925);
@@ -246,8 +246,8 @@ TEST_CASE("CUDA and CPU agree with geometric passes", "[cuda][parity][geometric]
 TEST_CASE("CUDA and CPU agree without the filters", "[cuda][parity]") {
   const synth::Mission mission = synth::empty_room(recipe_of(640, 320, 3));
   DensifierOptions options = online(640, 320);
-  options.median.enabled = options.median.weighted = false;
-  options.consistency.enabled = false;
+  options.advanced.median.enabled = options.advanced.median.weighted = false;
+  options.advanced.consistency.enabled = false;
   const Pair pair = run_both(mission, options);
   REQUIRE(pair.cuda.order == pair.cpu.order);
   for (std::size_t i = 0; i < pair.cuda.raw.size(); ++i)
@@ -287,9 +287,9 @@ TEST_CASE("CUDA and CPU agree with any number of neighbours", "[cuda][parity]") 
   for (const auto& [neighbours, least] : least_equal) {
     CAPTURE(neighbours);
     DensifierOptions options = online(320, 160);
-    options.patchmatch.neighbours = neighbours;
-    options.consistency.window = 15;
-    options.fusion.window = 31;
+    options.advanced.patchmatch.neighbours = neighbours;
+    options.advanced.consistency.window = 15;
+    options.advanced.fusion.window = 31;
     const Pair pair = run_both(mission, options);
     REQUIRE(pair.cuda.order == pair.cpu.order);
     const Comparison of_filtered = compare(pair.cuda.filtered[4], pair.cpu.filtered[4], mission, 4);
@@ -302,8 +302,8 @@ TEST_CASE("CUDA and CPU agree with any number of neighbours", "[cuda][parity]") 
 TEST_CASE("CUDA and CPU agree at 1440 x 720", "[cuda][parity][large]") {
   const synth::Mission mission = synth::empty_room(recipe_of(1440, 720, 3));
   DensifierOptions options = preset(Quality::kNormal);
-  options.patchmatch.iterations = 4;
-  options.patchmatch.geometric_passes = 0;
+  options.advanced.patchmatch.iterations = 4;
+  options.advanced.patchmatch.geometric_passes = 0;
   const Pair pair = run_both(mission, options);
   check_pair(pair, mission, kRoomEqual);
   CHECK(raw_right(pair.cuda, mission) > 0.9);
@@ -316,7 +316,7 @@ TEST_CASE("CUDA and CPU agree at 5760 x 2880", "[cuda][parity][large]") {
   const synth::Mission mission = synth::empty_room(recipe);
   DensifierOptions options = online(5760, 2880);
   options.threads = 0;
-  options.patchmatch.iterations = 2;
+  options.advanced.patchmatch.iterations = 2;
   std::vector<DepthMap> maps[2];
   for (const bool cuda : {false, true}) {
     options.backend = cuda ? Backend::kCuda : Backend::kCpu;

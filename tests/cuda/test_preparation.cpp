@@ -6,7 +6,7 @@
 #include "core/helpers.h"
 #include "cuda/on_device.h"
 #include "cuda/prepared.h"
-#include "pmsp/panorama.h"
+#include "pmsp/stages.h"
 #include "sphere/area_resize.h"
 #include "sphere/panorama_data.h"
 #include "synth/rng.h"

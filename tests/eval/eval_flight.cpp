@@ -9,7 +9,7 @@
 #include <Eigen/Geometry>
 
 #include "pmsp/camera.h"
-#include "pmsp/io/depth_io.h"
+#include "pmsp/io/depth.h"
 
 namespace pmsp_test {
 namespace {

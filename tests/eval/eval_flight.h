@@ -9,7 +9,7 @@
 
 #include "pmsp-eval/alignment.h"
 #include "pmsp-eval/trajectory.h"
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp_test {
 

@@ -4,9 +4,9 @@
 #include <Eigen/Geometry>
 
 #include "eval/eval_flight.h"
+#include "export/fit_similarity.h"
 #include "pmsp-eval/alignment.h"
 #include "pmsp/error.h"
-#include "pmsp/io/fit_similarity.h"
 
 using namespace pmsp::eval;
 using pmsp::Similarity;

@@ -11,7 +11,7 @@
 #include "pmsp-eval/calibration_plot.h"
 #include "pmsp-eval/depth_files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
+#include "pmsp/io/depth.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp::eval;

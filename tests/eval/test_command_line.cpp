@@ -13,8 +13,8 @@
 #include "eval/eval_flight.h"
 #include "pmsp-eval/trajectory.h"
 #include "pmsp/camera.h"
-#include "pmsp/io/cloud_output.h"
-#include "pmsp/io/depth_io.h"
+#include "pmsp/io/cloud.h"
+#include "pmsp/io/depth.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp::eval;

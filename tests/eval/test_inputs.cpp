@@ -6,7 +6,7 @@
 #include "pmsp-eval/ground_truth.h"
 #include "pmsp-eval/trajectory.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
+#include "pmsp/io/depth.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp::eval;

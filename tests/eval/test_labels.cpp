@@ -10,7 +10,7 @@
 #include "pmsp-eval/view_measures.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
+#include "pmsp/io/depth.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp::eval;

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp_test {
 

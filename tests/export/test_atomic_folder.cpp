@@ -7,9 +7,9 @@
 
 #include <catch2/catch.hpp>
 
+#include "export/atomic_folder.h"
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/atomic_folder.h"
-#include "pmsp/io/files.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;

@@ -6,8 +6,8 @@
 
 #include <Eigen/Geometry>
 
+#include "export/cloud_frame.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_frame.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;

@@ -4,12 +4,10 @@
 
 #include <catch2/catch.hpp>
 
+#include "export/little_endian.h"
 #include "export/sample_points.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_output.h"
-#include "pmsp/io/cloud_reader.h"
-#include "pmsp/io/little_endian.h"
-#include "pmsp/io/ply.h"
+#include "pmsp/io/cloud.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;

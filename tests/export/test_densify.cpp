@@ -4,8 +4,8 @@
 #include <catch2/catch.hpp>
 
 #include "pmsp/error.h"
+#include "pmsp/io/cloud.h"
 #include "pmsp/io/densify.h"
-#include "pmsp/io/ply.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;
@@ -20,9 +20,9 @@ DensifierOptions quick() {
   DensifierOptions options;
   options.width = 128;
   options.height = 64;
-  options.patchmatch.iterations = 1;
-  options.patchmatch.geometric_passes = 0;
-  options.view_filter.min_parallax_deg = 0.1;
+  options.advanced.patchmatch.iterations = 1;
+  options.advanced.patchmatch.geometric_passes = 0;
+  options.advanced.view_filter.min_parallax_deg = 0.1;
   return options;
 }
 

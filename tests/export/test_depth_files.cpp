@@ -8,7 +8,7 @@
 #include <catch2/catch.hpp>
 
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
+#include "pmsp/io/depth.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;

@@ -7,7 +7,7 @@
 
 #include "export/sample_points.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/cloud.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;

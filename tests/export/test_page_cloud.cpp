@@ -5,8 +5,8 @@
 
 #include <catch2/catch.hpp>
 
-#include "pmsp/io/little_endian.h"
-#include "pmsp/io/page_cloud.h"
+#include "export/little_endian.h"
+#include "export/page_cloud.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;

@@ -7,10 +7,9 @@
 
 #include <catch2/catch.hpp>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_output.h"
-#include "pmsp/io/files.h"
-#include "pmsp/io/ply.h"
+#include "pmsp/io/cloud.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;

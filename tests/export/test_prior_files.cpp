@@ -9,9 +9,9 @@
 
 #include <catch2/catch.hpp>
 
+#include "export/little_endian.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
-#include "pmsp/io/little_endian.h"
+#include "pmsp/io/depth.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;

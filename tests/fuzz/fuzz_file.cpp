@@ -13,23 +13,20 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "export/little_endian.h"
 #include "export/number_table.h"
 #include "io/image_decode.h"
 #include "io/mask_rectangles.h"
+#include "io/plan_io.h"
 #include "pmsp-densify/batch/batch_manifest.h"
 #include "pmsp-densify/option_json.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_reader.h"
-#include "pmsp/io/cloud_writer.h"
-#include "pmsp/io/depth_folder.h"
-#include "pmsp/io/depth_io.h"
-#include "pmsp/io/little_endian.h"
-#include "pmsp/io/mask.h"
-#include "pmsp/io/plan_io.h"
-#include "pmsp/io/ply.h"
-#include "pmsp/io/workspace/artefact_file.h"
-#include "pmsp/io/workspace/record.h"
+#include "pmsp/io/cloud.h"
+#include "pmsp/io/depth.h"
+#include "pmsp/io/images.h"
 #include "support/temp_dir.h"
+#include "workspace/artefact_file.h"
+#include "workspace/record.h"
 
 namespace {
 

@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "io/convention.h"
 #include "map/map_files.h"
 #include "map/scene_files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/convention.h"
 #include "support/temp_dir.h"
 
 namespace {

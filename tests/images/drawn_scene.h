@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "pmsp/image.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
+#include "pmsp/types.h"
 #include "support/temp_dir.h"
 
 namespace pmsp::test {

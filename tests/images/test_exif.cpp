@@ -10,9 +10,9 @@
 #include <catch2/catch.hpp>
 
 #include "drawn_scene.h"
+#include "export/cloud_frame.h"
 #include "io/exif.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_frame.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

@@ -10,7 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "drawn_scene.h"
-#include "pmsp/io/landmark_sweep.h"
+#include "io/landmark_sweep.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

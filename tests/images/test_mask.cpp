@@ -10,7 +10,7 @@
 
 #include "drawn_scene.h"
 #include "pmsp/error.h"
-#include "pmsp/io/mask.h"
+#include "pmsp/io/images.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

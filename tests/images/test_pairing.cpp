@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "drawn_scene.h"
+#include "io/pairing.h"
 #include "pmsp/error.h"
-#include "pmsp/io/pairing.h"
 
 using namespace pmsp;
 using namespace pmsp::test;

@@ -12,8 +12,8 @@
 #include <Eigen/Geometry>
 
 #include "drawn_scene.h"
+#include "io/pairing.h"
 #include "pmsp/camera.h"
-#include "pmsp/io/pairing.h"
 #include "synth/mission.h"
 #include "synth/rng.h"
 

@@ -8,7 +8,7 @@
 
 #include "equirect.h"
 #include "patch.h"
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 #include "synth/rng.h"
 #include "util/eigen_kernels.h"
 

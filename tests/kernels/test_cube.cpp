@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "kernels/kernel_helpers.h"
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 #include "sphere/cube_map.h"
 #include "sphere/panorama_data.h"
 

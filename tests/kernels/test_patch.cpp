@@ -7,7 +7,7 @@
 
 #include "kernels/kernel_helpers.h"
 #include "patch.h"
-#include "pmsp/executor.h"
+#include "pmsp/stages.h"
 #include "sphere/panorama_data.h"
 #include "synth/mission.h"
 

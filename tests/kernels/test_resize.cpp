@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "kernels/kernel_helpers.h"
-#include "pmsp/panorama.h"
+#include "pmsp/stages.h"
 #include "sphere/area_resize.h"
 
 using namespace pmsp;

@@ -6,7 +6,8 @@
 #include <thread>
 #include <vector>
 
-#include "pmsp/executor.h"
+#include "machine.h"
+#include "pmsp/stages.h"
 #include "util/thread_pool.h"
 
 using pmsp::ThreadPool;

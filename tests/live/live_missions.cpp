@@ -38,7 +38,7 @@ LiveOptions small_live(int width) {
   options.densifier.height = width / 2;
   options.densifier.threads = 2;
   options.densifier.simd = kAnySimd;
-  options.densifier.patchmatch.refinements = 2;
+  options.densifier.advanced.patchmatch.refinements = 2;
   options.densifier.backend = Backend::kCpu;
   options.nice = 0;
   options.max_move_px *= width / 640.0;  // of small images, too, as far as depths go

@@ -192,9 +192,9 @@ TEST_CASE("Points are asked about again when a keyframe moves that has looked at
 
 TEST_CASE("Where one pass of PatchMatch is all, its map goes through the median by colours, too") {
   LiveOptions options = small_live(kRoomWidth);
-  options.densifier.patchmatch.geometric_passes = 0;
+  options.densifier.advanced.patchmatch.geometric_passes = 0;
   const auto weighted = at_once(live_keyframes(room()), options);
-  options.densifier.median.weighted = false;
+  options.densifier.advanced.median.weighted = false;
   CHECK_FALSE(same_points(*weighted, *at_once(live_keyframes(room()), options)));
 }
 
@@ -220,8 +220,8 @@ TEST_CASE("A map that has moved as a whole is asked about once") {
 TEST_CASE("Of a removed keyframe's points those take theirs back that have seen the place at another time",
           PMSP_ACCURACY) {
   LiveOptions options = small_live(kRoomWidth);
-  options.densifier.free_space.whole_mission = true;
-  options.densifier.patchmatch.geometric_passes = 1;
+  options.densifier.advanced.free_space.whole_mission = true;
+  options.densifier.advanced.patchmatch.geometric_passes = 1;
   LiveDensifier live(options);
   live.pause();
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
@@ -269,7 +269,7 @@ TEST_CASE("After a reset ids may begin again, and nothing of before comes back")
 
 TEST_CASE("Points that are ready when another keyframe has the id already are not shown as that one's") {
   LiveOptions options = small_live(kRoomWidth);
-  options.densifier.patchmatch.geometric_passes = 1;
+  options.densifier.advanced.patchmatch.geometric_passes = 1;
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   keyframes.resize(5);  // few, so that points of all are made together
   LiveKeyframe other = keyframes[4];
@@ -426,7 +426,8 @@ TEST_CASE("Depth from elsewhere helps where there is no texture, in the unit tha
           "[live]" PMSP_ACCURACY) {
   const synth::Mission mission = synth::painted_room(small_recipe(kRoomWidth, kRoomKeyframes));
   LiveOptions options = small_live(kRoomWidth);
-  options.densifier.median.weighted = false;  // in so small a map its window is as wide as a picture on the wall
+  options.densifier.advanced.median.weighted =
+      false;  // in so small a map its window is as wide as a picture on the wall
   const LiveFigures without = figures(*at_once(live_keyframes(mission), options), mission);
   const std::vector<LiveKeyframe> keyframes = keyframes_with_depth(mission);
   const LiveFigures with = figures(*at_once(keyframes, options), mission);

@@ -66,8 +66,8 @@ TEST_CASE("When too many keyframes wait, those between near neighbours are left 
 
 TEST_CASE("A place that has been seen often enough takes no more memory", PMSP_ACCURACY) {
   LiveOptions options = small_live(32);
-  options.densifier.view_filter.enabled = false;
-  options.densifier.patchmatch.geometric_passes = 1;
+  options.densifier.advanced.view_filter.enabled = false;
+  options.densifier.advanced.patchmatch.geometric_passes = 1;
   LiveDensifier live(options);
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   std::int64_t used[2] = {0, 0};
@@ -88,8 +88,8 @@ TEST_CASE("A place that has been seen often enough takes no more memory", PMSP_A
 
 TEST_CASE("A place that has been seen often enough stays one when the SLAM changes its unit") {
   LiveOptions options = small_live(32);
-  options.densifier.view_filter.enabled = false;
-  options.densifier.patchmatch.geometric_passes = 1;
+  options.densifier.advanced.view_filter.enabled = false;
+  options.densifier.advanced.patchmatch.geometric_passes = 1;
   options.ripe_after = options.ripe_at_latest = 20;
   LiveDensifier live(options);
   std::vector<LiveKeyframe> keyframes;
@@ -117,8 +117,8 @@ TEST_CASE("A place that has been seen often enough stays one when the SLAM chang
 
 TEST_CASE("What is kept stays within the memory that is allowed", PMSP_ACCURACY) {
   LiveOptions options = small_live(width_of_any(128));
-  options.densifier.view_filter.enabled = false;
-  options.densifier.patchmatch.geometric_passes = 1;
+  options.densifier.advanced.view_filter.enabled = false;
+  options.densifier.advanced.patchmatch.geometric_passes = 1;
   options.memory_mib = 7;
   LiveDensifier live(options);
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
@@ -253,7 +253,7 @@ TEST_CASE("Input and options that make no sense are refused, and change nothing"
   options.ripe_at_latest = 2;
   CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);
   options = small_live(kRoomWidth);
-  options.densifier.patchmatch.neighbours = 0;
+  options.densifier.advanced.patchmatch.neighbours = 0;
   CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);
   options = small_live(kRoomWidth);
   options.mask = std::make_shared<Image<std::uint8_t>>(16, 8, 255);
@@ -267,7 +267,7 @@ TEST_CASE("Any thread may call anything at any time, a LiveDensifier ends in the
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   LiveOptions options = small_live(32);
   options.previews = true;
-  options.densifier.patchmatch.geometric_passes = 1;
+  options.densifier.advanced.patchmatch.geometric_passes = 1;
   const auto stress = [&](std::uint32_t seed) {
     LiveDensifier live(options);
     std::atomic<std::int64_t> next{0};

@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "pmsp/live_map.h"
+#include "live/live_map.h"
 
 using namespace pmsp;
 

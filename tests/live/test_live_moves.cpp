@@ -45,7 +45,7 @@ struct Midst {
 
 LiveOptions three_passes() {
   LiveOptions options = small_live(kRoomWidth);
-  options.densifier.patchmatch.geometric_passes = 2;
+  options.densifier.advanced.patchmatch.geometric_passes = 2;
   return options;
 }
 

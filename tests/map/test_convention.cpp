@@ -5,9 +5,9 @@
 
 #include <Eigen/Geometry>
 
+#include "io/convention.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "pmsp/io/convention.h"
 #include "scene_files.h"
 #include "support/temp_dir.h"
 

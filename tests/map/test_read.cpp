@@ -12,10 +12,11 @@
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 
+#include "machine.h"
 #include "map_files.h"
 #include "pmsp/camera.h"
-#include "pmsp/executor.h"
 #include "pmsp/io/map.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::test {
 namespace {

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/plan.h"
+#include "plan/plan.h"
 
 namespace pmsp::test {
 

@@ -16,8 +16,8 @@ namespace {
 /// Of a preset, with horizons that are short for tests.
 DensifierOptions short_options(Quality quality) {
   DensifierOptions options = preset(quality);
-  options.free_space.history = 40;
-  options.free_space.views = 8;
+  options.advanced.free_space.history = 40;
+  options.advanced.free_space.views = 8;
   return options;
 }
 
@@ -59,10 +59,10 @@ void check_valid(const Plan& plan, const DensifierOptions& options) {
         if (with_maps) CHECK(by_id[id]->has_depth_map());
       }
     };
-    check(entry.near, options.patchmatch.neighbours, false);
-    check(entry.consistency, options.consistency.window - 1, true);
-    check(entry.fusion, options.fusion.window - 1, true);
-    check(entry.viewers, options.free_space.views + options.fusion.window - 1, true);
+    check(entry.near, options.advanced.patchmatch.neighbours, false);
+    check(entry.consistency, options.advanced.consistency.window - 1, true);
+    check(entry.fusion, options.advanced.fusion.window - 1, true);
+    check(entry.viewers, options.advanced.free_space.views + options.advanced.fusion.window - 1, true);
     if (entry.has_depth_map()) {
       const auto window = [&](int size) {
         std::vector<std::int64_t> ids;
@@ -72,21 +72,23 @@ void check_valid(const Plan& plan, const DensifierOptions& options) {
         }
         return ids;
       };
-      CHECK(entry.consistency == window(options.consistency.window));
-      CHECK(entry.fusion == window(options.fusion.window));
+      CHECK(entry.consistency == window(options.advanced.consistency.window));
+      CHECK(entry.fusion == window(options.advanced.fusion.window));
     }
     for (const std::int64_t id : entry.fusion) {
       CHECK(std::count(entry.viewers.begin(), entry.viewers.end(), id) == 1);
     }
     for (const std::int64_t id : entry.viewers) {
       const std::ptrdiff_t away = place[id] - place[entry.id];
-      const int ahead = options.free_space.whole_mission ? options.free_space.history / 2 : options.fusion.window / 2;
+      const int ahead = options.advanced.free_space.whole_mission ? options.advanced.free_space.history / 2
+                                                                  : options.advanced.fusion.window / 2;
       CHECK(away <= ahead);
-      CHECK(-away <= std::max(options.free_space.history / 2, options.fusion.window / 2));
+      CHECK(-away <= std::max(options.advanced.free_space.history / 2, options.advanced.fusion.window / 2));
     }
     for (const std::int64_t id : entry.owners) {
-      const bool whole = options.free_space.whole_mission;
-      const int reach = whole ? std::max(options.fusion.history, options.fusion.window) / 2 : options.fusion.window / 2;
+      const bool whole = options.advanced.free_space.whole_mission;
+      const int reach = whole ? std::max(options.advanced.fusion.history, options.advanced.fusion.window) / 2
+                              : options.advanced.fusion.window / 2;
       CHECK(std::abs(place[id] - place[entry.id]) <= reach);
       CHECK(by_id[id]->has_depth_map());
     }
@@ -194,7 +196,7 @@ TEST_CASE("the chain of first planes begins anew where the block of ids changes"
   for (std::uint32_t seed = 0; seed < 6; ++seed) {
     const auto keyframes = mission_of(seed);
     DensifierOptions options = short_options(Quality::kOnline);
-    const auto block = [&](std::int64_t id) { return floor_div(id, options.init.chain_keyframes); };
+    const auto block = [&](std::int64_t id) { return floor_div(id, options.advanced.init.chain_keyframes); };
     const PlanEntry* last = nullptr;
     int links = 0;
     const Plan plan = make_plan(keyframes, options);
@@ -208,10 +210,10 @@ TEST_CASE("the chain of first planes begins anew where the block of ids changes"
       last = &entry;
     }
     CHECK(links > 50);
-    options.init.warp_previous = false;
+    options.advanced.init.warp_previous = false;
     for (const PlanEntry& entry : make_plan(keyframes, options).entries) CHECK_FALSE(entry.first_planes);
-    options.init.warp_previous = true;
-    options.init.chain_keyframes = 0;
+    options.advanced.init.warp_previous = true;
+    options.advanced.init.chain_keyframes = 0;
     int unlinked = 0;
     for (const PlanEntry& entry : make_plan(keyframes, options).entries) {
       if (entry.has_depth_map() && !entry.first_planes) ++unlinked;
@@ -273,7 +275,7 @@ TEST_CASE("the view filter of a plan decides as that of a stream does within a b
     recipe.step = 0.2;
     const auto keyframes = walk(recipe);
     const DensifierOptions options = preset(Quality::kOnline);
-    ViewFilter filter(options.view_filter);
+    ViewFilter filter(options.advanced.view_filter);
     const Plan plan = make_plan(keyframes, options);
     for (std::size_t i = 0; i < keyframes.size(); ++i) {
       Keyframe keyframe;
@@ -344,7 +346,7 @@ TEST_CASE("plans of nothing, of one keyframe and of keyframes without landmarks"
     auto twice = corridor(recipe);
     twice[3].id = twice[7].id;
     CHECK_THROWS_AS(make_plan(twice, options), InvalidInput);
-    options.patchmatch.neighbours = 0;
+    options.advanced.patchmatch.neighbours = 0;
     CHECK_THROWS_AS(make_plan({}, options), InvalidOption);
   }
 }

@@ -6,6 +6,7 @@
 
 #include "plan/halo.h"
 #include "plan/missions.h"
+#include "planned_densifier.h"
 #include "pmsp/error.h"
 
 using namespace pmsp;
@@ -17,7 +18,7 @@ namespace {
 class Naive {
  public:
   Naive(const Plan& plan, const DensifierOptions& options)
-      : passes_(options.patchmatch.geometric_passes), whole_(options.free_space.whole_mission) {
+      : passes_(options.advanced.patchmatch.geometric_passes), whole_(options.advanced.free_space.whole_mission) {
     for (const PlanEntry& entry : plan.entries) entries_[entry.id] = &entry;
   }
 
@@ -109,10 +110,10 @@ TEST_CASE("a halo is what the points need, nothing less and nothing more", "[pla
   for (recipe.seed = 0; recipe.seed < 6; ++recipe.seed) {
     for (const Quality quality : {Quality::kOnline, Quality::kNormal}) {
       DensifierOptions options = preset(quality);
-      options.free_space.history = 40;
-      options.free_space.views = 6;
-      options.consistency.enabled = recipe.seed % 3 != 0;
-      options.patchmatch.geometric_passes = static_cast<int>(recipe.seed % 4);
+      options.advanced.free_space.history = 40;
+      options.advanced.free_space.views = 6;
+      options.advanced.consistency.enabled = recipe.seed % 3 != 0;
+      options.advanced.patchmatch.geometric_passes = static_cast<int>(recipe.seed % 4);
       options.unordered = recipe.seed % 2 == 1;
       const auto keyframes = options.unordered ? photos(recipe) : walk(recipe);
       const Plan plan = make_plan(keyframes, options);
@@ -134,7 +135,7 @@ TEST_CASE("a halo is what the points need, nothing less and nothing more", "[pla
           CHECK(set_of(found.filtered) == naive.needed["filtered"]);
           CHECK(set_of(found.images) == naive.needed["image"]);
           check_nested(found);
-          REQUIRE(found.planes.size() == static_cast<std::size_t>(options.patchmatch.geometric_passes) + 1);
+          REQUIRE(found.planes.size() == static_cast<std::size_t>(options.advanced.patchmatch.geometric_passes) + 1);
           for (std::size_t pass = 0; pass < found.planes.size(); ++pass) {
             CHECK(set_of(found.planes[pass]) == naive.needed["planes" + std::to_string(pass)]);
           }
@@ -232,8 +233,8 @@ TEST_CASE("whose planes points depend on is the same, asked one by one", "[plan]
   recipe.keyframes = 90;
   for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
     DensifierOptions options = preset(quality);
-    options.free_space.history = 20;
-    options.fusion.history = 8;
+    options.advanced.free_space.history = 20;
+    options.advanced.fusion.history = 8;
     const Plan plan = make_plan(corridor(recipe, 2), options);
     std::map<std::int64_t, Shortcut> kept;
     for (const PlanEntry& entry : plan.entries) {
@@ -252,6 +253,6 @@ TEST_CASE("a chain through the whole flight has no halo", "[plan][halo]") {
   DensifierOptions options = preset(Quality::kPaper);
   const Plan plan = make_plan(corridor(recipe), options);
   CHECK_THROWS_AS(halo(plan, {}, options), InvalidOption);
-  options.init.warp_previous = false;
+  options.advanced.init.warp_previous = false;
   CHECK_NOTHROW(halo(plan, {}, options));
 }

@@ -81,12 +81,12 @@ TEST_CASE("changing one keyframe of a flight changes entries near it only", "[pl
     Keyframes keyframes = seed % 4 < 2 ? walk(recipe) : corridor(recipe, 4);
     for (PlanKeyframe& keyframe : keyframes) keyframe.sharpness = sharpness(keyframe, 1.0F);
     DensifierOptions options = preset(seed % 3 == 0 ? Quality::kOnline : Quality::kNormal);
-    options.free_space.history = 30;
+    options.advanced.free_space.history = 30;
     const Plan plan = make_plan(keyframes, options);
     const auto places_before = places(plan);
     Planner planner(options);
     const int reach = static_cast<int>(plan_reach(options).near);
-    const int window = std::max(options.consistency.window, options.fusion.window) / 2;
+    const int window = std::max(options.advanced.consistency.window, options.advanced.fusion.window) / 2;
     for (const Change& change : changes()) {
       for (const std::size_t at : {5, 61, 222, 299}) {
         Keyframes changed = keyframes;
@@ -125,7 +125,7 @@ TEST_CASE("changing one keyframe of a flight changes entries near it only", "[pl
             CHECK(sources.count(entry.id) == 1);
           }
           if (entry.viewers == before.viewers || far <= reach + window + 1) continue;
-          CHECK(far <= options.free_space.history / 2 + reach + 1);
+          CHECK(far <= options.advanced.free_space.history / 2 + reach + 1);
           if (sources.size() > 1) continue;
           // A list of viewers changes where the keyframe is within reach, or moves the end of the horizon.
           const auto within = [&](const std::map<std::int64_t, const PlanKeyframe*>& all) {

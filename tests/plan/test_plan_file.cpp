@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
 
+#include "io/plan_io.h"
 #include "plan/missions.h"
 #include "pmsp/error.h"
-#include "pmsp/io/plan_io.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;

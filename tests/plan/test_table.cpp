@@ -59,7 +59,7 @@ double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC
 
 }  // namespace
 
-TEST_CASE("the table of docs/plan.md", "[.table]") {
+TEST_CASE("sizes of halos, as a table", "[.table]") {
   for (Sample& sample : samples()) {
     for (const Quality quality : {Quality::kOnline, Quality::kNormal}) {
       DensifierOptions options = preset(quality);

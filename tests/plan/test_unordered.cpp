@@ -176,7 +176,7 @@ TEST_CASE("Views of another room are no neighbours beside two of the same room",
   for (const bool unordered : {true, false}) {
     DensifierOptions options = preset(Quality::kNormal);
     options.unordered = unordered;
-    options.view_filter.enabled = false;
+    options.advanced.view_filter.enabled = false;
     const Plan plan = make_plan(keyframes, options);
     for (int i = 0; i < 3; ++i) {
       CAPTURE(unordered, i);

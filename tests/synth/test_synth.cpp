@@ -17,10 +17,9 @@
 #include <Eigen/Geometry>
 
 #include "pmsp/camera.h"
-#include "pmsp/io/depth_io.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/depth.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/mask.h"
 #include "support/temp_dir.h"
 #include "synth/mission.h"
 

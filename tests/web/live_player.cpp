@@ -10,10 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "live_server.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
 #include "pmsp/live.h"
+#include "pmsp/web.h"
 
 namespace {
 
@@ -62,7 +62,7 @@ void play(const char* map, const char* images) {
     std::cout << "first points at " << std::chrono::duration_cast<std::chrono::milliseconds>(now).count() << std::endl;
   };
   pmsp::LiveDensifier live(options, callbacks);
-  pmsp::tool::LiveServer server(
+  pmsp::LiveServer server(
       {}, {[&](pmsp::LiveVersion since) { return live.changes_since(since); }, [&] { return live.snapshot(); }});
   std::cout << server.url() << std::endl;
   for (std::string line; std::getline(std::cin, line) && line != "end";) {

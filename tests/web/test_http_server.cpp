@@ -10,12 +10,13 @@
 
 #include <catch2/catch.hpp>
 
-#include "http_server.h"
 #include "pmsp/error.h"
 #include "support/temp_dir.h"
 #include "web/client.h"
+#include "web/http_server.h"
 
-using namespace pmsp::tool;
+using namespace pmsp;
+using namespace pmsp::web;
 using namespace pmsp_test;
 using std::chrono::milliseconds;
 

@@ -5,16 +5,18 @@
 
 #include <nlohmann/json.hpp>
 
-#include "live_block.h"
-#include "live_server.h"
+#include "export/little_endian.h"
+#include "live/live_map.h"
 #include "live_view.h"
-#include "pmsp/io/little_endian.h"
-#include "pmsp/live_map.h"
+#include "pmsp/web.h"
 #include "report_page.h"
 #include "web/client.h"
+#include "web/live_block.h"
+#include "web/page.h"
 
 using namespace pmsp;
 using namespace pmsp::tool;
+using namespace pmsp::web;
 using namespace pmsp_test;
 using Catch::Contains;
 using nlohmann::json;

@@ -13,7 +13,9 @@
 #include "support/temp_dir.h"
 #include "web/client.h"
 
+using namespace pmsp;
 using namespace pmsp::tool;
+using namespace pmsp::web;
 using namespace pmsp_test;
 using Catch::Contains;
 namespace fs = std::filesystem;

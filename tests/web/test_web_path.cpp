@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
 
-#include "web_path.h"
+#include "web/web_path.h"
 
-using namespace pmsp::tool;
+using namespace pmsp;
+using namespace pmsp::web;
 using Path = std::vector<std::string>;
 
 TEST_CASE("a target is taken apart and decoded once") {

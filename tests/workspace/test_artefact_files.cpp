@@ -3,9 +3,9 @@
 #include <string>
 
 #include "pmsp/error.h"
-#include "pmsp/io/workspace/artefact_file.h"
-#include "pmsp/io/workspace/fingerprint.h"
 #include "support/temp_dir.h"
+#include "workspace/artefact_file.h"
+#include "workspace/fingerprint.h"
 
 using namespace pmsp;
 using namespace pmsp::workspace;

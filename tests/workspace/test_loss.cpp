@@ -3,7 +3,7 @@
 #include <map>
 #include <string>
 
-#include "pmsp/io/workspace/loss.h"
+#include "workspace/loss.h"
 
 using namespace pmsp;
 using namespace pmsp::workspace;

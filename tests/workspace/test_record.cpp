@@ -3,7 +3,7 @@
 #include <string>
 
 #include "pmsp/error.h"
-#include "pmsp/io/workspace/record.h"
+#include "workspace/record.h"
 
 using namespace pmsp;
 using namespace pmsp::workspace;

@@ -6,8 +6,8 @@
 #include <catch2/catch.hpp>
 
 #include "pmsp/error.h"
-#include "pmsp/io/workspace/shards.h"
 #include "support/temp_dir.h"
+#include "workspace/shards.h"
 
 using namespace pmsp;
 using namespace pmsp::workspace;

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "plan/missions.h"
-#include "pmsp/io/workspace/step.h"
 #include "synth/rng.h"
+#include "workspace/step.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -236,7 +236,7 @@ TEST_CASE("as a mission grows only its end is made, the newest keyframes make do
 TEST_CASE("as a mission grows, each pass finds around it what it finds in a run, and is made once") {
   const std::vector<PlanKeyframe> keyframes = flight(90);
   for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
-    const int full = preset(quality).patchmatch.geometric_passes + 1;
+    const int full = preset(quality).advanced.patchmatch.geometric_passes + 1;
     Record record;
     int continued = 0;
     for (const std::size_t until : {40, 50, 60, 66, 70, 80, 90, 90}) {

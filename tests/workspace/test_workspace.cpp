@@ -4,8 +4,8 @@
 #include <string>
 
 #include "pmsp/error.h"
-#include "pmsp/io/workspace/workspace.h"
 #include "support/temp_dir.h"
+#include "workspace/workspace.h"
 
 using namespace pmsp;
 using namespace pmsp::workspace;

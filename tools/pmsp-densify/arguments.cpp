@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "arguments.h"
+#include "machine.h"
 
 #include <algorithm>
 #include <iostream>
@@ -11,8 +12,8 @@
 #include "exit_code.h"
 #include "help.h"
 #include "numbers.h"
-#include "pmsp/executor.h"
 #include "pmsp/io/map.h"
+#include "pmsp/stages.h"
 #include "report_arguments.h"
 #include "shard_arguments.h"
 

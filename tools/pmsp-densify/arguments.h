@@ -12,8 +12,8 @@
 #include "depth_output.h"
 #include "live_arguments.h"
 #include "option_flags.h"
-#include "pmsp/io/workspace/shards.h"
 #include "report_page.h"
+#include "workspace/shards.h"
 
 namespace pmsp::tool {
 

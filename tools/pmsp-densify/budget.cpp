@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "budget.h"
+#include "machine.h"
 
 #include <algorithm>
 #include <array>
@@ -7,12 +8,12 @@
 #include <set>
 #include <unordered_map>
 
-#include "decoder.h"
+#include "cost.h"
+#include "io/image_reader.h"
 #include "map_figures.h"
+#include "pmsp/calibration.h"
 #include "pmsp/camera.h"
-#include "pmsp/cost.h"
-#include "pmsp/executor.h"
-#include "pmsp/lens_distance.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::tool {
 
@@ -73,7 +74,7 @@ class Mean {
 class PointShare {
  public:
   PointShare(const SlamMap& map, const DensifierOptions& options)
-      : map_(map), area_(kPi * options.fusion.spacing_px * options.fusion.spacing_px) {
+      : map_(map), area_(kPi * options.advanced.fusion.spacing_px * options.advanced.fusion.spacing_px) {
     for (const MapKeyframe& keyframe : map.keyframes) {
       View& view = views_[keyframe.id];
       view.center = keyframe.cam_from_world.center();
@@ -179,7 +180,7 @@ int threads_of(const DensifierOptions& options) { return options.threads > 0 ? o
 }  // namespace
 
 DeviceBudget estimate_device(DensifierOptions options, std::int64_t used, int image_width) {
-  options.expected_keyframes = used;
+  options.advanced.expected_keyframes = used;
   options.scratch_folder.clear();
   const double all = static_cast<double>(device_memory_needed(options, image_width));
   options.scratch_folder = "beside the cloud";
@@ -188,12 +189,12 @@ DeviceBudget estimate_device(DensifierOptions options, std::int64_t used, int im
 
 MemoryBudget estimate_memory(const SlamMap& map, DensifierOptions options, std::int64_t used, int image_width,
                              int image_height) {
-  options.scratch_folder = options.free_space.whole_mission ? "beside the cloud" : "";
+  options.scratch_folder = options.advanced.free_space.whole_mission ? "beside the cloud" : "";
   const HostMemory densifier = host_memory_needed(options, used, image_width);
   constexpr double kProcess = 72.0 * kMiB, kGpuProcess = 100.0 * kMiB;  // libraries, a driver's context, threads
   const double image = 3.0 * image_width * image_height;
   const double of_map = map_bytes(map);
-  const int ahead = images_ahead(map, threads_of(options));
+  const int ahead = io::images_ahead(map, threads_of(options));
   MemoryBudget memory;
   memory.scratch = densifier.scratch;
   memory.host = kProcess + of_map + image * (ahead + 3) + densifier.memory;
@@ -231,7 +232,8 @@ Budget estimate_budget(const BudgetQuestion& question) {
   b.keyframes = static_cast<std::int64_t>(ids.size());
   const double all_pixels = pixels * static_cast<double>(b.depth_maps);
   b.views = views.value();
-  const double give_way = options.fusion.suppression > 0.0 ? kGiveWay * std::min(1.0, b.width / kGiveWayWidth) : 0.0;
+  const double give_way =
+      options.advanced.fusion.suppression > 0.0 ? kGiveWay * std::min(1.0, b.width / kGiveWayWidth) : 0.0;
   b.points_per_pixel = (1.0 - give_way) * share.value();
   b.points = b.points_per_pixel * all_pixels;
   b.cloud_bytes = kPlyBytes * b.points;
@@ -250,7 +252,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
   // at first the start of the device and the map's, at last what the disk has still to take.
   constexpr double kStartSeconds = 0.42, kLookSeconds = 1.6e-9;  // a pixel's that the lenses are told from
   const double looked_at = static_cast<double>(keyframes_for_lens_distance(ids).size());
-  const double matching = planes_tried(options.patchmatch) * (1.15e-10 + 0.37e-10 * b.views);
+  const double matching = planes_tried(options.advanced.patchmatch) * (1.15e-10 + 0.37e-10 * b.views);
   b.reference_seconds = kStartSeconds + all_pixels * (matching + 1.8e-9) + 0.8e-9 * image_pixels +
                         kLookSeconds * one_image * looked_at + 4.5e-9 * b.points;
   return b;

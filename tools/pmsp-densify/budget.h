@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "cpu_pace.h"
-#include "pmsp/io/image_source.h"
+#include "plan/plan.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
 #include "pmsp/options.h"
-#include "pmsp/plan.h"
 
 namespace pmsp::tool {
 

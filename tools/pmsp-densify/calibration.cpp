@@ -11,9 +11,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "pmsp/executor.h"
-#include "pmsp/io/files.h"
+#include "export/files.h"
 #include "pmsp/io/map.h"
+#include "pmsp/stages.h"
 #include "view_images.h"
 
 namespace pmsp::tool {

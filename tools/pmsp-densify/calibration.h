@@ -7,12 +7,11 @@
 #include <vector>
 
 #include "arguments.h"
-#include "pmsp/io/calibration.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/densify.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/mask.h"
-#include "pmsp/io/workspace/record.h"
 #include "pmsp/options.h"
+#include "workspace/record.h"
 
 namespace pmsp::tool {
 

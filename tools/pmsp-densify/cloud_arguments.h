@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "pmsp/io/cloud_frame.h"
-#include "pmsp/io/cloud_output.h"
+#include "export/cloud_frame.h"
+#include "pmsp/io/cloud.h"
 
 namespace CLI {
 class App;

@@ -3,9 +3,9 @@
 
 #include <cctype>
 
+#include "export/files.h"
 #include "option_json.h"
-#include "pmsp/io/cloud_output.h"
-#include "pmsp/io/files.h"
+#include "pmsp/io/cloud.h"
 #include "report_page.h"
 
 namespace pmsp::tool {
@@ -29,7 +29,7 @@ std::vector<std::string> how_made(const DensifierOptions& options) {
 }
 
 workspace::RecordedCloud recorded_cloud(const DensifierOptions& options, const SlamMap& map) {
-  const CloudHeader header = cloud_header_of(map, {}, options.init.range_margin);
+  const CloudHeader header = cloud_header_of(map, {}, options.advanced.init.range_margin);
   return {header.center, header.reach, how_made(options)};
 }
 
@@ -82,7 +82,7 @@ std::string read_wkt(const std::filesystem::path& path) {
 
 CloudHeader cloud_header(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
                          const CloudFrame& frame) {
-  CloudHeader header = cloud_header_of(map, frame.file_from_map, options.init.range_margin);
+  CloudHeader header = cloud_header_of(map, frame.file_from_map, options.advanced.init.range_margin);
   header.unit = frame.unit;
   header.generator = version_text();
   header.comments = how_made(options);

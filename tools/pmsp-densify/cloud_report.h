@@ -8,11 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
-#include "pmsp/io/cloud_frame.h"
-#include "pmsp/io/cloud_output.h"
-#include "pmsp/io/cloud_writer.h"
+#include "export/cloud_frame.h"
+#include "pmsp/io/cloud.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/workspace/record.h"
+#include "workspace/record.h"
 
 namespace pmsp::tool {
 

@@ -3,9 +3,9 @@
 #include <iostream>
 #include <string_view>
 
+#include "export/files.h"
 #include "given_depth.h"
 #include "option_json.h"
-#include "pmsp/io/files.h"
 #include "verbs.h"
 
 namespace pmsp::tool {

@@ -7,9 +7,9 @@
 #include <deque>
 #include <vector>
 
+#include "plan/plan.h"
 #include "pmsp/camera.h"
 #include "pmsp/densifier.h"
-#include "pmsp/plan.h"
 
 namespace pmsp::tool {
 namespace {
@@ -63,12 +63,12 @@ DensifierOptions small(DensifierOptions options) {
   options.threads = 1;
   options.scratch_folder.clear();
   options.unordered = false;
-  options.view_filter.enabled = false;
+  options.advanced.view_filter.enabled = false;
 #ifdef PMSP_SANITIZED  // which make it so slow that its pace says nothing
   options.simd = Simd::kScalar;
-  options.patchmatch.iterations = 1;
-  options.patchmatch.refinements = 1;
-  options.patchmatch.geometric_passes = 0;
+  options.advanced.patchmatch.iterations = 1;
+  options.advanced.patchmatch.refinements = 1;
+  options.advanced.patchmatch.geometric_passes = 0;
 #endif
   return options;
 }

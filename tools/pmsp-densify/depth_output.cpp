@@ -8,11 +8,11 @@
 
 #include "arguments.h"
 #include "exit_code.h"
+#include "export/files.h"
 #include "map_figures.h"
 #include "numbered_name.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
-#include "pmsp/io/files.h"
+#include "pmsp/io/depth.h"
 
 namespace pmsp::tool {
 namespace {

@@ -6,9 +6,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "pmsp/depth_map.h"
-#include "pmsp/io/atomic_folder.h"
+#include "export/atomic_folder.h"
 #include "pmsp/io/map.h"
+#include "pmsp/types.h"
 
 namespace pmsp::tool {
 

@@ -7,8 +7,8 @@
 
 #include "arguments.h"
 #include "budget.h"
-#include "pmsp/io/image_source.h"
-#include "pmsp/io/workspace/step.h"
+#include "pmsp/io/images.h"
+#include "workspace/step.h"
 
 namespace pmsp::tool {
 

@@ -10,7 +10,7 @@
 
 #include "pmsp/densifier.h"
 #include "pmsp/error.h"
-#include "pmsp/io/workspace/fingerprint.h"
+#include "workspace/fingerprint.h"
 
 namespace pmsp::tool {
 namespace {

@@ -7,13 +7,11 @@
 #include <utility>
 
 #include "image_input.h"
+#include "io/prior_depths.h"
 #include "map_figures.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
-#include "pmsp/filters.h"
-#include "pmsp/panorama.h"
-#include "pmsp/plane_map.h"
-#include "prior_depths.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::tool {
 namespace {
@@ -49,10 +47,10 @@ void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments) {
   const DepthFolder folder(arguments.given_depth, arguments.images);
   options.width = options.height = 0;
   options.lens_distance = folder.lens_distance();
-  options.view_filter.enabled = false;
-  options.median.enabled = options.median.enabled && !is_filtered(folder);
-  options.median.weighted = false;  // whoever made the depth maps has set their edges
-  options.consistency.enabled = options.consistency.enabled && !is_filtered(folder);
+  options.advanced.view_filter.enabled = false;
+  options.advanced.median.enabled = options.advanced.median.enabled && !is_filtered(folder);
+  options.advanced.median.weighted = false;  // whoever made the depth maps has set their edges
+  options.advanced.consistency.enabled = options.advanced.consistency.enabled && !is_filtered(folder);
 }
 
 GivenDepths::GivenDepths(const Arguments& arguments)
@@ -147,13 +145,14 @@ nlohmann::ordered_json GivenDepths::report() const {
       {"folder", arguments_.given_depth.string()}, {"kind", folder_.kind()}, {"maps", nlohmann::ordered_json::array()}};
   for (const auto& [id, found] : found_) {
     nlohmann::ordered_json entry{{"keyframe_id", id}};
-    entry.update(is_aligned() ? to_json(found.alignment) : nlohmann::ordered_json{{"scale", found.alignment.scale}});
+    entry.update(is_aligned() ? io::to_json(found.alignment)
+                              : nlohmann::ordered_json{{"scale", found.alignment.scale}});
     json["maps"].push_back(std::move(entry));
   }
   return json;
 }
 
-std::unique_ptr<Densifier> GivenDepths::densifier(DensifierCallbacks callbacks) {
+std::unique_ptr<PlannedDensifier> GivenDepths::densifier(PlannedCallbacks callbacks) {
   Shortcuts shortcuts;
   std::vector<std::int64_t> ids;
   for (const PlanEntry& entry : plan_.entries) {
@@ -162,7 +161,7 @@ std::unique_ptr<Densifier> GivenDepths::densifier(DensifierCallbacks callbacks) 
     shortcuts.keyframes[entry.id] = {Shortcut::Planes::kStart, 0};
   }
   shortcuts.load = [this](std::int64_t id) { return planes_of(id); };
-  return std::make_unique<Densifier>(options_, plan_, ids, std::move(callbacks), std::move(shortcuts));
+  return std::make_unique<PlannedDensifier>(options_, plan_, ids, std::move(callbacks), std::move(shortcuts));
 }
 
 void GivenDepths::set_image_size(std::int64_t keyframe_id, int width, int height) {
@@ -185,7 +184,7 @@ PlaneMap GivenDepths::planes_of(std::int64_t keyframe_id) {
   leave_out_masked(map, found);
   find_normals(map);
   FilterStats filtered;
-  PlaneMap planes = median_filter(plane_map_of(map, *executor_), options_.median, *executor_, &filtered);
+  PlaneMap planes = median_filter(plane_map_of(map, *executor_), options_.advanced.median, *executor_, &filtered);
   ++stats_.depth_maps;
   stats_.pixels_matched += filtered.before;
   stats_.pixels_after_median += filtered.after;

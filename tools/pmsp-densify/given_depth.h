@@ -11,14 +11,13 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
-#include "pmsp/densifier.h"
-#include "pmsp/executor.h"
-#include "pmsp/io/depth_folder.h"
-#include "pmsp/io/image_source.h"
+#include "plan/plan.h"
+#include "planned_densifier.h"
+#include "pmsp/calibration.h"
+#include "pmsp/io/depth.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/mask.h"
-#include "pmsp/plan.h"
-#include "pmsp/prior_depth.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::tool {
 
@@ -44,7 +43,7 @@ class GivenDepths {
   nlohmann::ordered_json report() const;
 
   /// `this` must outlive it.
-  std::unique_ptr<Densifier> densifier(DensifierCallbacks callbacks);
+  std::unique_ptr<PlannedDensifier> densifier(PlannedCallbacks callbacks);
 
   /// To be told before the keyframe is added.
   void set_image_size(std::int64_t keyframe_id, int width, int height);

@@ -5,10 +5,9 @@
 #include <string>
 
 #include "arguments.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/mask.h"
-#include "pmsp/io/workspace/workspace.h"
+#include "workspace/workspace.h"
 
 namespace pmsp::tool {
 

@@ -10,19 +10,17 @@
 #include "budget_text.h"
 #include "calibration.h"
 #include "cloud_report.h"
-#include "decoder.h"
 #include "depth_output.h"
 #include "disk_space.h"
 #include "exit_code.h"
+#include "io/plan_io.h"
 #include "map_figures.h"
 #include "map_input.h"
 #include "mission_input.h"
 #include "pmsp/densifier.h"
 #include "pmsp/error.h"
-#include "pmsp/executor.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/plan_io.h"
-#include "prior_depths.h"
+#include "pmsp/stages.h"
 #include "progress.h"
 #include "targets.h"
 #include "verbs.h"
@@ -91,10 +89,10 @@ Json images_json(const ImageSource& source, const std::vector<SkippedKeyframe>& 
 std::vector<PlanKeyframe> keyframes_with_image(const SlamMap& map, ImageSource& source, const DensifierOptions& options,
                                                MissionInput::ImageCheck& check) {
   std::vector<PlanKeyframe> keyframes;
-  Decoder decoder(source);
+  io::Decoder decoder(source);
   check.skipped = source.skipped();
   for (;;) {
-    const Decoded decoded = decoder.next();
+    const io::Decoded decoded = decoder.next();
     check.skipped.insert(check.skipped.end(), decoded.skipped.begin(), decoded.skipped.end());
     if (!decoded.item) break;
     const MapKeyframe* found = map.find_keyframe(decoded.item->keyframe_id);
@@ -206,7 +204,7 @@ void info(const Arguments& given) {
   const DensifierOptions options = effective_options(given);
   Arguments arguments = given;
   Progress progress(ProgressMode::kNone, true, false);
-  MissionInput input(arguments, progress);
+  MissionInput input(arguments, progress, options.threads);
   input.read_map();
   arguments = with_images(given, input.map);
   const SlamMap& map = input.map;
@@ -233,20 +231,20 @@ void info(const Arguments& given) {
   if (is_dry_run || input.images) {
     attempt([&] {
       if (!input.images) input.open_images();
-      input.check_poses(options.threads);
+      input.check_poses();
       input.find_frame();
       check.skipped = input.images->skipped();
-      check = input.check_images(options.threads > 0 ? options.threads : usable_cpus());
-      const std::string warning = check.pairing ? warning_of(*check.pairing, true) : "";
+      check = input.check_images();
+      const std::string warning = check.pairing ? io::warning_of(*check.pairing, true) : "";
       if (!warning.empty()) progress.warning(warning);
     });
-    attempt([&] { const PriorDepths opens(arguments); });
+    attempt([&] { input.open_prior_depths(); });
     attempt([&] {
       if (workspace && input.images) check_losses(*workspace, arguments, options, map, *input.images);
     });
     attempt([&] {
       DensifierOptions engine = options;
-      if (engine.free_space.whole_mission) engine.scratch_folder = scratch_folder(arguments).string();
+      if (engine.advanced.free_space.whole_mission) engine.scratch_folder = scratch_folder(arguments).string();
       const Densifier starts(engine, {});
     });
   }
@@ -265,7 +263,7 @@ void info(const Arguments& given) {
   }
   const bool looks = input.images && !refusal && !arguments.plan.empty();
   const Plan plan = make_plan(looks ? keyframes_with_image(map, *input.images, options, check)
-                                    : keyframes_without_image(map, input.images.get(), options),
+                                    : keyframes_without_image(map, input.images, options),
                               options);
   if (!arguments.plan.empty() && !refusal) {
     write_plan(arguments.plan, plan);
@@ -273,8 +271,7 @@ void info(const Arguments& given) {
   }
   std::string budget;
   try {
-    const ImageSize size = check.size;
-    const Budget forecast = estimate_budget({map, plan, options, size.width, size.height, measure_cpu_pace(options)});
+    const Budget forecast = estimate_budget({map, plan, options, check.width, check.height, measure_cpu_pace(options)});
     json["budget"] = to_json(forecast);
     budget = budget_text(forecast);
     if (is_dry_run && input.images) {

@@ -7,9 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/mask.h"
 
 namespace pmsp::tool {
 

@@ -10,10 +10,11 @@
 #include <nlohmann/json.hpp>
 
 #include "budget.h"
+#include "cost.h"
+#include "devices.h"
 #include "image_input.h"
+#include "io/convention.h"
 #include "map_input.h"
-#include "pmsp/cost.h"
-#include "pmsp/devices.h"
 #include "verbs.h"
 
 namespace pmsp::tool {
@@ -47,6 +48,7 @@ std::int64_t whole(double bytes) { return static_cast<std::int64_t>(std::llround
 void print_memory(const Arguments& arguments) {
   DensifierOptions options = effective_options(arguments);
   const SlamMap map = read_map(arguments);
+  if (!arguments.no_verify) require_convention(map);
   const std::unique_ptr<ImageSource> source = open_images(arguments, map);
   const std::int64_t keyframes = static_cast<std::int64_t>(source->keyframe_ids().size());
   ImageSize size = first_size(*source);

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "pmsp/option_table.h"
+#include "option_table.h"
 
 // The library's options (pmsp/option_table.h) on a command line.
 namespace pmsp::tool {

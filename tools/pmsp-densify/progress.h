@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 #include "standing.h"
 
 namespace pmsp::tool {

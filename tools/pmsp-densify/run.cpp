@@ -13,23 +13,21 @@
 #include "budget_text.h"
 #include "calibration.h"
 #include "cloud_report.h"
-#include "decoder.h"
+#include "devices.h"
 #include "disk_space.h"
 #include "engine_text.h"
 #include "exit_code.h"
+#include "export/files.h"
 #include "follow.h"
 #include "given_depth.h"
-#include "image_loop.h"
 #include "interrupt.h"
 #include "live_view.h"
+#include "machine.h"
 #include "mission_input.h"
 #include "plane_keeper.h"
-#include "pmsp/densifier.h"
-#include "pmsp/devices.h"
-#include "pmsp/executor.h"
-#include "pmsp/io/files.h"
+#include "planned_densifier.h"
 #include "pmsp/io/map.h"
-#include "prior_depths.h"
+#include "pmsp/stages.h"
 #include "progress.h"
 #include "run_results.h"
 #include "shared_step.h"
@@ -38,6 +36,7 @@
 #include "time_account.h"
 #include "verbs.h"
 #include "view_images.h"
+#include "web/page.h"
 #include "workspace_step.h"
 
 namespace pmsp::tool {
@@ -60,11 +59,15 @@ class Run {
         given_(given),
         threads_(options.threads > 0 ? options.threads : usable_cpus()),
         progress_(arguments.progress, arguments.quiet, arguments.verbose) {
+    input_.open_prior_depths();
     std::future<double> device = start_device(options);
     warn(quality_warning(arguments));
     input_.read_map();
     input_.open_images();
-    input_.check_poses(options.threads);
+    {
+      const Spent spent(report_.time, Busy::kImages);
+      input_.check_poses();
+    }
     report_.map = map_.path.string() + " (" + map_.format + ")";
     report_.images = input_.images->description();
     report_.skipped = input_.images->skipped();
@@ -74,7 +77,7 @@ class Run {
     views_ = std::make_unique<ViewImages>(arguments, map_, *input_.images, *input_.masks);
     for (const std::filesystem::path& path : arguments.cloud.paths) report_.outputs.push_back(path.string());
     frame_ = input_.find_frame();
-    options.expected_keyframes = static_cast<std::int64_t>(report_.with_image);
+    options.advanced.expected_keyframes = static_cast<std::int64_t>(report_.with_image);
     input_.announce();
     if (!frame_.description.empty()) progress_.message("cloud: " + frame_.description);
     if (live_ != nullptr) {
@@ -93,7 +96,7 @@ class Run {
     }
     input_.masks->set_rig(report_.calibration.rig.mask);
     if (given_ != nullptr) look_at_given(options);
-    if (!arguments.no_verify) verifier_ = std::make_unique<PairingVerifier>(map_);
+    verifier_ = input_.verifier();
     if (workspace_ != nullptr) open_workspace(options);
     check_disk(options);
     open_results(options);
@@ -105,7 +108,7 @@ class Run {
       if (device.valid()) report_.device_start = device.get();
       densifier_ = step_               ? step_->densifier(callbacks())
                    : given_ != nullptr ? given_->densifier(callbacks())
-                                       : std::make_unique<Densifier>(options, callbacks());
+                                       : std::make_unique<PlannedDensifier>(options, callbacks());
     }
     if (!all_images) need_images(densifier_->images());
     announce_backend();
@@ -153,7 +156,7 @@ class Run {
     results_->complete();
     report_.points_written = results_->points();
     report_.confidence = results_->mean_confidence();
-    if (priors_.wanted()) report_.prior_depth = priors_.report();
+    if (input_.prior_depths.wanted()) report_.prior_depth = input_.prior_depths.report();
     report_.warnings = progress_.warnings();
     report_.empty_reason = why_empty();
     if (report_.empty_reason.empty()) {
@@ -197,7 +200,7 @@ class Run {
   /// Ten lines at most. Throws EmptyResult where nothing came of it.
   void tell_end() {
     if (step_) progress_.message(step_->summary());
-    if (priors_.wanted()) progress_.message(priors_.summary());
+    if (input_.prior_depths.wanted()) progress_.message(input_.prior_depths.summary());
     progress_.message(summary(report_));
     nlohmann::ordered_json result{{"points", results_->points()}, {"seconds", report_.time.total()}};
     if (!report_.empty_reason.empty()) {
@@ -221,7 +224,7 @@ class Run {
   std::string next_steps() const {
     const std::string cloud = arguments_.cloud.paths.front().string();
     std::string text;
-    if (arguments_.report.path.empty() && has_report_page())
+    if (arguments_.report.path.empty() && web::has_report_page())
       text += "\n  look:   pmsp-densify report " + cloud + " -o report.html";
     if (frame_.file_from_map.scale == 1.0)
       text += "\n  metres: pmsp-densify convert " + cloud + " -o metres.ply --scale METRES_PER_UNIT";
@@ -253,7 +256,7 @@ class Run {
     if (!knows_size(options, map_)) return;  // no forecast
     Plan plan = step_ ? step_->step().plan : given_ != nullptr ? given_->plan() : Plan{};
     if (!step_ && given_ == nullptr) {
-      plan = make_plan(keyframes_without_image(map_, input_.images.get(), options), options);
+      plan = make_plan(keyframes_without_image(map_, input_.images, options), options);
     }
     warn(disk_warning(arguments_, map_, *input_.images, plan, options, step_ ? share_to_make(step_->step()) : 1.0));
   }
@@ -290,7 +293,7 @@ class Run {
       const InterruptGuard guard(nullptr);
       const std::unique_ptr<ImageSource> images = input_.images->again();
       images->restrict_to(fresh);
-      ImageReader reader(*images, map_, threads_, verifier_.get());
+      io::ImageReader reader(*images, map_, threads_, verifier_.get());
       const std::string error =
           each_image(reader, guard, [&](std::size_t, const Keyframe& keyframe) { step_->look_at(keyframe); });
       if (!error.empty() && fresh.size() + unreadable.size() == input_.images->keyframe_ids().size())
@@ -309,8 +312,8 @@ class Run {
     steps_ = needed.size();
   }
 
-  DensifierCallbacks callbacks() {
-    DensifierCallbacks callbacks = results_->callbacks();
+  PlannedCallbacks callbacks() {
+    PlannedCallbacks callbacks = results_->callbacks();
     if (keeper_) {
       callbacks.wants_planes = [this](std::int64_t /*keyframe_id*/) { return keeper_->wants_planes(*densifier_); };
       callbacks.planes = [this](const PlaneMap& planes) { keeper_->keep(planes, *densifier_); };
@@ -353,25 +356,29 @@ class Run {
   }
 
   /// Returns why the first image cannot be read where none can; else "".
-  std::string each_image(ImageReader& images, const InterruptGuard& guard, const decltype(ImageLoop::visit)& visit) {
+  std::string each_image(io::ImageReader& images, const InterruptGuard& guard,
+                         const decltype(io::ImageLoop::visit)& visit) {
     const auto lost = [this](const SkippedKeyframe& skipped) {
       if (densifier_ && step_) refuse_lost(skipped);
       skip(skipped);
       if (given_ != nullptr) densifier_->add(given_->without_image(skipped.keyframe_id));
       --report_.with_image;
     };
-    const ImageLoop::End end = ImageLoop{images, &report_.time, lost, visit}(guard);
+    std::optional<Spent> waiting;
+    const auto waits = [&](bool begins) {
+      waiting.reset();
+      if (begins) waiting.emplace(report_.time, Busy::kWait);
+    };
+    const io::ImageLoop::End end = io::ImageLoop{images, visit, lost, [&guard] { guard.check(); }, waits}();
     if (end.pairing) report_.pairing = end.pairing;
-    if (end.pairing) warn(warning_of(*end.pairing, end.images == report_.with_image));
+    if (end.pairing) warn(io::warning_of(*end.pairing, end.images == report_.with_image));
     return end.first_error;
   }
 
   void add(std::size_t index, Keyframe& keyframe) {
     if (step_) keyframe.scale = step_->scale_of(keyframe.id);
     views_->set_size(keyframe.id, keyframe.image.width, keyframe.image.height);
-    keyframe.mask =
-        input_.masks->mask_for(input_.images->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
-    priors_.give(keyframe, input_.images->origin(keyframe.id).file);
+    input_.complete(keyframe, *input_.images);
     if (given_ != nullptr) given_->set_image_size(keyframe.id, keyframe.image.width, keyframe.image.height);
     const int width = report_.options.width > 0 ? report_.options.width : keyframe.image.width;
     const int height = report_.options.height > 0 ? report_.options.height : width / 2;
@@ -416,19 +423,18 @@ class Run {
   GivenDepths* const given_;
   const int threads_;
   Progress progress_;
-  MissionInput input_{arguments_, progress_, &report_.time};
+  MissionInput input_{arguments_, progress_, threads_, &report_.time};
   const SlamMap& map_ = input_.map;
   CloudFrame frame_;
   workspace::RecordedCloud recorded_;
   std::unique_ptr<ViewImages> views_;
   std::unique_ptr<RunResults> results_;
   std::unique_ptr<PairingVerifier> verifier_;
-  PriorDepths priors_{arguments_};
-  std::unique_ptr<WorkspaceStep> step_;  ///< before the densifier, which calls it; or
-  std::unique_ptr<PlaneKeeper> keeper_;  ///< in its place
-  std::size_t steps_ = 0;                ///< images that it needs
-  std::optional<ImageReader> images_;    ///< after all that it uses
-  std::unique_ptr<Densifier> densifier_;
+  std::unique_ptr<WorkspaceStep> step_;    ///< before the densifier, which calls it; or
+  std::unique_ptr<PlaneKeeper> keeper_;    ///< in its place
+  std::size_t steps_ = 0;                  ///< images that it needs
+  std::optional<io::ImageReader> images_;  ///< after all that it uses
+  std::unique_ptr<PlannedDensifier> densifier_;
   std::string announced_backend_;
   std::future<void> closing_;  ///< after all that it uses
 };
@@ -438,7 +444,7 @@ class Run {
 void run(const Arguments& arguments) {
   DensifierOptions options = effective_options(arguments);
   if (arguments.workspace.empty()) check_targets(arguments);
-  if (options.free_space.whole_mission) options.scratch_folder = scratch_folder(arguments).string();
+  if (options.advanced.free_space.whole_mission) options.scratch_folder = scratch_folder(arguments).string();
   const std::unique_ptr<LiveView> live = arguments.live.port ? std::make_unique<LiveView>(arguments.live) : nullptr;
   if (arguments.workspace.empty()) {
     Run(arguments, options, nullptr, false, nullptr, live.get())();
@@ -460,7 +466,7 @@ void run(const Arguments& arguments) {
 void fuse(const Arguments& arguments) {
   DensifierOptions options = effective_options(arguments);
   check_targets(arguments);
-  if (options.free_space.whole_mission) options.scratch_folder = scratch_folder(arguments).string();
+  if (options.advanced.free_space.whole_mission) options.scratch_folder = scratch_folder(arguments).string();
   GivenDepths given(arguments);
   Run(arguments, options, nullptr, false, nullptr, nullptr, &given)();
 }

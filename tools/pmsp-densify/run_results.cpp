@@ -16,7 +16,7 @@ RunResults::RunResults(const Setup& setup, TimeAccount& time)
   const double lens_distance = setup.options.lens_distance;
   const auto open = [&](std::optional<DepthMapFolder>& folder, const std::filesystem::path& path, const char* kind) {
     if (path.empty()) return;
-    const double scale = png_depth_scale(setup.map, setup.options.init.range_margin);
+    const double scale = png_depth_scale(setup.map, setup.options.advanced.init.range_margin);
     folder.emplace(path, setup.map, arguments_.depth_formats,
                    DepthMapFolder::About{kind, scale, lens_distance, setup.cloud});
   };
@@ -32,8 +32,8 @@ RunResults::RunResults(const Setup& setup, TimeAccount& time)
   }
 }
 
-DensifierCallbacks RunResults::callbacks() {
-  DensifierCallbacks callbacks;
+PlannedCallbacks RunResults::callbacks() {
+  PlannedCallbacks callbacks;
   if (raw_) {
     callbacks.raw_depth = [this](const DepthMap& map) {
       const Spent spent(time_, Busy::kDepthMaps);

@@ -14,12 +14,12 @@
 
 #include "arguments.h"
 #include "depth_output.h"
+#include "export/cloud_frame.h"
 #include "live_view.h"
-#include "pmsp/densifier.h"
-#include "pmsp/io/cloud_frame.h"
-#include "pmsp/io/cloud_output.h"
+#include "plan/plan.h"
+#include "planned_densifier.h"
+#include "pmsp/io/cloud.h"
 #include "pmsp/io/map.h"
-#include "pmsp/plan.h"
 #include "preview.h"
 #include "progress.h"
 #include "report_page.h"
@@ -47,7 +47,7 @@ class RunResults {
   RunResults(const Setup& setup, TimeAccount& time);
 
   /// Callbacks that lead here; what only others need is not set.
-  DensifierCallbacks callbacks();
+  PlannedCallbacks callbacks();
 
   /// Each image before the densifier gets it; sizes are those of depth maps. Then what became of it.
   void add_image(std::size_t index, const Keyframe& keyframe, int width, int height);

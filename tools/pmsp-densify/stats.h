@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "calibration.h"
+#include "io/pairing.h"
 #include "mask_report.h"
 #include "pmsp/densifier.h"
-#include "pmsp/io/image_source.h"
-#include "pmsp/io/pairing.h"
+#include "pmsp/io/images.h"
 #include "time_account.h"
 
 namespace pmsp::tool {

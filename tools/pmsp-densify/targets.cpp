@@ -8,8 +8,8 @@
 
 #include "depth_output.h"
 #include "exit_code.h"
-#include "pmsp/io/atomic_folder.h"
-#include "pmsp/io/files.h"
+#include "export/atomic_folder.h"
+#include "export/files.h"
 #include "preview.h"
 
 namespace pmsp::tool {

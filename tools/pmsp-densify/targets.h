@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "arguments.h"
-#include "pmsp/io/workspace/workspace.h"
+#include "workspace/workspace.h"
 
 namespace pmsp::tool {
 

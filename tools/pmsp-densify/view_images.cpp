@@ -10,10 +10,10 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "export/files.h"
 #include "image_input.h"
 #include "numbered_name.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp::tool {
 namespace {

@@ -7,10 +7,9 @@
 #include <vector>
 
 #include "arguments.h"
-#include "pmsp/io/cloud_writer.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/cloud.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/mask.h"
 
 namespace pmsp::tool {
 

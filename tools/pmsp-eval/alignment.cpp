@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <map>
 
+#include "export/fit_similarity.h"
 #include "pmsp-eval/statistics.h"
 #include "pmsp/error.h"
-#include "pmsp/io/fit_similarity.h"
 
 namespace pmsp::eval {
 namespace {

@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 
 #include "pmsp-eval/trajectory.h"
-#include "pmsp/io/similarity.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp::eval {
 

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp::eval {
 

@@ -7,6 +7,7 @@
 #include <memory>
 #include <set>
 
+#include "export/files.h"
 #include "pmsp-eval/calibration_plot.h"
 #include "pmsp-eval/depth_files.h"
 #include "pmsp-eval/error_images.h"
@@ -15,8 +16,7 @@
 #include "pmsp-eval/report.h"
 #include "pmsp-eval/statistics.h"
 #include "pmsp/error.h"
-#include "pmsp/io/cloud_reader.h"
-#include "pmsp/io/files.h"
+#include "pmsp/io/cloud.h"
 #include "pmsp/io/map.h"
 
 namespace pmsp::eval {

@@ -7,7 +7,7 @@
 #include <system_error>
 
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
+#include "pmsp/io/depth.h"
 
 namespace pmsp::eval {
 namespace {

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp::eval {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp::eval {
 

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp::eval {
 

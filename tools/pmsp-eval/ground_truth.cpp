@@ -8,7 +8,7 @@
 
 #include "pmsp-eval/depth_files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
+#include "pmsp/io/depth.h"
 
 namespace pmsp::eval {
 namespace {

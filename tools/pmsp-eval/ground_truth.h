@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 
 #include "pmsp-eval/trajectory.h"
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp::eval {
 

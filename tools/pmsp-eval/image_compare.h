@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp::eval {
 

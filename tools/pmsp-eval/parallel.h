@@ -9,7 +9,8 @@
 #include <thread>
 #include <vector>
 
-#include "pmsp/executor.h"
+#include "machine.h"
+#include "pmsp/stages.h"
 
 namespace pmsp::eval {
 

@@ -6,8 +6,8 @@
 
 #include <opencv2/imgcodecs.hpp>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp::eval {
 

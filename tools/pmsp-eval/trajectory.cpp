@@ -10,8 +10,8 @@
 
 #include <Eigen/Geometry>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp::eval {
 namespace {

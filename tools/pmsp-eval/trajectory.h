@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "pmsp/io/map.h"
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 
 namespace pmsp::eval {
 

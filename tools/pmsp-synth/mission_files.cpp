@@ -12,9 +12,9 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/depth_io.h"
-#include "pmsp/io/files.h"
+#include "pmsp/io/depth.h"
 
 namespace pmsp::synth_tool {
 namespace {

@@ -10,8 +10,7 @@
 #include <Eigen/Core>
 
 #include "pmsp/api.h"
-#include "pmsp/keyframe.h"
-#include "pmsp/transform.h"
+#include "pmsp/types.h"
 
 namespace pmsp {
 

@@ -4,7 +4,7 @@
 #include <string>
 
 #include <pmsp/error.h>
-#include <pmsp/io/image_source.h>
+#include <pmsp/io/images.h>
 #include <pmsp/io/map.h>
 
 int main() {

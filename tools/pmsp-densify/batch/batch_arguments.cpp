@@ -11,7 +11,7 @@
 #include "command_line.h"
 #include "exit_code.h"
 #include "numbers.h"
-#include "pmsp/option_table.h"
+#include "option_table.h"
 #include "shard_arguments.h"
 
 namespace pmsp::tool {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "arguments.h"
-#include "pmsp/io/workspace/shards.h"
+#include "workspace/shards.h"
 
 namespace pmsp::tool {
 

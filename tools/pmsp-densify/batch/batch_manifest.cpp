@@ -16,9 +16,9 @@
 #include "batch_options.h"
 #include "batch_status.h"
 #include "depth_output.h"
+#include "export/files.h"
 #include "option_flags.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp::tool {
 namespace {

@@ -11,7 +11,7 @@
 #include "arguments.h"
 #include "command_line.h"
 #include "exit_code.h"
-#include "pmsp/io/cloud_frame.h"
+#include "export/cloud_frame.h"
 
 namespace pmsp::tool {
 namespace {

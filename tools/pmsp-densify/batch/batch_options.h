@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/cloud.h"
 
 namespace CLI {  // NOLINT(readability-identifier-naming)
 class App;

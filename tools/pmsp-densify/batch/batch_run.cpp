@@ -14,11 +14,11 @@
 
 #include "arguments.h"
 #include "batch_options.h"
+#include "export/files.h"
+#include "export/folder_lock.h"
 #include "file_state.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
-#include "pmsp/io/folder_lock.h"
-#include "pmsp/io/workspace/fingerprint.h"
+#include "workspace/fingerprint.h"
 
 namespace pmsp::tool {
 namespace {

@@ -10,7 +10,7 @@
 #include "batch_manifest.h"
 #include "batch_status.h"
 #include "child_process.h"
-#include "pmsp/io/cloud_writer.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp::tool {
 

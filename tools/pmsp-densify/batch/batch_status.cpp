@@ -5,8 +5,8 @@
 #include <system_error>
 
 #include "depth_output.h"
+#include "export/files.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 
 namespace pmsp::tool {
 namespace {

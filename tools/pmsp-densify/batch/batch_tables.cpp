@@ -8,7 +8,7 @@
 #include <system_error>
 
 #include "arguments.h"
-#include "web_path.h"
+#include "web/web_path.h"
 
 namespace pmsp::tool {
 namespace {
@@ -95,20 +95,20 @@ std::string cell(const std::string& html, const char* kind = "") {
 std::string link(const fs::path& from, const fs::path& to, const std::string& words) {
   std::error_code ignored;
   if (!fs::is_regular_file(to, ignored)) return "";
-  const std::string address = relative_address(to.lexically_relative(from).generic_string());
-  return "<a href=\"" + html_text(address) + "\">" + html_text(words) + "</a>";
+  const std::string address = web::relative_address(to.lexically_relative(from).generic_string());
+  return "<a href=\"" + web::html_text(address) + "\">" + web::html_text(words) + "</a>";
 }
 
 std::string html_row(const BatchMission& mission, const fs::path& folder) {
   const Row row = row_of(mission);
   const std::optional<fs::path> report = report_of(mission);
   std::string name = report ? link(folder, *report, row[0]) : "";
-  if (name.empty()) name = html_text(row[0]);
+  if (name.empty()) name = web::html_text(row[0]);
   std::string html = "<tr>" + cell(name);
   for (std::size_t i = 1; i < row.size(); ++i) {
     const bool is_failed = i == 1 && row[1] == kFailed;
     if (kColumns[i].is_brief)
-      html += cell(html_text(row[i]), is_failed ? "failed" : kColumns[i].decimals >= 0 ? "number" : "");
+      html += cell(web::html_text(row[i]), is_failed ? "failed" : kColumns[i].decimals >= 0 ? "number" : "");
   }
   std::vector<fs::path> paths = clouds_of(mission);
   paths.insert(paths.end(), {stats_of(mission.folder), log_of(mission.folder)});
@@ -184,7 +184,7 @@ std::string csv_text(const BatchMissions& missions) {
 
 std::string page_text(const BatchMissions& missions, const std::string& manifest, const fs::path& folder) {
   std::string html = kBegin;
-  html += "<h1>Batch " + html_text(manifest) + "</h1>\n<p>" + html_text(summary(missions)) + "</p>\n";
+  html += "<h1>Batch " + web::html_text(manifest) + "</h1>\n<p>" + web::html_text(summary(missions)) + "</p>\n";
   html += "<div class=\"table\" tabindex=\"0\" role=\"region\" aria-label=\"Missions\"><table>\n<thead><tr>";
   for (const Column& column : kColumns) {
     if (column.is_brief) html += "<th scope=\"col\">" + std::string(column.name) + "</th>";
@@ -193,7 +193,7 @@ std::string page_text(const BatchMissions& missions, const std::string& manifest
   for (const BatchMission& mission : missions) html += html_row(mission, folder);
   html += "</tbody></table></div>\n";
   html += "<p>A mission's name leads to its report, made with <code>batch --report NAME.html</code>. " +
-          html_text(version_text()) + "</p>\n</main>\n</body>\n</html>\n";
+          web::html_text(version_text()) + "</p>\n</main>\n</body>\n</html>\n";
   return html;
 }
 

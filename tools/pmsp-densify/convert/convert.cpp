@@ -14,14 +14,14 @@
 #include "cloud_report.h"
 #include "convert_arguments.h"
 #include "exit_code.h"
+#include "export/files.h"
 #include "interrupt.h"
 #include "map_input.h"
-#include "pmsp/io/cloud_reader.h"
-#include "pmsp/io/files.h"
-#include "pmsp/io/workspace/workspace_cloud.h"
+#include "pmsp/io/cloud.h"
 #include "progress.h"
 #include "report_page.h"
 #include "verbs.h"
+#include "workspace/workspace_cloud.h"
 
 namespace pmsp::tool {
 namespace {

@@ -12,8 +12,8 @@
 #include "command_line.h"
 #include "exit_code.h"
 #include "numbers.h"
-#include "pmsp/io/workspace/workspace_cloud.h"
 #include "targets.h"
+#include "workspace/workspace_cloud.h"
 
 namespace pmsp::tool {
 namespace {

@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
 
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp::tool {
 

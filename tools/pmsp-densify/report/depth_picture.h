@@ -3,8 +3,7 @@
 
 #include <opencv2/core.hpp>
 
-#include "pmsp/depth_map.h"
-#include "pmsp/image.h"
+#include "pmsp/types.h"
 
 namespace pmsp::tool {
 

@@ -12,10 +12,10 @@
 #include <opencv2/imgproc.hpp>
 
 #include "depth_picture.h"
+#include "export/files.h"
 #include "map_figures.h"
 #include "numbered_name.h"
 #include "pmsp/error.h"
-#include "pmsp/io/files.h"
 #include "progress.h"
 
 namespace pmsp::tool {

@@ -13,9 +13,8 @@
 #include <opencv2/core.hpp>
 
 #include "cloud_view.h"
-#include "pmsp/depth_map.h"
-#include "pmsp/io/atomic_folder.h"
-#include "pmsp/point_cloud.h"
+#include "export/atomic_folder.h"
+#include "pmsp/types.h"
 
 namespace pmsp::tool {
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "report_arguments.h"
+#include "web/page.h"
 
 #include <system_error>
 #include <vector>
@@ -44,7 +45,7 @@ void add_points(CLI::App& app, const std::string& option, ReportArguments& a) {
 }  // namespace
 
 void require_report_page(const char* option) {
-  if (!has_report_page()) throw UsageError(std::string(option) + " is not in this build (PMSP_VIEWER is OFF)");
+  if (!web::has_report_page()) throw UsageError(std::string(option) + " is not in this build (PMSP_VIEWER is OFF)");
 }
 
 void add_report_options(CLI::App& app, ReportArguments& a) {

@@ -151,18 +151,4 @@ std::string list_of_keyframes(const std::vector<std::int64_t>& ids, const std::v
   return text;
 }
 
-std::string script_json(const Json& json) {
-  const std::string plain = json.dump(-1, ' ', true, Json::error_handler_t::replace);
-  std::string text;
-  text.reserve(plain.size());
-  for (const char c : plain) {
-    if (c == '<' || c == '>' || c == '&') {  // only strings hold them
-      text += c == '<' ? "\\u003c" : c == '>' ? "\\u003e" : "\\u0026";
-    } else {
-      text += c;
-    }
-  }
-  return text;
-}
-
 }  // namespace pmsp::tool

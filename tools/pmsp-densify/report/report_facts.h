@@ -22,8 +22,4 @@ std::vector<std::string> report_problems(const nlohmann::ordered_json& stats);
 /// "3", "3 and 4", "3 to 5 and 9": runs of neighbours in `order`.
 std::string list_of_keyframes(const std::vector<std::int64_t>& ids, const std::vector<std::int64_t>& order);
 
-/// JSON that may stand in a script element of a page: nothing in it can end the element, whatever names it holds.
-/// Bytes that are no UTF-8 are replaced.
-std::string script_json(const nlohmann::ordered_json& json);
-
 }  // namespace pmsp::tool

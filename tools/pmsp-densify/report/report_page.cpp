@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "report_page.h"
+#include "web/page.h"
 
 #include <algorithm>
 #include <array>
@@ -14,8 +15,7 @@
 #include "map_figures.h"
 #include "pmsp/error.h"
 #include "report_facts.h"
-#include "report_template.h"
-#include "web_path.h"
+#include "web/web_path.h"
 
 namespace pmsp::tool {
 namespace {
@@ -28,7 +28,6 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr std::size_t kMostStrips = 200;
 constexpr int kPanoramaQuality = 85, kStripQuality = 80;
 constexpr int kCoverageWidth = 128, kCoverageHeight = 64;
-constexpr const char* kDataMark = "<!--PMSP-DATA-->";
 
 std::string jpeg(const cv::Mat& picture, int quality) {
   std::vector<unsigned char> bytes;
@@ -73,17 +72,6 @@ const char* words_for(const std::string& use) {
 }
 
 }  // namespace
-
-bool has_report_page() { return std::string(kReportTemplate).find(kDataMark) != std::string::npos; }
-
-std::pair<std::string, std::string> page_around_data(bool asks) {
-  std::string page = kReportTemplate;
-  const std::string none = "default-src 'none';";
-  const std::size_t at = page.find(none);
-  if (asks && at != std::string::npos) page.insert(at + none.size(), " connect-src 'self';");
-  const std::size_t mark = page.find(kDataMark);
-  return {page.substr(0, mark), page.substr(mark + std::string(kDataMark).size())};
-}
 
 std::string unit_of_lengths(const std::string& given, const CloudUnit& unit) {
   return given.empty() && unit.kind == CloudUnit::Kind::kMetres ? "m" : given;
@@ -182,7 +170,7 @@ void ReportPage::set_potree(const std::filesystem::path& folder) {
   };
   const std::filesystem::path beside = plain(folder).lexically_relative(plain(arguments_.path).parent_path());
   if (beside.empty() || *beside.begin() == ".." || beside == ".") return;
-  potree_ = relative_address(beside.generic_string());
+  potree_ = web::relative_address(beside.generic_string());
 }
 
 void ReportPage::set_use(const PlanEntry& entry) { uses_[entry.id] = name_of(entry.use); }
@@ -328,9 +316,9 @@ void ReportPage::put(AtomicFile& file, const std::string& name, const std::strin
 void ReportPage::write(const Json& stats) {
   cloud_.finish();
   const Json data = page_json(stats);
-  const auto [before, after] = page_around_data(data.contains("potree"));
+  const auto [before, after] = web::page_around_data(data.contains("potree"));
   file_.write(before);
-  file_.write("<script type=\"application/json\" id=\"pmsp-data\">" + script_json(data) + "</script>\n");
+  file_.write("<script type=\"application/json\" id=\"pmsp-data\">" + web::script_json(data) + "</script>\n");
   for (std::size_t i = 0; i < cloud_.nodes().size(); ++i)
     put(file_, "node-" + std::to_string(i), cloud_.nodes()[i].bytes);
   for (const auto& [id, it] : pictures_) {

@@ -11,13 +11,13 @@
 
 #include <nlohmann/json.hpp>
 
-#include "pmsp/depth_map.h"
-#include "pmsp/io/cloud_writer.h"
-#include "pmsp/io/files.h"
-#include "pmsp/io/image_source.h"
+#include "export/files.h"
+#include "export/page_cloud.h"
+#include "plan/plan.h"
+#include "pmsp/io/cloud.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/page_cloud.h"
-#include "pmsp/plan.h"
+#include "pmsp/types.h"
 
 namespace pmsp::tool {
 
@@ -27,13 +27,6 @@ struct ReportArguments {
   int panoramas = 12;
   std::string unit;  ///< name of the cloud's unit; "" = as the cloud says
 };
-
-/// Whether this build has the page (PMSP_VIEWER).
-bool has_report_page();
-
-/// The page with its data, which are HTML. `asks`: whether it may ask where it came from for more; none ever asks
-/// anybody else for anything.
-std::pair<std::string, std::string> page_around_data(bool asks);
 
 /// The name of a cloud's unit: the given one, or else "m" where the cloud is in metres; "" = that of the map.
 std::string unit_of_lengths(const std::string& given, const CloudUnit& unit);

@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "exit_code.h"
-#include "pmsp/io/workspace/workspace.h"
-#include "pmsp/io/workspace/workspace_cloud.h"
 #include "report_arguments.h"
 #include "report_page.h"
 #include "verbs.h"
+#include "workspace/workspace.h"
+#include "workspace/workspace_cloud.h"
 
 namespace pmsp::tool {
 namespace {

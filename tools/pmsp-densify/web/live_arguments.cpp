@@ -4,9 +4,9 @@
 #include <CLI/CLI.hpp>
 
 #include "exit_code.h"
-#include "http_server.h"
 #include "report_arguments.h"
 #include "serve_arguments.h"
+#include "web/http_server.h"
 
 namespace pmsp::tool {
 
@@ -27,7 +27,7 @@ void add_live_options(CLI::App& run, LiveArguments& a) {
 }
 
 void check_live(const LiveArguments& a, bool is_shard) {
-  is_loopback(a.address);  // or it is none
+  web::is_loopback(a.address);  // or it is none
   if (!a.port) return;
   require_report_page("--live-view");
   if (is_shard) throw UsageError("a shard makes no cloud; leave --live-view out");

@@ -5,8 +5,9 @@
 #include <iostream>
 #include <utility>
 
-#include "live_block.h"
 #include "map_figures.h"
+#include "web/http_server.h"
+#include "web/live_block.h"
 
 namespace pmsp::tool {
 namespace {
@@ -32,8 +33,8 @@ bool are_same(const CloudPoint& a, const CloudPoint& b) {
 LiveView::LiveView(const LiveArguments& arguments)
     : server_(http_options(arguments),
               {[this](LiveVersion since) { return map_.changes_since(since); }, [this] { return map_.snapshot(); }}) {
-  if (!is_loopback(arguments.address)) {
-    std::cerr << "pmsp-densify: warning: " << address_warning(arguments.address) << "\n";
+  if (!web::is_loopback(arguments.address)) {
+    std::cerr << "pmsp-densify: warning: " << web::address_warning(arguments.address) << "\n";
   }
   std::cerr << "live view: " << server_.url() << std::endl;
 }
@@ -41,7 +42,7 @@ LiveView::LiveView(const LiveArguments& arguments)
 void LiveView::begin(const SlamMap& map, LivePage page) {
   named_.clear();
   points_each_ =
-      std::clamp(kMostPoints / std::max<std::size_t>(map.keyframes.size(), 1), kFewestPoints, kMostLivePoints);
+      std::clamp(kMostPoints / std::max<std::size_t>(map.keyframes.size(), 1), kFewestPoints, web::kMostLivePoints);
   std::vector<LivePlace> flight;
   for (const MapKeyframe* keyframe : in_order_of_flight(map))
     flight.push_back({keyframe->id, keyframe->cam_from_world});
@@ -51,7 +52,7 @@ void LiveView::begin(const SlamMap& map, LivePage page) {
 void LiveView::add(const KeyframeCloud& cloud) {
   const std::int64_t id = cloud.keyframe_id;
   named_.insert(id);
-  auto points = std::make_shared<const KeyframeCloud>(thinned(cloud, points_each_));
+  auto points = std::make_shared<const KeyframeCloud>(web::thinned(cloud, points_each_));
   const std::shared_ptr<const LiveSnapshot> now = map_.snapshot();
   const auto there = std::lower_bound(now->clouds.begin(), now->clouds.end(), id,
                                       [](const LiveCloud& it, std::int64_t wanted) { return it.keyframe_id < wanted; });

@@ -6,9 +6,9 @@
 #include <string>
 
 #include "arguments.h"
-#include "live_server.h"
+#include "live/live_map.h"
 #include "pmsp/io/map.h"
-#include "pmsp/live_map.h"
+#include "pmsp/web.h"
 
 namespace pmsp::tool {
 
@@ -16,7 +16,7 @@ namespace pmsp::tool {
 /// at most. What it costs a run is a copy of some points of each keyframe, whoever looks.
 class LiveView {
  public:
-  /// Tells the address on stderr. Throws as HttpServer.
+  /// Tells the address on stderr. Throws as LiveServer.
   explicit LiveView(const LiveArguments& arguments);
 
   /// A run begins.

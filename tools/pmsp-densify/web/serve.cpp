@@ -13,18 +13,18 @@
 #include "pmsp/error.h"
 #include "serve_arguments.h"
 #include "verbs.h"
-#include "web_path.h"
+#include "web/web_path.h"
 
 namespace pmsp::tool {
 namespace {
 
 constexpr std::size_t kMostPages = 1000;
 
-HttpReply file_reply(ServedFile file, const std::string& name, const std::string& range_header) {
-  if (!file.descriptor.is_open()) return not_found();
-  HttpReply reply;
-  reply.type = media_type(name);
-  reply.range = range_from(range_header, file.size);
+web::HttpReply file_reply(web::ServedFile file, const std::string& name, const std::string& range_header) {
+  if (!file.descriptor.is_open()) return web::not_found();
+  web::HttpReply reply;
+  reply.type = web::media_type(name);
+  reply.range = web::range_from(range_header, file.size);
   if (reply.range) reply.status = reply.range->count > 0 ? 206 : 416;
   reply.file = std::move(file);
   return reply;
@@ -41,10 +41,10 @@ FolderHandler::FolderHandler(const std::filesystem::path& folder, std::string pa
   }
 }
 
-std::optional<HttpReply> FolderHandler::operator()(const HttpRequest& request) const {
+std::optional<web::HttpReply> FolderHandler::operator()(const web::HttpRequest& request) const {
   if (request.path.size() == 1 && request.path.front().empty()) {
     const std::string page = !page_.empty() ? page_ : "index.html";
-    ServedFile file = folder_.open({page});
+    web::ServedFile file = folder_.open({page});
     if (file.descriptor.is_open()) return file_reply(std::move(file), page, request.range);
     return front_page();
   }
@@ -72,7 +72,7 @@ std::vector<std::string> FolderHandler::pages() const {
   return names;
 }
 
-HttpReply FolderHandler::front_page() const {
+web::HttpReply FolderHandler::front_page() const {
   const std::vector<std::string> names = pages();
   if (names.size() == 1 && names.front().find('/') == std::string::npos) {
     return file_reply(folder_.open(names), names.front(), "");
@@ -81,9 +81,9 @@ HttpReply FolderHandler::front_page() const {
   if (names.empty()) html += "<p>There is no page in this folder.</p>";
   html += "<ul>";
   for (const std::string& name : names)
-    html += "<li><a href=\"" + relative_address(name) + "\">" + html_text(name) + "</a></li>";
-  HttpReply reply;
-  reply.type = media_type("list.html");
+    html += "<li><a href=\"" + web::relative_address(name) + "\">" + web::html_text(name) + "</a></li>";
+  web::HttpReply reply;
+  reply.type = web::media_type("list.html");
   reply.body = std::make_shared<const std::string>(html + "</ul></html>\n");
   return reply;
 }
@@ -93,9 +93,9 @@ int serve(int argc, const char* const* argv) {
   if (!arguments) return kExitOk;
   const FolderHandler files(arguments->folder, arguments->page);
   const InterruptGuard guard(nullptr);
-  const HttpServer server(arguments->http, [&files](const HttpRequest& request) { return files(request); });
-  if (!is_loopback(arguments->http.address)) {
-    std::cerr << "pmsp-densify: warning: " << address_warning(arguments->http.address) << "\n";
+  const web::HttpServer server(arguments->http, [&files](const web::HttpRequest& request) { return files(request); });
+  if (!web::is_loopback(arguments->http.address)) {
+    std::cerr << "pmsp-densify: warning: " << web::address_warning(arguments->http.address) << "\n";
   }
   std::cout << server.url() << std::endl;
   if (!std::cout) throw OutputError("standard output cannot be written");

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "http_server.h"
+#include "web/http_server.h"
 
 namespace pmsp::tool {
 
@@ -15,14 +15,14 @@ class FolderHandler {
  public:
   FolderHandler(const std::filesystem::path& folder, std::string page);
 
-  std::optional<HttpReply> operator()(const HttpRequest& request) const;
+  std::optional<web::HttpReply> operator()(const web::HttpRequest& request) const;
 
  private:
   std::vector<std::string> pages() const;
-  HttpReply front_page() const;
+  web::HttpReply front_page() const;
 
   std::filesystem::path path_;
-  ServedFolder folder_;
+  web::ServedFolder folder_;
   std::string page_;
 };
 

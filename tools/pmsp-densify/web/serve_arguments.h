@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "http_server.h"
+#include "web/http_server.h"
 
 namespace pmsp::tool {
 

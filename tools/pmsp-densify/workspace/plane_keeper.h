@@ -5,12 +5,12 @@
 
 #include "arguments.h"
 #include "planes_pace.h"
+#include "pmsp/calibration.h"
 #include "pmsp/densifier.h"
-#include "pmsp/io/image_source.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/workspace/workspace.h"
-#include "pmsp/rig_mask.h"
 #include "time_account.h"
+#include "workspace/workspace.h"
 
 namespace pmsp::tool {
 
@@ -22,7 +22,7 @@ class PlaneKeeper {
   PlaneKeeper(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
               const SlamMap& map, const RigMask& rig, const ImageSource& source, TimeAccount& time);
 
-  /// For DensifierCallbacks. `densifier`: that which makes them.
+  /// For PlannedCallbacks. `densifier`: that which makes them.
   bool wants_planes(const Densifier& densifier);
   void keep(const PlaneMap& planes, const Densifier& densifier);
 

@@ -15,14 +15,13 @@
 #include "disk_space.h"
 #include "engine_text.h"
 #include "exit_code.h"
-#include "image_loop.h"
+#include "export/files.h"
 #include "interrupt.h"
 #include "mission_input.h"
-#include "pmsp/executor.h"
-#include "pmsp/io/files.h"
+#include "plan/plan.h"
+#include "planned_densifier.h"
 #include "pmsp/io/map.h"
-#include "pmsp/plan.h"
-#include "prior_depths.h"
+#include "pmsp/stages.h"
 #include "progress.h"
 #include "shared_step.h"
 #include "stats.h"
@@ -75,13 +74,14 @@ class ShardRun {
 
  private:
   void work() {
+    input_.open_prior_depths();
     input_.read_map();
     input_.open_images();
-    input_.check_poses(options_.threads);
+    input_.check_poses();
     input_.announce();
     const Calibration calibration =  // the same for all shards, since they decode the same images
         calibrate(arguments_, options_, map_, *input_.images, *input_.masks, false, workspace_.record());
-    options_.expected_keyframes = static_cast<std::int64_t>(input_.images->keyframe_ids().size());
+    options_.advanced.expected_keyframes = static_cast<std::int64_t>(input_.images->keyframe_ids().size());
     options_.lens_distance = calibration.lens_distance;
     input_.masks->set_rig(calibration.rig.mask);
     for (const std::string& text : describe(calibration)) progress_.message(text);
@@ -117,7 +117,7 @@ class ShardRun {
                               {"without", report.without.size()},
                               {"seconds", report.seconds}};
     }
-    if (priors_.wanted()) progress_.message(priors_.summary());
+    if (input_.prior_depths.wanted()) progress_.message(input_.prior_depths.summary());
     finish(waves);
   }
 
@@ -184,8 +184,7 @@ class ShardRun {
       if (!is_known) wanted.insert(id);
     }
     if (wanted.empty()) return;
-    std::optional<PairingVerifier> verifier;
-    if (!arguments_.no_verify) verifier.emplace(map_);
+    const std::unique_ptr<PairingVerifier> verifier = input_.verifier();
     const std::unique_ptr<ImageSource> images = input_.images->again();
     images->restrict_to(wanted);
     const auto lost = [this](const SkippedKeyframe& skipped) {
@@ -197,9 +196,9 @@ class ShardRun {
       step_->save_look(keyframe.id);
       ++readable_;
     };
-    ImageReader reader(*images, map_, threads(), verifier ? &*verifier : nullptr);
-    const ImageLoop::End end = ImageLoop{reader, nullptr, lost, look}(guard);
-    const std::string warning = end.pairing ? warning_of(*end.pairing, false) : "";
+    io::ImageReader reader(*images, map_, input_.threads(), verifier.get());
+    const io::ImageLoop::End end = io::ImageLoop{reader, look, lost, [&guard] { guard.check(); }}();
+    const std::string warning = end.pairing ? io::warning_of(*end.pairing, false) : "";
     if (!warning.empty()) progress_.warning(warning);
   }
 
@@ -241,14 +240,14 @@ class ShardRun {
     report.found = report.keyframes - static_cast<std::int64_t>(missing.size());
     if (missing.empty()) return report;
     std::set<std::int64_t> without(missing.begin(), missing.end());
-    const std::unique_ptr<Densifier> densifier =
+    const std::unique_ptr<PlannedDensifier> densifier =
         open([&](std::int64_t id) { report.made += static_cast<std::int64_t>(without.erase(id)); });
     densify(*densifier);
     report.without.assign(without.begin(), without.end());
     return report;
   }
 
-  void densify(Densifier& densifier) {
+  void densify(PlannedDensifier& densifier) {
     if (announced_backend_ != densifier.backend()) progress_.message("backend: " + densifier.backend());
     announced_backend_ = densifier.backend();
     const InterruptGuard guard(&densifier);
@@ -262,23 +261,19 @@ class ShardRun {
     };
     const auto add = [&](std::size_t index, Keyframe& keyframe) {
       keyframe.scale = step_->scale_of(keyframe.id);
-      keyframe.mask =
-          input_.masks->mask_for(images->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
-      priors_.give(keyframe, images->origin(keyframe.id).file);
+      input_.complete(keyframe, *images);
       const bool taken = densifier.add(keyframe);
       const Standing standing = standing_of(densifier.stats(), needed.size());
       progress_.step({name_of(wave_), index + 1, needed.size(), keyframe.id, taken, standing});
     };
     {
-      ImageReader reader(*images, map_, threads(), nullptr);
-      ImageLoop{reader, nullptr, lost, add}(guard);
+      io::ImageReader reader(*images, map_, input_.threads(), nullptr);
+      io::ImageLoop{reader, add, lost, [&guard] { guard.check(); }}();
     }
     progress_.stage("finishing the last keyframes");
     densifier.flush();
     guard.check();
   }
-
-  int threads() const { return options_.threads > 0 ? options_.threads : usable_cpus(); }
 
   // --- what is told --------------------------------------------------------------------------------------------------
 
@@ -340,7 +335,7 @@ class ShardRun {
   Wave wave_;  ///< in which it is, or that comes first
   const Clock::time_point start_ = Clock::now();
   Progress progress_;
-  MissionInput input_{arguments_, progress_};
+  MissionInput input_{arguments_, progress_, options_.threads};
   const SlamMap& map_ = input_.map;
   std::unique_ptr<WorkspaceStep> step_;
   std::set<std::int64_t> fresh_;
@@ -349,7 +344,6 @@ class ShardRun {
   std::string first_error_;
   Ids depth_maps_;  ///< keyframes that get one
   Ids mine_;        ///< this shard's
-  PriorDepths priors_{arguments_};
   std::string announced_backend_;
 };
 
@@ -361,7 +355,7 @@ void run_shard(const Arguments& arguments) {
   check_names(arguments);
   workspace::Workspace workspace(arguments.workspace, workspace::Workspace::Access::kShared);
   check_targets(arguments);
-  if (options.free_space.whole_mission) {
+  if (options.advanced.free_space.whole_mission) {
     options.scratch_folder = (arguments.scratch.empty() ? arguments.workspace : arguments.scratch).string();
   }
   ShardRun(arguments, options, workspace)();

@@ -6,7 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include "arguments.h"
-#include "pmsp/io/workspace/shards.h"
+#include "workspace/shards.h"
 
 namespace pmsp::tool {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "arguments.h"
-#include "pmsp/io/workspace/workspace.h"
+#include "workspace/workspace.h"
 #include "workspace_step.h"
 
 namespace pmsp::tool {

@@ -8,13 +8,13 @@
 #include "calibration.h"
 #include "engine_text.h"
 #include "image_input.h"
+#include "io/prior_depths.h"
 #include "option_json.h"
 #include "pmsp/error.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/workspace/fingerprint.h"
-#include "pmsp/io/workspace/loss.h"
-#include "prior_depths.h"
 #include "targets.h"
+#include "workspace/fingerprint.h"
+#include "workspace/loss.h"
 
 namespace pmsp::tool {
 namespace {
@@ -44,7 +44,7 @@ std::string look_file(const workspace::StepKeyframe& it) {
 
 /// What the sharpness of an image is recorded for.
 std::string looked_for_text(const DensifierOptions& options) {
-  const bool looks = options.view_filter.enabled && options.view_filter.min_sharpness > 0.0;
+  const bool looks = options.advanced.view_filter.enabled && options.advanced.view_filter.min_sharpness > 0.0;
   return looks ? "blur at a width of " + std::to_string(options.width) : "nothing";
 }
 
@@ -86,7 +86,7 @@ WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& a
 std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable) {
   std::set<std::int64_t> fresh;
   const MaskSource masks(mask_options(arguments_, map_, source));
-  const PriorDepths priors(arguments_);
+  const io::PriorDepths priors(arguments_.prior_depth, arguments_.images);
   for (const std::int64_t id : source.keyframe_ids()) {
     const ImageSource::Origin origin = source.origin(id);
     const Keyframe keyframe = keyframe_of(map_, *map_.find_keyframe(id));
@@ -249,7 +249,7 @@ bool WorkspaceStep::has_points(std::int64_t keyframe_id) const {
 /// What there is of earlier steps, and of this one by now.
 Shortcuts WorkspaceStep::find_shortcuts() const {
   Shortcuts shortcuts;
-  shortcuts.keyframes = step_.shortcuts(options_.patchmatch.geometric_passes);
+  shortcuts.keyframes = step_.shortcuts(options_.advanced.patchmatch.geometric_passes);
   for (const auto& [id, it] : step_.keyframes) {
     if (it.has_planes || !workspace_.has_planes(it)) continue;
     shortcuts.keyframes[id] = {Shortcut::Planes::kResult, it.passes, false};
@@ -289,27 +289,27 @@ std::vector<std::int64_t> WorkspaceStep::planes_lacking(const std::vector<std::i
   return lacking;
 }
 
-std::unique_ptr<Densifier> WorkspaceStep::planes_densifier(
+std::unique_ptr<PlannedDensifier> WorkspaceStep::planes_densifier(
     const std::vector<std::int64_t>& ids, const std::function<void(std::int64_t keyframe_id)>& made) const {
-  DensifierCallbacks callbacks;
+  PlannedCallbacks callbacks;
   callbacks.planes = [this, made](const PlaneMap& planes) {
     save(planes);
     made(planes.keyframe_id);
   };
-  return std::make_unique<Densifier>(options_, step_.plan, ids, std::move(callbacks), find_shortcuts());
+  return std::make_unique<PlannedDensifier>(options_, step_.plan, ids, std::move(callbacks), find_shortcuts());
 }
 
-std::unique_ptr<Densifier> WorkspaceStep::points_densifier(
+std::unique_ptr<PlannedDensifier> WorkspaceStep::points_densifier(
     const std::vector<std::int64_t>& ids, bool planes_are_there,
     const std::function<void(std::int64_t keyframe_id)>& made) const {
-  DensifierCallbacks callbacks;
+  PlannedCallbacks callbacks;
   callbacks.planes = [this](const PlaneMap& planes) { save(planes); };
   callbacks.cloud = [this, made](const KeyframeCloud& cloud) {
     save(cloud);
     made(cloud.keyframe_id);
   };
-  return std::make_unique<Densifier>(options_, step_.plan, ids, std::move(callbacks),
-                                     planes_are_there ? final_planes() : find_shortcuts());
+  return std::make_unique<PlannedDensifier>(options_, step_.plan, ids, std::move(callbacks),
+                                            planes_are_there ? final_planes() : find_shortcuts());
 }
 
 void WorkspaceStep::save(const PlaneMap& planes) const {
@@ -329,7 +329,7 @@ void WorkspaceStep::join(bool is_repeated) {
   is_repeated_ = is_repeated;
 }
 
-std::unique_ptr<Densifier> WorkspaceStep::densifier(DensifierCallbacks callbacks) {
+std::unique_ptr<PlannedDensifier> WorkspaceStep::densifier(PlannedCallbacks callbacks) {
   take_cloud_ = callbacks.cloud;
   if (arguments_.delete_workspace) {
     callbacks.wants_planes = [this](std::int64_t /*keyframe_id*/) { return pace_.is_worth_keeping(options_); };
@@ -341,7 +341,7 @@ std::unique_ptr<Densifier> WorkspaceStep::densifier(DensifierCallbacks callbacks
     take_cloud_(cloud);
     ++next_;
   };
-  return std::make_unique<Densifier>(options_, step_.plan, missing_, std::move(callbacks), shortcuts_);
+  return std::make_unique<PlannedDensifier>(options_, step_.plan, missing_, std::move(callbacks), shortcuts_);
 }
 
 /// Clouds that are there and come before this keyframe's; nullopt = all.

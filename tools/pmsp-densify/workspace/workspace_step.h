@@ -15,13 +15,13 @@
 
 #include "arguments.h"
 #include "planes_pace.h"
-#include "pmsp/densifier.h"
-#include "pmsp/executor.h"
-#include "pmsp/io/image_source.h"
+#include "planned_densifier.h"
+#include "pmsp/calibration.h"
+#include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
-#include "pmsp/io/workspace/workspace.h"
-#include "pmsp/rig_mask.h"
+#include "pmsp/stages.h"
 #include "time_account.h"
+#include "workspace/workspace.h"
 
 namespace pmsp::tool {
 
@@ -61,7 +61,7 @@ class WorkspaceStep {
   const workspace::StepInputs& inputs() const { return inputs_; }
 
   /// For what is missing. `callbacks.cloud` is given all clouds, those that are kept, too, in the order of the plan.
-  std::unique_ptr<Densifier> densifier(DensifierCallbacks callbacks);
+  std::unique_ptr<PlannedDensifier> densifier(PlannedCallbacks callbacks);
   bool has_work() const { return !missing_.empty(); }
   std::int64_t depth_maps() const { return static_cast<std::int64_t>(step_.keyframes.size()); }
   /// Of what the keyframe has by now.
@@ -75,11 +75,11 @@ class WorkspaceStep {
                                            const std::set<std::int64_t>& without) const;
 
   // Parts of the step: what these keyframes lack goes to the workspace, and planes of others that are made on the way.
-  std::unique_ptr<Densifier> planes_densifier(const std::vector<std::int64_t>& ids,
-                                              const std::function<void(std::int64_t keyframe_id)>& made) const;
+  std::unique_ptr<PlannedDensifier> planes_densifier(const std::vector<std::int64_t>& ids,
+                                                     const std::function<void(std::int64_t keyframe_id)>& made) const;
   /// `planes_are_there`: as `planes_lacking` says.
-  std::unique_ptr<Densifier> points_densifier(const std::vector<std::int64_t>& ids, bool planes_are_there,
-                                              const std::function<void(std::int64_t keyframe_id)>& made) const;
+  std::unique_ptr<PlannedDensifier> points_densifier(const std::vector<std::int64_t>& ids, bool planes_are_there,
+                                                     const std::function<void(std::int64_t keyframe_id)>& made) const;
 
   /// Shards have done all of it: nothing is missing. `is_repeated`: they were joined before.
   void join(bool is_repeated);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// What pmsp-densify puts into the page. docs/report.md says what each thing is; src/export/page_cloud.h has the points.
+// What pmsp-densify puts into the page; src/export/page_cloud.h has the points.
 import type { Pose, Vec3 } from "./geometry";
 
 export interface NodeData {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // A run while it works: asks what has changed, fetches the points of keyframes that are new or have others than before,
-// and moves those that have only moved. tools/pmsp-densify/web/live_server.h is the other end.
+// and moves those that have only moved. src/web/live_server.cpp is the other end.
 import { Matrix4 } from "three";
 import { kPointBytes, type KeyframeData, type NodePoints, nodePoints } from "./data";
 import { type Pose, type Vec3, add } from "./geometry";

@@ -34,7 +34,7 @@ export interface Surroundings {
 }
 
 // How far off a point may be was measured with clicks on corners, edges and walls of synthetic rooms
-// (tests/measure.study.ts; docs/report.md has the figures). It has five parts, each what 95 % stay below:
+// (tests/measure.study.ts). It has five parts, each what 95 % stay below:
 //
 // - Along the ray from its camera, as its confidence says. Half of the depths are off by less than r. Were errors
 //   normal, 95 % were below 2.9 r; where confidence is low they have far heavier tails, since what is matched there may

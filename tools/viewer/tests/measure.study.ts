@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // How far off measurements are, and what is told: clicks on walls, edges and corners of synthetic missions, from the
-// keyframes' places, and what is measured between them. No test; docs/report.md has what it printed.
+// keyframes' places, and what is measured between them. No test.
 //
 //   PMSP_DENSIFY=build/pmsp-densify PMSP_SYNTH=build/pmsp-synth npm run measure-study -- FOLDER [NAME]
 //

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "io/mission.h"
+
+#include <cmath>
+#include <utility>
+
+#include "io/landmark_sweep.h"
+#include "machine.h"
+#include "pmsp/calibration.h"
+#include "pmsp/error.h"
+
+namespace pmsp::io {
+namespace {
+
+constexpr std::size_t kClearImages = 8;  ///< decoded before a clear verdict ends the check
+
+std::string percent(double share) { return std::to_string(std::lround(100.0 * share)) + " %"; }
+
+constexpr double kSameDepth = 1.25;          ///< ratio of two depths
+constexpr float kSameDirection = 0.01F;      ///< of the width of the image
+constexpr std::size_t kFewestCompared = 50;  ///< points
+constexpr double kLeastAgreement = 0.4;
+
+/// Points of a map beside landmarks that were made from the images.
+struct PointsAtDepth {
+  std::size_t compared = 0;
+  double agree = 0.0;  ///< share of them at the landmark's depth
+};
+
+PointsAtDepth compare_depths(const SlamMap& map, const LandmarkSweep& sweep, int threads) {
+  SlamMap swept = map;
+  sweep.make_landmarks(swept, threads, false);
+  PointsAtDepth points;
+  std::size_t agree = 0;
+  for (std::size_t k = 0; k < map.keyframes.size(); ++k) {
+    const Eigen::Vector3d center = map.keyframes[k].cam_from_world.center();
+    const float near_px =
+        kSameDirection * static_cast<float>(map.cameras[static_cast<std::size_t>(map.keyframes[k].camera)].width);
+    const auto distance = [&](const SlamMap& of, const MapObservation& observation) {
+      return (of.find_landmark(observation.landmark_id)->position_world - center).norm();
+    };
+    for (const MapObservation& landmark : swept.keyframes[k].observations) {
+      for (const MapObservation& point : map.keyframes[k].observations) {
+        if ((point.pixel - landmark.pixel).cwiseAbs().maxCoeff() > near_px) continue;
+        const double ratio = distance(map, point) / distance(swept, landmark);
+        ++points.compared;
+        agree += static_cast<std::size_t>(ratio < kSameDepth && ratio * kSameDepth > 1.0);
+      }
+    }
+  }
+  if (points.compared > 0) points.agree = static_cast<double>(agree) / static_cast<double>(points.compared);
+  return points;
+}
+
+/// Shows all images of `source` to the sweep; `also`: receives them, too.
+void show_images(Mission& mission, ImageSource& source, LandmarkSweep& sweep,
+                 const std::function<void(const Keyframe&)>& also = {}) {
+  ImageReader reader(source, mission.map, mission.threads(), nullptr);
+  ImageLoop{reader, [&](std::size_t, const Keyframe& keyframe) {
+              sweep.add(keyframe.id, keyframe.image,
+                        mission.masks->mask_for(source.origin(keyframe.id).file, keyframe.image.width,
+                                                keyframe.image.height));
+              if (also) also(keyframe);
+            }}();
+}
+
+}  // namespace
+
+void Mission::refuse(const std::string& why) const { throw InvalidInput(map.path.string() + ": " + why); }
+
+int Mission::threads() const { return options_.threads > 0 ? options_.threads : usable_cpus(); }
+
+void Mission::set_map(SlamMap read) {
+  map = std::move(read);
+  if (!options_.verify_map) return;
+  convention = require_convention(map);
+  if (!convention.remark.empty()) map.notes.push_back(convention.remark);
+}
+
+void Mission::check_poses() {
+  if (options_.verify_map && map.observations_are_tested && !map.landmarks.empty() && convention.observations == 0) {
+    log_.warning(
+        "cannot tell whether the map was read by the right conventions: too few landmarks are observed (100 times at "
+        "least needed)");
+  }
+  if (map.landmarks.empty()) {
+    log_.stage("comparing the poses with the images");
+    sweep_landmarks();
+  } else if (options_.verify_map && !map.observations_are_tested) {
+    log_.stage("comparing the poses with the images");
+    check_points();
+  }
+  if (!map.landmarks.empty()) return;
+  log_.warning(
+      "neither the map nor the images give landmarks; without them no keyframe gets a depth range, nor a depth map; "
+      "--points takes a PLY file with points of the same frame");
+}
+
+void Mission::sweep_landmarks() {
+  LandmarkSweep sweep(map);
+  const std::unique_ptr<ImageSource> source = images->again();
+  show_images(*this, *source, sweep);
+  const LandmarkSweep::Result result = sweep.make_landmarks(map, options_.threads, options_.verify_map);
+  if (!result.fits) refuse(result.message);
+  remarks.push_back("landmarks: " + std::to_string(result.landmarks) + " made from the images, the map has none (" +
+                    percent(result.share) + " of " + std::to_string(result.patches) +
+                    " patches are found at one depth)");
+  if (!result.message.empty()) log_.warning(result.message);
+}
+
+/// By some images, since what a map's points project to says nothing of its poses.
+void Mission::check_points() {
+  const std::unique_ptr<ImageSource> source = images->again();
+  const std::vector<std::int64_t> all = source->keyframe_ids();
+  std::vector<std::int64_t> some = keyframes_for_lens_distance(all);
+  const bool is_video = !all.empty() && !source->origin(all.front()).frame.empty();
+  if (is_video) some.assign(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(some.size()));
+  source->restrict_to({some.begin(), some.end()});
+  LandmarkSweep sweep(map);
+  PairingVerifier pairing(map);
+  show_images(*this, *source, sweep, [&](const Keyframe& keyframe) { pairing.add(keyframe.id, keyframe.image); });
+  const LandmarkSweep::Result poses = sweep.check_poses(options_.threads);
+  if (!poses.fits) refuse(poses.message);
+  const PairingVerifier::Verdict verdict = pairing.verdict();
+  if (poses.conclusive && !poses.doubtful && !(verdict.conclusive && verdict.belongs && !verdict.doubtful)) {
+    const PointsAtDepth points = compare_depths(map, sweep, options_.threads);
+    if (points.compared >= kFewestCompared && points.agree < kLeastAgreement) {
+      refuse("its points do not fit its poses and images: " + percent(points.agree) + " of " +
+             std::to_string(points.compared) + " lie where the images show a surface, while poses and images fit " +
+             "each other (" + percent(poses.share) +
+             " of the patches are found at one depth); the points may be of another frame or scale: give those of the "
+             "frame of the poses, or none, so that landmarks are made from the images");
+    }
+  }
+  if (!poses.message.empty()) log_.warning(poses.message);
+}
+
+Mission::ImageCheck Mission::check_images() const {
+  ImageCheck check;
+  const std::unique_ptr<PairingVerifier> pairing = verifier();
+  const std::unique_ptr<ImageSource> source = images->again();
+  ImageReader reader(*source, map, threads(), pairing.get());
+  check.skipped = images->skipped();
+  for (std::size_t count = 1;; ++count) {
+    ImageReader::Read read = reader.next();
+    check.skipped.insert(check.skipped.end(), read.skipped.begin(), read.skipped.end());
+    if (read.pairing) check.pairing = read.pairing;
+    if (!read.item) break;
+    if (check.width == 0) {
+      check.width = read.keyframe.image.width;
+      check.height = read.keyframe.image.height;
+    }
+    const bool is_clear = !check.pairing || (check.pairing->conclusive && !check.pairing->doubtful);
+    reader.let_go(*std::move(read.item));
+    if (is_clear && count >= kClearImages) return check;
+  }
+  if (check.width == 0 && !reader.first_error().empty()) {
+    throw IoError("no image can be read; the first one: " + reader.first_error());
+  }
+  return check;
+}
+
+void Mission::complete(Keyframe& keyframe, const ImageSource& source) {
+  const std::filesystem::path file = source.origin(keyframe.id).file;
+  keyframe.mask = masks->mask_for(file, keyframe.image.width, keyframe.image.height);
+  prior_depths.give(keyframe, file);
+}
+
+std::string warning_of(const PairingVerifier::Verdict& pairing, bool saw_all) {
+  return pairing.doubtful || (saw_all && !pairing.conclusive) ? pairing.message : "";
+}
+
+}  // namespace pmsp::io

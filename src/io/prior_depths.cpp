@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "io/prior_depths.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <utility>
+
+#include "pmsp/error.h"
+
+namespace pmsp::io {
+
+PriorDepths::PriorDepths(const std::filesystem::path& folder, const std::filesystem::path& images) {
+  if (!folder.empty()) folder_.emplace(folder, images);
+}
+
+std::filesystem::path PriorDepths::file_for(std::int64_t keyframe_id, const std::filesystem::path& image) const {
+  return folder_ ? folder_->file_for(keyframe_id, image) : std::filesystem::path();
+}
+
+std::string PriorDepths::unit_text() const { return folder_ ? nlohmann::json(folder_->png_scale()).dump() : ""; }
+
+void PriorDepths::give(Keyframe& keyframe, const std::filesystem::path& image) {
+  if (!folder_) return;
+  Outcome outcome;
+  outcome.file = file_for(keyframe.id, image);
+  if (!outcome.file.empty()) {
+    try {
+      const Image<float> values = folder_->read(outcome.file);
+      const std::int64_t across = std::int64_t{values.width()} * keyframe.image.height;
+      const std::int64_t down = std::int64_t{values.height()} * keyframe.image.width;
+      if (values.width() < 16 || values.height() < 8 || std::abs(across - down) * 100 > down) {
+        throw InvalidInput(outcome.file.string() + ": is " + std::to_string(values.width()) + " x " +
+                           std::to_string(values.height()) + ", its image " + std::to_string(keyframe.image.width) +
+                           " x " + std::to_string(keyframe.image.height) + "; expected the same shape");
+      }
+      outcome.alignment = align_prior_depth(values.view(), keyframe);
+      if (outcome.alignment.why_not.empty()) {
+        depth_ = aligned_depth(values.view(), outcome.alignment);
+        keyframe.prior_depth = static_cast<const Image<float>&>(depth_).view();
+      }
+    } catch (const Error& error) {  // one that cannot be read is one that is not there
+      outcome.alignment.why_not = error.what();
+    }
+  }
+  outcomes_[keyframe.id] = std::move(outcome);
+}
+
+std::string PriorDepths::summary() const {
+  std::size_t used = 0, missing = 0, refused = 0;
+  std::string why;
+  double share = 0.0;
+  for (const auto& [id, outcome] : outcomes_) {
+    const bool fits = !outcome.file.empty() && outcome.alignment.why_not.empty();
+    used += fits;
+    missing += outcome.file.empty();
+    if (fits) share += outcome.alignment.share;
+    if (fits || outcome.file.empty()) continue;
+    if (refused++ == 0) why = "keyframe " + std::to_string(id) + ": " + outcome.alignment.why_not;
+  }
+  std::string text = "prior depth: " + std::to_string(used) + " of " + std::to_string(outcomes_.size()) +
+                     " keyframes have one that fits";
+  if (used > 0) {
+    text +=
+        " (" + std::to_string(std::lround(100.0 * share / static_cast<double>(used))) + " % of the landmarks, to 15 %)";
+  }
+  if (missing > 0) text += ", " + std::to_string(missing) + " have none";
+  if (refused > 0) text += ", " + std::to_string(refused) + " are left out; " + why;
+  return text;
+}
+
+nlohmann::ordered_json to_json(const DepthAlignment& alignment) {
+  return {{"model", name_of(alignment.model)}, {"scale", alignment.scale}, {"shift", alignment.shift},
+          {"landmarks", alignment.landmarks},  {"share", alignment.share}, {"error", alignment.error}};
+}
+
+nlohmann::ordered_json PriorDepths::report() const {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const auto& [id, outcome] : outcomes_) {
+    const DepthAlignment& it = outcome.alignment;
+    nlohmann::ordered_json entry{{"keyframe_id", id}};
+    if (outcome.file.empty()) {
+      entry["left_out"] = "there is no file for it";
+    } else if (!it.why_not.empty()) {
+      entry["left_out"] = it.why_not;
+    } else {
+      entry.update(to_json(it));
+    }
+    json.push_back(entry);
+  }
+  return json;
+}
+
+}  // namespace pmsp::io

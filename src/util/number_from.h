@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <charconv>
+#include <optional>
+#include <string>
+#include <system_error>
+
+namespace pmsp {
+
+/// The number that the whole of `text` is, nullopt otherwise. A leading + is fine.
+template <class T>
+std::optional<T> number_from(const std::string& text) {
+  T value{};
+  const char* first = text.data() + (text.size() > 1 && text[0] == '+' ? 1 : 0);
+  const auto result = std::from_chars(first, text.data() + text.size(), value);
+  const bool whole = result.ec == std::errc() && result.ptr == text.data() + text.size() && !text.empty();
+  return whole ? std::optional<T>(value) : std::nullopt;
+}
+
+}  // namespace pmsp

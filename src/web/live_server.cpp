@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "pmsp/web.h"
+
+#include <algorithm>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "pmsp/version.h"
+#include "util/number_from.h"
+#include "web/http_server.h"
+#include "web/live_block.h"
+#include "web/page.h"
+
+namespace pmsp {
+namespace {
+
+using namespace web;
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kMostBlocks = 32;
+/// Who looks asks again within this time.
+constexpr auto kLooking = std::chrono::seconds(15);
+constexpr std::size_t kMostLookers = 64;
+/// Who still fetches, asks again within this time.
+constexpr auto kQuiet = std::chrono::milliseconds(1500);
+
+HttpReply reply_of(std::string body, const char* type) {
+  HttpReply reply;
+  reply.type = type;
+  reply.body = std::make_shared<const std::string>(std::move(body));
+  return reply;
+}
+
+nlohmann::ordered_json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+}  // namespace
+
+struct LiveServer::Impl {
+  Impl(const HttpOptions& options, LiveSource source)
+      : source_(std::move(source)),
+        server_(std::make_unique<HttpServer>(options, [this](const HttpRequest& request) { return answer(request); })) {
+  }
+
+  void set_page(LivePage page, std::vector<LivePlace> flight);
+  void set_camera(const RigidTransform& cam_from_world);
+  void finish(std::chrono::milliseconds at_most);
+
+  using Json = nlohmann::ordered_json;
+
+  std::optional<HttpReply> answer(const HttpRequest& request);
+  HttpReply page() const;
+  std::optional<HttpReply> changes(const HttpRequest& request);
+  HttpReply points(std::int64_t id, LiveVersion since);
+  Json changes_json(const LiveChanges& changes, std::uint64_t news) const;
+  Json matrix_json(const KeyframePose& pose) const;
+  Json center_json(const Eigen::Vector3d& center) const;
+
+  const LiveSource source_;
+  mutable std::mutex mutex_;
+  LivePage page_;
+  std::vector<LivePlace> flight_;
+  std::optional<RigidTransform> camera_;  ///< cam_from_world
+  bool is_done_ = false;
+  std::uint64_t epoch_ = 1;        ///< counts pages: one of an earlier epoch loads itself anew
+  std::uint64_t news_ = 1;         ///< counts all else that happens besides points
+  std::uint64_t flight_news_ = 1;  ///< when the flight changed last
+  /// A page that asks for changes.
+  struct Looker {
+    std::chrono::steady_clock::time_point asked;
+    bool is_told = false;  ///< that no more comes
+  };
+  std::map<std::uint64_t, Looker> lookers_;  ///< by the number that each gives itself; those of late
+  std::optional<std::chrono::steady_clock::time_point> last_answer_;
+  std::map<std::pair<std::int64_t, LiveVersion>, std::shared_ptr<const std::string>> blocks_;  ///< those asked for last
+  std::unique_ptr<HttpServer> server_;  ///< its thread uses all of the above
+};
+
+LiveServer::LiveServer(const HttpOptions& options, LiveSource source)
+    : impl_(std::make_unique<Impl>(options, std::move(source))) {}
+LiveServer::LiveServer(const HttpOptions& options, const LiveDensifier& live)
+    : LiveServer(options, {[&live](LiveVersion since) { return live.changes_since(since); },
+                           [&live] { return live.snapshot(); }}) {}
+LiveServer::~LiveServer() = default;
+
+std::string LiveServer::url() const { return impl_->server_->url(); }
+void LiveServer::set_page(LivePage page, std::vector<LivePlace> flight) {
+  impl_->set_page(std::move(page), std::move(flight));
+}
+void LiveServer::set_camera(const RigidTransform& cam_from_world) { impl_->set_camera(cam_from_world); }
+void LiveServer::finish(std::chrono::milliseconds at_most) { impl_->finish(at_most); }
+
+void LiveServer::Impl::set_page(LivePage page, std::vector<LivePlace> flight) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const Similarity &now = page.file_from_map, &before = page_.file_from_map;
+  const bool is_same = page.title == page_.title && page.unit == page_.unit && now.scale == before.scale &&
+                       now.rotation == before.rotation && now.translation == before.translation;
+  if (!is_same || flight_.empty()) ++epoch_;
+  page_ = std::move(page);
+  flight_ = std::move(flight);
+  flight_news_ = ++news_;
+}
+
+void LiveServer::Impl::set_camera(const RigidTransform& cam_from_world) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  camera_ = cam_from_world;
+  ++news_;
+}
+
+void LiveServer::Impl::finish(std::chrono::milliseconds at_most) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    is_done_ = true;
+    ++news_;
+  }
+  const Clock::time_point begin = Clock::now();
+  for (;; std::this_thread::sleep_for(std::chrono::milliseconds(20))) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const Clock::time_point now = Clock::now();
+    if (!last_answer_ || now - *last_answer_ > kLooking || now - begin > at_most) return;
+    const bool are_told = std::all_of(lookers_.begin(), lookers_.end(), [now](const auto& it) {
+      return it.second.is_told || now - it.second.asked > kLooking;
+    });
+    if (are_told && now - std::max(*last_answer_, begin) > kQuiet) return;
+  }
+}
+
+std::optional<HttpReply> LiveServer::Impl::answer(const HttpRequest& request) {
+  const std::vector<std::string>& path = request.path;
+  std::optional<HttpReply> reply;
+  if (path == std::vector<std::string>{""}) {
+    reply = page();
+  } else if (path == std::vector<std::string>{"live", "changes"}) {
+    reply = changes(request);
+  } else if (path.size() == 4 && path[0] == "live" && path[1] == "points") {
+    const auto id = number_from<std::int64_t>(path[2]);
+    const auto since = number_from<LiveVersion>(path[3]);
+    reply = id && since ? points(*id, *since) : not_found();
+  } else {
+    reply = not_found();
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (reply) last_answer_ = Clock::now();
+  return reply;
+}
+
+HttpReply LiveServer::Impl::page() const {
+  const std::shared_ptr<const LiveSnapshot> snapshot = source_.snapshot();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  const auto look = [&](const RigidTransform& cam_from_world) {
+    up -= page_.file_from_map.rotation * cam_from_world.rotation.row(1).transpose();
+  };
+  for (const LivePlace& place : flight_) look(place.cam_from_world);
+  if (flight_.empty()) {
+    for (const LiveCloud& cloud : snapshot->clouds) look(cloud.pose.cam_from_world);
+  }
+  Json json{{"format", "pmsp-report"},
+            {"version", 1},
+            {"title", page_.title},
+            {"generator", "libpmsp " PMSP_VERSION_STRING},
+            {"unit", page_.unit.empty() ? "map units" : page_.unit},
+            {"scale_known", !page_.unit.empty()},
+            {"up", vector_json(up.norm() > 1e-9 ? Eigen::Vector3d(up.normalized()) : Eigen::Vector3d(0.0, -1.0, 0.0))},
+            {"origin", vector_json(page_.file_from_map.translation)},
+            {"points_in", 0},
+            {"points", 0}};
+  for (const char* none : {"nodes", "keyframes", "confidences", "facts", "times", "problems"})
+    json[none] = Json::array();
+  json["pixel"] = 0.01;
+  json["notes"] = {"The page shows points while they are made: at most " + std::to_string(kMostLivePoints) +
+                   " of each keyframe. A report (--report) has all that came of it."};
+  json["live"] = epoch_;
+  const std::string data = "<script type=\"application/json\" id=\"pmsp-data\">" + script_json(json) + "</script>\n";
+  const auto [before, after] = page_around_data(true);
+  return reply_of(before + data + after, "text/html; charset=utf-8");
+}
+
+std::optional<HttpReply> LiveServer::Impl::changes(const HttpRequest& request) {
+  const auto number = [&](const char* name) { return number_in_query(request.query, name).value_or(0); };
+  const std::uint64_t epoch = number("epoch"), news = number("news");
+  const LiveChanges changes = source_.changes_since(number("since"));
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const bool is_news = !changes.empty() || news != news_ || epoch != epoch_;
+  Looker& looker = lookers_[number("client")];
+  looker.asked = Clock::now();
+  while (lookers_.size() > kMostLookers) {
+    lookers_.erase(std::min_element(lookers_.begin(), lookers_.end(),
+                                    [](const auto& a, const auto& b) { return a.second.asked < b.second.asked; }));
+  }
+  if (!is_news && !request.last_call) return std::nullopt;
+  looker.is_told = is_done_;
+  return reply_of(changes_json(changes, news).dump(), "application/json");
+}
+
+nlohmann::ordered_json LiveServer::Impl::changes_json(const LiveChanges& changes, std::uint64_t news) const {
+  Json json{{"epoch", epoch_}, {"version", changes.to}, {"news", news_}, {"reset", changes.reset}, {"done", is_done_}};
+  json["clouds"] = Json::array();
+  for (const auto* clouds : {&changes.added, &changes.replaced, &changes.moved}) {
+    for (const LiveCloud& cloud : *clouds) {
+      json["clouds"].push_back({{"id", cloud.keyframe_id},
+                                {"since", cloud.cloud_since},
+                                {"preliminary", cloud.preliminary},
+                                {"matrix", matrix_json(cloud.pose)}});
+    }
+  }
+  json["removed"] = changes.removed;
+  if (camera_) json["camera"] = matrix_json({*camera_, 1.0});
+  if (news >= flight_news_) return json;
+  json["flight"] = Json::array();
+  for (const LivePlace& place : flight_) {
+    json["flight"].push_back({{"id", place.id}, {"matrix", matrix_json({place.cam_from_world, 1.0})}});
+  }
+  return json;
+}
+
+/// Row by row, from the keyframe's frame to the page's, whose origin is that of the map.
+nlohmann::ordered_json LiveServer::Impl::matrix_json(const KeyframePose& pose) const {
+  const Similarity& file_from_map = page_.file_from_map;
+  const RigidTransform world_from_cam = pose.cam_from_world.inverse();
+  const Eigen::Matrix3d linear = file_from_map.scale * pose.scale * (file_from_map.rotation * world_from_cam.rotation);
+  const Json center = center_json(world_from_cam.translation);
+  Json json = Json::array();
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) json.push_back(linear(r, c));
+    json.push_back(center[static_cast<std::size_t>(r)]);
+  }
+  return json;
+}
+
+nlohmann::ordered_json LiveServer::Impl::center_json(const Eigen::Vector3d& center) const {
+  return vector_json(page_.file_from_map.scale * (page_.file_from_map.rotation * center));
+}
+
+HttpReply LiveServer::Impl::points(std::int64_t id, LiveVersion since) {
+  const std::shared_ptr<const LiveSnapshot> snapshot = source_.snapshot();
+  const auto found =
+      std::lower_bound(snapshot->clouds.begin(), snapshot->clouds.end(), id,
+                       [](const LiveCloud& cloud, std::int64_t wanted) { return cloud.keyframe_id < wanted; });
+  if (found == snapshot->clouds.end() || found->keyframe_id != id || found->cloud_since != since) {
+    HttpReply gone;  // there are newer ones, or none: nothing unusual
+    gone.status = 204;
+    return gone;
+  }
+  std::shared_ptr<const std::string>& block = blocks_[{id, since}];
+  if (!block) {
+    block = std::make_shared<const std::string>(live_block(thinned(*found->cloud, kMostLivePoints)));
+  }
+  HttpReply reply;
+  reply.type = "application/octet-stream";
+  reply.body = block;
+  while (blocks_.size() > kMostBlocks) {  // those of others who look come at about the same time
+    auto oldest = blocks_.begin();
+    for (auto it = blocks_.begin(); it != blocks_.end(); ++it) {
+      if (it->first.second < oldest->first.second) oldest = it;
+    }
+    blocks_.erase(oldest);
+  }
+  return reply;
+}
+
+}  // namespace pmsp

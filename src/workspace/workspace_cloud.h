@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <functional>
+
+#include "pmsp/api.h"
+#include "pmsp/io/cloud.h"
+#include "workspace/workspace.h"
+
+namespace pmsp::workspace {
+
+/// Whether a run has worked in the folder.
+PMSP_API bool is_workspace(const std::filesystem::path& folder);
+
+/// The points of a workspace in the frame and unit of the map, in the order of the plan.
+class PMSP_API WorkspaceCloud final : public CloudReader {
+ public:
+  /// Throws as Workspace, which it locks.
+  explicit WorkspaceCloud(const std::filesystem::path& folder);
+
+  const Record& record() const { return workspace_.record(); }
+
+  void read(const Take& take) override;
+  /// Delivers the points of one keyframe after the other, at the keyframe's pose of the last step. Throws IoError.
+  void each(const std::function<void(const KeyframeCloud& cloud)>& take) const;
+
+ private:
+  Workspace workspace_;
+};
+
+}  // namespace pmsp::workspace
