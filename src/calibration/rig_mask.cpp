@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "pmsp/rig_mask.h"
+#include "pmsp/calibration.h"
 
 #include <algorithm>
 #include <array>
@@ -60,7 +60,6 @@ double quantile(std::vector<double>& values, double share) {
 }
 
 using Field = std::vector<float>;  ///< kPixels
-using Counts = std::vector<std::uint16_t>;
 
 struct Directions {
   std::vector<Eigen::Vector3f> bearing;  ///< by pixel
@@ -110,11 +109,8 @@ struct Gradients {
   Field right, down;  ///< [gray levels / px of the equator]
 };
 
-/// Of windows in pairs of keyframes.
-struct Evidence {
-  Counts pairs = Counts(kPixels, 0);  ///< that would show a motion
-  Counts same = Counts(kPixels, 0);   ///< of these, that show none
-};
+/// What the window of a pixel shows in a pair of keyframes.
+enum Shows : std::uint8_t { kNothing, kMotion, kNoMotion };
 
 enum class Kind : std::uint8_t { kUnknown, kWorld, kLikelyRig, kRig };
 
@@ -273,8 +269,8 @@ struct RigMaskEstimator::View {
     return g;
   }
 
-  /// Adds what this keyframe and another one show.
-  void compare(const View& other, const Gradients& here, const Gradients& there, Evidence& evidence) const {
+  /// Returns Shows for each pixel of this keyframe.
+  Flags compare(const View& other, const Gradients& here, const Gradients& there) const {
     const Eigen::Matrix3f turn = (other.cam_from_world.rotation * cam_from_world.rotation.transpose()).cast<float>();
     const Eigen::Vector3f shift =
         (other.cam_from_world.translation -
@@ -291,21 +287,30 @@ struct RigMaskEstimator::View {
       const int to = kernels::pixel_index(kernels::Vec3<float>{moved.x(), moved.y(), moved.z()}, kWidth, kHeight);
       return agreement(here, at, here, static_cast<std::size_t>(to));
     };
-    Field nearest(kPixels), farthest(kPixels), product(kPixels), greater(kPixels);
+    Field product(kPixels), greater(kPixels);
     for (std::size_t at = 0; at < kPixels; ++at) {
       greater[at] = std::max(agreement(here, at, here, at), agreement(there, at, there, at));
       product[at] = agreement(here, at, there, at);
+    }
+    for (Field* field : {&product, &greater}) box_filter(*field);
+    const auto has_texture = [&](std::size_t at) { return greater[at] >= kMinGradient * kMinGradient; };
+    Field around(kPixels);  // above 0 in windows of pixels with texture
+    for (std::size_t at = 0; at < kPixels; ++at) around[at] = has_texture(at) ? 1.0F : 0.0F;
+    box_filter(around);
+    Field nearest(kPixels), farthest(kPixels);
+    for (std::size_t at = 0; at < kPixels; ++at) {
+      if (around[at] == 0.0F) continue;
       nearest[at] = alike(at, near);
       const float down = d.bearing[at].y();
       farthest[at] = alike(at, down < kHorizon ? kInfinity * near : far[band_of(down)]);
     }
-    for (Field* field : {&nearest, &farthest, &product, &greater}) box_filter(*field);
+    for (Field* field : {&nearest, &farthest}) box_filter(*field);
+    Flags shows(kPixels, kNothing);
     for (std::size_t at = 0; at < kPixels; ++at) {
-      if (greater[at] < kMinGradient * kMinGradient) continue;
-      if (std::max(nearest[at], farthest[at]) > kOther * greater[at]) continue;
-      ++evidence.pairs[at];
-      if (product[at] > kSame * greater[at]) ++evidence.same[at];
+      if (!has_texture(at) || std::max(nearest[at], farthest[at]) > kOther * greater[at]) continue;
+      shows[at] = product[at] > kSame * greater[at] ? kNoMotion : kMotion;
     }
+    return shows;
   }
 };
 
@@ -361,25 +366,31 @@ RigMask RigMaskEstimator::estimate(const Executor& executor) const {
   pool.for_each(static_cast<int>(views_.size()), [&](int i) {
     gradients[static_cast<std::size_t>(i)] = views_[static_cast<std::size_t>(i)]->gradients();
   });
-  std::vector<Evidence> found(views_.size());
-  pool.for_each(static_cast<int>(views_.size()), [&](int number) {
-    const auto i = static_cast<std::size_t>(number);
-    if (views_[i]->near == 0.0F) return;
-    for (const std::size_t step : kSteps) {
-      if (i + step < views_.size()) views_[i]->compare(*views_[i + step], gradients[i], gradients[i + step], found[i]);
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (const std::size_t step : kSteps) {
+    for (std::size_t i = 0; i + step < views_.size(); ++i) {
+      if (views_[i]->near != 0.0F) pairs.emplace_back(i, i + step);
     }
+  }
+  std::vector<Flags> shown(pairs.size());
+  pool.for_each(static_cast<int>(pairs.size()), [&](int number) {
+    const auto [i, k] = pairs[static_cast<std::size_t>(number)];
+    shown[static_cast<std::size_t>(number)] = views_[i]->compare(*views_[k], gradients[i], gradients[k]);
   });
   Kinds kinds(kPixels, Kind::kUnknown);
-  for (std::size_t at = 0; at < kPixels; ++at) {
-    int pairs = 0, same = 0;
-    for (const Evidence& evidence : found) {
-      pairs += evidence.pairs[at];
-      same += evidence.same[at];
+  pool.for_each(kHeight, [&](int row) {
+    for (std::size_t at = static_cast<std::size_t>(row) * kWidth; at < static_cast<std::size_t>(row + 1) * kWidth;
+         ++at) {
+      int seen = 0, same = 0;
+      for (const Flags& shows : shown) {
+        seen += shows[at] != kNothing ? 1 : 0;
+        same += shows[at] == kNoMotion ? 1 : 0;
+      }
+      if (seen < std::min(kFewestPairs, static_cast<int>(views_.size()) - 2)) continue;
+      const float share = static_cast<float>(same) / static_cast<float>(seen);
+      kinds[at] = share >= kCertain ? Kind::kRig : share >= kLikely ? Kind::kLikelyRig : Kind::kWorld;
     }
-    if (pairs < std::min(kFewestPairs, static_cast<int>(views_.size()) - 2)) continue;
-    const float share = static_cast<float>(same) / static_cast<float>(pairs);
-    kinds[at] = share >= kCertain ? Kind::kRig : share >= kLikely ? Kind::kLikelyRig : Kind::kWorld;
-  }
+  });
   Flags rig = regions_of(kinds);
   if (std::none_of(rig.begin(), rig.end(), [](std::uint8_t it) { return it != 0; })) return {};
   rig = dilate(dilate(rig, kGap), kGap, 0);
