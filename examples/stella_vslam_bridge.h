@@ -2,6 +2,7 @@
 // Dense points of a running stella_vslam: copy this file, and feed frames through it. See docs/slam.md.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -19,6 +20,7 @@
 
 #include "pmsp/camera.h"
 #include "pmsp/live.h"
+#include "pmsp/opencv.h"
 
 class StellaBridge {
  public:
@@ -29,10 +31,8 @@ class StellaBridge {
 
   /// In place of slam.feed_monocular_frame, on the same thread.
   std::shared_ptr<stella_vslam::Mat44_t> feed(const cv::Mat& image, double timestamp) {
-    images_[timestamp] = std::make_shared<const cv::Mat>(image.clone());  // the SLAM keeps none
-    while (images_.size() > kMost || (images_.size() > kImages && images_.begin()->first < looked_at_)) {
-      images_.erase(images_.begin());
-    }
+    images_[timestamp] = image.clone();  // the SLAM keeps none
+    if (images_.size() > kMost) images_.erase(images_.begin());
     const auto pose = slam_.feed_monocular_frame(image, timestamp);
     if (++fed_ % kFrames == 0) sync();
     return pose;
@@ -47,9 +47,8 @@ class StellaBridge {
   pmsp::LiveDensifier& live() { return live_; }
 
  private:
-  static constexpr std::size_t kImages = 60;  ///< frames in which a keyframe becomes known
-  static constexpr std::size_t kMost = 200;   ///< frames that are kept until the map can be looked at
-  static constexpr int kFrames = 5;           ///< from one look at the map to the next
+  static constexpr std::size_t kMost = 200;  ///< frames that are kept while the map shows no newer keyframe
+  static constexpr int kFrames = 5;          ///< from one look at the map to the next
 
   void sync() {
     // What holds the map is never waited for: the next look is soon enough.
@@ -61,7 +60,9 @@ class StellaBridge {
     const std::int64_t map_id = keyframes.front()->id_;  // its root
     std::map<std::int64_t, pmsp::LiveKeyframe>& map = maps_[map_id];
     std::map<std::int64_t, pmsp::LiveKeyframe> now;
+    double newest = 0.0;
     for (const auto& keyframe : keyframes) {
+      newest = std::max(newest, keyframe->timestamp_);
       if (keyframe->will_be_erased()) continue;
       const auto known = timestamps_.emplace(keyframe->id_, keyframe->timestamp_);
       if (known.first->second != keyframe->timestamp_) return begin_again();
@@ -74,8 +75,8 @@ class StellaBridge {
       for (const auto& [id, state] : of_map) all.push_back(state);
     }
     live_.sync(all);
-    if (!images_.empty()) looked_at_ = images_.rbegin()->first;
-    for (auto& [id, state] : map) state.image = {};  // it is handed over
+    for (auto& [id, state] : map) state.image = {};               // it is handed over
+    images_.erase(images_.begin(), images_.upper_bound(newest));  // the mapper takes keyframes in the order of time
   }
 
   pmsp::LiveKeyframe state_of(stella_vslam::data::keyframe& keyframe, std::int64_t map_id,
@@ -85,13 +86,9 @@ class StellaBridge {
     pmsp::LiveKeyframe state;
     state.id = keyframe.id_;
     state.map_id = map_id;
-    state.cam_from_world = {pose.topLeftCorner<3, 3>(), pose.topRightCorner<3, 1>()};
-    state.cam_from_world = pmsp::cam_from_slam_cam(static_cast<int>(slam_.get_camera()->cols_)) * state.cam_from_world;
-    if (image != images_.end()) {
-      const cv::Mat& pixels = *image->second;
-      const auto stride = static_cast<std::ptrdiff_t>(pixels.step[0]);
-      state.image = {image->second, pixels.data, pixels.cols, pixels.rows, stride, format_};
-    }
+    state.cam_from_world =
+        pmsp::cam_from_slam_cam(static_cast<int>(slam_.get_camera()->cols_)) * pmsp::rigid_transform(pose);
+    if (image != images_.end()) state.image = pmsp::live_image(image->second, format_);
     if (before != nullptr && before->cam_from_world.translation == state.cam_from_world.translation) return state;
     for (const auto& landmark : keyframe.get_landmarks()) {
       if (!landmark || landmark->will_be_erased()) continue;
@@ -109,10 +106,9 @@ class StellaBridge {
 
   stella_vslam::system& slam_;
   const pmsp::PixelFormat format_;
-  std::map<double, std::shared_ptr<const cv::Mat>> images_;                  ///< by timestamp
+  std::map<double, cv::Mat> images_;                                         ///< newer than all known keyframes
   std::map<std::int64_t, std::map<std::int64_t, pmsp::LiveKeyframe>> maps_;  ///< newest states, by root and id
   std::map<std::int64_t, double> timestamps_;                                ///< of keyframes, by id
-  double looked_at_ = 0.0;  ///< newest frame when the map was last looked at
   int fed_ = 0;
   pmsp::LiveDensifier live_;
 };

@@ -114,7 +114,9 @@ void CpuProcessor::start(const Pass& pass) const {
 
 void CpuProcessor::iterate(const Pass& pass, int colour, int iteration, bool rescore) const {
   auto& impl = inside(executor_);
-  impl.pool.for_each(pass.grid.height, [&](int y) { impl.rows.iterate_row(pass, y, colour, iteration, rescore); });
+  impl.pool.for_each(pass.grid.height, [&](int y) {
+    if (may_go_on()) impl.rows.iterate_row(pass, y, colour, iteration, rescore);  // at low priority a row takes long
+  });
 }
 
 void CpuProcessor::own(const kernels::OwnershipRound& stage, Asked& asked) const {
@@ -129,7 +131,7 @@ void CpuProcessor::own(const kernels::OwnershipRound& stage, Asked& asked) const
                    }));
   }
   if (asked.count > 0 && asked.count != first[rows]) {
-    throw InvalidInput("ownership_round: standings are not those of the round before");
+    throw InvalidInput("duplicate_round: standings are not those of the round before");
   }
   std::uint32_t there = 0;
   for (int k = 0; k < stage.count; ++k) there |= stage.others[k].map.surfels == nullptr ? 0U : 1U << k;
