@@ -216,7 +216,7 @@ void fusion(Table& table) {
       .range(1, kernels::kMaxViewers - 1)
       .odd();
   PMSP_ADVANCED_OPTION(fusion.spacing_px, "Points closer than this are one point")
-      .unit("px of the nearer depth map")
+      .unit("px of its depth map")
       .range(0, 4)
       .paper(kOnePixel);
   PMSP_ADVANCED_OPTION(fusion.max_relative_depth, "Deviation up to which two depths are one surface")

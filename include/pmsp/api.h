@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-/// Marks what programs may link: a shared library shows nothing else.
+/// Exported symbol; shared libraries hide all others.
 #if defined(__GNUC__)
 #define PMSP_API __attribute__((visibility("default")))
 #else

@@ -10,73 +10,69 @@
 
 namespace pmsp {
 
-/// Instruction set of the CPU backend. kAvx2 and kAvx512 give the same bytes; kScalar, plain code, gives others, since
-/// it rounds multiply-adds twice.
+/// Instruction set of the CPU backend. kAvx2 and kAvx512 give the same bytes; kScalar rounds multiply-adds twice.
 enum class Simd { kAuto, kScalar, kAvx2, kAvx512 };
 
-/// Where the stages run.
+/// Processor of the stages.
 enum class Backend {
-  kAuto,  ///< CUDA where it was built in, a device answers and its memory suffices; else the CPU
+  kAuto,  ///< CUDA if built in, with a usable device of sufficient memory; else the CPU
   kCpu,
   kCuda,
 };
 
-/// How much time a depth map may take.
+/// Presets: time per depth map against detail.
 enum class Quality {
-  kPaper,   ///< Surmann et al. 2022 as published, none of what was added since; to compare with, not to use
-  kOnline,  ///< 640 x 320, 2 neighbours; keeps up with a flying drone on a CPU
-  kNormal,  ///< 1440 x 720, 4 neighbours
-  kHigh,    ///< the images' own size, 1440 x 720 (of small images: half as much again) to 5760 x 2880, 6 neighbours
+  kPaper,   ///< Surmann et al. 2022 as published, for comparison only
+  kOnline,  ///< 640 x 320, 2 source views; keeps pace with a drone on a CPU
+  kNormal,  ///< 1440 x 720, 4 source views
+  kHigh,    ///< size of the images (DensifierOptions::width = 0), 6 source views
 };
 
-constexpr int kMostDevices = 16;  ///< that may share the work
+constexpr int kMostDevices = 16;  ///< maximum number of DensifierOptions::devices
 
-/// Options of a Densifier. `preset` gives those of a quality.
+/// Options of a Densifier; `preset` returns those of a Quality.
 struct PMSP_API DensifierOptions {
-  int width = 640;         ///< of the depth maps [px], even, 32 to 16384; 0 = that of the images, at most 5760; below
-                           ///< 1440, half as much again, up to that; or twice the height if one is given
-  int height = 320;        ///< of the depth maps [px], even, 16 to 8192; 0 = as the images' shape asks
-  std::uint64_t seed = 1;  ///< of the random planes; same input, seed and backend (see Simd, too), same bytes
+  /// Width of the depth maps [px], even, 32 to 16384. 0 = twice the height if that is set, else the width of the
+  /// images, at most 5760; widths below 1440 are enlarged by 1.5, up to 1440.
+  int width = 640;
+  int height = 320;        ///< height of the depth maps [px], even, 16 to 8192; 0 = by the aspect ratio of the images
+  std::uint64_t seed = 1;  ///< of the random numbers; same input, seed, backend and simd give the same bytes
   Backend backend = Backend::kAuto;
-  /// CUDA devices that share the work, as the driver numbers them, 0 to 255, 16 at most; empty = all that there are.
-  /// Results are those of one. A device that is named twice works on two keyframes at a time.
+  /// CUDA devices as numbered by the driver, 0 to 255, at most 16; empty = all. One that is listed twice processes two
+  /// keyframes at a time. Results do not depend on them.
   std::vector<int> devices = {0};
-  int threads = 0;          ///< 1 to 1024; 0 = one for each CPU that the process may use
-  Simd simd = Simd::kAuto;  ///< kAuto takes the widest that this machine has
-  /// An existing folder for what keyframes leave while they wait for their points' say (for long with
-  /// `free_space.whole_mission`), about 17 bytes a pixel of those that wait, for the images of places that may be
-  /// passed again (2.5 bytes a pixel), and in unordered sets for all that waits; "" = in memory. With CUDA it is used
-  /// for sets, and for flights that would not find room on the device. It changes no byte of the result.
+  int threads = 0;          ///< number of threads, 1 to 1024; 0 = one per CPU available to the process
+  Simd simd = Simd::kAuto;  ///< kAuto = the widest of the machine
+  /// Existing directory for temporary data of keyframes whose points are not final (about 17 bytes per pixel, for long
+  /// with `free_space.whole_mission`), of images that may be needed again (2.5 bytes per pixel), and of all pending
+  /// keyframes of unordered sets; "" = in memory. With CUDA it is used only for sets and for sequences that exceed the
+  /// device memory. Does not change results.
   std::string scratch_folder;
-  /// Distance of the camera's two lenses along its forward axis, -1e12 to 1e12 [scene units; with LiveDensifier in the
-  /// unit that the SLAM had when the keyframe came]: the forward half of the panorama (z > 0) is seen from half of it
-  /// in front of the camera's centre, the other half from as much behind it, as where two fisheye images are stitched
-  /// as if they had one centre. 0 = they have. See LensDistanceEstimator (pmsp/calibration.h). Depth maps then tell
-  /// ranges from the lens; clouds are in the camera's frame as ever.
+  /// Distance of the camera's two lenses along its forward axis, for panoramas stitched as if both had one centre,
+  /// -1e12 to 1e12 [map units; LiveDensifier: unit of the SLAM when the keyframe is added]; 0 = one centre. The forward
+  /// half (z > 0) is seen from half of it in front of the centre, the other half from as much behind it. Depth maps
+  /// contain ranges from the lens; clouds are in the camera frame. See LensDistanceEstimator (pmsp/calibration.h).
   double lens_distance = 0.0;
-  bool unordered = false;  ///< keyframes are a set, such as photo captures: their order means nothing
+  bool unordered = false;  ///< keyframes are a set without temporal order, such as photos
   AdvancedOptions advanced;
 
-  /// Checks all fields, those of the stages included. Throws InvalidOption.
-  void validate() const;
+  void validate() const;  ///< checks all fields; throws InvalidOption
 };
 
-/// The options that a quality stands for.
-PMSP_API DensifierOptions preset(Quality quality);
+PMSP_API DensifierOptions preset(Quality quality);  ///< options of a preset
 
-/// Replaces a width or height of 0 by what an image of this size stands for. Throws InvalidInput if that is no size of
-/// a depth map.
+/// Replaces a width or height of 0 according to the images. Throws InvalidInput if the resulting size is invalid.
 PMSP_API void fill_in_size(DensifierOptions& options, int image_width, int image_height);
 
-/// "paper", "online", "normal" or "high". Throws InvalidOption for any other.
+/// Accepts "paper", "online", "normal", "high". Throws InvalidOption.
 PMSP_API Quality quality_from_name(const std::string& name);
 
-/// "auto", "scalar", "avx2" or "avx512". Throws InvalidOption for any other.
+/// Accepts "auto", "scalar", "avx2", "avx512". Throws InvalidOption.
 PMSP_API Simd simd_from_name(const std::string& name);
-PMSP_API const char* name_of(Simd simd);  ///< as simd_from_name takes it
+PMSP_API const char* name_of(Simd simd);  ///< inverse of simd_from_name
 
-/// "auto", "cpu" or "cuda". Throws InvalidOption for any other.
+/// Accepts "auto", "cpu", "cuda". Throws InvalidOption.
 PMSP_API Backend backend_from_name(const std::string& name);
-PMSP_API const char* name_of(Backend backend);  ///< as backend_from_name takes it
+PMSP_API const char* name_of(Backend backend);  ///< inverse of backend_from_name
 
 }  // namespace pmsp

@@ -13,31 +13,29 @@
 #include "pmsp/options.h"
 #include "pmsp/types.h"
 
-/// The stages of the Densifier as functions of plain data, on the CPU. They run the functors of the Densifier itself,
-/// so that they give its bytes. One keyframe after the other:
-/// 1. ViewFilter: whether the keyframe is worth a depth map.
-/// 2. planes_from_landmarks, warp_planes: planes to start from.
-/// 3. patchmatch, once without and then with maps of the neighbours and plane_priors.
+/// The stages of the Densifier as functions of plain data, on the CPU, with the same bytes. For each keyframe:
+/// 1. ViewFilter: selection.
+/// 2. planes_from_landmarks, warp_planes: initial planes.
+/// 3. patchmatch: a first pass, then geometric passes with the maps of the source views and plane_priors.
 /// 4. median_filter, weighted_median_filter, scores_without_priors, consistency_filter.
-/// 5. fuse_pixels makes the points, free_space_filter removes those that other keyframes have looked through,
-///    duplicate_round all but one of those that show the same place. Poses and scales are arguments: after a loop
-///    closure the last two run again without matching.
+/// 5. fuse_pixels, free_space_filter, duplicate_round, kept_points. After a loop closure, the free-space test and
+///    duplicate removal run again with the new poses, without matching.
 ///
-/// `lens_distance`: as DensifierOptions::lens_distance, in the unit of the keyframes; the same in all calls.
+/// `lens_distance`: see DensifierOptions::lens_distance, in the unit of the keyframes; the same in all calls.
 namespace pmsp {
 
-/// The threads and the instruction set that stages run on. Results never depend on the number of threads; AVX2 and
-/// AVX-512 give the same. One executor serves one stage at a time; several executors do not disturb each other.
+/// Threads and instruction set of the stages. Results do not depend on the number of threads, and are the same with
+/// AVX2 and AVX-512. An executor runs one stage at a time; several are independent.
 class PMSP_API Executor {
  public:
-  /// `threads`: 1 to 1024, or 0 for one for each CPU that the process may use. Throws InvalidOption for other numbers,
-  /// BackendUnavailable when this machine lacks the instruction set.
+  /// `threads`: 1 to 1024; 0 = one per CPU available to the process. Throws InvalidOption for other numbers,
+  /// BackendUnavailable if the machine lacks the instruction set.
   explicit Executor(int threads = 0, Simd simd = Simd::kAuto);
   ~Executor();
   Executor(Executor&&) noexcept;
   Executor& operator=(Executor&&) noexcept;
 
-  int threads() const;  ///< in force
+  int threads() const;  ///< number of threads in use
   Simd simd() const;    ///< never kAuto
 
  private:
@@ -46,14 +44,12 @@ class PMSP_API Executor {
   std::unique_ptr<Impl> impl_;
 };
 
-/// A keyframe's geometry as the stages work on it: a plane for each pixel, the vector v with v . X = 1 for the points X
-/// of the plane, in the camera frame and the keyframe's unit. The range along a unit bearing b is 1 / (v . b), the unit
-/// normal that faces the camera is -v / |v|. Zero = no plane. Where v . b is above 0 and below 1e-9, the
-/// pixel is too far for any parallax, such as the sky. The images have one size, cover the whole sphere and are indexed
-/// (column, row).
+/// Plane map of a keyframe. The plane of a pixel is the vector v with v . X = 1 for its points X, in camera frame and
+/// unit of the keyframe; 0 = none. The range along a unit bearing b is 1 / (v . b), the unit normal facing the camera
+/// -v / |v|. 0 < v . b < 1e-9 is a far plane: too far for parallax, such as sky. The images have one size, cover the
+/// whole sphere and are indexed (column, row).
 struct PlaneMap {
   PlaneMap() = default;
-  /// Without planes.
   PlaneMap(int width, int height) : x(width, height), y(width, height), z(width, height), score(width, height) {}
 
   int width() const { return x.width(); }
@@ -61,40 +57,36 @@ struct PlaneMap {
   bool empty() const { return x.empty(); }
 
   std::int64_t keyframe_id = 0;
-  RigidTransform cam_from_world;  ///< as it was when the keyframe was added
-  double scale = 1.0;             ///< of the keyframe, likewise
+  RigidTransform cam_from_world;  ///< pose when the keyframe was added
+  double scale = 1.0;             ///< scale when the keyframe was added
   KeyframePose pose() const { return {cam_from_world, scale}; }
   Image<float> x, y, z;
-  Image<float> score;  ///< photometric (NCC), up to 1, and what priors add (scores_without_priors)
+  Image<float> score;  ///< photometric (NCC, at most 1), plus the bonus of priors (scores_without_priors)
 };
 
-/// Depth, normal and confidence of the planes; far pixels have none. `confidence`: of each pixel, 0 = leave it out;
-/// nullptr = the score, 0 to
-/// 1. Throws InvalidInput when sizes differ.
+/// Converts planes to depth, normal and confidence; far pixels get none. `confidence`: of each pixel, 0 = no depth;
+/// nullptr = the score, clamped to 0 to 1. Throws InvalidInput if sizes differ.
 PMSP_API DepthMap depth_map_of(const PlaneMap& planes, const Image<float>* confidence, const Executor& executor);
 
-/// The other way round; scores are the confidences.
+/// Converts a depth map to planes, with confidences as scores.
 PMSP_API PlaneMap plane_map_of(const DepthMap& map, const Executor& executor);
 
-/// Normals of a depth map that has none, as DepthMap wants them: of the plane that fits the depths around a pixel,
-/// those beyond an edge (a tenth of the depth) left out. The window is five samples wide and high, 1/640 of the circle
-/// apart, at least a pixel. Facing the camera exactly where there is too little surface, never more slanted than 80
-/// degrees. Depths out of range (0, not finite) count as none.
+/// Estimates DepthMap::normal from depths: the plane that fits 5 x 5 samples, 1/640 of the circle and at least a pixel
+/// apart, without those beyond an edge (a tenth of the depth). Slanted by at most 80 degrees, along the ray if there
+/// are too few samples. Depths out of range (0, not finite) are ignored.
 PMSP_API Image<Eigen::Vector3f> estimate_normals(const Image<float>& depth, const Executor& executor);
 
 struct PanoramaData;
 
-/// Resizes a mask: 255 where all that a target pixel covers is usable (nonzero), else 0.
+/// Resizes a mask: 255 where all covered pixels are used (nonzero), else 0.
 PMSP_API Image<std::uint8_t> shrink_mask(ImageView<const std::uint8_t> mask, int width, int height);
 
-/// A keyframe's image made ready for matching: colours on the grid of the depth map, and gray values, which may be
-/// finer, on the six faces of a cube, which is how neighbours are looked up (one division instead of two arcus
-/// functions a sample). Resampling averages over each pixel's area; near the poles, where columns crowd, over an area
-/// as wide as at the equator.
+/// Image prepared for matching: colours on the grid of the depth map, gray levels, possibly finer, on a cube map.
+/// Resampling averages over the area of a pixel, towards the poles as wide as at the equator.
 class PMSP_API Panorama {
  public:
-  /// `image`: equirectangular, any even size. `mask`: same size or empty; 0 = ignore. `width`, `height`: of the depth
-  /// map, even. `image_scale`: see PatchMatchOptions. Throws InvalidInput.
+  /// `image`: equirectangular, of even size. `mask`: of the same size, 0 = ignored; empty = none. `width`, `height`: of
+  /// the depth map, even. `image_scale`: see PatchMatchOptions. Throws InvalidInput.
   Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
            const Executor& executor, double image_scale = PatchMatchOptions().image_scale);
   ~Panorama();
@@ -104,149 +96,133 @@ class PMSP_API Panorama {
   int width() const;
   int height() const;
 
-  /// Colours, `width` x `height`.
-  const Image<Rgb>& color() const;
+  const Image<Rgb>& color() const;  ///< `width` x `height`
 
-  /// 255 where a depth is wanted, 0 where the mask forbids it (a pixel that covers any masked pixel is masked); `width`
-  /// x `height`; empty without a mask.
-  const Image<std::uint8_t>& usable() const;
+  const Image<std::uint8_t>& usable() const;  ///< mask as by shrink_mask, `width` x `height`; empty = none
 
  private:
   friend struct Inside;
   std::unique_ptr<PanoramaData> data_;
 };
 
-/// Depths that single precision bears, in squares and products of three: what lies nearer or farther is passed over
-/// [keyframe's unit].
+/// Range of depths whose squares and triple products fit single precision [keyframe's unit]; others are ignored.
 constexpr double kMinDepth = 1e-6;
 constexpr double kMaxDepth = 1e6;
 inline bool is_usable_depth(double depth) { return depth >= kMinDepth && depth <= kMaxDepth; }
 
-/// Smallest and largest range that a keyframe's pixels are looked for in.
+/// Depth range of a keyframe's pixels.
 struct DepthRange {
   double min = 0.0;
   double max = 0.0;
 };
 
-/// Range of the keyframe's landmarks in its own unit (2nd to 98th percentile), widened by `options.range_margin` at
-/// both ends, from kMinDepth to kMaxDepth at most; {0, 0} when it observes none that lies between these.
+/// Returns the depth range of the landmarks [keyframe's unit]: 2nd to 98th percentile, widened by
+/// `options.range_margin` at both ends, clamped to kMinDepth and kMaxDepth; {0, 0} without a landmark between these.
 PMSP_API DepthRange depth_range(const Keyframe& keyframe, const InitOptions& options);
 
-/// Planes through the keyframe's landmarks, `width` x `height`: each pixel within `options.sparse_radius_px` of a
-/// landmark gets the plane of the nearest one, perpendicular to the ray to it. Scores are 0.
+/// Returns planes through landmarks, perpendicular to their rays; each pixel within `options.sparse_radius_px` gets
+/// that of the nearest one. Scores are 0.
 PMSP_API PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options,
                                         const Executor& executor, double lens_distance = 0.0);
 
-/// The planes of one keyframe moved into another one, `width` x `height`: each is seen where its pixel's surface point
-/// is; where several meet, the nearest to the camera wins. (Surmann et al. 2022, section III-B; normals turn with the
-/// camera.) Scores are 0. Throws InvalidInput when a scale is out of range.
+/// Warps planes into another keyframe, each to the pixel of its surface point; the nearest to the camera wins (Surmann
+/// et al. 2022, section III-B, with normals rotated). Scores are 0. Throws InvalidInput if a scale is out of range.
 PMSP_API PlaneMap warp_planes(const PlaneMap& previous, const KeyframePose& pose, int width, int height,
                               const Executor& executor, double lens_distance = 0.0);
 
-/// Parallax of the landmarks that two camera centres have in common.
+/// Parallax of common landmarks of two keyframes.
 struct CommonParallax {
-  int landmarks = 0;        ///< observed from both
-  int in_range = 0;         ///< with a parallax between the two angles
-  double median_deg = 0.0;  ///< 0 without common landmarks
+  int landmarks = 0;        ///< number of common landmarks
+  int in_range = 0;         ///< number with a parallax between the two angles
+  double median_deg = 0.0;  ///< median parallax; 0 without common landmarks
 };
 
-/// Parallax of a landmark = angle between the rays to it from the two centres. `a` and `b` need not be sorted.
+/// Parallax is the angle between the rays from both centres to a landmark. `a` and `b` need not be sorted.
 PMSP_API CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vector3d& center_a,
                                         const std::vector<Landmark>& b, const Eigen::Vector3d& center_b, double min_deg,
                                         double max_deg);
 
-/// How sharply an image shows the surroundings of a landmark: squared differences of neighbouring pixels over the
-/// variance of the patch, so that brightness and contrast do not matter. Blur lowers it.
+/// Sharpness around a landmark: squared differences of adjacent pixels over the variance of the patch.
 struct LandmarkSharpness {
   std::int64_t id = 0;
   float horizontal = 0.0F;
   float vertical = 0.0F;
 };
 
-/// Accepts keyframes that see enough of what the newest accepted one saw from a usefully different place (Surmann et
-/// al. 2022, section III-A). The first one is always accepted, and so is one that has landmarks but none in common, as
-/// after a loss of tracking: it begins anew. One without landmarks is not.
+/// Accepts keyframes with enough useful parallax to the newest accepted one (Surmann et al. 2022, section III-A), the
+/// first one, and those without common landmarks (tracking loss). Rejects others without landmarks.
 ///
-/// Leaves out blurred ones too, where the keyframes around do without: while the newest accepted one shares half of its
-/// landmarks and the parallax to it is below a quarter of `max_parallax_deg`. Landmarks seen in several images tell
-/// blur from a lack of texture: the same spots lose their gradients.
+/// Rejects blurred keyframes if overlap suffices without them: half of the landmarks in common with the newest accepted
+/// one, and a parallax below a quarter of `max_parallax_deg`. Sharpness is compared at common landmarks, so that lack
+/// of texture is not taken for blur.
 class PMSP_API ViewFilter {
  public:
-  /// `width`: of the depth maps, in whose pixels blur counts [px]; 0 = that of the images. Throws InvalidOption.
+  /// `width`: of the depth maps, for the measure of blur [px]; 0 = of the images. Throws InvalidOption.
   explicit ViewFilter(const ViewFilterOptions& options, int width = 0);
   ~ViewFilter();
   ViewFilter(ViewFilter&&) noexcept;
   ViewFilter& operator=(ViewFilter&&) noexcept;
 
-  /// Decides on the next keyframe; if accepted, it becomes the newest one. Without an image it counts as sharp.
-  bool accept(const Keyframe& keyframe);
+  bool accept(const Keyframe& keyframe);  ///< whether it is accepted; without image it counts as sharp
 
-  /// Whether the last keyframe was left out for its blur alone.
-  bool blurred() const;
+  bool blurred() const;  ///< whether the last keyframe was rejected only because of blur
 
-  /// The next keyframe is accepted whatever it is.
-  void reset();
+  void reset();  ///< restarts: the next keyframe is accepted as the first one
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-/// A posed panorama. The pointers are not owned.
+/// Panorama with pose; non-owning.
 struct PosedPanorama {
   const Panorama* panorama = nullptr;
   KeyframePose pose;
 };
 
-/// What a depth map is made from. A first pass knows images only; in a further one, `start` and `neighbour_maps` are
-/// what the pass before found, and planes score higher that agree with the neighbours' depth maps.
+/// Input of a pass of PatchMatch. In a geometric pass `start` and `neighbour_maps` are results of the previous pass.
 struct MatchInput {
-  std::int64_t keyframe_id = 0;  ///< names the random numbers
+  std::int64_t keyframe_id = 0;  ///< selects the random numbers, with the seed
   PosedPanorama reference;
-  std::vector<PosedPanorama> neighbours;  ///< 1 to 8, of the reference's size, from other places
-  DepthRange range;                       ///< [reference's unit]
-  const PlaneMap* landmarks = nullptr;    ///< planes to try besides the random ones, of the reference's size
-  const PlaneMap* warped = nullptr;       ///< likewise
-  int first_iteration = 0;                ///< iterations of the passes before
-  const PlaneMap* start = nullptr;        ///< the reference's own map; nullptr = random planes
-  /// Planes of surfaces without texture (plane_priors), proposed and preferred there; nullptr = none.
-  const PlaneMap* prior = nullptr;
-  std::vector<const PlaneMap*> neighbour_maps = {};  ///< none, or one for each neighbour (nullptr or empty = not known)
+  std::vector<PosedPanorama> neighbours;             ///< source views, 1 to 8, of the same size, at other positions
+  DepthRange range;                                  ///< [reference's unit]
+  const PlaneMap* landmarks = nullptr;               ///< further initial planes, of the same size; nullptr = none
+  const PlaneMap* warped = nullptr;                  ///< as `landmarks`
+  int first_iteration = 0;                           ///< number of iterations of previous passes
+  const PlaneMap* start = nullptr;                   ///< map of the reference view; nullptr = random planes
+  const PlaneMap* prior = nullptr;                   ///< result of plane_priors; nullptr = none
+  std::vector<const PlaneMap*> neighbour_maps = {};  ///< none, or one per source view (nullptr or empty = unknown)
   double lens_distance = 0.0;
 };
 
-/// Red-black PatchMatch on the sphere (Barnes et al. 2009; Galliani et al. 2015; Surmann et al. 2022): finds for each
-/// unmasked pixel of the reference a plane under which its patch looks alike in the neighbours. Its score is the
-/// photometric one (NCC, -1 to 1), less what the neighbours' depth maps have against it, and more by up to
-/// 0.3 where it agrees with a prior. `seed` and the keyframe's id determine all random numbers. When
-/// `cancel` becomes true, returns early with an empty map. Throws InvalidInput and InvalidOption.
+/// Red-black PatchMatch on the sphere (Barnes et al. 2009; Galliani et al. 2015; Surmann et al. 2022): returns for each
+/// unmasked pixel of the reference view the plane of the best score: NCC (-1 to 1), less a penalty for disagreement
+/// with the maps of the source views, plus up to 0.3 for agreement with a prior. `seed` and the keyframe id determine
+/// all random numbers. Returns early with an empty map when `cancel` becomes true. Throws InvalidInput, InvalidOption.
 PMSP_API PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
                              const Executor& executor, const std::atomic<bool>* cancel = nullptr);
 
-/// Planes for the pixels of painted walls, ceilings and the like, where patches look alike under any plane: through
-/// the reliable surface that surrounds them. `map` is what a pass of PatchMatch found in `panorama`, of the same size,
-/// when it matched it with keyframes at `neighbours`, 1 to 8. Pixels get a plane where the picture alone does not tell
-/// their depth: where their neighbourhood varies, besides a linear ramp, by a standard deviation of less than 1.5 gray
-/// levels, or where what varies along the lines on which the neighbours see them move leaves the depth uncertain by
-/// more than 2 %. A plane is proposed only if at least five of the first reliable points that lie around them in 16
-/// directions, within 80 degrees, share it to 2 % of their depth (uncertain points to 6 %), three of which surround the
-/// pixel or one whose plane explains the pixel's surroundings better. Points in front of the plane count less against
-/// it than points behind it.
+/// Returns prior planes for untextured surfaces, after the planar prior of Xu and Tao 2020 (ACMP). `map`: result of a
+/// pass over `panorama`, of the same size, with source views at `neighbours`, 1 to 8.
 ///
-/// Others get (0, 0, 0), or where there is a `prior_depth` (see Keyframe) the plane that it has in and around a cell of
-/// 1/160 of the sphere's width, corrected by how far the reliable points around are off it: only if three or more,
-/// which count for 60 % of them, agree with each other to 10 % about that. Planes keep within `range` and to 80 degrees
-/// between their normal and the ray. Throws InvalidInput when the sizes of map and panorama differ, or when there are
-/// too few or too many neighbours. After the idea of a planar prior of Xu and Tao 2020 (ACMP).
+/// Pixels get a prior plane if their image evidence is insufficient: deviation from a linear ramp below 1.5 gray levels
+/// (up to 3 in noisy images), or an expected depth error, from epipolar lines, above 2 %. Supports are the first
+/// reliable pixels in 16 directions, within 80 degrees. At least five must lie on the plane within 2 % of their depth
+/// (uncertain ones 6 %), three of which surround the pixel; planes of other pixels are taken if they explain its
+/// surroundings better. Supports in front of the plane count less against it than those behind.
+///
+/// Other pixels get (0, 0, 0) or, with `prior_depth` (see Keyframe), its plane in and around a cell of 1/160 of the
+/// width, corrected by the supports around: at least three, with 60 % of the weight, must agree on the correction
+/// within 10 %. Planes lie within `range`, their normals within 80 degrees of the ray. Throws InvalidInput if sizes
+/// differ or the number of `neighbours` is wrong.
 PMSP_API PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama,
                                const std::vector<KeyframePose>& neighbours, const DepthRange& range,
                                const Executor& executor, ImageView<const float> prior_depth = {},
                                double lens_distance = 0.0);
 
-/// Takes off `map`'s scores what `priors` have added in patchmatch(), up to 0.3; then they are cut off at 0 and 1. That
-/// a plane agrees with a prior helps to choose it, and helps the median filters; it says nothing of how exact it is.
-/// `map`: after the median filters; what consistency_filter tells of its errors is right only then. Throws InvalidInput
-/// when the sizes differ.
+/// Subtracts the bonus of `priors` in patchmatch() from the scores and clamps them to 0 to 1: agreement with a prior
+/// helps selection and median filters, but is no evidence of accuracy. To be called after the median filters and before
+/// consistency_filter. Throws InvalidInput if sizes differ.
 PMSP_API PlaneMap scores_without_priors(const PlaneMap& map, const PlaneMap& priors, const Executor& executor);
 
 struct FilterStats {
@@ -254,123 +230,114 @@ struct FilterStats {
   std::int64_t after = 0;
 };
 
-/// Drops depths that deviate from the median of their 3 x 3 neighbourhood (around the seam and over the poles too) or
-/// whose photometric score is too low. What stays keeps its plane; scores below 0 become 0. Throws InvalidOption.
+/// Drops planes whose depth deviates from the median of 3 x 3 pixels (also across seam and poles) or whose photometric
+/// score is too low. Scores below 0 become 0. Throws InvalidOption.
 PMSP_API PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, const Executor& executor,
                                 FilterStats* stats = nullptr);
 
-/// Moves depth edges to where the image has them: each pixel that is off by more than 0.5 % takes the plane that gives
-/// the weighted median of the depths around it (13 x 13 pixels, every other one; towards the poles wider). Planes count
-/// the more the more similar their pixels' colours are, the nearer they are, and the better they match. Pixels without
-/// a plane get one, but for those that `panorama`'s mask forbids. `map`: after the median filter. Source: Ma et al.
-/// 2013, "Constant time weighted median filtering for stereo matching and beyond". Throws InvalidInput when the sizes
-/// differ.
+/// Moves depth edges to image edges: each pixel that deviates by more than 0.5 % gets the plane of the weighted median
+/// of the depths around it (every other of 13 x 13 pixels, wider towards the poles), weighted by colour, distance and
+/// score. Unmasked pixels without a plane get one. `map`: after the median filter. Reference: Ma et al. 2013, "Constant
+/// time weighted median filtering for stereo matching and beyond". Throws InvalidInput if sizes differ.
 PMSP_API PlaneMap weighted_median_filter(const PlaneMap& map, const Panorama& panorama, const Executor& executor);
 
-/// Drops depths on which fewer than `options.min_views` maps agree, `map` included; where fewer maps are at hand than
-/// `options.window`, in proportion, and where the surfaces of some hide the point, as many as could see it (at least
-/// one other). Drops also what as much speaks against as for: a map speaks against a depth if its surface lies clearly
-/// behind the point, so that it has looked through it. Maps speak with the inverse fourth power of their camera's
-/// distance from the point. A depth with others behind it on both sides is that of a thin thing: there a map may show
-/// it up to two pixels beside its place. Returns confidences, 0 = dropped. They are made of the expected error (see
-/// DepthMap), which grows with the spread of the maps that agree, with the deviation from the planes around, with what
-/// a pixel of parallax is worth in depth and with the error of the poses, and falls with the share of maps that agree,
-/// of those that could see the point, and with `map`'s photometric score. A point agrees with another map if that map's
-/// surface in the point's direction is as far, within `options.max_relative_depth`. Without any other map confidences
-/// are the scores. `map`, `others`: after the median filter, `map` with scores_without_priors; at most 30 others.
-/// `pose_error`: of `map`'s keyframe, see Keyframe; 0 for the confidences that fuse_pixels and range_map take. Throws
-/// InvalidOption, and InvalidInput when the maps differ in size.
+/// Compares a plane map with others along the ray and returns confidences, 0 = dropped. `map`, `others`: after the
+/// median filters, `map` after scores_without_priors; at most 30 others. `pose_error`: see Keyframe; 0 for confidences
+/// that are passed to fuse_pixels and range_map.
+///
+/// A map agrees with a point if its surface in that direction is as far within `options.max_relative_depth`, and
+/// contradicts it if clearly farther (seen through). A point needs the agreement of `options.min_views` maps, `map`
+/// included, or of all that do not hide it, at least one other (in proportion with fewer maps than `options.window`),
+/// and more weight of these than of contradictions; weights are the inverse fourth power of the distance of camera and
+/// point. Thin structures, in front of the pixels on both sides, may be up to two pixels off in other maps.
+///
+/// Confidence follows from the expected error (see DepthMap): spread of agreeing maps, deviation of surrounding planes,
+/// depth resolution at the parallax, `pose_error`, share of agreeing among unhidden maps, photometric score. Without
+/// other maps it is the score. Throws InvalidOption; InvalidInput if sizes differ.
 PMSP_API Image<float> consistency_filter(const PlaneMap& map, const std::vector<const PlaneMap*>& others,
                                          const ConsistencyFilterOptions& options, const Executor& executor,
                                          FilterStats* stats = nullptr, double pose_error = 0.0,
                                          double lens_distance = 0.0);
 
-/// How far a keyframe has seen: what is kept of its depth map for the rest of the mission, two bytes a pixel. One cell
-/// stands for 2 x 2 pixels.
+/// Range map of a keyframe for the free-space test, with cells of 2 x 2 pixels: two bytes per pixel.
 struct RangeMap {
   std::int64_t keyframe_id = 0;
-  RigidTransform cam_from_world;  ///< as it was when the keyframe was added
-  Image<float> nearest;           ///< smallest depth in the cell [keyframe's unit]; 0 = none known
+  RigidTransform cam_from_world;  ///< pose when the keyframe was added
+  Image<float> nearest;           ///< smallest depth in the cell [keyframe's unit]; 0 = none
   Image<float> farthest;          ///< largest depth
-  double scale = 1.0;             ///< the keyframe's unit in scene units
+  double scale = 1.0;             ///< the keyframe's unit in map units
 };
 
-/// `map`, of even size; `confidence`: from the consistency filter, 0 = no depth.
+/// `map`: of even size. `confidence`: of consistency_filter, 0 = no depth.
 PMSP_API RangeMap range_map(const PlaneMap& map, const Image<float>& confidence, const Executor& executor);
 
-/// A keyframe's map on its way through fusion; its images have one size.
+/// Input of fuse_pixels; images of one size.
 struct FusionMap {
-  const PlaneMap* map = nullptr;             ///< its own pose is not looked at
-  const Image<float>* confidence = nullptr;  ///< from the consistency filter, 0 = no depth
+  const PlaneMap* map = nullptr;             ///< its pose is ignored
+  const Image<float>* confidence = nullptr;  ///< of consistency_filter, 0 = no depth
   const Image<Rgb>* color = nullptr;
   KeyframePose pose;
-  double pose_error = 0.0;  ///< see Keyframe; part of the confidence of the current keyframe's points
+  double pose_error = 0.0;  ///< see Keyframe; used for the current keyframe
 };
 
-/// The points of a keyframe's pixels, and all that is kept of the keyframe until it is known which of them stay: with
-/// windows of up to 9 maps 10 bytes a pixel (up to 17: 11), of which others read the first five. Encoded as
-/// kernels/surfel.h says.
+/// Points of a keyframe before free-space test and duplicate removal, encoded as in kernels/surfel.h: 10 bytes per
+/// pixel with windows of up to 9 maps (11 up to 17), of which other keyframes read `surfels` and `standings`.
 struct SurfelMap {
   std::int64_t keyframe_id = 0;
   Image<std::uint32_t> surfels;          ///< depth (to 0.013 %) and normal (2 degrees); 0 = no point
-  Image<std::uint8_t> standings;         ///< confidence, and whether the pixel makes a point; so far all do
-  Image<std::uint32_t> details;          ///< colour, confidence in the keyframe's own map, the rest of the normal
-  std::vector<std::uint8_t> agree;       ///< `agree_bytes()` for each pixel, the lowest first; bit k: window_ids[k]
-  std::vector<std::int64_t> window_ids;  ///< keyframe ids of the other maps
+  Image<std::uint8_t> standings;         ///< confidence, and status: open
+  Image<std::uint32_t> details;          ///< colour, confidence of the depth map, low bits of the normal
+  std::vector<std::uint8_t> agree;       ///< `agree_bytes()` per pixel, little endian; bit k: window_ids[k]
+  std::vector<std::int64_t> window_ids;  ///< other keyframes of the fusion window
   int agree_bytes() const { return static_cast<int>((window_ids.size() + 7) / 8); }
 };
 
-/// Makes a point of each pixel of `window[current]` whose confidence is at least `options.min_confidence`, and that
-/// gives way to none around (`options.suppression`): depth, normal and colour are averages over the maps that agree,
-/// weighted with the inverse square of their expected errors (confidence, times the distance). `window`: 33 maps at
-/// most, of one size. Throws InvalidOption, and InvalidInput when sizes differ, something is missing, a scale is out of
-/// range or `current` is not in the window.
+/// Returns a point for each pixel of `window[current]` with a confidence of at least `options.min_confidence` that is
+/// not suppressed (`options.suppression`). Depth, normal and colour are averages over agreeing maps, weighted by the
+/// inverse square of the expected error (from confidence, times distance). `window`: at most 33 maps of one size.
+/// Throws InvalidOption; InvalidInput if sizes differ, data are missing, or a scale or `current` is out of range.
 PMSP_API SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
                                const Executor& executor, double lens_distance = 0.0);
 
-/// A keyframe that is asked about another one's points.
+/// Viewer of the free-space test.
 struct RangeMapFrom {
-  const RangeMap* ranges = nullptr;  ///< its own pose is not looked at
+  const RangeMap* ranges = nullptr;  ///< its pose is ignored
   KeyframePose pose;
 };
 
-/// Removes floaters: points that other keyframes have looked through. Each viewer has the point on its surface (within
-/// `max_relative_depth`), or has seen a surface behind it (farther than `min_relative_gap` behind), or has no say. Both
-/// sides are added up, each keyframe with the inverse fourth power of its distance from the point, the point's own one
-/// among those that confirm; a point stays while what speaks against it is at most `max_contradiction` of what speaks
-/// for it. What stays has its confidence scaled by the share that speaks for it. What mirrors show goes as well
-/// (kernels/mirror.h).
+/// Free-space test: returns the status of all pixels, open or none for removed points. A viewer confirms a point on its
+/// surface (within `max_relative_depth`) and contradicts it if its surface is farther (by more than
+/// `min_relative_gap`). Weights are the inverse fourth power of the distance from the point; the keyframe itself
+/// confirms. Points are removed if contradictions exceed `max_contradiction` times the confirmations, and if they are
+/// mirror images (kernels/mirror.h). Confidence is multiplied by the confirming share.
 ///
-/// Returns the standings: points that stay are open, the others make no point. May be asked again at any time, with
-/// other poses. `viewers`: of the same size. Throws InvalidOption,
-/// InvalidInput.
+/// May be repeated with other poses. `viewers`: at most 32, of the same size. Throws InvalidOption, InvalidInput.
 PMSP_API Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& pose,
                                                const std::vector<RangeMapFrom>& viewers,
                                                const FreeSpaceOptions& options, const Executor& executor,
                                                double lens_distance = 0.0);
 
-/// A keyframe's points and what has been decided of them so far.
+/// Points of a keyframe with their current status.
 struct SurfelsFrom {
-  const SurfelMap* map = nullptr;                  ///< its own standings are not looked at
-  const Image<std::uint8_t>* standings = nullptr;  ///< from fuse_pixels, free_space_filter or a round
+  const SurfelMap* map = nullptr;                  ///< its `standings` are ignored
+  const Image<std::uint8_t>* standings = nullptr;  ///< of fuse_pixels, free_space_filter or duplicate_round
   KeyframePose pose;
 };
 
-/// One round that decides which pixels of `reference` make a point. A pixel asks for eligible ones of the viewers that
-/// show the same side of the same surface within `options.spacing_px` of its own pixels and come first in the order:
-/// finer sampling (by octaves), higher confidence, smaller keyframe id. Where one of these is known to make a point the
-/// pixel makes none; where there is none left that may, it makes one; else it stays open. What is open after the last
-/// round makes a point. (Rounds as in Luby 1986, with this order in place of random numbers.)
+/// Round of duplicate removal (after Luby 1986, with ranks instead of random numbers): returns the new status of the
+/// pixels of `reference`. Duplicates of a pixel are points of the viewers on the same side of the same surface, within
+/// `options.spacing_px` of its pixels, of higher rank: finer sampling (by octaves), then higher confidence, then
+/// smaller keyframe id. A pixel is dropped if a duplicate is kept, kept if none is kept or open, else stays open.
+/// Pixels that are open after the last round count as kept.
 ///
-/// Returns the standings after the round. All standings that go in are those after the round before. `asked`: empty
-/// before the first round; of each pixel that is open then, in row order, bit k: viewers[k] may still own its place.
-/// `viewers`: 32 at most, in each round the same ones in the same order; those without a map are not asked. Throws
-/// InvalidOption, and InvalidInput also where `asked` does not go with the standings.
+/// All inputs have the status of the previous round. `asked`: empty before the first round; for each open pixel, in row
+/// order, bit k is set while viewers[k] may contain a duplicate. `viewers`: at most 32, the same in each round; those
+/// without map are ignored. Throws InvalidOption; InvalidInput also if `asked` does not match the status.
 PMSP_API Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& asked,
                                              const std::vector<SurfelsFrom>& viewers, const FusionOptions& options,
                                              const Executor& executor, double lens_distance = 0.0);
 
-/// The points that a keyframe makes, in the order of its pixels, with their keys. Needs all of the map.
+/// Returns the kept and open points of a keyframe, in the order of its pixels, with their keys. Needs the complete map.
 PMSP_API KeyframeCloud kept_points(const SurfelsFrom& points, double lens_distance = 0.0);
 
 }  // namespace pmsp

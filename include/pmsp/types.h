@@ -12,7 +12,7 @@
 
 namespace pmsp {
 
-/// One 8-bit colour. Memory order is red, green, blue, without padding (3 bytes).
+/// 8-bit colour; in memory red, green, blue without padding (3 bytes).
 struct Rgb {
   std::uint8_t r = 0;
   std::uint8_t g = 0;
@@ -23,21 +23,19 @@ static_assert(sizeof(Rgb) == 3, "Rgb is read from and written to packed image ro
 inline bool operator==(const Rgb& a, const Rgb& b) { return a.r == b.r && a.g == b.g && a.b == b.b; }
 inline bool operator!=(const Rgb& a, const Rgb& b) { return !(a == b); }
 
-/// A rectangle of pixels that someone else owns: row-major, `height` rows of `width` elements, row y starts at
-/// `data + y * stride`. An empty view (`data == nullptr`) means "not given".
+/// Non-owning view of a row-major image; row y starts at `data + y * stride`. Empty = not given.
 template <class T>
 struct ImageView {
   T* data = nullptr;
   int width = 0;              ///< [px]
   int height = 0;             ///< [px]
-  std::ptrdiff_t stride = 0;  ///< elements from one row to the next, >= width
+  std::ptrdiff_t stride = 0;  ///< elements between the starts of rows, >= width
 
   ImageView() = default;
   ImageView(T* pixels, int w, int h) : ImageView(pixels, w, h, w) {}
   ImageView(T* pixels, int w, int h, std::ptrdiff_t row_stride)
       : data(pixels), width(w), height(h), stride(row_stride) {}
 
-  /// A view of mutable pixels converts to a view of const ones.
   operator ImageView<const T>() const { return {data, width, height, stride}; }  // NOLINT(google-explicit-constructor)
 
   bool empty() const { return data == nullptr || width <= 0 || height <= 0; }
@@ -45,12 +43,12 @@ struct ImageView {
   T& operator()(int x, int y) const { return data[y * stride + x]; }
 };
 
-/// Owns a row-major image without row padding; element (x, y) is `pixels()[y * width() + x]`.
+/// Row-major image without padding; element (x, y) is `pixels()[y * width() + x]`.
 template <class T>
 class Image {
  public:
   Image() = default;
-  /// Elements are copies of `fill`. Fixed-size Eigen vectors have no initial value of their own: give them one.
+  /// Elements are copies of `fill`, to be given for Eigen vectors, which have no initial value.
   Image(int width, int height, const T& fill = T())
       : width_(width),
         height_(height),
@@ -82,12 +80,11 @@ class Image {
   std::vector<T> pixels_;
 };
 
-/// A rotation and a translation, named `target_from_source` wherever it is used: x_target = rotation * x_source +
-/// translation. Plain 3x3 matrix and 3-vector on purpose: their alignment does not depend on the compiler flags of the
-/// program that links the library, as that of Eigen's quaternions and 4x4 matrices does.
+/// Rigid transform, named `target_from_source`: x_target = rotation * x_source + translation. A 3x3 matrix, since the
+/// alignment of Eigen's quaternions and 4x4 matrices depends on compiler flags.
 struct RigidTransform {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< orthonormal, determinant +1
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< [scene units]
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< [map units]
 
   Eigen::Vector3d operator*(const Eigen::Vector3d& x) const { return rotation * x + translation; }
 
@@ -98,119 +95,106 @@ struct RigidTransform {
 
   RigidTransform inverse() const { return {rotation.transpose(), -(rotation.transpose() * translation)}; }
 
-  /// Origin of the target frame seen from the source frame; for `cam_from_world` the camera centre in the world.
+  /// Origin of the target frame in the source frame; of `cam_from_world` the camera centre in the world.
   Eigen::Vector3d center() const { return -(rotation.transpose() * translation); }
 };
 
-/// Whether all numbers are the same, without tolerance.
+/// Exact equality.
 inline bool operator==(const RigidTransform& a, const RigidTransform& b) {
   return a.rotation == b.rotation && a.translation == b.translation;
 }
 inline bool operator!=(const RigidTransform& a, const RigidTransform& b) { return !(a == b); }
 
-/// How far a keyframe's unit of length may be from that of the world, either way.
+/// Maximum of KeyframePose::scale; the minimum is its inverse.
 constexpr double kMaxScale = 1e3;
 
-/// Where a keyframe is, and how long its unit of length is in the unit of the world: a point X of its camera frame is
-/// at world_from_cam * (scale * X). A loop closure of a monocular SLAM changes both.
+/// Pose and unit of a keyframe: a point X of its frame is at world_from_cam * (scale * X). Loop closures change both.
 struct KeyframePose {
   RigidTransform cam_from_world;  ///< translation in the world's unit
-  double scale = 1.0;             ///< 1 / kMaxScale to kMaxScale
+  double scale = 1.0;             ///< keyframe's unit in world units, 1 / kMaxScale to kMaxScale
 };
 
-/// Whether all numbers are the same, without tolerance.
+/// Exact equality.
 inline bool operator==(const KeyframePose& a, const KeyframePose& b) {
   return a.cam_from_world == b.cam_from_world && a.scale == b.scale;
 }
 inline bool operator!=(const KeyframePose& a, const KeyframePose& b) { return !(a == b); }
 
-/// How far from the origin cameras and landmarks may lie [scene units].
+/// Maximum distance of cameras and landmarks from the origin [map units].
 constexpr double kMaxPosition = 1e12;
 
-/// A sparse point of the SLAM map, as one keyframe observes it.
+/// Sparse point of the SLAM map.
 struct Landmark {
-  std::int64_t id = 0;                                       ///< the same in all keyframes that observe it
-  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();  ///< within kMaxPosition [scene units]
+  std::int64_t id = 0;                                       ///< common to all keyframes that observe it
+  Eigen::Vector3d position_world = Eigen::Vector3d::Zero();  ///< within kMaxPosition [map units]
 };
 
-/// What a SLAM hands over for one keyframe: a full 360° x 180° equirectangular image, its pose, and the landmarks that
-/// it observes.
+/// Keyframe of a SLAM: full 360° x 180° equirectangular image, pose, observed landmarks.
 ///
-/// Conventions: camera axes x right, y down, z forward. With u = column + 0.5, v = row + 0.5 the centre of a pixel lies
-/// at longitude (u / width - 0.5) * 2 pi and latitude (0.5 - v / height) * pi, its bearing is (cos lat sin lon,
-/// -sin lat, cos lat cos lon). stella_vslam and OpenVSLAM place centres at whole numbers instead: poses taken straight
-/// from them go through `cam_from_slam_cam` (pmsp/camera.h) first; the map readers of pmsp_io have done so already.
+/// Camera axes: x right, y down, z forward. With u = column + 0.5, v = row + 0.5 the centre of a pixel has longitude
+/// (u / width - 0.5) * 2 pi, latitude (0.5 - v / height) * pi and bearing (cos lat sin lon, -sin lat, cos lat cos lon).
+/// Poses of stella_vslam and OpenVSLAM, which place centres at whole numbers, must be corrected by `cam_from_slam_cam`
+/// (pmsp/camera.h), except those of the map readers of pmsp_io.
 struct Keyframe {
   std::int64_t id = 0;
-  double timestamp = 0.0;         ///< [s]
-  RigidTransform cam_from_world;  ///< a rotation, and a translation within kMaxPosition [scene units]
-  std::vector<Landmark> landmarks;
-  ImageView<const Rgb> image;          ///< even width from 16, even height from 8; only read during the call
-                                       ///< that it is given to
-  ImageView<const std::uint8_t> mask;  ///< 0 = ignore, any other = use; size of `image`; empty = use all
-  /// Depth along each pixel's ray from elsewhere, such as a lidar or a network [scene units]; 0, or what is not finite
-  /// = none. Of any size from 16 x 8; empty = there is none; only read during the call. It is proposed where there is
-  /// little texture and nothing better is known, and believed where images or other keyframes agree (plane_priors);
-  /// align_prior_depth (pmsp/calibration.h) brings other units into scene units.
+  double timestamp = 0.0;              ///< [s]
+  RigidTransform cam_from_world;       ///< translation within kMaxPosition [map units]
+  std::vector<Landmark> landmarks;     ///< observed ones
+  ImageView<const Rgb> image;          ///< even width >= 16, even height >= 8; read only during the call
+  ImageView<const std::uint8_t> mask;  ///< 0 = ignored, else used; size of `image`; empty = all used
+  /// Depth along the rays from a lidar, a network or another reconstruction [map units]; 0 or not finite = none. At
+  /// least 16 x 8; empty = none; read only during the call. Gives prior planes to pixels with little texture, which
+  /// images or other keyframes must confirm (plane_priors). For other units see align_prior_depth (pmsp/calibration.h).
   ImageView<const float> prior_depth;
 
-  /// How exactly the pose is known, as an error of directions [rad], 0 to 1: the median angle between where landmarks
-  /// are observed and where they lie, over the root of their number. It tells what neighbouring keyframes cannot, since
-  /// they share it, and is part of each depth's expected error. 0 = exact, or not known.
+  /// Expected error of directions due to the pose [rad], 0 to 1: median reprojection angle of the landmarks over the
+  /// root of their number. Added to the expected error of depths. 0 = exact or unknown.
   double pose_error = 0.0;
 
-  /// The unit of all that is made of the keyframe (planes, depths, points) in scene units, 1 / kMaxScale to kMaxScale,
-  /// see KeyframePose. What is given is in scene units all the same.
+  /// Unit of the results (planes, depths, points) in map units, see KeyframePose. Inputs are in map units.
   double scale = 1.0;
-  KeyframePose pose() const { return {cam_from_world, scale}; }  ///< pose and unit
+  KeyframePose pose() const { return {cam_from_world, scale}; }
 };
 
-/// Dense geometry of one keyframe. The three images have one size, cover the whole sphere (pixel centres as in
-/// pmsp::Keyframe) and are indexed (column, row).
+/// Depth, normals and confidence of a keyframe: full-sphere images of one size, see Keyframe, indexed (column, row).
 struct DepthMap {
   std::int64_t keyframe_id = 0;
-  RigidTransform cam_from_world;  ///< as it was when the keyframe was added
-  /// Euclidean distance along the bearing [keyframe's unit] from the camera's centre, or from the lens where it has two
-  /// (DensifierOptions::lens_distance); 0 = no estimate.
+  RigidTransform cam_from_world;  ///< pose when the keyframe was added
+  /// Distance along the ray from the centre, or lens (DensifierOptions::lens_distance) [keyframe's unit]; 0 = none.
   Image<float> depth;
   Image<Eigen::Vector3f> normal;  ///< unit, camera frame, facing the camera; (0, 0, 0) where depth is 0
-  /// 0 (none) to 1; 0 where depth is 0. Straight from PatchMatch it is the photometric score (NCC), and it stays that
-  /// where the consistency filter is off or has no other map to look at. After that filter it says how far the depth
-  /// may be off: a confidence c stands for an expected relative error (median) of 0.5 % * (1 - c) / c, so 0.5 for 0.5
-  /// %, 0.8 for 0.13 % and 0.1 for 4.5 %.
+  /// 0 to 1; 0 where depth is 0. After the consistency filter, a confidence c corresponds to an expected (median)
+  /// relative error of 0.5 % * (1 - c) / c: 0.5 to 0.5 %, 0.8 to 0.13 %, 0.1 to 4.5 %. Before it, if it is disabled or
+  /// without other depth maps, the photometric score (NCC).
   Image<float> confidence;
-  double scale = 1.0;  ///< the keyframe's unit in scene units
+  double scale = 1.0;  ///< the keyframe's unit in map units
 };
 
-/// One point of a dense cloud.
+/// Point of a dense cloud.
 struct CloudPoint {
-  Eigen::Vector3f position = Eigen::Vector3f::Zero();  ///< frame and unit as the owner says
+  Eigen::Vector3f position = Eigen::Vector3f::Zero();  ///< in frame and unit of the container
   Eigen::Vector3f normal = Eigen::Vector3f::Zero();    ///< unit, facing the camera, same frame as `position`
   Rgb color;
-  std::uint8_t views = 0;   ///< number of keyframes whose depth maps agree on the point, saturating at 255
+  std::uint8_t views = 0;   ///< number of keyframes with agreeing depth maps, saturating at 255
   float confidence = 0.0F;  ///< 0 to 1
 };
 
-/// The points that one keyframe contributes, in that keyframe's camera frame. Because they stay attached to their
-/// keyframe, a loop closure or a bundle adjustment moves them without matching anything again: transform with the new
-/// pose (`transform_points`).
+/// Points of a keyframe in its camera frame: after pose updates only `transform_points` is needed, no matching.
 struct KeyframeCloud {
   std::int64_t keyframe_id = 0;
-  RigidTransform cam_from_world;  ///< as it was when the keyframe was added; translation in the world's unit
+  RigidTransform cam_from_world;  ///< pose when the keyframe was added
   std::vector<CloudPoint> points;
-  double scale = 1.0;  ///< the unit of `points` in the world's unit, see KeyframePose
+  double scale = 1.0;  ///< unit of `points` in world units, see KeyframePose
   KeyframePose pose() const { return {cam_from_world, scale}; }
 
-  /// Of each point the pixel of the keyframe's depth map that it stands for, row x width + column, ascending. With the
-  /// keyframe's id a key that stays the same whatever happens to other points. Empty where nobody knows.
+  /// Pixels of the points, row x width + column, ascending; with the keyframe id a persistent key. Empty = unknown.
   std::vector<std::uint32_t> pixels;
-  /// Of each point: bit k is set where the depth map of keyframe `window_ids[k]` agrees. Empty where nobody knows.
+  /// For each point bit k: the depth map of keyframe `window_ids[k]` agrees. Empty = unknown.
   std::vector<std::uint32_t> agree;
-  std::vector<std::int64_t> window_ids;  ///< the other keyframes that the points were joined with, 32 at most
+  std::vector<std::int64_t> window_ids;  ///< other keyframes of the fusion window, at most 32
 };
 
-/// The cloud's points in world coordinates with the keyframe at `pose`: the cloud's own one, or a newer one from a loop
-/// closure or a bundle adjustment. Positions are rounded to single precision.
+/// Returns the points in world coordinates, in single precision, with the keyframe at the current `pose`.
 PMSP_API std::vector<CloudPoint> transform_points(const KeyframeCloud& cloud, const KeyframePose& pose);
 
 }  // namespace pmsp

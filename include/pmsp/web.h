@@ -13,50 +13,49 @@
 #include "pmsp/io/cloud.h"
 #include "pmsp/live.h"
 
-// A live map in a browser: the library pmsp_web.
+// Live map in a browser (library pmsp_web).
 namespace pmsp {
 
-/// Address and limits of a server.
+/// Address and limits of an HTTP server.
 struct HttpOptions {
   std::string address = "127.0.0.1";
-  std::uint16_t port = 0;        ///< 0 = one that is free
-  std::size_t connections = 64;  ///< at once; where there are more, those go first that have not shown the token
-  std::size_t header_bytes = 8192;
-  std::chrono::milliseconds for_headers{10'000};  ///< until a request is there
-  std::chrono::milliseconds for_chunk{20'000};    ///< until the client has taken the next 64 KiB
-  std::chrono::milliseconds patience{10'000};
-  int nice = 0;  ///< of its thread
+  std::uint16_t port = 0;                         ///< 0 = any free port
+  std::size_t connections = 64;                   ///< maximum number; connections without token are closed first
+  std::size_t header_bytes = 8192;                ///< maximum size of request headers
+  std::chrono::milliseconds for_headers{10'000};  ///< timeout for a request
+  std::chrono::milliseconds for_chunk{20'000};    ///< timeout for the transfer of 64 KiB
+  std::chrono::milliseconds patience{10'000};     ///< maximum hold time of requests for changes (long polling)
+  int nice = 0;                                   ///< niceness added to its thread
 };
 
-/// Where the points of a live map come from: of a LiveDensifier, its members of these names.
+/// Source of a live map, as the members of LiveDensifier.
 struct LiveSource {
   std::function<LiveChanges(LiveVersion since)> changes_since;
   std::function<std::shared_ptr<const LiveSnapshot>()> snapshot;
 };
 
-/// A keyframe of the flight, with or without points.
+/// Keyframe of the trajectory, with or without points.
 struct LivePlace {
   std::int64_t id = 0;
   RigidTransform cam_from_world;
 };
 
-/// What the page is told once.
+/// Metadata of the page.
 struct LivePage {
   std::string title = "live map";
-  std::string unit;  ///< of lengths; "" = those of a map without scale
+  std::string unit;  ///< unit of lengths; "" = map units
   Similarity file_from_map;
 };
 
-/// A page that shows a live map while it is made. Browsers ask for what has changed since they asked last, and fetch
-/// the points of keyframe after keyframe: nothing is sent that nobody has asked for, and who makes the map waits for
-/// nobody. All members may be called from any thread.
+/// Server of a page that shows a live map. Browsers poll for changes and fetch points by keyframe; the source of the
+/// map never waits for them. All members may be called from any thread.
 ///
 ///     pmsp::LiveDensifier live(options);
 ///     pmsp::LiveServer server({}, live);
 ///     std::cerr << server.url() << "\n";
 class PMSP_API LiveServer {
  public:
-  /// Throws InvalidOption for an address that is none, OutputError where it cannot be had.
+  /// Throws InvalidOption if the address is invalid, OutputError if it is not available.
   LiveServer(const HttpOptions& options, LiveSource source);
   /// `live` must outlive the server.
   LiveServer(const HttpOptions& options, const LiveDensifier& live);
@@ -64,14 +63,11 @@ class PMSP_API LiveServer {
   LiveServer(const LiveServer&) = delete;
   LiveServer& operator=(const LiveServer&) = delete;
 
-  /// With the token, without which nothing is answered.
-  std::string url() const;
+  std::string url() const;  ///< with the token that all requests need
 
-  /// What is shown, and the flight as far as it is known; without one, it is that of the keyframes with points.
-  void set_page(LivePage page, std::vector<LivePlace> flight);
-  /// Where the camera is now, and how it is turned.
-  void set_camera(const RigidTransform& cam_from_world);
-  /// No more will come. Waits until those who look have been told, and have fetched all, at most so long.
+  void set_page(LivePage page, std::vector<LivePlace> flight);  ///< `flight`: trajectory; empty = keyframes with points
+  void set_camera(const RigidTransform& cam_from_world);        ///< sets the current pose
+  /// Announces the end of the map and blocks until all browsers have fetched it, or `at_most` has elapsed.
   void finish(std::chrono::milliseconds at_most);
 
  private:

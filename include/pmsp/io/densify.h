@@ -17,51 +17,49 @@
 
 namespace pmsp {
 
-/// What `calibrate_camera` estimates.
+/// Results of calibrate_camera.
 struct CalibrationOptions {
-  bool lenses = true;  ///< the distance of the camera's two lenses
-  bool rig = true;     ///< what the camera carries along
+  bool lenses = true;  ///< distance of the camera's two lenses
+  bool rig = true;     ///< rig mask
 };
 
-/// Properties of a mission's camera.
+/// Lens distance and rig of a mission's camera.
 struct CameraCalibration {
   std::optional<LensDistance> lenses;  ///< nullopt = not estimated
   RigMask rig;
 };
 
-/// Estimates them from at most 24 images (keyframes_for_lens_distance; of a video its beginning). `images`: of all
-/// keyframes, before the first `next`. `masks`: nullptr = use all pixels. Returns nullopt where one of the images, or
-/// its mask, cannot be read. The result does not depend on the executor.
+/// Estimates lens distance and rig from at most 24 images (keyframes_for_lens_distance; the beginning of a video).
+/// `images`: of all keyframes, before the first `next`. `masks`: nullptr = all pixels used. Returns nullopt if one of
+/// the images or its mask cannot be read. The result does not depend on the executor.
 PMSP_API std::optional<CameraCalibration> calibrate_camera(const SlamMap& map, const ImageSource& images,
                                                            MaskSource* masks, const CalibrationOptions& options,
                                                            const Executor& executor);
 
-/// What `densify` may be told besides.
+/// Optional arguments of densify().
 struct DensifyExtras {
-  MaskSource* masks = nullptr;  ///< pixels to ignore; nullptr = those of alpha channels. The rig is added
-  /// Folder of depth images, named as those of the images in `image_folder`; "" = none. See Keyframe::prior_depth.
+  MaskSource* masks = nullptr;  ///< nullptr = alpha channels; the rig is added
+  /// Directory of depth images, named after the images in `image_folder`; "" = none. See DepthFolder.
   std::filesystem::path prior_depth;
   std::filesystem::path image_folder;
-  bool verify = true;  ///< check the map's conventions and poses, and that the images belong to their keyframes
-  std::function<void(const std::string&)> warning;  ///< of what may be wrong with the result
-  CalibrationOptions calibrate;                     ///< `lenses` only where DensifierOptions::lens_distance is 0
-  /// Called after each keyframe: how many have come, of how many that are expected. Where it returns false, the work
-  /// ends early, and what has been handed out stays.
+  bool verify = true;  ///< check conventions and poses of the map, and the pairing of images and keyframes
+  std::function<void(const std::string&)> warning;  ///< receives warnings
+  CalibrationOptions calibrate;                     ///< `lenses` applies if DensifierOptions::lens_distance is 0
+  /// Called after each keyframe: processed and expected number. False ends the work; delivered results stay valid.
   std::function<bool(std::size_t done, std::size_t all)> progress;
 };
 
-/// A mission from its map and images to points, the same as `pmsp-densify run` makes: landmarks from the images where
-/// the map has none, lens distance and rig mask from some of them, then a Densifier that is given each keyframe with
-/// its pose, landmarks, mask and prior depth (with Quality::kPaper the tool leaves `calibrate.lenses` out). `images`:
-/// before the first `next`. `callbacks`: see DensifierCallbacks. Skips images that cannot be read, with a warning.
+/// Computes the points of a mission, as `pmsp-densify run` does: triangulates landmarks from the images if the map has
+/// none, estimates lens distance and rig mask (the tool, with Quality::kPaper, no lens distance), and passes all
+/// keyframes with mask and prior depth to a Densifier. `images`: before the first `next`. Images that cannot be read
+/// are skipped with a warning.
 ///
-/// Throws InvalidInput where the map's conventions, poses or images evidently are not what they should be (`verify`),
-/// landmarks can neither be read nor made, or no image can be read; and what Densifier throws.
+/// Throws InvalidInput if conventions, poses or pairing are wrong (`verify`), there are no landmarks, or no image can
+/// be read; and the exceptions of Densifier.
 PMSP_API DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierOptions& options,
                                 const DensifierCallbacks& callbacks, const DensifyExtras& extras = {});
 
-/// The same into files: gives `output` the cloud of each keyframe. It is left to the caller to commit it. Throws
-/// OutputError, too.
+/// Adds the points to `output`, which the caller must commit. Also throws OutputError.
 PMSP_API DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierOptions& options,
                                 CloudOutput& output, const DensifyExtras& extras = {});
 
