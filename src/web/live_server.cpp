@@ -50,7 +50,9 @@ struct LiveServer::Impl {
   void set_page(LivePage page, std::vector<LivePlace> flight);
   void set_camera(const RigidTransform& cam_from_world);
   void finish(std::chrono::milliseconds at_most);
+  std::string url() const { return server_->url(); }
 
+ private:
   using Json = nlohmann::ordered_json;
 
   std::optional<HttpReply> answer(const HttpRequest& request);
@@ -88,7 +90,7 @@ LiveServer::LiveServer(const HttpOptions& options, const LiveDensifier& live)
                            [&live] { return live.snapshot(); }}) {}
 LiveServer::~LiveServer() = default;
 
-std::string LiveServer::url() const { return impl_->server_->url(); }
+std::string LiveServer::url() const { return impl_->url(); }
 void LiveServer::set_page(LivePage page, std::vector<LivePlace> flight) {
   impl_->set_page(std::move(page), std::move(flight));
 }
