@@ -9,15 +9,14 @@ namespace pmsp {
 /// Number of CPUs that this process may run on (its affinity mask), at least 1.
 PMSP_API int usable_cpus();
 
-/// Lowers the priority of the calling thread, and of those that it starts from now on: `nice` 0 to 19, as of the
-/// command; at 19 they run only when nobody else wants to (SCHED_IDLE). Elsewhere than on Linux, where a thread has
-/// none of its own, nothing happens.
+/// Lowers the priority of the calling thread and of threads that it starts later. `nice`: 0 to 19, as of the command;
+/// 19: on idle cores only (SCHED_IDLE). No effect outside Linux, where threads have no priority of their own.
 PMSP_API void run_at_low_priority(int nice);
 
-/// Whether this build holds the CUDA backend; whether a device answers is another matter.
+/// Whether CUDA is built in, with or without a device.
 PMSP_API bool has_cuda();
 
-/// The widest instruction set that this machine has and this build holds.
+/// The widest instruction set of this build and machine.
 PMSP_API Simd widest_simd();
 
 }  // namespace pmsp

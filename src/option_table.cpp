@@ -49,12 +49,11 @@ class Table {
   const char* stage_ = "";
 };
 
-#define PMSP_OPTION(field, help) \
-  table.option(                  \
-      #field, +[](DensifierOptions & o) -> auto& { return o.field; }, help)
-#define PMSP_ADVANCED_OPTION(field, help) \
-  table.option(                           \
-      #field, +[](DensifierOptions & o) -> auto& { return o.advanced.field; }, help)
+#define PMSP_OPTION_OF(owner, field, help) \
+  table.option(                            \
+      #field, +[](DensifierOptions & o) -> auto& { return owner.field; }, help)
+#define PMSP_OPTION(field, help) PMSP_OPTION_OF(o, field, help)
+#define PMSP_ADVANCED_OPTION(field, help) PMSP_OPTION_OF(o.advanced, field, help)
 
 // Defaults are those of the structs, and the quality online. What `paper` has is Surmann et al. 2022, with the figures
 // of their program where the paper gives none. What is its defect rather than its method is not repeated: a blind strip
@@ -124,7 +123,7 @@ void init(Table& table) {
       .range(0, 100)
       .paper(kOnePixel);
   PMSP_ADVANCED_OPTION(init.warp_previous, "Start from the previous depth map, moved into this keyframe");
-  PMSP_ADVANCED_OPTION(init.chain_keyframes, "Begin that anew for each stretch of so many keyframe ids; 0 = never")
+  PMSP_ADVANCED_OPTION(init.chain_keyframes, "Restart that with each block of so many keyframe ids; 0 = never")
       .unit("ids")
       .range(0, 100000)
       .paper(0);
@@ -249,7 +248,7 @@ void fusion(Table& table) {
 void free_space(Table& table) {
   table.stage("Free space");
   PMSP_ADVANCED_OPTION(free_space.enabled, "Remove points that other keyframes have looked through").paper(0);
-  PMSP_ADVANCED_OPTION(free_space.views, "Keyframes that are asked about each keyframe's points")
+  PMSP_ADVANCED_OPTION(free_space.views, "Viewers of each keyframe's points")
       .unit("keyframes")
       .range(1, kernels::kMaxViewers);
   PMSP_ADVANCED_OPTION(free_space.max_relative_depth, "Deviation that still confirms a point")
@@ -272,7 +271,9 @@ void free_space(Table& table) {
       .range(1, 100000);
 }
 
+#undef PMSP_ADVANCED_OPTION
 #undef PMSP_OPTION
+#undef PMSP_OPTION_OF
 
 std::vector<OptionEntry> make_table() {
   Table table;

@@ -330,10 +330,10 @@ struct SurfelsFrom {
 /// smaller keyframe id. A pixel is dropped if a duplicate is kept, kept if none is kept or open, else stays open.
 /// Pixels that are open after the last round count as kept.
 ///
-/// All inputs have the status of the previous round. `asked`: empty before the first round; for each open pixel, in row
-/// order, bit k is set while viewers[k] may contain a duplicate. `viewers`: at most 32, the same in each round; those
-/// without map are ignored. Throws InvalidOption; InvalidInput also if `asked` does not match the status.
-PMSP_API Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& asked,
+/// All inputs have the status of the previous round. `candidates`: empty before the first round; for each open pixel,
+/// in row order, bit k is set while viewers[k] may contain a duplicate. `viewers`: at most 32, the same in each round;
+/// those without map are ignored. Throws InvalidOption; InvalidInput also if `candidates` does not match the status.
+PMSP_API Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& candidates,
                                              const std::vector<SurfelsFrom>& viewers, const FusionOptions& options,
                                              const Executor& executor, double lens_distance = 0.0);
 

@@ -19,7 +19,7 @@ HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used
   const double side = cube_size_for(
       compared_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale).width);
   const double texels = 6.0 * side * side;  // 8 bytes each in a cube map that is matched with, 2 in one put away
-  const double surfel = 2.0 * 4.0 + 2.0 + agree_bytes(options.advanced.fusion) + 4.0;  // and who is still to be asked
+  const double surfel = 2.0 * 4.0 + 2.0 + agree_bytes(options.advanced.fusion) + 4.0;  // and candidates of duplicates
   const bool waits_in_file = !options.scratch_folder.empty();
 
   HostMemory needed;

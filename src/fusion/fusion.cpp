@@ -132,7 +132,7 @@ Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& 
   return standings;
 }
 
-Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& asked,
+Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& candidates,
                                     const std::vector<SurfelsFrom>& viewers, const FusionOptions& options,
                                     const Executor& executor, double lens_distance) {
   options.validate();
@@ -158,9 +158,9 @@ Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<st
     stage.others[k] = {view_of(viewer), to.other_from_first, to.zoom, viewer.map->keyframe_id < map.keyframe_id};
   }
   const CpuProcessor on(executor, width, height);
-  Asked still{on.upload(asked), asked.size()};
+  Asked still{on.upload(candidates), candidates.size()};
   on.own(stage, still);
-  asked.assign(still.bits.get(), still.bits.get() + still.count);
+  candidates.assign(still.bits.get(), still.bits.get() + still.count);
   return standings;
 }
 

@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "io/image_reader.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
@@ -13,12 +14,7 @@ std::optional<CameraCalibration> calibrate_camera(const SlamMap& map, const Imag
   CameraCalibration result;
   if (images.keyframe_ids().empty() || (!options.lenses && !options.rig)) return result;
   const std::unique_ptr<ImageSource> source = images.again();
-  std::vector<std::int64_t> ids = keyframes_for_lens_distance(source->keyframe_ids());
-  const std::vector<std::int64_t>& all = source->keyframe_ids();
-  const bool is_video = !source->origin(all.front()).frame.empty();
-  // All before the last frame of a video is decoded.
-  if (is_video) ids.assign(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(ids.size()));
-  source->restrict_to({ids.begin(), ids.end()});
+  io::restrict_to_sample(*source);
   source->read_ahead(executor.threads());
   LensDistanceEstimator lenses;
   RigMaskEstimator rig;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "pmsp/calibration.h"
 #include "pmsp/error.h"
 
 namespace pmsp::io {
@@ -33,6 +34,15 @@ void Decoder::take_skipped(Decoded& decoded) {
   for (; listed_ < source_.skipped().size(); ++listed_, ++asked_) {
     decoded.skipped.push_back(source_.skipped()[listed_]);
   }
+}
+
+void restrict_to_sample(ImageSource& source) {
+  const std::vector<std::int64_t> all = source.keyframe_ids();
+  if (all.empty()) return;
+  std::vector<std::int64_t> some = keyframes_for_lens_distance(all);
+  const bool is_video = !source.origin(all.front()).frame.empty();
+  if (is_video) some.assign(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(some.size()));
+  source.restrict_to({some.begin(), some.end()});
 }
 
 int images_ahead(const SlamMap& map, int threads) {

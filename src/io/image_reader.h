@@ -43,6 +43,10 @@ class PMSP_API Decoder {
   std::string first_error_;
 };
 
+/// Restricts a source to the images of a calibration, at most 24 (keyframes_for_lens_distance); of a video to as many
+/// of its beginning, since all frames before the last one are decoded. Before the first `next`.
+void restrict_to_sample(ImageSource& source);
+
 /// How many images may be decoded ahead by so many threads: as many as take 512 MiB, but two at least.
 PMSP_API int images_ahead(const SlamMap& map, int threads);
 

@@ -15,6 +15,7 @@
 #include "pmsp/error.h"
 #include "pose_convention.h"
 #include "util/median_of.h"
+#include "util/percent.h"
 #include "util/thread_pool.h"
 
 namespace pmsp {
@@ -122,8 +123,6 @@ std::vector<Tally> trials(const std::vector<Views>& poses, std::size_t patches, 
   }
   return result;
 }
-
-std::string percent(double share) { return std::to_string(std::lround(100.0 * share)) + " %"; }
 
 std::string figures(const LandmarkSweep::Result& result, std::size_t patches) {
   return percent(result.share) + " of " + std::to_string(patches) +

@@ -1,20 +1,17 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "io/mission.h"
 
-#include <cmath>
 #include <utility>
 
 #include "io/landmark_sweep.h"
 #include "machine.h"
-#include "pmsp/calibration.h"
 #include "pmsp/error.h"
+#include "util/percent.h"
 
 namespace pmsp::io {
 namespace {
 
 constexpr std::size_t kClearImages = 8;  ///< decoded before a clear verdict ends the check
-
-std::string percent(double share) { return std::to_string(std::lround(100.0 * share)) + " %"; }
 
 constexpr double kSameDepth = 1.25;          ///< ratio of two depths
 constexpr float kSameDirection = 0.01F;      ///< of the width of the image
@@ -90,10 +87,6 @@ void Mission::check_poses() {
     log_.stage("comparing the poses with the images");
     check_points();
   }
-  if (!map.landmarks.empty()) return;
-  log_.warning(
-      "neither the map nor the images give landmarks; without them no keyframe gets a depth range, nor a depth map; "
-      "--points takes a PLY file with points of the same frame");
 }
 
 void Mission::sweep_landmarks() {
@@ -111,11 +104,7 @@ void Mission::sweep_landmarks() {
 /// By some images, since what a map's points project to says nothing of its poses.
 void Mission::check_points() {
   const std::unique_ptr<ImageSource> source = images->again();
-  const std::vector<std::int64_t> all = source->keyframe_ids();
-  std::vector<std::int64_t> some = keyframes_for_lens_distance(all);
-  const bool is_video = !all.empty() && !source->origin(all.front()).frame.empty();
-  if (is_video) some.assign(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(some.size()));
-  source->restrict_to({some.begin(), some.end()});
+  restrict_to_sample(*source);
   LandmarkSweep sweep(map);
   PairingVerifier pairing(map);
   show_images(*this, *source, sweep, [&](const Keyframe& keyframe) { pairing.add(keyframe.id, keyframe.image); });

@@ -47,7 +47,8 @@ class PMSP_API Mission {
   }
 
   /// Compares the poses with the images where the map proves nothing of them, and makes landmarks from all images for a
-  /// map without any (LandmarkSweep). Throws InvalidInput where poses or points do not fit the images.
+  /// map without any (LandmarkSweep); it may find none. Throws InvalidInput where poses or points do not fit the
+  /// images.
   void check_poses();
 
   /// Result of check_images().

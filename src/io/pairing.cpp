@@ -9,6 +9,7 @@
 
 #include "pairing_series.h"
 #include "pmsp/error.h"
+#include "util/percent.h"
 
 namespace pmsp {
 namespace {
@@ -43,8 +44,6 @@ const OtherPairing kOthers[] = {{"each taken for that of the keyframe before", -
                                 {"flipped top to bottom", 0, false, {false, true, false}},
                                 {"turned upside down", 0, false, {true, true, false}},
                                 {"turned by half a turn", 0, false, {false, false, true}}};
-
-std::string percent(double share) { return std::to_string(std::lround(100.0 * share)) + " %"; }
 
 }  // namespace
 

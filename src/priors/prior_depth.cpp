@@ -10,6 +10,7 @@
 #include "pmsp/stages.h"
 #include "priors/nearest_value.h"
 #include "util/median_of.h"
+#include "util/percent.h"
 
 namespace pmsp {
 namespace {
@@ -143,8 +144,6 @@ std::vector<Pair> pairs_of(ImageView<const float> values, const Keyframe& keyfra
   for (std::size_t i = 0; i < kMostLandmarks; ++i) some.push_back(pairs[i * pairs.size() / kMostLandmarks]);
   return some;
 }
-
-std::string percent(double share) { return std::to_string(std::lround(100.0 * share)) + " %"; }
 
 }  // namespace
 

@@ -136,8 +136,8 @@ class Composed {
       std::vector<RangeMapFrom> viewers;
       for (const std::int64_t id : entry.viewers)
         viewers.push_back({&ranges_[index(id)], keyframes_[index(id)].pose()});
-      surfels.back().standings =
-          free_space_filter(surfels.back(), keyframe.pose(), viewers, stages_.free_space, executor_, options_.lens_distance);
+      surfels.back().standings = free_space_filter(surfels.back(), keyframe.pose(), viewers, stages_.free_space,
+                                                   executor_, options_.lens_distance);
     }
     std::vector<std::vector<std::uint32_t>> candidates(surfels.size());
     for (int round = 0; round < ownership_rounds(options_); ++round) {

@@ -8,8 +8,8 @@
 // Whole flights through the Densifier, on the CPU and on the device. Texels and random numbers are equal, but the
 // texture units interpolate with weights of 8 bits. That moves scores a little, and where several planes score
 // nearly alike, the search then ends at another one, as it does with another seed
-// (docs/architecture.md, "Parity"). Where a bound is below 0.99 it lies between what is measured and what two seeds of one backend have
-// in common; that the device's depths are as right as the CPU's is checked besides.
+// (docs/architecture.md, "Parity"). Where a bound is below 0.99 it lies between what is measured and what two seeds of
+// one backend have in common; that the device's depths are as right as the CPU's is checked besides.
 using namespace pmsp;
 using namespace pmsp::test;
 

@@ -39,6 +39,15 @@ void MissionInput::open_images() {
   for (const std::string& warning : mask_report.warnings) progress_.warning(warning);
 }
 
+void MissionInput::check_poses() {
+  const Spent spent(time_, Busy::kImages);
+  Mission::check_poses();
+  if (!map.landmarks.empty()) return;
+  progress_.warning(
+      "neither the map nor the images give landmarks; without them no keyframe gets a depth range, nor a depth map; "
+      "--points takes a PLY file with points of the same frame");
+}
+
 void MissionInput::open_prior_depths() { prior_depths = io::PriorDepths(arguments_.prior_depth, arguments_.images); }
 
 CloudFrame MissionInput::find_frame() const {

@@ -26,6 +26,9 @@ class MissionInput : public io::Mission {
   /// Opens --images or --video, and the masks. Throws as open_image_folder, open_video and MaskSource.
   void open_images();
 
+  /// As Mission::check_poses; warns where no landmarks are found.
+  void check_poses();
+
   /// Opens --prior-depth. Throws as DepthFolder.
   void open_prior_depths();
 

@@ -22,7 +22,6 @@
 #include "given_depth.h"
 #include "interrupt.h"
 #include "live_view.h"
-#include "machine.h"
 #include "mission_input.h"
 #include "plane_keeper.h"
 #include "planned_densifier.h"
@@ -57,17 +56,14 @@ class Run {
         merge_(merge),
         live_(live),
         given_(given),
-        threads_(options.threads > 0 ? options.threads : usable_cpus()),
-        progress_(arguments.progress, arguments.quiet, arguments.verbose) {
+        progress_(arguments.progress, arguments.quiet, arguments.verbose),
+        input_(arguments, progress_, options.threads, &report_.time) {
     input_.open_prior_depths();
     std::future<double> device = start_device(options);
     warn(quality_warning(arguments));
     input_.read_map();
     input_.open_images();
-    {
-      const Spent spent(report_.time, Busy::kImages);
-      input_.check_poses();
-    }
+    input_.check_poses();
     report_.map = map_.path.string() + " (" + map_.format + ")";
     report_.images = input_.images->description();
     report_.skipped = input_.images->skipped();
@@ -243,9 +239,10 @@ class Run {
       if (step_) step_->each_image_size([this](std::int64_t id, int w, int h) { views_->set_size(id, w, h); });
       return views_->put(folder, frame_.file_from_map);
     };
-    results_ = std::make_unique<RunResults>(RunResults::Setup{arguments_, options, map_, frame_, report_.cloud,
-                                                              report_.with_image, threads_, live_, export_views},
-                                            report_.time);
+    results_ =
+        std::make_unique<RunResults>(RunResults::Setup{arguments_, options, map_, frame_, report_.cloud,
+                                                       report_.with_image, input_.threads(), live_, export_views},
+                                     report_.time);
     if (merge_ != nullptr && results_->page() != nullptr) {
       results_->page()->say("The shards have left no pictures of keyframes, and no coverage.");
     }
@@ -293,7 +290,7 @@ class Run {
       const InterruptGuard guard(nullptr);
       const std::unique_ptr<ImageSource> images = input_.images->again();
       images->restrict_to(fresh);
-      io::ImageReader reader(*images, map_, threads_, verifier_.get());
+      io::ImageReader reader(*images, map_, input_.threads(), verifier_.get());
       const std::string error =
           each_image(reader, guard, [&](std::size_t, const Keyframe& keyframe) { step_->look_at(keyframe); });
       if (!error.empty() && fresh.size() + unreadable.size() == input_.images->keyframe_ids().size())
@@ -305,7 +302,7 @@ class Run {
     if (step_->has_work()) step_->begin();
   }
 
-  void begin_reading() { images_.emplace(*input_.images, map_, threads_, verifier_.get()); }
+  void begin_reading() { images_.emplace(*input_.images, map_, input_.threads(), verifier_.get()); }
 
   void need_images(const std::vector<std::int64_t>& needed) {
     input_.images->restrict_to({needed.begin(), needed.end()});
@@ -421,9 +418,8 @@ class Run {
   const Merge* const merge_;
   LiveView* const live_;
   GivenDepths* const given_;
-  const int threads_;
   Progress progress_;
-  MissionInput input_{arguments_, progress_, threads_, &report_.time};
+  MissionInput input_;
   const SlamMap& map_ = input_.map;
   CloudFrame frame_;
   workspace::RecordedCloud recorded_;
