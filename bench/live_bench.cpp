@@ -289,7 +289,7 @@ void play(const Arguments& arguments) {
     write_cloud(*live.snapshot(), arguments.cloud + suffix);
   };
   while (!live.wait(std::chrono::milliseconds(20))) {
-    if (complete < 0.0 && live.backlog().waiting == 0 && live.backlog().unripe == 0) complete = seconds_since(last);
+    if (complete < 0.0 && live.backlog().waiting == 0 && live.backlog().unstable == 0) complete = seconds_since(last);
     write_at(at_20, 20.0, ".20s.ply");
     write_at(at_35, 35.0, ".35s.ply");
   }
@@ -301,7 +301,7 @@ void play(const Arguments& arguments) {
   }
   const LiveStats stats = live.stats();
   std::printf("%s; %zu keyframes in %.1f s, %lld used, %lld left out for being late\n", live.backend().c_str(),
-              slam.size(), flown, static_cast<long long>(stats.used), static_cast<long long>(stats.left_out_late));
+              slam.size(), flown, static_cast<long long>(stats.used), static_cast<long long>(stats.dropped_late));
   if (arguments.busy > 0) {
     std::printf("busy threads: %.0f pieces of work a second before, %.0f beside, %.0f after: %.1f %% lost\n", before,
                 beside, after, 100.0 * (1.0 - 2.0 * beside / (before + after)));
@@ -312,7 +312,7 @@ void play(const Arguments& arguments) {
               quantile(first, 0.5), quantile(first, 0.95), first.size(),
               static_cast<std::size_t>(std::count(first.begin(), first.end(), 1e9)));
   std::printf("at the last keyframe: %lld waiting, %lld unripe, %lld MiB\n", static_cast<long long>(backlog.waiting),
-              static_cast<long long>(backlog.unripe), static_cast<long long>(at_end.memory_mib));
+              static_cast<long long>(backlog.unstable), static_cast<long long>(at_end.memory_mib));
   std::printf("after it: none waits after %.1f s, nothing to do after %.1f s\n", complete, idle);
   const auto work = [](const char* when, const LiveStats& of) {
     std::printf("work %s: %lld passes, %lld keyframes matched again, %lld clouds, %lld previews\n", when,

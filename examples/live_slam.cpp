@@ -116,7 +116,7 @@ class Viewer {
     std::printf(
         "%6.1f s  keyframes: %2lld unripe, %2lld waiting, %2lld refining;  clouds drawn: %3zu preliminary, %3zu final, "
         "%4zu moved;  %6.2f million points uploaded\n",
-        seconds, static_cast<long long>(backlog.unripe), static_cast<long long>(backlog.waiting),
+        seconds, static_cast<long long>(backlog.unstable), static_cast<long long>(backlog.waiting),
         static_cast<long long>(backlog.refining), preliminary_, final_, moved_, 1e-6 * static_cast<double>(points_));
     std::fflush(stdout);
   }

@@ -129,7 +129,7 @@ struct ConsistencyFilter {
   float share;        ///< share_of_coarse_map
   float pose_error;   ///< of `map`'s keyframe [rad]
   float* confidence;  ///< without what poses add, which a keyframe's pixels have in common; 0 = no depth
-  float* told_to;     ///< with it; nullptr = not wanted
+  float* reported;    ///< with it; nullptr = not wanted
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
@@ -140,7 +140,7 @@ struct ConsistencyFilter {
     const Surface<F> surface = surface_of(plane_at<F>(map, at.index), bearing);
     const F score = min(score_at<F>(map, at.index), F(1));
     F found = score;
-    F told = score;
+    F reported = score;
     const MaskOf<F> far = surface.depth > F(1.0F / kFarLimit);
     MaskOf<F> kept = surface.known;
     if (count > 0 && any(kept)) {
@@ -169,11 +169,11 @@ struct ConsistencyFilter {
                                    score};
         const F error = expected_error(evidence, share);
         found = confidence_of_error(error);
-        told = confidence_of_error(with_pose_error(error, votes.square_gain, votes.agree, pose_error));
+        reported = confidence_of_error(with_pose_error(error, votes.square_gain, votes.agree, pose_error));
       }
     }
     store<F>(select(kept, found, F(0)), confidence + at.first, at.count);
-    if (told_to != nullptr) store<F>(select(kept, told, F(0)), told_to + at.first, at.count);
+    if (reported != nullptr) store<F>(select(kept, reported, F(0)), reported + at.first, at.count);
     counted[0] = surface.known;
     counted[1] = kept & !far;
     counted[2] = kept & far;

@@ -41,7 +41,7 @@ PMSP_HD Vec3<F> color_of(const UIntOf<F>& color) {
 struct SurfelArrays {
   std::uint32_t* surfels;
   std::uint32_t* details;
-  std::uint8_t* standings;
+  std::uint8_t* statuses;
   std::uint8_t* agree;  ///< `agree_bytes` for each pixel, the lowest first; bit k: others[k]
   int agree_bytes;
 };
@@ -50,7 +50,7 @@ struct SurfelArrays {
 struct ConstSurfelArrays {
   const std::uint32_t* surfels;
   const std::uint32_t* details;
-  const std::uint8_t* standings;
+  const std::uint8_t* statuses;
   const std::uint8_t* agree;
   int agree_bytes;
   float lens;  ///< how far in front of the camera's centre its forward lens lies
@@ -116,22 +116,22 @@ struct FusePixels {
       agree = agree | select_bits<F>(same, U(1U << static_cast<unsigned>(k)));
     }
     const F share = F(1) / weights;
-    F told = confidence;
+    F reported = confidence;
     if (pose_error > 0.0F) {
-      told = confidence_of_error(with_pose_error(error_of_confidence(confidence), square_gain, maps, pose_error));
+      reported = confidence_of_error(with_pose_error(error_of_confidence(confidence), square_gain, maps, pose_error));
     }
-    const PackedPoint<U> point = pack_point(F(depths * share), normalized(normals), Vec3<F>(share * colors), told);
+    const PackedPoint<U> point = pack_point(F(depths * share), normalized(normals), Vec3<F>(share * colors), reported);
     put(at, {select_bits<F>(known, point.surfel), select_bits<F>(known, point.detail)},
-        select_bits<F>(known, pack_standing(told, Standing::kOpen)), agree);
+        select_bits<F>(known, pack_status(reported, PointStatus::kOpen)), agree);
   }
 
  private:
   template <class F>
-  PMSP_HD void put(const Place<F>& at, const PackedPoint<UIntOf<F>>& point, const UIntOf<F>& standing,
+  PMSP_HD void put(const Place<F>& at, const PackedPoint<UIntOf<F>>& point, const UIntOf<F>& status,
                    const UIntOf<F>& agree) const {
     store<F>(point.surfel, to.surfels + at.first, at.count);
     store<F>(point.detail, to.details + at.first, at.count);
-    store_bytes<F>(standing, to.standings + at.first, 1, at.count);
+    store_bytes<F>(status, to.statuses + at.first, 1, at.count);
     std::uint8_t* const bytes =
         to.agree + static_cast<std::size_t>(at.first) * static_cast<std::size_t>(to.agree_bytes);
     for (int i = 0; i < to.agree_bytes; ++i) store_bytes<F>(agree >> (8 * i), bytes + i, to.agree_bytes, at.count);
@@ -153,7 +153,7 @@ PMSP_HD OwnedPoint owned_point(const ConstSurfelArrays& map, const GridView& gri
   point.position.z += of_lens(point.position.z, map.lens);
   point.normal = normal_of(packed);
   for (unsigned i = 0; i < 3; ++i) point.color[i] = static_cast<std::uint8_t>(packed.detail >> (8U * i));
-  point.confidence = confidence_of_level<float>(static_cast<std::uint32_t>(map.standings[pixel]) >> 2U);
+  point.confidence = confidence_of_level<float>(static_cast<std::uint32_t>(map.statuses[pixel]) >> 2U);
   const std::uint8_t* const agree =
       map.agree + static_cast<std::size_t>(pixel) * static_cast<std::size_t>(map.agree_bytes);
   for (int i = 0; i < map.agree_bytes; ++i) point.agree |= static_cast<std::uint32_t>(agree[i]) << (8 * i);

@@ -35,13 +35,13 @@ constexpr float kSureError = 0.02F;           ///< relative, above which a pixel
 constexpr int kSupportMinNeighbours = 3;      ///< of the eight around it that must lie on its plane ...
 constexpr float kSupportTolerance = 0.01F;    ///< ... up to this relative distance: along an edge they do
 constexpr float kTexturePixels = 1.2F;        ///< distance of the samples by which texture is judged
-constexpr int kGivenMinSupports = 3;          ///< around a cell whose given plane is to be corrected
-constexpr float kGivenTolerance = 0.1F;       ///< relative distance up to which corrected planes agree with supports
-constexpr float kGivenMinShare = 0.6F;        ///< of the supports, the near ones counting more, that must agree
-constexpr int kToldMinSupports = 4;           ///< that must lie on a plane which agrees with the given one
-constexpr float kToldTolerance = 0.08F;       ///< relative distance up to which it does
-constexpr float kToldMinCos = 0.9F;           ///< of the angle between their normals
-constexpr float kGivenCoplanar = 0.05F;       ///< relative distance up to which a support lies on the cell's plane
+constexpr int kExternalMinSupports = 3;       ///< around a cell whose given plane is to be corrected
+constexpr float kExternalTolerance = 0.1F;    ///< relative distance up to which corrected planes agree with supports
+constexpr float kExternalMinShare = 0.6F;     ///< of the supports, the near ones counting more, that must agree
+constexpr int kAgreeingMinSupports = 4;       ///< that must lie on a plane which agrees with the given one
+constexpr float kAgreeingTolerance = 0.08F;   ///< relative distance up to which it does
+constexpr float kAgreeingMinCos = 0.9F;       ///< of the angle between their normals
+constexpr float kExternalCoplanar = 0.05F;    ///< relative distance up to which a support lies on the cell's plane
 
 // What may be sky (plane.h: far), in errors of the inverse depth that the picture tells:
 constexpr float kFarErrors = 2.5F;     ///< inverse depth up to which a pixel is far ...
@@ -101,11 +101,11 @@ struct PriorCells {
   float far_variance;      ///< less does not tell that something is far
   PlaneLimits limits;
   int columns, rows;
-  const int* looks;          ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
-  const Vec3<float>* given;  ///< planes of the cells that are known from elsewhere, 0 = none; nullptr = of no cell
-  Vec3<float>* supports;     ///< points of the surface; (0, 0, 0) = none
-  float* errors;             ///< theirs, relative
-  unsigned char* unsure;     ///< whether a cell has unsure pixels
+  const int* great_circles;     ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
+  const Vec3<float>* external;  ///< planes of the cells that are known from elsewhere, 0 = none; nullptr = of no cell
+  Vec3<float>* supports;        ///< points of the surface; (0, 0, 0) = none
+  float* errors;                ///< theirs, relative
+  unsigned char* unsure;        ///< whether a cell has unsure pixels
   Surroundings* around;
   const PriorPlane* before;  ///< planes so far, of which those are chosen that are to be written
   PriorPlane* found;         ///< to be written
@@ -181,7 +181,7 @@ PMSP_HD Vec3<float> best_known(const PriorCells<Machine>& cells, int x, int y) {
 
 /// Writes `pixels` of a cell: of a share of its pixels, in row order.
 template <class Machine>
-PMSP_HD void look_at_pixels(const PriorCells<Machine>& cells, int column, int row, int share) {
+PMSP_HD void examine_pixels(const PriorCells<Machine>& cells, int column, int row, int share) {
   SupportPixel best{2.0F * kSupportMaxError, -1, false, 0, 0};
   const int x0 = column * cells.map.width / cells.columns;
   const int y0 = row * cells.map.height / cells.rows;
@@ -254,22 +254,22 @@ PMSP_HD void find_support(const PriorCells<Machine>& cells, int column, int row)
 }
 
 /// How many steps of one row of cells one looks along a great circle.
-PMSP_HD int look_steps(int rows) {
+PMSP_HD int great_circle_steps(int rows) {
   return static_cast<int>(kPriorReach / static_cast<float>(kPi) * static_cast<float>(rows));
 }
 
 /// Writes the first support in a direction from a cell that has unsure pixels.
 template <class Machine>
-PMSP_HD void look_around(const PriorCells<Machine>& cells, int column, int row, int direction) {
+PMSP_HD void find_surroundings(const PriorCells<Machine>& cells, int column, int row, int direction) {
   const int cell = row * cells.columns + column;
   if (cells.unsure[cell] == 0) return;
   Surroundings& around = cells.around[cell];
   around.put(direction, {0.0F, 0.0F, 0.0F}, 0.0F, 0.0F);
-  const int steps = look_steps(cells.rows);
-  const int* const look = cells.looks + (row * kPriorDirections + direction) * steps;
+  const int steps = great_circle_steps(cells.rows);
+  const int* const great_circle = cells.great_circles + (row * kPriorDirections + direction) * steps;
   for (int i = 0; i < steps; ++i) {
-    const bool beyond = look[i] % cells.columns + column >= cells.columns;
-    const int there = look[i] + column - (beyond ? cells.columns : 0);
+    const bool beyond = great_circle[i] % cells.columns + column >= cells.columns;
+    const int there = great_circle[i] + column - (beyond ? cells.columns : 0);
     if (!is_point(cells.supports[there])) continue;
     const float error = cells.errors[there];
     around.put(direction, cells.supports[there], error, 1.0F / min(kPriorTolerance + 2.0F * error, kMaxPriorTolerance));
@@ -446,25 +446,25 @@ PMSP_HD float support_weight(const Vec3<float>& p, const Vec3<float>& center) {
 
 /// By what the given plane at a support must be multiplied to reach it; 0 = there is none.
 template <class Machine>
-PMSP_HD float given_ratio(const PriorCells<Machine>& cells, const Vec3<float>& p) {
-  const float told = dot(cells.given[pixel_index(p, cells.columns, cells.rows)], p);
-  return told > 0.0F ? 1.0F / told : 0.0F;
+PMSP_HD float external_ratio(const PriorCells<Machine>& cells, const Vec3<float>& p) {
+  const float external_plane = dot(cells.external[pixel_index(p, cells.columns, cells.rows)], p);
+  return external_plane > 0.0F ? 1.0F / external_plane : 0.0F;
 }
 
 /// Mean of the ratios around a cell that differ from `from` by less than `tolerance`, and the share of those.
-struct GivenRatio {
+struct ExternalRatio {
   float ratio;
   float share;
   int count;
 };
 template <class Machine>
-PMSP_HD GivenRatio mean_ratio(const PriorCells<Machine>& cells, const Surroundings& around, const Vec3<float>& center,
-                              float from, float tolerance) {
-  GivenRatio mean{0.0F, 0.0F, 0};
+PMSP_HD ExternalRatio mean_ratio(const PriorCells<Machine>& cells, const Surroundings& around,
+                                 const Vec3<float>& center, float from, float tolerance) {
+  ExternalRatio mean{0.0F, 0.0F, 0};
   float all = 0.0F;
   for (int d = 0; d < kPriorDirections; ++d) {
     const Vec3<float> p = around.point(d);
-    const float ratio = is_finite_point(p) ? given_ratio(cells, p) : 0.0F;
+    const float ratio = is_finite_point(p) ? external_ratio(cells, p) : 0.0F;
     if (!(ratio > 0.0F)) continue;
     const float weight = support_weight(p, center);
     all += weight;
@@ -488,7 +488,7 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surrounding
     const Vec3<float> p = around.point(d);
     if (!is_finite_point(p)) continue;
     const float off = 1.0F - dot(plane, p);
-    if (abs(off) >= kGivenCoplanar) continue;
+    if (abs(off) >= kExternalCoplanar) continue;
     rows[0] = fma(p.x, p, rows[0]);
     rows[1] = fma(p.y, p, rows[1]);
     rows[2] = fma(p.z, p, rows[2]);
@@ -509,34 +509,35 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surrounding
 /// A cell's given plane, corrected by what the reliable surface around says of the given planes there. Zero where that
 /// does not agree with them.
 template <class Machine>
-PMSP_HD Vec3<float> corrected_given(const PriorCells<Machine>& cells, int column, int row) {
+PMSP_HD Vec3<float> corrected_external(const PriorCells<Machine>& cells, int column, int row) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
   const int cell = row * cells.columns + column;
-  const Vec3<float> given = cells.given[cell];
+  const Vec3<float> external = cells.external[cell];
   const Surroundings& around = cells.around[cell];
-  if (!is_point(given) || around.count < kGivenMinSupports) return none;
+  if (!is_point(external) || around.count < kExternalMinSupports) return none;
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
-  const GivenRatio all = mean_ratio(cells, around, center, 1.0F, 1e6F);
-  if (all.count < kGivenMinSupports) return none;
-  const GivenRatio agreed = mean_ratio(cells, around, center, all.ratio, kGivenTolerance);
-  if (agreed.count < kGivenMinSupports || agreed.share < kGivenMinShare) return none;
-  const Vec3<float> plane = through_supports(agreed.ratio * given, around);
+  const ExternalRatio all = mean_ratio(cells, around, center, 1.0F, 1e6F);
+  if (all.count < kExternalMinSupports) return none;
+  const ExternalRatio agreed = mean_ratio(cells, around, center, all.ratio, kExternalTolerance);
+  if (agreed.count < kExternalMinSupports || agreed.share < kExternalMinShare) return none;
+  const Vec3<float> plane = through_supports(agreed.ratio * external, around);
   return is_allowed(plane, center, cells.limits) ? plane : none;
 }
 
 /// The plane that four or more of the supports lie on, wherever they are, and that agrees with what is given: the given
 /// plane tells which supports belong to the cell's surface, these tell where that is. Zero where there is none.
-/// `told`: corrected_given, not zero.
+/// `told`: corrected_external, not zero.
 template <class Machine>
-PMSP_HD Vec3<float> told_plane(const PriorCells<Machine>& cells, int column, int row, const Vec3<float>& told) {
+PMSP_HD Vec3<float> agreeing_plane(const PriorCells<Machine>& cells, int column, int row,
+                                   const Vec3<float>& external_plane) {
   const Surroundings& around = cells.around[row * cells.columns + column];
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
   PriorPlane best = no_plane();
-  const float there = dot(told, center);
+  const float there = dot(external_plane, center);
   const auto agrees = [&](const Vec3<float>& plane) {
-    const float along = dot(plane, told);
-    return abs(dot(plane, center) - there) < kToldTolerance * there && along > 0.0F &&
-           along * along > kToldMinCos * kToldMinCos * dot(plane, plane) * dot(told, told);
+    const float along = dot(plane, external_plane);
+    return abs(dot(plane, center) - there) < kAgreeingTolerance * there && along > 0.0F &&
+           along * along > kAgreeingMinCos * kAgreeingMinCos * dot(plane, plane) * dot(external_plane, external_plane);
   };
   for (int i = 0; i < kPriorDirections; ++i) {
     for (int j = i + 1; j < kPriorDirections; ++j) {
@@ -546,7 +547,7 @@ PMSP_HD Vec3<float> told_plane(const PriorCells<Machine>& cells, int column, int
         const Vec3<float> c = around.point(k);
         if (!is_finite_point(a) || !is_finite_point(b) || !is_finite_point(c)) continue;
         const Vec3<float> plane = plane_through(a, b, c);
-        if (agrees(plane)) consider(best, plane, around, center, cells.limits, kToldMinSupports, true);
+        if (agrees(plane)) consider(best, plane, around, center, cells.limits, kAgreeingMinSupports, true);
       }
     }
   }
@@ -557,16 +558,16 @@ PMSP_HD Vec3<float> told_plane(const PriorCells<Machine>& cells, int column, int
 
 /// Whether a cell asks others for their planes.
 template <class Machine>
-PMSP_HD bool asks_others(const PriorCells<Machine>& cells, int cell) {
+PMSP_HD bool queries_others(const PriorCells<Machine>& cells, int cell) {
   return cells.around[cell].count >= kPriorMinSupports;
 }
 
 /// Writes `candidates` of a cell: of a share of the planes of cells `stride` away, the one that explains the
 /// surroundings best.
 template <class Machine>
-PMSP_HD void ask_others(const PriorCells<Machine>& cells, int column, int row, int share) {
+PMSP_HD void query_others(const PriorCells<Machine>& cells, int column, int row, int share) {
   const int cell = row * cells.columns + column;
-  if (!asks_others(cells, cell)) return;
+  if (!queries_others(cells, cell)) return;
   PriorPlane best = no_plane();
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
   for (int i = share; i < 9; i += cells.shares) {
@@ -586,11 +587,11 @@ template <class Machine>
 PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
   PriorPlane best = cells.before[cell];
-  if (asks_others(cells, cell)) take_candidate(cells, column, row, best);
-  if (best.supports == 0 && cells.given != nullptr && cells.stride == 1) {
-    const Vec3<float> told = corrected_given(cells, column, row);
-    best.plane = is_point(told) ? told_plane(cells, column, row, told) : told;
-    if (!is_point(best.plane)) best.plane = told;
+  if (queries_others(cells, cell)) take_candidate(cells, column, row, best);
+  if (best.supports == 0 && cells.external != nullptr && cells.stride == 1) {
+    const Vec3<float> external_plane = corrected_external(cells, column, row);
+    best.plane = is_point(external_plane) ? agreeing_plane(cells, column, row, external_plane) : external_plane;
+    if (!is_point(best.plane)) best.plane = external_plane;
   }
   cells.found[cell] = best;
 }
@@ -615,15 +616,15 @@ struct PriorCellStep {
 
   PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
     if constexpr (step == PriorStep::kSurroundings) {
-      look_around(cells, at.column % cells.columns, at.row, at.column / cells.columns);
+      find_surroundings(cells, at.column % cells.columns, at.row, at.column / cells.columns);
     } else if constexpr (kShared) {
       const int cell = at.column / cells.shares;
       const int column = step == PriorStep::kCandidates ? 2 * cell + (at.row & 1) : cell;  // see has_candidates
       if (column >= cells.columns) return;
       const int share = at.column % cells.shares;
-      if constexpr (step == PriorStep::kPixels) look_at_pixels(cells, column, at.row, share);
+      if constexpr (step == PriorStep::kPixels) examine_pixels(cells, column, at.row, share);
       if constexpr (step == PriorStep::kCandidates) try_planes(cells, column, at.row, share);
-      if constexpr (step == PriorStep::kOffers) ask_others(cells, column, at.row, share);
+      if constexpr (step == PriorStep::kOffers) query_others(cells, column, at.row, share);
     } else {
       if constexpr (step == PriorStep::kSupports) find_support(cells, at.column, at.row);
       if constexpr (step == PriorStep::kPlanes) find_plane(cells, at.column, at.row);

@@ -10,10 +10,10 @@
 namespace pmsp::kernels {
 
 /// Of a pixel's point.
-enum class Standing : std::uint8_t {
+enum class PointStatus : std::uint8_t {
   kNone = 0,     ///< no depth, too little confidence, or looked through: makes no point, stands for none
   kOpen = 1,     ///< eligible, not yet decided
-  kOwner = 2,    ///< makes the point of its place
+  kKept = 2,     ///< makes the point of its place
   kDropped = 3,  ///< an owner stands for it
 };
 
@@ -27,17 +27,17 @@ PMSP_HD F confidence_of_level(const UIntOf<F>& level) {
   return F(1.0F / 63.0F) * from_uint<F>(level);
 }
 template <class F>
-PMSP_HD UIntOf<F> pack_standing(const F& confidence, Standing standing) {
-  return (confidence_level(confidence) << 2) | UIntOf<F>(static_cast<std::uint32_t>(standing));
+PMSP_HD UIntOf<F> pack_status(const F& confidence, PointStatus status) {
+  return (confidence_level(confidence) << 2) | UIntOf<F>(static_cast<std::uint32_t>(status));
 }
-PMSP_HD Standing standing_of(std::uint8_t packed) { return static_cast<Standing>(packed & 3U); }
-PMSP_HD std::uint8_t with_standing(std::uint8_t packed, Standing standing) {
-  return static_cast<std::uint8_t>((packed & 0xfcU) | static_cast<unsigned>(standing));
+PMSP_HD PointStatus status_of(std::uint8_t packed) { return static_cast<PointStatus>(packed & 3U); }
+PMSP_HD std::uint8_t with_standing(std::uint8_t packed, PointStatus status) {
+  return static_cast<std::uint8_t>((packed & 0xfcU) | static_cast<unsigned>(status));
 }
 
 /// Whether a pixel makes a point after the last round.
 PMSP_HD bool makes_point(std::uint8_t packed) {
-  return standing_of(packed) == Standing::kOwner || standing_of(packed) == Standing::kOpen;
+  return status_of(packed) == PointStatus::kKept || status_of(packed) == PointStatus::kOpen;
 }
 
 /// A pixel's point. All bits are 0 where there is none.

@@ -164,7 +164,7 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
   }
   index_of_[keyframe.id] = end();
   views_.push_back({keyframe, engine_->prepare(keyframe), place});
-  views_.back().frame->asked_for = !part_ || part_->asks_for(place);
+  views_.back().frame->emits_results = !part_ || part_->emits(place);
   for (const Stage& stage : schedule_.stages()) {
     if (runs(stage, views_.back())) stats_.work_to_come += stage.cost();
   }
@@ -278,7 +278,7 @@ void Pipeline::run(const Stage& stage, std::int64_t i) {
     take_earlier(reference, stage.step);
     const bool rests =
         part_ && part_->shortcut(reference.place) && stage.step < options_.advanced.patchmatch.geometric_passes;
-    if (rests && !runs(stage, reference)) engine_->carry(*reference.frame, stage.step);
+    if (rests && !runs(stage, reference)) engine_->reuse_planes(*reference.frame, stage.step);
   }
   if (!runs(stage, reference)) return;
   if (stage.kind == Stage::Kind::kMatch) return match(reference, stage.step);
@@ -291,12 +291,12 @@ void Pipeline::run(const Stage& stage, std::int64_t i) {
       return engine_->filter(frame, matched_frames(entry.consistency));
     case Stage::Kind::kFuse:
       return fuse(reference);
-    case Stage::Kind::kJudge:
-      return engine_->judge(frame, matched_frames(entry.viewers));
-    case Stage::Kind::kRound:
-      return engine_->round(frame, nearest_first(frame, matched_frames(entry.owners)), stage.step);
-    case Stage::Kind::kHandOut:
-      return engine_->hand_out(frame);
+    case Stage::Kind::kFreeSpace:
+      return engine_->test_free_space(frame, matched_frames(entry.viewers));
+    case Stage::Kind::kDuplicates:
+      return engine_->remove_duplicates(frame, nearest_first(frame, matched_frames(entry.duplicate_views)), stage.step);
+    case Stage::Kind::kEmit:
+      return engine_->emit(frame);
   }
 }
 
@@ -317,7 +317,7 @@ void Pipeline::take_earlier(const View& reference, int pass) {
                        std::to_string(planes.width()) + " x " + std::to_string(planes.height()) + "; expected " +
                        std::to_string(options_.width) + " x " + std::to_string(options_.height));
   }
-  engine_->take(*reference.frame, planes);
+  engine_->load_planes(*reference.frame, planes);
 }
 
 /// One pass of PatchMatch. Passes after the first one start from the map of the pass before and look at the near

@@ -48,9 +48,9 @@ class Engine {
 
     std::int64_t id;
     KeyframePose pose;
-    double pose_error;      ///< Keyframe's
-    bool matched = false;   ///< has a depth map, if not of all passes
-    bool asked_for = true;  ///< its results are handed out; else it serves others only
+    double pose_error;          ///< Keyframe's
+    bool matched = false;       ///< has a depth map, if not of all passes
+    bool emits_results = true;  ///< its results are handed out; else it serves others only
   };
 
   struct MatchTask {
@@ -76,10 +76,10 @@ class Engine {
   virtual void match(const MatchTask& task) = 0;
 
   /// Planes of an earlier run, of the depth maps' size, in place of those that passes make.
-  virtual void take(Frame& frame, const PlaneMap& planes) = 0;
+  virtual void load_planes(Frame& frame, const PlaneMap& planes) = 0;
 
   /// The frame makes no map in this pass, which is not the last one: those that look at it find the map that it has.
-  virtual void carry(Frame& frame, int pass) = 0;
+  virtual void reuse_planes(Frame& frame, int pass) = 0;
 
   /// Consistency filter against the other maps (all matched).
   virtual void filter(Frame& reference, const std::vector<const Frame*>& others) = 0;
@@ -90,14 +90,14 @@ class Engine {
 
   /// Which of them nobody of the viewers has looked through; those (all filtered) keep their range maps. May be asked
   /// again, and what follows with it.
-  virtual void judge(Frame& reference, const std::vector<const Frame*>& viewers) = 0;
+  virtual void test_free_space(Frame& reference, const std::vector<const Frame*>& viewers) = 0;
 
   /// Round 1, 2, ... of ownership among the points that are left. `others` are through the round before; some are
   /// through this one.
-  virtual void round(Frame& reference, const std::vector<const Frame*>& others, int round) = 0;
+  virtual void remove_duplicates(Frame& reference, const std::vector<const Frame*>& others, int round) = 0;
 
   /// The points that the frame makes go to `results.cloud`.
-  virtual void hand_out(Frame& reference) = 0;
+  virtual void emit(Frame& reference) = 0;
 
   /// No stage will look at this artefact of the frame any more.
   virtual void release(Frame& frame, Artefact artefact) = 0;

@@ -43,7 +43,7 @@
 //                                  those that do not go over all pixels alike
 //   timed(seconds, work)           does what `work` launches, and adds the time that it takes
 //   counted(seconds, work, then)   the same with work(counts); calls then(numbers) when they are known
-//   hand_out_depths, hand_out_points, hand_out_planes   results on their way to a callback
+//   emit_depths, emit_points, emit_planes   results on their way to a callback
 //   planes_of(plane_map)           what was handed out so
 //   save(array, count, scratch, at), load<T>(count, scratch, at)
 namespace pmsp {
@@ -61,7 +61,7 @@ using Array = std::shared_ptr<T[]>;
 
 /// Which keyframes each open pixel still has to ask in a round of ownership: of all open ones in order, or of all
 /// pixels, as the processor likes it. None before the first round.
-struct Asked {
+struct DuplicateCandidates {
   Array<std::uint32_t> bits;
   std::size_t count = 0;
 };

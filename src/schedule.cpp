@@ -15,9 +15,9 @@ double Stage::cost() const {
     case Kind::kFilter:
     case Kind::kFuse:
       return 0.1;
-    case Kind::kJudge:
-    case Kind::kRound:
-    case Kind::kHandOut:
+    case Kind::kFreeSpace:
+    case Kind::kDuplicates:
+    case Kind::kEmit:
       return 0.05;
   }
   return 0.0;
@@ -35,33 +35,33 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   const std::size_t filtered = add(Kind::kFilter, 0, {{matched, reach.consistency}}, reach.near + reach.windows);
   keep(Artefact::kImage, 0, {{matched, reach.near}});
   keep(Artefact::kLandmarks, 0, {{0, 0}});
-  keep(Artefact::kPlanes, stages_.front().lead, {{matched, reach.near}});
+  keep(Artefact::kPassPlanes, stages_.front().lead, {{matched, reach.near}});
   const std::int64_t last_match = stages_[matched].lead;
   std::vector<Lifetime::Reader> median{{filtered, reach.consistency}};
   if (matched == 0 && options.advanced.init.warp_previous)
     median.push_back({0, 1});  // the only pass hands its planes on
   if (!points) {
     keep(Artefact::kColor, 0, {{matched, 0}});
-    keep(Artefact::kMedian, last_match, std::move(median));
+    keep(Artefact::kFinalPlanes, last_match, std::move(median));
     keep(Artefact::kFiltered, stages_[filtered].lead, {{filtered, 0}});
     return;
   }
   const std::size_t fused = add(Kind::kFuse, 0, {{filtered, reach.fusion}}, 0);
   keep(Artefact::kColor, 0, {{fused, reach.fusion}, {matched, 0}});  // of a halo nothing may be fused
   median.push_back({fused, reach.fusion});
-  keep(Artefact::kMedian, last_match, std::move(median));
+  keep(Artefact::kFinalPlanes, last_match, std::move(median));
   keep(Artefact::kFiltered, stages_[filtered].lead, {{fused, reach.fusion}});
   std::size_t decided = fused;
   if (options.advanced.free_space.enabled) {
-    decided = add(Kind::kJudge, 0, {{fused, 0}, {filtered, reach.viewers_after}}, reach.near + reach.viewers_after);
+    decided = add(Kind::kFreeSpace, 0, {{fused, 0}, {filtered, reach.viewers_after}}, reach.near + reach.viewers_after);
     keep(Artefact::kRangeMap, stages_[filtered].lead, {{decided, reach.viewers_before}});
   }
-  const int rounds = ownership_rounds(options);
+  const int rounds = duplicate_rounds(options);
   for (int round = 1; round <= rounds; ++round) {
-    decided = add(Kind::kRound, round, {{decided, reach.owners}}, reach.near + reach.viewers_after);
+    decided = add(Kind::kDuplicates, round, {{decided, reach.duplicate_views}}, reach.near + reach.viewers_after);
   }
-  const std::size_t handed_out = add(Kind::kHandOut, 0, {{decided, 0}}, 0);
-  keep(Artefact::kSurfels, stages_[fused].lead, {{decided, rounds > 0 ? reach.owners : 0}, {handed_out, 0}});
+  const std::size_t handed_out = add(Kind::kEmit, 0, {{decided, 0}}, 0);
+  keep(Artefact::kSurfels, stages_[fused].lead, {{decided, rounds > 0 ? reach.duplicate_views : 0}, {handed_out, 0}});
 }
 
 std::size_t Schedule::add(Stage::Kind kind, int step, std::vector<Stage::Need> needs, std::int64_t plan_delay) {

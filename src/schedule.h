@@ -11,19 +11,19 @@ namespace pmsp {
 
 /// What a stage leaves for a keyframe, and what of it others read.
 enum class Artefact {
-  kImage,      ///< prepared, for matching
-  kColor,      ///< of the depth map's size, with the mask
-  kLandmarks,  ///< of the keyframe
-  kPlanes,     ///< of the passes of PatchMatch
-  kMedian,     ///< planes after the last pass and the median filter
-  kFiltered,   ///< confidence after the consistency filter
-  kRangeMap,   ///< range map
-  kSurfels,    ///< points of the pixels, and their standings
+  kImage,        ///< prepared, for matching
+  kColor,        ///< of the depth map's size, with the mask
+  kLandmarks,    ///< of the keyframe
+  kPassPlanes,   ///< of the passes of PatchMatch
+  kFinalPlanes,  ///< planes after the last pass and the median filter
+  kFiltered,     ///< confidence after the consistency filter
+  kRangeMap,     ///< range map
+  kSurfels,      ///< points of the pixels, and their standings
 };
 
 /// One step of every keyframe's way through the pipeline.
 struct Stage {
-  enum class Kind { kMatch, kFilter, kFuse, kJudge, kRound, kHandOut };
+  enum class Kind { kMatch, kFilter, kFuse, kFreeSpace, kDuplicates, kEmit };
   /// Another stage that must have been at all keyframes up to so many after this one's.
   struct Need {
     std::size_t stage;

@@ -18,9 +18,9 @@
 #include "plan/reach.h"
 #include "priors/prior_setup.h"
 #include "processor.h"
-#include "shelved.h"
 #include "sphere/cube_map.h"
 #include "sphere/image_noise.h"
+#include "spillable.h"
 #include "util/eigen_kernels.h"
 #include "util/inside.h"
 #include "util/stopwatch.h"
@@ -40,7 +40,7 @@ class StageEngine final : public Engine {
     for (int k = 0; k < Processor::number_of(context_); ++k) {
       processors_.push_back(std::make_unique<Processor>(context_, executor_, k, queue_));
     }
-    looks_.resize(processors_.size());
+    great_circles_.resize(processors_.size());
   }
   ~StageEngine() override {
     for (const auto& on : processors_) on->settle();
@@ -75,8 +75,8 @@ class StageEngine final : public Engine {
     Processor& on = processor_of(*task.reference);
     [[maybe_unused]] const auto scope = on.enter();
     if (!on.may_go_on()) return;
-    StageFrame& reference = own(*task.reference);
-    auto& passed_on = reference.raws[task.pass % 2];
+    StageFrame& reference = stage_frame(*task.reference);
+    auto& passed_on = reference.pass_planes[task.pass % 2];
     passed_on.reset();
     Planes raw = on.planes();
     const Planes priors = run_pass(task, raw, on);
@@ -89,36 +89,37 @@ class StageEngine final : public Engine {
     }
   }
 
-  void take(Frame& frame, const PlaneMap& planes) override {
+  void load_planes(Frame& frame, const PlaneMap& planes) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    StageFrame& reference = own(frame);
-    reference.median.put(on.planes_of(planes), on.plane_numbers());
+    StageFrame& reference = stage_frame(frame);
+    reference.final_planes.put(on.planes_of(planes), on.plane_numbers());
     reference.matched = true;
   }
 
-  void carry(Frame& frame, int pass) override {
+  void reuse_planes(Frame& frame, int pass) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    StageFrame& reference = own(frame);
-    if (reference.median.count() > 0) reference.raws[pass % 2].put(reference.median.get(), on.plane_numbers());
+    StageFrame& reference = stage_frame(frame);
+    if (reference.final_planes.count() > 0)
+      reference.pass_planes[pass % 2].put(reference.final_planes.get(), on.plane_numbers());
   }
 
   void filter(Frame& frame, const std::vector<const Frame*>& others) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
     if (!on.may_go_on()) return;
-    StageFrame& reference = own(frame);
-    const Planes planes = reference.median.get();
-    const bool is_wanted = context_.results.filtered_depth && reference.asked_for;
+    StageFrame& reference = stage_frame(frame);
+    const Planes planes = reference.final_planes.get();
+    const bool is_wanted = context_.results.filtered_depth && reference.emits_results;
     auto confidence = on.template array<float>(pixels());
-    const auto told = is_wanted ? on.template array<float>(pixels()) : Array<float>{};
+    const auto reported = is_wanted ? on.template array<float>(pixels()) : Array<float>{};
     auto stage =
         consistency_stage<Views>(on.map(planes), on.grid(), others.size(), context_.options.advanced.consistency,
-                                 reference.pose_error, confidence.get(), told.get());
+                                 reference.pose_error, confidence.get(), reported.get());
     std::vector<Planes> held;
     for (std::size_t k = 0; k < others.size(); ++k) {
-      held.push_back(own(*others[k]).median.get(on));
+      held.push_back(stage_frame(*others[k]).final_planes.get(on));
       stage.others[k] = {on.map(held.back()), relation(others[k]->pose, reference.pose, lens()).other_from_first};
     }
     on.counted(
@@ -130,7 +131,7 @@ class StageEngine final : public Engine {
     if (context_.results.cloud && context_.options.advanced.free_space.enabled) {
       find_ranges(reference, filtered(planes, confidence, on), on);
     }
-    if (is_wanted) hand_out_depths(reference, planes, told.get(), context_.results.filtered_depth, on);
+    if (is_wanted) emit_depths(reference, planes, reported.get(), context_.results.filtered_depth, on);
     reference.confidence.put(std::move(confidence), pixels());
   }
 
@@ -138,7 +139,7 @@ class StageEngine final : public Engine {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
     if (!on.may_go_on()) return;
-    StageFrame& reference = own(frame);
+    StageFrame& reference = stage_frame(frame);
     struct Held {
       Planes planes;
       Array<float> confidence;
@@ -147,7 +148,8 @@ class StageEngine final : public Engine {
     std::vector<Held> held;  // as long as the stage looks at them
     const auto view = [&](const StageFrame& member) {
       const Relation to = relation(member.pose, reference.pose, lens());
-      const Held& its = held.emplace_back(Held{member.median.get(on), member.confidence.get(on), member.color.get(on)});
+      const Held& its =
+          held.emplace_back(Held{member.final_planes.get(on), member.confidence.get(on), member.color.get(on)});
       return kernels::FusionView<Views>{filtered(its.planes, its.confidence, on), on.color(its.color),
                                         to.other_from_first, to.zoom};
     };
@@ -159,16 +161,16 @@ class StageEngine final : public Engine {
     stage.first = view(reference);
     for (std::size_t i = 0; i < window.size(); ++i) {
       if (i == current) continue;
-      stage.others[stage.count++] = view(own(*window[i]));
+      stage.others[stage.count++] = view(stage_frame(*window[i]));
       reference.window_ids.push_back(window[i]->id);
     }
     const int agree_bytes = pmsp::agree_bytes(context_.options.advanced.fusion);
     const std::size_t agree_size = pixels() * static_cast<std::size_t>(agree_bytes);
     auto surfels = on.template array<std::uint32_t>(pixels());
     auto details = on.template array<std::uint32_t>(pixels());
-    auto standings = on.template array<std::uint8_t>(pixels());
+    auto statuses = on.template array<std::uint8_t>(pixels());
     auto agree = on.template array<std::uint8_t>(agree_size);
-    stage.to = {surfels.get(), details.get(), standings.get(), agree.get(), agree_bytes};
+    stage.to = {surfels.get(), details.get(), statuses.get(), agree.get(), agree_bytes};
     on.counted(
         context_.stats.seconds_fusion, [&](Counts* counts) { on.launch(stage, counts); },
         [&stats = context_.stats, eligible = reference.eligible](const std::int64_t* numbers) {
@@ -177,26 +179,26 @@ class StageEngine final : public Engine {
         });
     reference.surfels.put(std::move(surfels), pixels());
     reference.details.put(std::move(details), pixels());
-    reference.standings[0].put(std::move(standings), pixels());
+    reference.statuses[0].put(std::move(statuses), pixels());
     reference.agree.put(std::move(agree), agree_size);
   }
 
-  void judge(Frame& frame, const std::vector<const Frame*>& viewers) override {
+  void test_free_space(Frame& frame, const std::vector<const Frame*>& viewers) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
     if (!on.may_go_on()) return;
-    StageFrame& reference = own(frame);
+    StageFrame& reference = stage_frame(frame);
     const auto surfels = reference.surfels.get();
     const auto details = reference.details.get();
-    auto standings = on.template array<std::uint8_t>(pixels());
+    auto statuses = on.template array<std::uint8_t>(pixels());
     std::vector<Array<float>> range_maps;  // as long as the stage looks at them
     std::vector<kernels::Rigid> from_viewers;
     kernels::Eligibility stage{};
     stage.surfels = surfels.get();
     stage.details = details.get();
     stage.grid = on.grid();
-    for (const Frame* asked : viewers) {
-      const StageFrame& viewer = own(*asked);
+    for (const Frame* candidates : viewers) {
+      const StageFrame& viewer = stage_frame(*candidates);
       const Relation to = relation(viewer.pose, reference.pose, lens());
       const float* const nearest = range_maps.emplace_back(viewer.nearest.get(on)).get();
       const float* const farthest = range_maps.emplace_back(viewer.farthest.get(on)).get();
@@ -208,7 +210,7 @@ class StageEngine final : public Engine {
     }
     stage.limits = free_space_limits(context_.options.advanced.free_space);
     stage.max_contradiction = static_cast<float>(context_.options.advanced.free_space.max_contradiction);
-    stage.standings = standings.get();
+    stage.statuses = statuses.get();
     Mirrors mirrors;
     on.counted(
         context_.stats.seconds_free_space,
@@ -217,69 +219,69 @@ class StageEngine final : public Engine {
           on.launch(stage, counts);
         },
         [eligible = reference.eligible](const std::int64_t* numbers) { *eligible = numbers[0]; });
-    reference.standings[0].put(std::move(standings), pixels());
-    reference.asked.reset();  // of a time when all of this was asked before
+    reference.statuses[0].put(std::move(statuses), pixels());
+    reference.candidates.reset();  // of a time when all of this was asked before
   }
 
-  void round(Frame& frame, const std::vector<const Frame*>& others, int round) override {
+  void remove_duplicates(Frame& frame, const std::vector<const Frame*>& others, int round) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
     if (!on.may_go_on()) return;
-    StageFrame& reference = own(frame);
+    StageFrame& reference = stage_frame(frame);
     struct Held {
       Array<std::uint32_t> surfels;
-      Array<std::uint8_t> standings;
+      Array<std::uint8_t> statuses;
     };
     std::vector<Held> held;
     const auto view = [&](const StageFrame& viewed) {
-      const Held& its = held.emplace_back(Held{viewed.surfels.get(on), viewed.standings[(round - 1) % 2].get(on)});
-      return kernels::SurfelView{its.surfels.get(), its.standings.get(), context_.options.width,
-                                 context_.options.height, static_cast<float>(viewed.pose.scale)};
+      const Held& its = held.emplace_back(Held{viewed.surfels.get(on), viewed.statuses[(round - 1) % 2].get(on)});
+      return kernels::SurfelView{its.surfels.get(), its.statuses.get(), context_.options.width, context_.options.height,
+                                 static_cast<float>(viewed.pose.scale)};
     };
-    auto standings = on.template array<std::uint8_t>(pixels());
-    kernels::OwnershipRound stage{};
+    auto statuses = on.template array<std::uint8_t>(pixels());
+    kernels::DuplicateRound stage{};
     stage.map = view(reference);
     stage.grid = on.grid();
-    for (const Frame* asked : others) {
-      const StageFrame& viewer = own(*asked);
+    for (const Frame* candidates : others) {
+      const StageFrame& viewer = stage_frame(*candidates);
       const Relation to = relation(viewer.pose, reference.pose, lens());
       stage.others[stage.count++] = {view(viewer), to.other_from_first, to.zoom, viewer.id < reference.id};
     }
-    stage.limits = ownership_limits(context_.options.advanced.fusion);
-    stage.standings = standings.get();
-    Asked asked{reference.asked.get(), reference.asked.count()};
-    on.timed(context_.stats.seconds_ownership, [&] { on.own(stage, asked); });
-    reference.standings[round % 2].put(std::move(standings), pixels());
-    if (round == ownership_rounds(context_.options)) return reference.asked.reset();
-    reference.asked.put(std::move(asked.bits), asked.count, pixels());
+    stage.limits = duplicate_limits(context_.options.advanced.fusion);
+    stage.statuses = statuses.get();
+    DuplicateCandidates candidates{reference.candidates.get(), reference.candidates.count()};
+    on.timed(context_.stats.seconds_duplicates, [&] { on.remove_duplicates(stage, candidates); });
+    reference.statuses[round % 2].put(std::move(statuses), pixels());
+    if (round == duplicate_rounds(context_.options)) return reference.candidates.reset();
+    reference.candidates.put(std::move(candidates.bits), candidates.count, pixels());
   }
 
-  void hand_out(Frame& frame) override {
+  void emit(Frame& frame) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    const StageFrame& reference = own(frame);
+    const StageFrame& reference = stage_frame(frame);
     const auto surfels = reference.surfels.get();
     const auto details = reference.details.get();
-    const auto standings = reference.standings[ownership_rounds(context_.options) % 2].get();
+    const auto statuses = reference.statuses[duplicate_rounds(context_.options) % 2].get();
     const auto agree = reference.agree.get();
     KeyframeCloud cloud;
     cloud.keyframe_id = reference.id;
     cloud.cam_from_world = reference.pose.cam_from_world;
     cloud.scale = reference.pose.scale;
     cloud.window_ids = reference.window_ids;
-    on.hand_out_points({surfels.get(), details.get(), standings.get(), agree.get(),
-                        agree_bytes(context_.options.advanced.fusion), static_cast<float>(lens())},
-                       std::move(cloud), context_.stats.seconds_ownership,
-                       [this, eligible = reference.eligible](const KeyframeCloud& made) {
-                         context_.stats.points_repeated += *eligible - static_cast<std::int64_t>(made.points.size());
-                         context_.results.cloud(made);
-                       });
+    on.emit_points({surfels.get(), details.get(), statuses.get(), agree.get(),
+                    agree_bytes(context_.options.advanced.fusion), static_cast<float>(lens())},
+                   std::move(cloud), context_.stats.seconds_duplicates,
+                   [this, eligible = reference.eligible](const KeyframeCloud& made) {
+                     context_.stats.points_repeated += *eligible - static_cast<std::int64_t>(made.points.size());
+                     context_.results.cloud(made);
+                   });
   }
 
   void release(Frame& frame, Artefact artefact) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    StageFrame& done = own(frame);
+    StageFrame& done = stage_frame(frame);
     switch (artefact) {
       case Artefact::kImage:
         for (Cubes& cubes : done.cubes) cubes = {};
@@ -291,13 +293,13 @@ class StageEngine final : public Engine {
         break;
       case Artefact::kLandmarks:
         break;
-      case Artefact::kPlanes:
-        for (auto& raw : done.raws) raw.reset();
-        done.given.reset();
+      case Artefact::kPassPlanes:
+        for (auto& raw : done.pass_planes) raw.reset();
+        done.external.reset();
         done.evidence = {};
         break;
-      case Artefact::kMedian:
-        done.median.reset();
+      case Artefact::kFinalPlanes:
+        done.final_planes.reset();
         break;
       case Artefact::kFiltered:
         done.confidence.reset();
@@ -310,8 +312,8 @@ class StageEngine final : public Engine {
         done.surfels.reset();
         done.details.reset();
         done.agree.reset();
-        done.asked.reset();
-        for (auto& standings : done.standings) standings.reset();
+        done.candidates.reset();
+        for (auto& statuses : done.statuses) statuses.reset();
         break;
     }
   }
@@ -337,19 +339,19 @@ class StageEngine final : public Engine {
           packed(on, brief),
           color(on, brief),
           mask(on, brief),
-          raws{{on, brief}, {on, brief}},
-          median(on, brief),
+          pass_planes{{on, brief}, {on, brief}},
+          final_planes(on, brief),
           confidence(on, brief),
           nearest(on, scratch),
           farthest(on, scratch),
           surfels(on, scratch),
           details(on, scratch),
           agree(on, scratch),
-          standings{{on, scratch}, {on, scratch}},
-          asked(on, scratch) {}
+          statuses{{on, scratch}, {on, scratch}},
+          candidates(on, scratch) {}
 
     template <class T>
-    using Waiting = Shelved<Processor, T>;
+    using Waiting = Spillable<Processor, T>;
 
     using Plane = typename Planes::element_type;
     std::size_t home;    ///< number of the processor that works on it
@@ -361,20 +363,20 @@ class StageEngine final : public Engine {
     Waiting<Color> color;                     ///< of the depth map's pixels
     Waiting<std::uint8_t> mask;               ///< there, too; none: see Processor::mask
     PictureEvidence evidence;                 ///< while its passes with plane priors go on
-    Array<kernels::Vec3<float>> given;        ///< planes of cells (given_planes); none: there is no prior depth
-    Waiting<Plane> raws[2];                   ///< after the last even and the last odd pass of PatchMatch
-    Waiting<Plane> median;                    ///< after the last pass and the median filter
+    Array<kernels::Vec3<float>> external;     ///< planes of cells (external_planes); none: there is no prior depth
+    Waiting<Plane> pass_planes[2];            ///< after the last even and the last odd pass of PatchMatch
+    Waiting<Plane> final_planes;              ///< after the last pass and the median filter
     Waiting<float> confidence;                ///< after the consistency filter; 0 = no depth
     Waiting<float> nearest, farthest;         ///< see RangeMap
     Waiting<std::uint32_t> surfels, details;  ///< see SurfelMap
     Waiting<std::uint8_t> agree;              ///< there, too
-    Waiting<std::uint8_t> standings[2];       ///< after the last even and the last odd round of ownership
-    Waiting<std::uint32_t> asked;             ///< see Asked
+    Waiting<std::uint8_t> statuses[2];        ///< after the last even and the last odd round of ownership
+    Waiting<std::uint32_t> candidates;        ///< see DuplicateCandidates
     std::vector<std::int64_t> window_ids;     ///< of the bits of `agree`
     std::shared_ptr<std::int64_t> eligible = std::make_shared<std::int64_t>(0);  ///< points when ownership is decided
   };
-  static StageFrame& own(Frame& frame) { return static_cast<StageFrame&>(frame); }
-  static const StageFrame& own(const Frame& frame) { return static_cast<const StageFrame&>(frame); }
+  static StageFrame& stage_frame(Frame& frame) { return static_cast<StageFrame&>(frame); }
+  static const StageFrame& stage_frame(const Frame& frame) { return static_cast<const StageFrame&>(frame); }
 
   /// Where a keyframe's mask is, as long as a stage looks at it.
   struct HeldMask {
@@ -409,18 +411,19 @@ class StageEngine final : public Engine {
     fetch(task, sources, on);
     if (cancelled()) return {};
     on.timed(stats.seconds_init, [&] {
-      look_around(task, pass, sources, on);
+      set_up_pass(task, pass, sources, on);
       if (task.pass == 0) {
         propose_first_planes(task, pass, sources, on);
       } else if (context_.options.advanced.patchmatch.plane_priors) {
         sources.priors = on.planes();
-        StageFrame& reference = own(*task.reference);
+        StageFrame& reference = stage_frame(*task.reference);
         const kernels::Baselines baselines = baselines_of(pass.matching);
         if (!reference.evidence.is_of(baselines)) {
           reference.evidence = find_evidence(on, pass.matching.reference, baselines);
         }
-        find_plane_priors(on, looks_[reference.home], reference.given, on.map(sources.before), pass.matching.reference,
-                          reference.noise, reference.evidence, pass.matching.limits, on.to(sources.priors));
+        find_plane_priors(on, great_circles_[reference.home], reference.external, on.map(sources.before),
+                          pass.matching.reference, reference.noise, reference.evidence, pass.matching.limits,
+                          on.to(sources.priors));
         pass.priors = on.map(sources.priors);
         if (task.last && !task.draft) reference.evidence = {};
       }
@@ -442,19 +445,19 @@ class StageEngine final : public Engine {
 
   /// A keyframe's map of the pass before; of one that is through with its passes, the one that it has.
   static Planes before(const StageFrame& frame, int pass, Processor& on) {
-    const auto& raw = frame.raws[(pass - 1) % 2];
-    return raw.count() > 0 ? raw.get(on) : frame.median.get(on);
+    const auto& raw = frame.pass_planes[(pass - 1) % 2];
+    return raw.count() > 0 ? raw.get(on) : frame.final_planes.get(on);
   }
 
   /// The images and maps that a pass compares.
   void fetch(const MatchTask& task, Sources& sources, Processor& on) {
-    const StageFrame& reference = own(*task.reference);
+    const StageFrame& reference = stage_frame(*task.reference);
     sources.reference = cubes_of(reference, on);
     sources.mask = mask_of(reference, on);
     if (task.pass > 0) sources.before = before(reference, task.pass, on);
     for (const Frame* frame : task.neighbours) {
       if (cancelled()) return;
-      const StageFrame& neighbour = own(*frame);
+      const StageFrame& neighbour = stage_frame(*frame);
       const bool lends_planes = task.pass > 0 && sources.maps.size() < task.near;
       sources.neighbours.push_back(cubes_of(neighbour, on));
       sources.maps.push_back(lends_planes ? before(neighbour, task.pass, on) : Planes{});
@@ -504,8 +507,8 @@ class StageEngine final : public Engine {
     [[maybe_unused]] const auto scope = on.enter();
     const DensifierOptions& options = context_.options;
     on.set_size(options.width, options.height);
-    Array<int>& looks = looks_[on.number()];
-    if (!looks && has_priors()) looks = on.upload(look_table({options.width, options.height}));
+    Array<int>& great_circles = great_circles_[on.number()];
+    if (!great_circles && has_priors()) great_circles = on.upload(great_circle_table({options.width, options.height}));
   }
   bool has_priors() const {
     return context_.options.advanced.patchmatch.plane_priors &&
@@ -521,14 +524,15 @@ class StageEngine final : public Engine {
     frame.color.put(std::move(prepared.color), pixels());
     if (prepared.mask) frame.mask.put(std::move(prepared.mask), pixels());
     if (has_priors() && !keyframe.prior_depth.empty()) {
-      frame.given = on.upload(given_planes(keyframe.prior_depth, keyframe.scale, {options.width, options.height}));
+      frame.external =
+          on.upload(external_planes(keyframe.prior_depth, keyframe.scale, {options.width, options.height}));
     }
     frame.cubes[frame.home] = std::move(prepared.cubes);
   }
 
-  void look_around(const MatchTask& task, Pass& pass, const Sources& sources, Processor& on) const {
+  void set_up_pass(const MatchTask& task, Pass& pass, const Sources& sources, Processor& on) const {
     const DensifierOptions& options = context_.options;
-    const StageFrame& reference = own(*task.reference);
+    const StageFrame& reference = stage_frame(*task.reference);
     pass.grid = on.grid();
     pass.mask = view_of(sources.mask, on);
     pass.matching = make_matching(on.gray(sources.reference), reference.noise, options.advanced.patchmatch,
@@ -556,7 +560,7 @@ class StageEngine final : public Engine {
           on.first_planes(kernels::LandmarkPlanes{sources.landmark_keys.get(), points.get()}, sources.landmarks);
     }
     if (task.previous == nullptr) return;
-    const StageFrame& previous = own(*task.previous);
+    const StageFrame& previous = stage_frame(*task.previous);
     sources.previous = first_planes_of(previous, on);
     sources.warped_keys = on.keys();
     const Map map = on.map(sources.previous);
@@ -575,8 +579,8 @@ class StageEngine final : public Engine {
 
   /// After the first pass, on the processor that asks.
   Planes first_planes_of(const StageFrame& frame, Processor& on) {
-    if (frame.median.count() > 0) return frame.median.get(on);
-    return median_of(frame, frame.raws[0].get(on), nullptr, on);
+    if (frame.final_planes.count() > 0) return frame.final_planes.get(on);
+    return median_of(frame, frame.pass_planes[0].get(on), nullptr, on);
   }
 
   Planes median_of(const StageFrame& frame, const Planes& raw, Counts* counts, Processor& on) {
@@ -605,10 +609,10 @@ class StageEngine final : public Engine {
 
   /// Nobody else asks for the planes of the last pass.
   void finish_match(StageFrame& reference, const Planes& raw, const Planes& priors, bool draft, Processor& on) {
-    if (context_.results.raw_depth && reference.asked_for) {
+    if (context_.results.raw_depth && reference.emits_results) {
       const Planes alone = priors ? on.planes() : Planes{};
       if (priors) take_priors_off(raw, priors, alone, on);
-      hand_out_depths(reference, priors ? alone : raw, nullptr, context_.results.raw_depth, on);
+      emit_depths(reference, priors ? alone : raw, nullptr, context_.results.raw_depth, on);
     }
     Planes median;
     on.counted(
@@ -626,9 +630,9 @@ class StageEngine final : public Engine {
           stats.pixels_after_median += numbers[2];
         });
     if (wants_planes(reference.id)) {
-      on.hand_out_planes(reference.id, reference.pose, median, context_.results.planes);
+      on.emit_planes(reference.id, reference.pose, median, context_.results.planes);
     }
-    reference.median.put(std::move(median), on.plane_numbers());
+    reference.final_planes.put(std::move(median), on.plane_numbers());
   }
 
   bool wants_planes(std::int64_t id) const {
@@ -646,9 +650,9 @@ class StageEngine final : public Engine {
     frame.farthest.put(std::move(farthest), cells());
   }
 
-  void hand_out_depths(const StageFrame& frame, const Planes& planes, const float* confidence,
-                       const std::function<void(const DepthMap&)>& to, Processor& on) {
-    on.hand_out_depths(frame.id, frame.pose, on.map(planes), confidence, to);
+  void emit_depths(const StageFrame& frame, const Planes& planes, const float* confidence,
+                   const std::function<void(const DepthMap&)>& to, Processor& on) {
+    on.emit_depths(frame.id, frame.pose, on.map(planes), confidence, to);
   }
 
   kernels::FilteredMap<Map> filtered(const Planes& planes, const Array<float>& confidence, Processor& on) const {
@@ -661,13 +665,13 @@ class StageEngine final : public Engine {
   double lens() const { return 0.5 * context_.options.lens_distance; }
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
 
-  Processor& processor_of(const Frame& frame) { return *processors_[own(frame).home]; }
+  Processor& processor_of(const Frame& frame) { return *processors_[stage_frame(frame).home]; }
 
   std::unique_ptr<ScratchFile> scratch_;  ///< where a folder is given; before all that waits there
   std::vector<std::unique_ptr<Processor>> processors_;
-  typename Processor::Queue queue_;  ///< of all of them; goes first, since it holds what is theirs
-  std::vector<Array<int>> looks_;    ///< see look_table; on each processor
-  std::size_t prepared_ = 0;         ///< frames
+  typename Processor::Queue queue_;        ///< of all of them; goes first, since it holds what is theirs
+  std::vector<Array<int>> great_circles_;  ///< see great_circle_table; on each processor
+  std::size_t prepared_ = 0;               ///< frames
 };
 
 }  // namespace pmsp

@@ -38,7 +38,7 @@ struct DensifierStats {
   double seconds_consistency = 0.0;  ///< [s]
   double seconds_fusion = 0.0;       ///< [s]
   double seconds_free_space = 0.0;   ///< [s]
-  double seconds_ownership = 0.0;    ///< duplicate removal and output of the points [s]
+  double seconds_duplicates = 0.0;   ///< duplicate removal and output of the points [s]
 };
 
 /// Receivers of final results. Unset members are not called, and results needed only by them are not computed. Called

@@ -90,10 +90,10 @@ struct PMSP_API LiveOptions {
   /// Maximum number of keyframes without a depth map, 4 to 100000. If exceeded, the most redundant ones are dropped.
   int max_waiting = 100;
   /// Number of newer keyframes after which one with a stable pose is used, 0 to 1000; 0 = at once. Not for previews.
-  int ripe_after = 3;
-  int ripe_at_latest = 24;  ///< number after which it is used in any case, `ripe_after` to 1000
+  int stable_after = 3;
+  int stable_at_latest = 24;  ///< number after which it is used in any case, `stable_after` to 1000
   /// Maximum motion of a stable pose between two arrivals, relative to the median distance of its landmarks, 0 to 1.
-  double ripe_move = 0.00012;
+  double stable_move = 0.00012;
   /// Displacement by changes of relative pose or scale above which keyframes are matched again [px of the depth map],
   /// 0.001 to 100. With a baseline of a tenth of the depth, 0.04 px of 640 correspond to 0.4 % of the depth.
   double max_move_px = 0.04;
@@ -109,7 +109,7 @@ struct LiveStats {
   std::int64_t resets = 0;
   std::int64_t used = 0;              ///< accepted by the view filter
   std::int64_t not_needed = 0;        ///< rejected by the view filter, or sufficiently covered by others
-  std::int64_t left_out_late = 0;     ///< dropped because the work fell behind
+  std::int64_t dropped_late = 0;      ///< dropped because the work fell behind
   std::int64_t previews = 0;          ///< preliminary clouds
   std::int64_t previews_late = 0;     ///< previews skipped because the work fell behind
   std::int64_t passes = 0;            ///< passes of PatchMatch for final points
@@ -128,7 +128,7 @@ struct LiveStats {
 
 /// Pending work.
 struct LiveBacklog {
-  std::int64_t unripe = 0;    ///< keyframes with poses that are not yet stable
+  std::int64_t unstable = 0;  ///< keyframes with poses that are not yet stable
   std::int64_t waiting = 0;   ///< used keyframes without final points
   std::int64_t refining = 0;  ///< used keyframes with final points that are still improved
   bool idle = true;           ///< no work until the next call

@@ -285,7 +285,7 @@ struct FusionMap {
 struct SurfelMap {
   std::int64_t keyframe_id = 0;
   Image<std::uint32_t> surfels;          ///< depth (to 0.013 %) and normal (2 degrees); 0 = no point
-  Image<std::uint8_t> standings;         ///< confidence, and status: open
+  Image<std::uint8_t> statuses;          ///< confidence, and status: open
   Image<std::uint32_t> details;          ///< colour, confidence of the depth map, low bits of the normal
   std::vector<std::uint8_t> agree;       ///< `agree_bytes()` per pixel, little endian; bit k: window_ids[k]
   std::vector<std::int64_t> window_ids;  ///< other keyframes of the fusion window
@@ -319,8 +319,8 @@ PMSP_API Image<std::uint8_t> free_space_filter(const SurfelMap& map, const Keyfr
 
 /// Points of a keyframe with their current status.
 struct SurfelsFrom {
-  const SurfelMap* map = nullptr;                  ///< its `standings` are ignored
-  const Image<std::uint8_t>* standings = nullptr;  ///< of fuse_pixels, free_space_filter or duplicate_round
+  const SurfelMap* map = nullptr;                 ///< its `standings` are ignored
+  const Image<std::uint8_t>* statuses = nullptr;  ///< of fuse_pixels, free_space_filter or duplicate_round
   KeyframePose pose;
 };
 

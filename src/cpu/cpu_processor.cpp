@@ -26,15 +26,14 @@ Array<std::uint32_t> color_words(const Image<Rgb>& color, const Executor& execut
 }
 
 void collect_points(const kernels::ConstSurfelArrays& map, const kernels::GridView& grid, KeyframeCloud& cloud) {
-  const std::uint8_t* const standings = map.standings;
+  const std::uint8_t* const statuses = map.statuses;
   const int pixels = grid.width * grid.height;
-  const std::size_t count =
-      static_cast<std::size_t>(std::count_if(standings, standings + pixels, kernels::makes_point));
+  const std::size_t count = static_cast<std::size_t>(std::count_if(statuses, statuses + pixels, kernels::makes_point));
   cloud.points.reserve(count);
   cloud.pixels.reserve(count);
   cloud.agree.reserve(count);
   for (int pixel = 0; pixel < pixels; ++pixel) {
-    if (!kernels::makes_point(standings[pixel])) continue;
+    if (!kernels::makes_point(statuses[pixel])) continue;
     const kernels::OwnedPoint owned = kernels::owned_point(map, grid, pixel);
     CloudPoint point;
     point.position = to_eigen(owned.position);
@@ -119,18 +118,18 @@ void CpuProcessor::iterate(const Pass& pass, int colour, int iteration, bool res
   });
 }
 
-void CpuProcessor::own(const kernels::OwnershipRound& stage, Asked& asked) const {
+void CpuProcessor::remove_duplicates(const kernels::DuplicateRound& stage, DuplicateCandidates& candidates) const {
   auto& impl = inside(executor_);
   const std::size_t rows = static_cast<std::size_t>(stage.height());
   const std::ptrdiff_t width = stage.width();
   std::vector<std::size_t> first(rows + 1);  // open pixels before each row
   for (std::size_t y = 0; y < rows; ++y) {
-    const std::uint8_t* const row = stage.map.standings + static_cast<std::ptrdiff_t>(y) * width;
+    const std::uint8_t* const row = stage.map.statuses + static_cast<std::ptrdiff_t>(y) * width;
     first[y + 1] = first[y] + static_cast<std::size_t>(std::count_if(row, row + width, [](std::uint8_t packed) {
-                     return kernels::standing_of(packed) == kernels::Standing::kOpen;
+                     return kernels::status_of(packed) == kernels::PointStatus::kOpen;
                    }));
   }
-  if (asked.count > 0 && asked.count != first[rows]) {
+  if (candidates.count > 0 && candidates.count != first[rows]) {
     throw InvalidInput("duplicate_round: standings are not those of the round before");
   }
   std::uint32_t there = 0;
@@ -138,15 +137,15 @@ void CpuProcessor::own(const kernels::OwnershipRound& stage, Asked& asked) const
   std::vector<std::vector<std::uint32_t>> still(rows);
   impl.pool.for_each(stage.height(), [&](int y) {
     const std::size_t row = static_cast<std::size_t>(y);
-    const std::uint32_t* const ask = asked.count == 0 ? nullptr : asked.bits.get() + first[row];
+    const std::uint32_t* const ask = candidates.count == 0 ? nullptr : candidates.bits.get() + first[row];
     std::vector<std::uint32_t> left(first[row + 1] - first[row]);
-    const int count = impl.rows.own_row(stage, y, ask, there, left.data());
+    const int count = impl.rows.duplicate_row(stage, y, ask, there, left.data());
     still[row].assign(left.begin(), left.begin() + count);
   });
-  asked = {};
-  for (const std::vector<std::uint32_t>& row : still) asked.count += row.size();
-  asked.bits = array<std::uint32_t>(asked.count);
-  std::uint32_t* to = asked.bits.get();
+  candidates = {};
+  for (const std::vector<std::uint32_t>& row : still) candidates.count += row.size();
+  candidates.bits = array<std::uint32_t>(candidates.count);
+  std::uint32_t* to = candidates.bits.get();
   for (const std::vector<std::uint32_t>& row : still) to = std::copy(row.begin(), row.end(), to);
 }
 
@@ -165,14 +164,14 @@ DepthMap CpuProcessor::depth_map(std::int64_t id, const KeyframePose& pose, cons
   return depths;
 }
 
-void CpuProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
-                                   const std::function<void(const KeyframeCloud&)>& to) const {
+void CpuProcessor::emit_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
+                               const std::function<void(const KeyframeCloud&)>& to) const {
   timed(seconds, [&] { collect_points(map, grid(), cloud); });
   to(cloud);
 }
 
-void CpuProcessor::hand_out_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
-                                   const std::function<void(const PlaneMap&)>& to) const {
+void CpuProcessor::emit_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
+                               const std::function<void(const PlaneMap&)>& to) const {
   PlaneMap map(grid_->width(), grid_->height());
   map.keyframe_id = id;
   map.cam_from_world = pose.cam_from_world;

@@ -133,7 +133,7 @@ class CpuProcessor {
   void start(const Pass& pass) const;
   void iterate(const Pass& pass, int colour, int iteration, bool rescore) const;
   /// Asks only those of whom `asked` says so, and says who is still to be asked.
-  void own(const kernels::OwnershipRound& stage, Asked& asked) const;
+  void remove_duplicates(const kernels::DuplicateRound& stage, DuplicateCandidates& candidates) const;
 
   template <class Work>
   void timed(double& seconds, const Work& work) const {
@@ -149,14 +149,14 @@ class CpuProcessor {
 
   DepthMap depth_map(std::int64_t id, const KeyframePose& pose, const kernels::PlaneMapView& map,
                      const float* confidence) const;
-  void hand_out_depths(std::int64_t id, const KeyframePose& pose, const kernels::PlaneMapView& map,
-                       const float* confidence, const std::function<void(const DepthMap&)>& to) const {
+  void emit_depths(std::int64_t id, const KeyframePose& pose, const kernels::PlaneMapView& map, const float* confidence,
+                   const std::function<void(const DepthMap&)>& to) const {
     to(depth_map(id, pose, map, confidence));
   }
-  void hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
-                       const std::function<void(const KeyframeCloud&)>& to) const;
-  void hand_out_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
-                       const std::function<void(const PlaneMap&)>& to) const;
+  void emit_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
+                   const std::function<void(const KeyframeCloud&)>& to) const;
+  void emit_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
+                   const std::function<void(const PlaneMap&)>& to) const;
   Planes planes_of(const PlaneMap& map) const;
 
   template <class T>

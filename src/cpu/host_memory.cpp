@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "fusion/fusion_setup.h"
-#include "rehearsal.h"
+#include "memory_simulation.h"
 #include "sphere/cube_map.h"
 
 namespace pmsp {
@@ -36,7 +36,7 @@ HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used
     return needed;
   }
   double most_held = 0.0;
-  Rehearsal(options).run(used, [&](const Rehearsal::Held& all) {
+  MemorySimulation(options).run(used, [&](const MemorySimulation::Held& all) {
     const double waiting = pixels * (2.0 * all.range_maps + surfel * all.surfels);
     const double held = 8.0 * texels * all.images + pixels * (4.0 * all.colors + kPlanes * (all.planes + all.medians) +
                                                               8.0 * all.evidence + 4.0 * all.filtered);

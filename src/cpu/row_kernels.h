@@ -6,10 +6,10 @@
 #include <type_traits>
 
 #include "confidence.h"
+#include "duplicates.h"
 #include "fused_point.h"
 #include "match.h"
 #include "median.h"
-#include "ownership.h"
 #include "plane_prior.h"
 #include "ranges.h"
 #include "stage.h"
@@ -53,8 +53,8 @@ struct RowKernels {
   void (*iterate_row)(const PatchMatchPass& pass, int y, int colour, int iteration, bool rescore);
   /// A round for the open pixels of row y. `ask`: for each of them, in order, bits of the keyframes whose say still
   /// matters; nullptr: that of all in `there`. `still`: the bits for those that are open then; returns their number.
-  int (*own_row)(const kernels::OwnershipRound& stage, int y, const std::uint32_t* ask, std::uint32_t there,
-                 std::uint32_t* still);
+  int (*duplicate_row)(const kernels::DuplicateRound& stage, int y, const std::uint32_t* ask, std::uint32_t there,
+                       std::uint32_t* still);
 };
 
 }  // namespace pmsp::cpu

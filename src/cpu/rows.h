@@ -3,8 +3,8 @@
 
 #include <bitset>
 
+#include "cpu/duplicate_row.h"
 #include "cpu/lanes.h"
-#include "cpu/own_row.h"
 #include "cpu/row_kernels.h"
 
 // The row functions over a number type; each instruction set's file instantiates them with its own batch.
@@ -70,7 +70,7 @@ constexpr std::tuple<RowOf<Stages>...> stage_rows(StageList<Stages...> /*list*/)
 
 template <class F>
 constexpr RowKernels row_kernels() {
-  return {stage_rows<F>(RowStages{}), &start_row<F>, &iterate_row<F>, &own_row<F>};
+  return {stage_rows<F>(RowStages{}), &start_row<F>, &iterate_row<F>, &duplicate_row<F>};
 }
 
 }  // namespace pmsp::cpu

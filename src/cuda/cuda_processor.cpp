@@ -92,9 +92,9 @@ void CudaProcessor::set_image_size(int width, int height) {
   image_height_ = height;
 }
 
-/// Asked before each pass, while not too much is queued.
+/// DuplicateCandidates before each pass, while not too much is queued.
 bool CudaProcessor::may_go_on() {
-  while (!cancelled() && queue_.size() > kMostPending * context_.options.devices.size()) queue_.hand_out_first();
+  while (!cancelled() && queue_.size() > kMostPending * context_.options.devices.size()) queue_.emit_first();
   return !cancelled();
 }
 
@@ -193,28 +193,28 @@ std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyfr
 }
 
 /// Depths, normals and confidences of the planes.
-void CudaProcessor::hand_out_depths(std::int64_t id, const KeyframePose& pose, const DevicePlanes& map,
-                                    const float* confidence, std::function<void(const DepthMap&)> to) {
+void CudaProcessor::emit_depths(std::int64_t id, const KeyframePose& pose, const DevicePlanes& map,
+                                const float* confidence, std::function<void(const DepthMap&)> to) {
   MapDownload<DepthMap>& download = free_one(depths_);
   launch(
       kernels::DepthImage<DeviceMachine>{map, confidence, grid(), download.part(0), download.part(1), download.part(2)},
       nullptr);
-  hand_out(download, id, pose, std::move(to));
+  emit(download, id, pose, std::move(to));
 }
 
-void CudaProcessor::hand_out_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
-                                    std::function<void(const PlaneMap&)> to) {
+void CudaProcessor::emit_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
+                                std::function<void(const PlaneMap&)> to) {
   MapDownload<PlaneMap>& download = free_one(planes_);
   launch(kernels::PlaneImage<DeviceMachine>{map(planes), grid(), download.part(0), download.part(1), download.part(2),
                                             download.part(3)},
          nullptr);
-  hand_out(download, id, pose, std::move(to));
+  emit(download, id, pose, std::move(to));
 }
 
 /// What kernels have been told to fill.
 template <class Map>
-void CudaProcessor::hand_out(MapDownload<Map>& download, std::int64_t id, const KeyframePose& pose,
-                             std::function<void(const Map&)> to) {
+void CudaProcessor::emit(MapDownload<Map>& download, std::int64_t id, const KeyframePose& pose,
+                         std::function<void(const Map&)> to) {
   download.busy = true;
   download.start(compute_, down_);
   expect([this, &download, id, pose, to = std::move(to)] {
@@ -232,9 +232,9 @@ CudaProcessor::Planes CudaProcessor::planes_of(const PlaneMap& map) {
   return upload(planes);
 }
 
-void CudaProcessor::hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
-                                    std::function<void(const KeyframeCloud&)> to) {
-  while (clouds_out_ >= kDownloads) queue_.hand_out_first();
+void CudaProcessor::emit_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
+                                std::function<void(const KeyframeCloud&)> to) {
+  while (clouds_out_ >= kDownloads) queue_.emit_first();
   if (select_scratch_.empty()) {
     select_scratch_ = DeviceArray<unsigned char>(owned_scratch_bytes(static_cast<int>(pixels())));
   }
@@ -262,7 +262,7 @@ void CudaProcessor::copy_bytes(void* to, const void* from, std::size_t bytes, cu
 void ResultQueue::deliver(bool all) {
   const std::int64_t behind = static_cast<std::int64_t>(context_.options.devices.size());
   const std::int64_t until = all || !context_.options.advanced.pipelined ? round_ : round_ - behind;
-  while (!pending_.empty() && pending_.front().round <= until) hand_out_first();
+  while (!pending_.empty() && pending_.front().round <= until) emit_first();
   ++round_;
 }
 
@@ -275,16 +275,16 @@ MapDownload<Map>& CudaProcessor::free_one(Downloads<Map>& downloads) {
     if (downloads.size() < kDownloads) {
       downloads.push_back(std::make_unique<MapDownload<Map>>(grid().width, grid().height));
     } else {
-      queue_.hand_out_first();
+      queue_.emit_first();
     }
   }
 }
 
-void ResultQueue::hand_out_first() {
+void ResultQueue::emit_first() {
   Pending first = std::move(pending_.front());
   pending_.pop_front();
   const DeviceScope scope(first.device);
-  first.hand_out();
+  first.emit();
 }
 
 }  // namespace pmsp::cuda

@@ -26,16 +26,16 @@ class ResultQueue {
  public:
   explicit ResultQueue(const EngineContext& context) : context_(context) {}
 
-  /// `hand_out`: waits for what it needs.
-  void push(int device, std::function<void()> hand_out) { pending_.push_back({device, std::move(hand_out), round_}); }
-  void hand_out_first();
+  /// `emit`: waits for what it needs.
+  void push(int device, std::function<void()> emit) { pending_.push_back({device, std::move(emit), round_}); }
+  void emit_first();
   std::size_t size() const { return pending_.size(); }
   void deliver(bool all);
 
  private:
   struct Pending {
     int device;
-    std::function<void()> hand_out;
+    std::function<void()> emit;
     std::int64_t round;  ///< Densifier::add or flush during which it was asked for
   };
 
@@ -135,10 +135,10 @@ class CudaProcessor {
   void iterate(const PatchMatchPass& pass, int colour, int iteration, bool rescore) const {
     iterate_pixels(pass, colour, iteration, rescore, compute_.get());
   }
-  void own(const kernels::OwnershipRound& round, Asked& asked) {
-    const bool first = asked.count == 0;
-    if (first) asked = {array<std::uint32_t>(pixels()), pixels()};
-    cuda::own({round, asked.bits.get(), first}, compute_.get());
+  void remove_duplicates(const kernels::DuplicateRound& round, DuplicateCandidates& candidates) {
+    const bool first = candidates.count == 0;
+    if (first) candidates = {array<std::uint32_t>(pixels()), pixels()};
+    cuda::remove_duplicates({round, candidates.bits.get(), first}, compute_.get());
   }
 
   template <class Work>
@@ -166,12 +166,12 @@ class CudaProcessor {
     });
   }
 
-  void hand_out_depths(std::int64_t id, const KeyframePose& pose, const DevicePlanes& map, const float* confidence,
-                       std::function<void(const DepthMap&)> to);
-  void hand_out_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
-                       std::function<void(const KeyframeCloud&)> to);
-  void hand_out_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
-                       std::function<void(const PlaneMap&)> to);
+  void emit_depths(std::int64_t id, const KeyframePose& pose, const DevicePlanes& map, const float* confidence,
+                   std::function<void(const DepthMap&)> to);
+  void emit_points(const kernels::ConstSurfelArrays& map, KeyframeCloud cloud, double& seconds,
+                   std::function<void(const KeyframeCloud&)> to);
+  void emit_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
+                   std::function<void(const PlaneMap&)> to);
   Planes planes_of(const PlaneMap& map);
 
   template <class T>
@@ -214,14 +214,13 @@ class CudaProcessor {
 
   void set_image_size(int width, int height);
   std::shared_ptr<CubeTexture> gray_cube(int size);
-  void expect(std::function<void()> hand_out) { queue_.push(device_number_, std::move(hand_out)); }
+  void expect(std::function<void()> emit) { queue_.push(device_number_, std::move(emit)); }
   void bring_bytes(void* to, std::shared_ptr<const void> from, std::size_t bytes, const CudaProcessor& home,
                    const Mark& made);
   template <class Map>
   MapDownload<Map>& free_one(Downloads<Map>& downloads);
   template <class Map>
-  void hand_out(MapDownload<Map>& download, std::int64_t id, const KeyframePose& pose,
-                std::function<void(const Map&)> to);
+  void emit(MapDownload<Map>& download, std::int64_t id, const KeyframePose& pose, std::function<void(const Map&)> to);
   /// After what is queued; waits.
   void copy_bytes(void* to, const void* from, std::size_t bytes, cudaMemcpyKind kind) const;
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "fusion/fusion_setup.h"
-#include "rehearsal.h"
+#include "memory_simulation.h"
 #include "sphere/cube_map.h"
 
 namespace pmsp {
@@ -47,13 +47,13 @@ std::size_t device_memory_needed(const DensifierOptions& options, int image_widt
   const double share = 1.0 / static_cast<double>(std::max<std::size_t>(1, options.devices.size()));
   double images = 0.0, of16 = 0.0, of4 = 0.0, of1 = 0.0;
   const double agree = agree_bytes(options.advanced.fusion);
-  Rehearsal(options, options.devices.size() > 1).run(used, [&](const Rehearsal::Held& all) {
+  MemorySimulation(options, options.devices.size() > 1).run(used, [&](const MemorySimulation::Held& all) {
     images = std::max(images, all.images);
     of16 = std::max(of16, all.planes + all.medians);
     double words = all.colors + all.filtered + 2.0 * share * all.evidence;
     double bytes = 0.0;
     if (!waits_in_file) {
-      words += (1.0 + share) * all.surfels + share * all.asked;
+      words += (1.0 + share) * all.surfels + share * all.candidates;
       bytes = 2.0 * all.range_maps + (1.0 + share * agree) * all.surfels + share * all.ranked;
     }
     of4 = std::max(of4, words);

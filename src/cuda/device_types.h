@@ -7,11 +7,11 @@
 
 #include "confidence.h"
 #include "depth_image.h"
+#include "duplicates.h"
 #include "fused_point.h"
 #include "init.h"
 #include "match.h"
 #include "median.h"
-#include "ownership.h"
 #include "plane_image.h"
 #include "plane_prior.h"
 #include "ranges.h"
@@ -105,10 +105,11 @@ struct DevicePoint {
 };
 
 /// A round of ownership.
-struct OwnershipArgs {
-  kernels::OwnershipRound round;
-  std::uint32_t* asked;  ///< of open pixels a bit for each keyframe whose say matters, before the round and after it
-  bool first;            ///< `asked` holds nothing yet
+struct DuplicateArgs {
+  kernels::DuplicateRound round;
+  std::uint32_t*
+      candidates;  ///< of open pixels a bit for each keyframe whose say matters, before the round and after it
+  bool first;      ///< `asked` holds nothing yet
 };
 
 /// The points that a keyframe makes.

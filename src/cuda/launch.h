@@ -38,7 +38,7 @@ void start_pixels(const PatchMatchPass& pass, cudaStream_t stream);
 void iterate_pixels(const PatchMatchPass& pass, int colour, int iteration, bool rescore, cudaStream_t stream);
 
 /// A round of ownership for all pixels of a keyframe.
-void own(const OwnershipArgs& args, cudaStream_t stream);
+void remove_duplicates(const DuplicateArgs& args, cudaStream_t stream);
 
 /// The points that a keyframe makes, in row order (pmsp::kept_points). `scratch`: at least owned_scratch_bytes.
 void kept_points(const OwnedArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);

@@ -14,13 +14,13 @@ namespace {
 constexpr int kThreads = 128;
 
 struct MakesPoint {
-  __host__ __device__ bool operator()(std::uint8_t standing) const { return kernels::makes_point(standing); }
+  __host__ __device__ bool operator()(std::uint8_t status) const { return kernels::makes_point(status); }
 };
 
-void select(const std::uint8_t* standings, unsigned int* indices, unsigned int* count, int pixels, void* scratch,
+void select(const std::uint8_t* statuses, unsigned int* indices, unsigned int* count, int pixels, void* scratch,
             std::size_t& scratch_bytes, cudaStream_t stream) {
   PMSP_CUDA_CHECK(cub::DeviceSelect::Flagged(scratch, scratch_bytes, thrust::counting_iterator<unsigned int>(0),
-                                             thrust::make_transform_iterator(standings, MakesPoint{}), indices, count,
+                                             thrust::make_transform_iterator(statuses, MakesPoint{}), indices, count,
                                              pixels, stream));
 }
 
@@ -47,7 +47,7 @@ std::size_t owned_scratch_bytes(int pixels) {
 
 void kept_points(const OwnedArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream) {
   const int pixels = args.grid.width * args.grid.height;
-  select(args.map.standings, args.indices, args.count, pixels, scratch, scratch_bytes, stream);
+  select(args.map.statuses, args.indices, args.count, pixels, scratch, scratch_bytes, stream);
   owned_kernel<<<static_cast<unsigned>(std::min(blocks(pixels, kThreads), 8192)), kThreads, 0, stream>>>(args);
   PMSP_CUDA_LAUNCHED();
 }

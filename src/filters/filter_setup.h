@@ -36,7 +36,7 @@ inline int agreeing_maps_wanted(const ConsistencyFilterOptions& options, std::si
 template <class Machine>
 kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Map& map, const kernels::GridView& grid,
                                                       std::size_t count, const ConsistencyFilterOptions& options,
-                                                      double pose_error, float* confidence, float* told) {
+                                                      double pose_error, float* confidence, float* reported) {
   kernels::ConsistencyFilter<Machine> stage{};
   stage.map = map;
   stage.grid = grid;
@@ -47,7 +47,7 @@ kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Ma
   stage.share = kernels::share_of_coarse_map(grid.width);
   stage.pose_error = static_cast<float>(pose_error);
   stage.confidence = confidence;
-  stage.told_to = told;
+  stage.reported = reported;
   return stage;
 }
 

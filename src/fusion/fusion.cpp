@@ -40,17 +40,17 @@ void check(const std::vector<FusionMap>& window, std::size_t current) {
 
 void check_surfels(const char* stage, const SurfelsFrom& points) {
   check_scale(std::string(stage) + ": ", points.pose.scale);
-  if (points.map == nullptr || points.standings == nullptr) {
+  if (points.map == nullptr || points.statuses == nullptr) {
     throw InvalidInput(std::string(stage) + ": a keyframe lacks its points or their standings");
   }
-  if (!same_size(points.map->surfels, *points.standings)) {
+  if (!same_size(points.map->surfels, *points.statuses)) {
     throw InvalidInput(std::string(stage) + ": points and standings differ in size");
   }
 }
 
 kernels::SurfelView view_of(const SurfelsFrom& points) {
   const Image<std::uint32_t>& surfels = points.map->surfels;
-  return {surfels.pixels().data(), points.standings->pixels().data(), surfels.width(), surfels.height(),
+  return {surfels.pixels().data(), points.statuses->pixels().data(), surfels.width(), surfels.height(),
           static_cast<float>(points.pose.scale)};
 }
 
@@ -68,7 +68,7 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   fused.keyframe_id = map.keyframe_id;
   fused.surfels = Image<std::uint32_t>(map.width(), map.height());
   fused.details = Image<std::uint32_t>(map.width(), map.height());
-  fused.standings = Image<std::uint8_t>(map.width(), map.height());
+  fused.statuses = Image<std::uint8_t>(map.width(), map.height());
   kernels::FusePixels<HostMachine> stage{};
   stage.grid = grid.view();
   stage.limits = fusion_limits(options);
@@ -87,7 +87,7 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
     fused.window_ids.push_back(input.map->keyframe_id);
   }
   fused.agree.resize(fused.surfels.size() * static_cast<std::size_t>(fused.agree_bytes()));
-  stage.to = {fused.surfels.pixels().data(), fused.details.pixels().data(), fused.standings.pixels().data(),
+  stage.to = {fused.surfels.pixels().data(), fused.details.pixels().data(), fused.statuses.pixels().data(),
               fused.agree.data(), fused.agree_bytes()};
   inside(executor).run(stage);
   return fused;
@@ -102,7 +102,7 @@ Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& 
   const int height = map.surfels.height();
   check_count("free_space_filter", viewers.size());
   CpuProcessor on(executor, width, height);
-  Image<std::uint8_t> standings(width, height);
+  Image<std::uint8_t> statuses(width, height);
   std::vector<kernels::Rigid> from_viewers;
   kernels::Eligibility stage{};
   stage.surfels = map.surfels.pixels().data();
@@ -110,7 +110,7 @@ Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& 
   stage.grid = on.grid();
   stage.limits = free_space_limits(options);
   stage.max_contradiction = static_cast<float>(options.max_contradiction);
-  stage.standings = standings.pixels().data();
+  stage.statuses = statuses.pixels().data();
   for (const RangeMapFrom& viewer : viewers) {
     if (viewer.ranges == nullptr) throw InvalidInput("free_space_filter: a viewer lacks its range map");
     const Image<float>& nearest = viewer.ranges->nearest;
@@ -129,7 +129,7 @@ Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& 
   Mirrors mirrors;
   if (options.enabled && options.mirrors) mirrors = find_mirrors(on, from_viewers, stage);
   on.launch(stage, nullptr);
-  return standings;
+  return statuses;
 }
 
 Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& candidates,
@@ -142,12 +142,12 @@ Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<st
   const int width = map.surfels.width();
   const int height = map.surfels.height();
   const SphereGrid grid(width, height);
-  Image<std::uint8_t> standings(width, height);
-  kernels::OwnershipRound stage{};
+  Image<std::uint8_t> statuses(width, height);
+  kernels::DuplicateRound stage{};
   stage.map = view_of(reference);
   stage.grid = grid.view();
-  stage.limits = ownership_limits(options);
-  stage.standings = standings.pixels().data();
+  stage.limits = duplicate_limits(options);
+  stage.statuses = statuses.pixels().data();
   for (std::size_t k = 0; k < viewers.size(); ++k) {
     const SurfelsFrom& viewer = viewers[k];
     ++stage.count;
@@ -158,10 +158,10 @@ Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<st
     stage.others[k] = {view_of(viewer), to.other_from_first, to.zoom, viewer.map->keyframe_id < map.keyframe_id};
   }
   const CpuProcessor on(executor, width, height);
-  Asked still{on.upload(candidates), candidates.size()};
+  DuplicateCandidates still{on.upload(candidates), candidates.size()};
   on.own(stage, still);
   candidates.assign(still.bits.get(), still.bits.get() + still.count);
-  return standings;
+  return statuses;
 }
 
 KeyframeCloud kept_points(const SurfelsFrom& points, double lens_distance) {
@@ -169,7 +169,7 @@ KeyframeCloud kept_points(const SurfelsFrom& points, double lens_distance) {
   const SurfelMap& map = *points.map;
   const SphereGrid grid(map.surfels.width(), map.surfels.height());
   KeyframeCloud cloud{map.keyframe_id, points.pose.cam_from_world, {}, points.pose.scale, {}, {}, map.window_ids};
-  collect_points({map.surfels.pixels().data(), map.details.pixels().data(), points.standings->pixels().data(),
+  collect_points({map.surfels.pixels().data(), map.details.pixels().data(), points.statuses->pixels().data(),
                   map.agree.data(), map.agree_bytes(), static_cast<float>(0.5 * lens_distance)},
                  grid.view(), cloud);
   return cloud;

@@ -17,7 +17,7 @@ kernels::FusionLimits fusion_limits(const FusionOptions& options) {
           static_cast<float>(options.min_confidence), static_cast<float>(options.suppression)};
 }
 
-kernels::OwnershipLimits ownership_limits(const FusionOptions& options) {
+kernels::DuplicateLimits duplicate_limits(const FusionOptions& options) {
   return {static_cast<float>(options.spacing_px), static_cast<float>(options.max_relative_depth),
           min_cos_normals(options)};
 }

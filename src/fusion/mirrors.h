@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "ownership.h"
+#include "duplicates.h"
 #include "processor.h"
 
 namespace pmsp {
@@ -39,12 +39,12 @@ Array<kernels::WidePlane> wide_planes(Processor& on, const std::uint32_t* surfel
 /// Finds the mirrors that a keyframe sees (kernels/mirror.h), and lets `judge` know of them, which has the keyframe's
 /// points and its viewers by now. `from_viewers`: from each viewer's frame into the keyframe's.
 template <class Processor>
-Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_viewers, kernels::Eligibility& judge) {
-  if (judge.count < 2) return {};  // a mirror image wants two witnesses
+Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_viewers, kernels::Eligibility& test) {
+  if (test.count < 2) return {};  // a mirror image wants two witnesses
   const kernels::GridView grid = on.grid();
   const int cells = grid.width / kernels::kRangeCell * (grid.height / kernels::kRangeCell);
   const int parts = kernels::kCountColumns * (grid.height / kernels::kRangeCell);
-  const auto found = wide_planes(on, judge.surfels);
+  const auto found = wide_planes(on, test.surfels);
   const auto counts = on.template array<kernels::MirrorCounts>(static_cast<std::size_t>(parts));
   const auto sums = on.template array<kernels::MirrorCounts>(kernels::kMirrorSums);
   const auto words = [&] { return on.template array<std::uint32_t>(static_cast<std::size_t>(cells)); };
@@ -55,10 +55,10 @@ Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_view
   on.launch(kernels::ChooseWidePlanes{found.get(), planes}, nullptr);
   kernels::FindMirrored behind{};
   kernels::ConfirmMirrors front{};
-  behind.surfels = judge.surfels;
+  behind.surfels = test.surfels;
   behind.grid = front.grid = grid;
-  behind.count = front.count = judge.count;
-  behind.limits = judge.limits;
+  behind.count = front.count = test.count;
+  behind.limits = test.limits;
   behind.planes = front.planes = planes;
   behind.evidence = evidence;
   front.evidence = evidence;
@@ -67,19 +67,19 @@ Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_view
   choice.sums = sums.get();
   choice.cells = cells;
   choice.planes = planes;
-  choice.viewer_count = judge.count;
-  for (int k = 0; k < judge.count; ++k) {
+  choice.viewer_count = test.count;
+  for (int k = 0; k < test.count; ++k) {
     const kernels::Rigid& from_viewer = from_viewers[static_cast<std::size_t>(k)];
     choice.viewers[k] = {from_viewer.t[0], from_viewer.t[1], from_viewer.t[2]};
-    behind.viewers[k] = judge.viewers[k];
-    front.viewers[k] = {judge.viewers[k].ranges, from_viewer};
+    behind.viewers[k] = test.viewers[k];
+    front.viewers[k] = {test.viewers[k].ranges, from_viewer};
   }
   on.launch(behind, nullptr);
   on.launch(front, nullptr);
   on.launch(kernels::CountMirrored{grid, evidence, confirmed, counts.get()}, nullptr);
   on.launch(kernels::SumMirrored{counts.get(), parts, sums.get()}, nullptr);
   on.launch(choice, nullptr);
-  judge.mirrors = {planes, evidence, confirmed};
+  test.mirrors = {planes, evidence, confirmed};
   return mirrors;
 }
 

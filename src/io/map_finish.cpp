@@ -195,7 +195,7 @@ class ObservationFilter {
   }
 
   const RawMap& raw_;
-  ObservationSieve sieve_;
+  ObservationFilter sieve_;
 };
 
 }  // namespace

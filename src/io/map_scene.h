@@ -89,10 +89,10 @@ MapCamera panorama_of_any_size();
 void number_by_image(SlamMap& map);
 
 /// Keeps the observations of landmarks that exist, each once in a keyframe, and counts the others.
-class ObservationSieve {
+class ObservationFilter {
  public:
   /// `map.landmarks` are sorted; `map` outlives the sieve.
-  explicit ObservationSieve(SlamMap& map);
+  explicit ObservationFilter(SlamMap& map);
 
   void begin_keyframe() { ++keyframe_; }
   /// The landmark of an observation that is kept, else nullptr.

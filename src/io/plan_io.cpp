@@ -24,7 +24,7 @@ Json to_json(const PlanEntry& entry) {
             {"consistency", entry.consistency},
             {"fusion", entry.fusion},
             {"viewers", entry.viewers},
-            {"owners", entry.owners}};
+            {"owners", entry.duplicate_views}};
   if (entry.first_planes) json["first_planes"] = *entry.first_planes;
   return json;
 }
@@ -52,7 +52,7 @@ class EntryReader {
     entry.consistency = ids("consistency");
     entry.fusion = ids("fusion");
     entry.viewers = ids("viewers");
-    entry.owners = ids("owners");
+    entry.duplicate_views = ids("owners");
     return entry;
   }
 

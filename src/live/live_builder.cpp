@@ -55,7 +55,7 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
       densifier_(suitable(options.densifier)),
       full_(densifier_.advanced.patchmatch.geometric_passes + 1),
       reach_(densifier_),
-      asks_all_(asks_whole_mission(options.densifier)),
+      searches_all_(searches_whole_mission(options.densifier)),
       publish_(std::move(publish)),
       on_error_(std::move(on_error)),
       cancel_(cancel) {
@@ -111,18 +111,18 @@ const LiveNode* LiveBuilder::find(std::int64_t id) const {
 
 /// Of a used one, in its flight.
 std::size_t LiveBuilder::place_of(const LiveNode& node) const {
-  const Flight& flight = flights_.at(node.map_id);
-  return static_cast<std::size_t>(std::lower_bound(flight.begin(), flight.end(), node.id) - flight.begin());
+  const Sequence& sequence = sequences_.at(node.map_id);
+  return static_cast<std::size_t>(std::lower_bound(sequence.begin(), sequence.end(), node.id) - sequence.begin());
 }
 
 /// Used keyframes of the same flight up to `reach` before and after, itself included, in order. `with_depth`: those
 /// only that have a depth map.
 std::vector<LiveNode*> LiveBuilder::around(const LiveNode& node, std::size_t reach, bool with_depth) {
-  const Flight& flight = flights_.at(node.map_id);
+  const Sequence& sequence = sequences_.at(node.map_id);
   const std::size_t place = place_of(node);
   std::vector<LiveNode*> result;
-  for (std::size_t i = place > reach ? place - reach : 0; i < std::min(flight.size(), place + reach + 1); ++i) {
-    LiveNode& other = nodes_.at(flight[i]);
+  for (std::size_t i = place > reach ? place - reach : 0; i < std::min(sequence.size(), place + reach + 1); ++i) {
+    LiveNode& other = nodes_.at(sequence[i]);
     if (with_depth && !other.has_map()) continue;
     result.push_back(&other);
   }
@@ -139,7 +139,7 @@ void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
     if (node.map_id != keyframe.map_id) continue;
     ++node.newer;
     const Eigen::Vector3d center = node.pose.cam_from_world.center();
-    node.still = (center - node.center).norm() <= options_.ripe_move * node.range * node.pose.scale;
+    node.still = (center - node.center).norm() <= options_.stable_move * node.range * node.pose.scale;
     node.center = center;
   }
   LiveNode& node = nodes_[keyframe.id];
@@ -156,7 +156,8 @@ void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
   if (preview_) preview_->add(keyframe.id);
 }
 
-void LiveBuilder::see(std::int64_t id, const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world) {
+void LiveBuilder::set_landmarks(std::int64_t id, const std::vector<Landmark>& landmarks,
+                                const RigidTransform& cam_from_world) {
   LiveNode* const node = find(id);
   if (node != nullptr && node->passes == 0) {
     node->take_landmarks(landmarks, cam_from_world);
@@ -171,13 +172,13 @@ void LiveBuilder::move(const std::vector<LiveMove>& places) {
     if (node->frame) node->frame->pose = place.pose;
     moved_ = true;
     if (node->map_id == place.map_id) continue;
-    if (node->used) leave_flight(*node);
+    if (node->used) leave_sequence(*node);
     node->map_id = place.map_id;
     if (!node->used) continue;
-    Flight& to = flights_[place.map_id];
+    Sequence& to = sequences_[place.map_id];
     to.insert(std::lower_bound(to.begin(), to.end(), node->id), node->id);
     planes_changed(*node);
-    choose_anew_around(*node);
+    reselect_neighbours_around(*node);
   }
 }
 
@@ -187,12 +188,12 @@ void LiveBuilder::erase(std::int64_t id) {
   if (preview_) preview_->erase(id);
   if (lenses_) lenses_->remove(id);
   if (rig_) rig_->remove(id);
-  leave_out(id);
+  drop(id);
   for (auto& [other_id, other] : nodes_) {
     const auto names = [&](const std::vector<std::int64_t>& ids) {
       return std::find(ids.begin(), ids.end(), id) != ids.end();
     };
-    if (other.shown > 0 && (names(other.owners) || names(other.viewers))) other.points_due = true;
+    if (other.shown > 0 && (names(other.duplicate_views) || names(other.viewers))) other.points_due = true;
   }
 }
 
@@ -200,13 +201,13 @@ void LiveBuilder::erase(std::int64_t id) {
 
 void LiveBuilder::stay_within_memory() {
   make_room();
-  while (leave_out_late()) make_room();
+  while (drop_late()) make_room();
 }
 
 bool LiveBuilder::work() {
   if (preview_ && preview_->work(nodes_, on_error_)) return true;
-  if (decide() || look_at_lenses() || look_at_rig() || link()) return true;
-  look_for_moves();
+  if (decide() || estimate_lenses() || estimate_rig() || link()) return true;
+  detect_moves();
   return show(false, kGroup) || match() || show(false, 1) || match_again() || show(true, 1) || show_wide();
 }
 
@@ -230,7 +231,7 @@ bool LiveBuilder::is_outdated(const LiveNode& node, const LiveInputs& then, cons
 }
 
 /// What poses have done to depth maps and points.
-void LiveBuilder::look_for_moves() {
+void LiveBuilder::detect_moves() {
   if (!moved_) return;
   moved_ = false;
   std::set<std::int64_t> rearranged;  // maps
@@ -248,9 +249,9 @@ void LiveBuilder::look_for_moves() {
     const double moved = furthest(node.matched);
     if (moved > options_.max_move_px) node.moved_px = moved;
     if (node.shown == 0) continue;
-    if (std::max(furthest(node.fused), furthest(node.judged)) > kQueryTolerance) {
+    if (std::max(furthest(node.fused), furthest(node.tested)) > kQueryTolerance) {
       node.points_due = true;
-      node.wide_due = node.wide_due || asks_all_;
+      node.wide_due = node.wide_due || searches_all_;
     }
     const LiveInput in_world{id, 0, KeyframePose{}, node.wide ? node.wide_pose : node.first_pose};
     if (moved_angle(in_world, KeyframePose{}, node.pose, node.range) > kFarMove) rearranged.insert(node.map_id);
@@ -299,10 +300,10 @@ int LiveBuilder::level_of(const LiveNode& node) const {
 /// at maps; where it has points, it comes last.
 bool LiveBuilder::match() {
   std::vector<LiveNode*> candidates;
-  for (const auto& [map_id, flight] : flights_) {
-    for (const std::int64_t id : flight) {
+  for (const auto& [map_id, sequence] : sequences_) {
+    for (const std::int64_t id : sequence) {
       LiveNode& node = nodes_.at(id);
-      if (!lacks_passes(node) || begins_anew(node)) continue;
+      if (!lacks_passes(node) || restarts(node)) continue;
       candidates.push_back(&node);
     }
   }
@@ -313,16 +314,16 @@ bool LiveBuilder::match() {
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
       if (node->passes == 0 || node->wants_images_alone(kFarInBetween * options_.max_move_px)) return true;
       if (!other->linked || (other->passes < node->passes && lacks_passes(*other))) return false;
-      if (node->passes >= kLevels[0] && begins_anew(*other)) return false;
+      if (node->passes >= kLevels[0] && restarts(*other)) return false;
       const bool has_points = node->shown > 0;
-      if (node->anew && (has_points ? is_due_again(*other) : begins_anew(*other))) return false;
+      if (node->restarted && (has_points ? needs_rematch(*other) : restarts(*other))) return false;
       const bool waits = other->wants_images_alone(kFarInBetween * options_.max_move_px) && can_match(*other);
-      return (node->passes < kLevels[0] && !(node->anew && has_points)) ||
+      return (node->passes < kLevels[0] && !(node->restarted && has_points)) ||
              !waits;  // first points wait for nobody's move
     });
     if (!ready) continue;
     const auto urgency = [&](const LiveNode& of) {
-      return (all_at_once ? 0 : level_of(of)) + (of.anew && of.shown > 0 ? full_ : 0);
+      return (all_at_once ? 0 : level_of(of)) + (of.restarted && of.shown > 0 ? full_ : 0);
     };
     if (best == nullptr || urgency(*node) < urgency(*best)) best = node;
   }
@@ -332,20 +333,20 @@ bool LiveBuilder::match() {
 }
 
 /// Whether neighbours have moved so far that what it has is worth nothing.
-bool LiveBuilder::begins_anew(const LiveNode& node) const {
+bool LiveBuilder::restarts(const LiveNode& node) const {
   return node.passes > 0 && node.moved_px > kFarToGoOn * options_.max_move_px && can_match(node);
 }
 
 /// Whether it has all its passes, but neighbours have moved since, or far in between; or it need not have the others
 /// first.
-bool LiveBuilder::is_due_again(const LiveNode& node) const {
-  return begins_anew(node) || (node.passes >= full_ && node.badness() > 0.0 && can_match(node));
+bool LiveBuilder::needs_rematch(const LiveNode& node) const {
+  return restarts(node) || (node.passes >= full_ && node.displacement_px() > 0.0 && can_match(node));
 }
 
 /// The used keyframe before it in its flight, null = it is the first.
 LiveNode* LiveBuilder::previous_of(const LiveNode& node) {
   const std::size_t place = place_of(node);
-  return place > 0 ? find(flights_.at(node.map_id)[place - 1]) : nullptr;
+  return place > 0 ? find(sequences_.at(node.map_id)[place - 1]) : nullptr;
 }
 
 /// Of the keyframes that are due again, the one where it is worst is matched anew; but first those before it that begin
@@ -353,18 +354,17 @@ LiveNode* LiveBuilder::previous_of(const LiveNode& node) {
 bool LiveBuilder::match_again() {
   LiveNode* worst = nullptr;
   for (auto& [id, node] : nodes_) {
-    if (!is_due_again(node)) continue;
-    if (worst == nullptr || node.badness() > worst->badness()) worst = &node;
+    if (!needs_rematch(node)) continue;
+    if (worst == nullptr || node.displacement_px() > worst->displacement_px()) worst = &node;
   }
   if (worst == nullptr) return false;
-  for (LiveNode* before = previous_of(*worst); before != nullptr && begins_anew(*before);
-       before = previous_of(*worst)) {
+  for (LiveNode* before = previous_of(*worst); before != nullptr && restarts(*before); before = previous_of(*worst)) {
     worst = before;
   }
   ++stats_.matched_again;
-  worst->anew = worst->shown > 0 || begins_anew(*worst);
+  worst->restarted = worst->shown > 0 || restarts(*worst);
   worst->passes = 0;
-  worst->owed_px = 0.0;
+  worst->deferred_px = 0.0;
   match(*worst);
   return true;
 }
@@ -386,13 +386,13 @@ void LiveBuilder::match(LiveNode& node) {
     inputs.push_back(input(*near, node, near->planes_made));
   }
   const bool in_between = node.wants_images_alone(far);
-  if (in_between) node.owed_px = node.moved_px;
+  if (in_between) node.deferred_px = node.moved_px;
   const bool photometric = node.passes == 0 || in_between;
   task.near = photometric ? 0 : static_cast<std::size_t>(outdated - neighbours.begin());
   task.range = node.depths;
   if (node.passes == 0 && densifier_.advanced.init.warp_previous) {
     const LiveNode* const previous = previous_of(node);
-    if (previous != nullptr && previous->has_map() && !begins_anew(*previous)) task.previous = previous->frame.get();
+    if (previous != nullptr && previous->has_map() && !restarts(*previous)) task.previous = previous->frame.get();
   }
   task.pass = std::min(node.passes, std::max(1, full_ - 1));
   task.draft = node.passes + 1 < std::min(kLevels[0], full_);
@@ -499,13 +499,13 @@ void LiveBuilder::make_room() {
 
 LiveBacklog LiveBuilder::backlog() const {
   LiveBacklog backlog;
-  backlog.unripe = static_cast<std::int64_t>(undecided_.size());
+  backlog.unstable = static_cast<std::int64_t>(undecided_.size());
   for (const auto& [id, node] : nodes_) {
     if (!node.used || (node.linked && !node.has_depth)) continue;
     if (node.shown == 0) {
       ++backlog.waiting;
-    } else if (node.frame &&
-               (node.points_due || node.wide_due || lacks_passes(node) || (node.badness() > 0.0 && can_match(node)))) {
+    } else if (node.frame && (node.points_due || node.wide_due || lacks_passes(node) ||
+                              (node.displacement_px() > 0.0 && can_match(node)))) {
       ++backlog.refining;
     }
   }

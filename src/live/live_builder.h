@@ -43,7 +43,7 @@ class LiveBuilder {
   /// `serial`: another one for each keyframe that is added, whatever its id.
   void add(const LiveKeyframe& keyframe, std::uint64_t serial);
   void move(const std::vector<LiveMove>& places);
-  void see(std::int64_t id, const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
+  void set_landmarks(std::int64_t id, const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
   void erase(std::int64_t id);
   void finish() { finishing_ = true; }
 
@@ -54,15 +54,15 @@ class LiveBuilder {
   bool work();
 
   /// Keyframes that have been left out or erased since the last call, with their serials.
-  using LeftOut = std::vector<std::pair<std::int64_t, std::uint64_t>>;
-  LeftOut take_left_out() { return std::exchange(left_out_, {}); }
+  using Dropped = std::vector<std::pair<std::int64_t, std::uint64_t>>;
+  Dropped take_dropped() { return std::exchange(dropped_, {}); }
 
   LiveBacklog backlog() const;
   LiveStats stats() const;  ///< what is counted here
   const std::string& backend() const { return backend_; }
 
  private:
-  using Flight = std::vector<std::int64_t>;
+  using Sequence = std::vector<std::int64_t>;
 
   /// While no more keyframes than these lack passes, each gets all of them at once.
   static constexpr std::size_t kShortQueue = 6;
@@ -83,15 +83,15 @@ class LiveBuilder {
 
   // Which are used (live_choices.cpp).
   bool has_ended(std::int64_t map_id) const;
-  bool is_ripe(const LiveNode& node) const;
+  bool is_stable(const LiveNode& node) const;
   bool decide();
   bool is_crowded(const LiveNode& node) const;
   bool is_wanted(LiveNode& node, const Keyframe& keyframe);
   void use(LiveNode& node, const Keyframe& keyframe);
-  void choose_anew_around(const LiveNode& node);
-  void leave_flight(LiveNode& node);
-  void leave_out(std::int64_t id);
-  bool leave_out_late();
+  void reselect_neighbours_around(const LiveNode& node);
+  void leave_sequence(LiveNode& node);
+  void drop(std::int64_t id);
+  bool drop_late();
   bool link();
   void link(LiveNode& node);
 
@@ -99,12 +99,12 @@ class LiveBuilder {
   void begin_with_lenses();
   void begin_with_rig();
   void collect_for_calibration(const LiveNode& node, const Keyframe& keyframe);
-  bool look_at_rig();
+  bool estimate_rig();
   std::shared_ptr<const Image<std::uint8_t>> mask_for(int width, int height);
   void publish_cloud(const KeyframeCloud& cloud, std::uint64_t serial, bool preliminary) const;
   template <class Estimator>
   bool is_time_for(Estimator& estimator, std::size_t& looked_at) const;
-  bool look_at_lenses();
+  bool estimate_lenses();
   void use_lenses(double distance);
 
   // Depth maps.
@@ -114,8 +114,8 @@ class LiveBuilder {
   int level_of(const LiveNode& node) const;
   bool lacks_passes(const LiveNode& node) const { return node.passes < full_ && can_match(node); }
   bool match();
-  bool begins_anew(const LiveNode& node) const;
-  bool is_due_again(const LiveNode& node) const;
+  bool restarts(const LiveNode& node) const;
+  bool needs_rematch(const LiveNode& node) const;
   LiveNode* previous_of(const LiveNode& node);
   bool match_again();
   void match(LiveNode& node);
@@ -127,11 +127,11 @@ class LiveBuilder {
   bool show(bool because_moved, std::size_t fewest);
   bool show_wide();
   void show(const std::vector<LiveNode*>& nodes);
-  void ask_around(LiveNode& node);
+  void choose_test_views(LiveNode& node);
   std::vector<LiveNode*> with_depth(const std::vector<std::int64_t>& ids, std::int64_t map_id);
 
   // What changes.
-  void look_for_moves();
+  void detect_moves();
   void planes_changed(const LiveNode& node);
   bool is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const;
   LiveInput input(const LiveNode& other, const LiveNode& own, std::uint64_t made) const;
@@ -154,7 +154,7 @@ class LiveBuilder {
   DensifierOptions densifier_;  ///< in force
   const int full_;              ///< passes of a finished depth map
   const Reach reach_;
-  const bool asks_all_;  ///< keyframes beyond the fusion window may make the point of a place in any case
+  const bool searches_all_;  ///< keyframes beyond the fusion window may make the point of a place in any case
   Publish publish_;
   OnError on_error_;
   EngineResults results_;
@@ -164,17 +164,17 @@ class LiveBuilder {
   std::unique_ptr<Engine> engine_;  ///< before the nodes, whose frames must not outlive it
   std::unique_ptr<LivePreview> preview_;
   std::map<std::int64_t, LiveNode> nodes_;       ///< that wait for a decision, or are used
-  std::map<std::int64_t, Flight> flights_;       ///< ids of used ones in order, by map
+  std::map<std::int64_t, Sequence> sequences_;   ///< ids of used ones in order, by map
   std::set<std::int64_t> undecided_;             ///< ids
   std::optional<LensDistanceEstimator> lenses_;  ///< while their distance is not fixed
   std::optional<RigMaskEstimator> rig_;          ///< while it is not fixed
   std::int64_t calibration_map_ = 0;             ///< of their keyframes
-  std::size_t lenses_looked_at_ = 0;             ///< keyframes of the last estimate
-  std::size_t rig_looked_at_ = 0;
+  std::size_t lens_keyframes_ = 0;               ///< keyframes of the last estimate
+  std::size_t rig_keyframes_ = 0;
   Image<std::uint8_t> rig_mask_;                     ///< empty = none
   std::shared_ptr<const Image<std::uint8_t>> mask_;  ///< see mask_for
   const std::atomic<bool>& cancel_;
-  LeftOut left_out_;
+  Dropped dropped_;
   std::map<std::int64_t, std::int64_t> last_arrivals_;  ///< number of the last keyframe that came, by map
   std::int64_t arrivals_ = 0;
   std::uint64_t results_made_ = 0;

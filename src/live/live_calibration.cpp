@@ -41,8 +41,8 @@ bool LiveBuilder::is_time_for(Estimator& estimator, std::size_t& looked_at) cons
 }
 
 /// Finds the rig when it is time. Returns whether there was anything to do.
-bool LiveBuilder::look_at_rig() {
-  if (!rig_ || !is_time_for(*rig_, rig_looked_at_)) return false;
+bool LiveBuilder::estimate_rig() {
+  if (!rig_ || !is_time_for(*rig_, rig_keyframes_)) return false;
   const bool enough = rig_->keyframes() >= kEnough;
   RigMask found = rig_->estimate(engine_->executor());
   if (enough || !found.mask.empty()) rig_.reset();
@@ -88,17 +88,17 @@ void LiveBuilder::publish_cloud(const KeyframeCloud& cloud, std::uint64_t serial
 
 void LiveBuilder::begin_with_rig() {
   rig_.emplace();
-  rig_looked_at_ = 0;
+  rig_keyframes_ = 0;
 }
 
 void LiveBuilder::begin_with_lenses() {
   lenses_.emplace();
-  lenses_looked_at_ = 0;
+  lens_keyframes_ = 0;
 }
 
 /// Estimates their distance when it is time. Returns whether there was anything to do.
-bool LiveBuilder::look_at_lenses() {
-  if (!lenses_ || !is_time_for(*lenses_, lenses_looked_at_)) return false;
+bool LiveBuilder::estimate_lenses() {
+  if (!lenses_ || !is_time_for(*lenses_, lens_keyframes_)) return false;
   const bool enough = lenses_->keyframes() >= kEnough;
   const LensDistance found = lenses_->estimate(engine_->executor());
   if (found.significant) {
@@ -121,10 +121,10 @@ void LiveBuilder::use_lenses(double distance) {
     node.filtered_made = node.fused_made = 0;
     node.points_due = true;
     if (!can_match(node)) continue;
-    node.anew = false;  // those that come wait for it
+    node.restarted = false;  // those that come wait for it
     node.had_in_between = false;
     node.passes = 0;
-    node.moved_px = node.owed_px = 0.0;
+    node.moved_px = node.deferred_px = 0.0;
   }
 }
 

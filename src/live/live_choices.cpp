@@ -29,12 +29,12 @@ constexpr std::size_t kSharpnessReach = 5;
 bool LiveBuilder::has_ended(std::int64_t map_id) const {
   const auto last = last_arrivals_.find(map_id);
   return finishing_ || last == last_arrivals_.end() ||
-         arrivals_ - last->second >= std::clamp(options_.ripe_at_latest, 1, kElsewhere);
+         arrivals_ - last->second >= std::clamp(options_.stable_at_latest, 1, kElsewhere);
 }
 
-bool LiveBuilder::is_ripe(const LiveNode& node) const {
-  if (has_ended(node.map_id) || node.newer >= options_.ripe_at_latest) return true;
-  return node.newer >= options_.ripe_after && (node.still || options_.ripe_after == 0);
+bool LiveBuilder::is_stable(const LiveNode& node) const {
+  if (has_ended(node.map_id) || node.newer >= options_.stable_at_latest) return true;
+  return node.newer >= options_.stable_after && (node.still || options_.stable_after == 0);
 }
 
 /// Takes the first keyframe of a map that waits, if it is ripe.
@@ -43,7 +43,7 @@ bool LiveBuilder::decide() {
   for (const std::int64_t id : undecided_) {
     LiveNode& node = nodes_.at(id);
     if (maps.count(node.map_id) != 0) continue;
-    if (!is_ripe(node)) {
+    if (!is_stable(node)) {
       maps.insert(node.map_id);
       continue;
     }
@@ -60,7 +60,7 @@ bool LiveBuilder::decide() {
     } catch (const InvalidInput& error) {
       on_error_(error.what());
     }
-    leave_out(id);
+    drop(id);
     return true;
   }
   return false;
@@ -69,11 +69,11 @@ bool LiveBuilder::decide() {
 /// Whether the place has been seen often enough: however long a flight stays in one room, what is kept of it is
 /// bounded.
 bool LiveBuilder::is_crowded(const LiveNode& node) const {
-  const auto flight = flights_.find(node.map_id);
-  if (flight == flights_.end()) return false;
+  const auto sequence = sequences_.find(node.map_id);
+  if (sequence == sequences_.end()) return false;
   const Eigen::Vector3d center = node.pose.cam_from_world.center();
   const double reach = kCrowd * node.range * node.pose.scale;
-  return std::count_if(flight->second.begin(), flight->second.end(), [&](std::int64_t id) {
+  return std::count_if(sequence->second.begin(), sequence->second.end(), [&](std::int64_t id) {
            return (nodes_.at(id).pose.cam_from_world.center() - center).norm() <= reach;
          }) >= kEnough;
 }
@@ -81,9 +81,9 @@ bool LiveBuilder::is_crowded(const LiveNode& node) const {
 /// What the view filter says of it and the used ones before, all where they are now.
 bool LiveBuilder::is_wanted(LiveNode& node, const Keyframe& keyframe) {
   node.sharpness = plan_keyframe(keyframe, densifier_, &engine_->executor()).sharpness;
-  const Flight& flight = flights_[node.map_id];
-  const auto next = std::lower_bound(flight.begin(), flight.end(), node.id);
-  if (!densifier_.advanced.view_filter.enabled || next == flight.begin()) return true;
+  const Sequence& sequence = sequences_[node.map_id];
+  const auto next = std::lower_bound(sequence.begin(), sequence.end(), node.id);
+  if (!densifier_.advanced.view_filter.enabled || next == sequence.begin()) return true;
   const LiveNode& newest = nodes_.at(*std::prev(next));
   ViewChain chain(densifier_.advanced.view_filter);
   const Keyframe newest_keyframe = newest.keyframe();
@@ -91,7 +91,7 @@ bool LiveBuilder::is_wanted(LiveNode& node, const Keyframe& keyframe) {
   const ViewChain::Verdict verdict = chain.compare(keyframe.landmarks, keyframe.cam_from_world.center());
   if (verdict.use != KeyframeUse::kDepthMap) return false;
   if (!verdict.dispensable || densifier_.advanced.view_filter.min_sharpness == 0.0) return true;
-  const std::size_t count = std::min<std::size_t>(kSharpnessReach, static_cast<std::size_t>(next - flight.begin()));
+  const std::size_t count = std::min<std::size_t>(kSharpnessReach, static_cast<std::size_t>(next - sequence.begin()));
   for (auto at = next - static_cast<std::ptrdiff_t>(count); at != next; ++at) {
     const SharpnessRecord& record = nodes_.at(*at).sharpness;
     if (!record.landmarks.empty()) chain.add_sharpness(record.landmarks);
@@ -108,47 +108,47 @@ void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
   node.image = {};
   node.prior_depth.reset();
   ++stats_.used;
-  Flight& flight = flights_[node.map_id];
-  flight.insert(std::lower_bound(flight.begin(), flight.end(), node.id), node.id);
+  Sequence& sequence = sequences_[node.map_id];
+  sequence.insert(std::lower_bound(sequence.begin(), sequence.end(), node.id), node.id);
 }
 
 /// Those around that are not matched yet choose other neighbours.
-void LiveBuilder::choose_anew_around(const LiveNode& node) {
+void LiveBuilder::reselect_neighbours_around(const LiveNode& node) {
   for (LiveNode* other : around(node, reach_.neighbours, false)) {
     if (other->passes == 0) other->linked = other->has_depth = false;
   }
 }
 
-void LiveBuilder::leave_flight(LiveNode& node) {
+void LiveBuilder::leave_sequence(LiveNode& node) {
   planes_changed(node);
-  choose_anew_around(node);
-  Flight& flight = flights_[node.map_id];
-  flight.erase(std::lower_bound(flight.begin(), flight.end(), node.id));
+  reselect_neighbours_around(node);
+  Sequence& sequence = sequences_[node.map_id];
+  sequence.erase(std::lower_bound(sequence.begin(), sequence.end(), node.id));
 }
 
 /// Nothing is kept of it.
-void LiveBuilder::leave_out(std::int64_t id) {
+void LiveBuilder::drop(std::int64_t id) {
   LiveNode& node = nodes_.at(id);
   undecided_.erase(id);
-  if (node.used) leave_flight(node);
-  left_out_.emplace_back(id, node.serial);
+  if (node.used) leave_sequence(node);
+  dropped_.emplace_back(id, node.serial);
   nodes_.erase(id);
 }
 
 /// Of keyframes that wait for their first depth map, lets go of the one whose neighbours in the flight are nearest to
 /// each other, where too many wait or fill the memory.
-bool LiveBuilder::leave_out_late() {
+bool LiveBuilder::drop_late() {
   int waiting = 0;
   std::int64_t least = 0;
   double least_gap = std::numeric_limits<double>::infinity();
-  for (const auto& [map_id, flight] : flights_) {
-    for (std::size_t i = 0; i < flight.size(); ++i) {
-      LiveNode& node = nodes_.at(flight[i]);
+  for (const auto& [map_id, sequence] : sequences_) {
+    for (std::size_t i = 0; i < sequence.size(); ++i) {
+      LiveNode& node = nodes_.at(sequence[i]);
       if (node.passes > 0 || (node.linked && !node.has_depth)) continue;
       ++waiting;
-      if (i == 0 || i + 1 == flight.size()) continue;
-      const Eigen::Vector3d before = nodes_.at(flight[i - 1]).pose.cam_from_world.center();
-      const Eigen::Vector3d after = nodes_.at(flight[i + 1]).pose.cam_from_world.center();
+      if (i == 0 || i + 1 == sequence.size()) continue;
+      const Eigen::Vector3d before = nodes_.at(sequence[i - 1]).pose.cam_from_world.center();
+      const Eigen::Vector3d after = nodes_.at(sequence[i + 1]).pose.cam_from_world.center();
       const double gap = (after - before).norm() / std::max(node.range * node.pose.scale, 1e-12);
       if (gap < least_gap) {
         least_gap = gap;
@@ -159,23 +159,23 @@ bool LiveBuilder::leave_out_late() {
   const bool any = least_gap < std::numeric_limits<double>::infinity();
   const bool full = bytes() > most_bytes();
   if (any && (full || waiting > options_.max_waiting)) {
-    ++stats_.left_out_late;
-    leave_out(least);
+    ++stats_.dropped_late;
+    drop(least);
     return true;
   }
   if (!full || undecided_.size() < 2) return false;
-  ++stats_.left_out_late;  // work stands still: images of those to come fill the memory
-  leave_out(*undecided_.begin());
+  ++stats_.dropped_late;  // work stands still: images of those to come fill the memory
+  drop(*undecided_.begin());
   return true;
 }
 
 /// Chooses neighbours for the first keyframe of which all that could be are there.
 bool LiveBuilder::link() {
-  for (const auto& [map_id, flight] : flights_) {
-    for (std::size_t i = 0; i < flight.size(); ++i) {
-      LiveNode& node = nodes_.at(flight[i]);
+  for (const auto& [map_id, sequence] : sequences_) {
+    for (std::size_t i = 0; i < sequence.size(); ++i) {
+      LiveNode& node = nodes_.at(sequence[i]);
       if (node.linked) continue;
-      if (i + reach_.neighbours >= flight.size() && !has_ended(map_id)) break;
+      if (i + reach_.neighbours >= sequence.size() && !has_ended(map_id)) break;
       link(node);
       return true;
     }

@@ -46,9 +46,9 @@ void LiveOptions::validate() const {
   check_option("nice", nice, 0, 19);
   check_option("memory_mib", memory_mib, 1, 1000000);
   check_option("max_waiting", max_waiting, 4, 100000);
-  check_option("ripe_after", ripe_after, 0, 1000);
-  check_option("ripe_at_latest", ripe_at_latest, ripe_after, 1000);
-  check_option("ripe_move", ripe_move, 0.0, 1.0);
+  check_option("ripe_after", stable_after, 0, 1000);
+  check_option("ripe_at_latest", stable_at_latest, stable_after, 1000);
+  check_option("ripe_move", stable_move, 0.0, 1.0);
   check_option("max_move_px", max_move_px, 0.001, 100.0);
 }
 
@@ -101,7 +101,7 @@ struct LiveDensifier::Impl {
 
   void add(LiveKeyframe keyframe) {
     check_place(keyframe);
-    tell([&] {
+    post([&] {
       if (tracker_.knows(keyframe.id)) return move({&keyframe});
       check_image_of(keyframe);
       arrive(keyframe);
@@ -110,7 +110,7 @@ struct LiveDensifier::Impl {
 
   void update(const std::vector<LiveKeyframe>& keyframes) {
     for (const LiveKeyframe& keyframe : keyframes) check_place(keyframe);
-    tell([&] {
+    post([&] {
       std::vector<const LiveKeyframe*> all;
       all.reserve(keyframes.size());
       for (const LiveKeyframe& keyframe : keyframes) all.push_back(&keyframe);
@@ -126,7 +126,7 @@ struct LiveDensifier::Impl {
       }
       check_place(keyframe);
     }
-    tell([&] {
+    post([&] {
       for (const LiveKeyframe& keyframe : keyframes) {
         if (keyframe.image.data != nullptr && !tracker_.knows(keyframe.id)) check_image_of(keyframe);
       }
@@ -154,12 +154,12 @@ struct LiveDensifier::Impl {
   }
 
   void erase(const std::vector<std::int64_t>& ids) {
-    tell([&] { erase_known(ids); });
+    post([&] { erase_known(ids); });
   }
 
   void reset() {
     std::deque<std::function<void(LiveBuilder&)>> dropped;  // images, too: their owners may lock what they like
-    tell([&] {
+    post([&] {
       ++stats_.resets;
       ++generation_;
       tracker_.reset();
@@ -172,14 +172,14 @@ struct LiveDensifier::Impl {
   }
 
   void finish() {
-    tell([&] {
+    post([&] {
       finishing_ = true;
       queue_.emplace_back([](LiveBuilder& builder) { builder.finish(); });
     });
   }
 
   void set_paused(bool paused) {
-    tell([&] { paused_ = paused; });
+    post([&] { paused_ = paused; });
   }
 
   bool wait(std::chrono::milliseconds at_most) const {
@@ -198,7 +198,7 @@ struct LiveDensifier::Impl {
   LiveBacklog backlog() const {
     const std::lock_guard<std::mutex> lock(mutex_);
     LiveBacklog backlog = backlog_;
-    backlog.unripe += queued_images_;
+    backlog.unstable += queued_images_;
     backlog.idle = is_idle();
     return backlog;
   }
@@ -211,7 +211,7 @@ struct LiveDensifier::Impl {
 
  private:
   template <class Change>
-  void tell(const Change& change) {
+  void post(const Change& change) {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
       if (stats_.failed) return;
@@ -243,7 +243,7 @@ struct LiveDensifier::Impl {
     for (const LiveKeyframe* keyframe : keyframes) {
       if (keyframe->landmarks.empty() || !tracker_.is_recent(keyframe->id, kUnmatched)) continue;
       queue_.emplace_back([id = keyframe->id, landmarks = keyframe->landmarks, pose = keyframe->cam_from_world](
-                              LiveBuilder& builder) { builder.see(id, landmarks, pose); });
+                              LiveBuilder& builder) { builder.set_landmarks(id, landmarks, pose); });
     }
   }
 
@@ -261,7 +261,7 @@ struct LiveDensifier::Impl {
 
   static LiveStats sum(LiveStats a, const LiveStats& b) {
     for (const auto member :
-         {&LiveStats::used, &LiveStats::not_needed, &LiveStats::left_out_late, &LiveStats::previews,
+         {&LiveStats::used, &LiveStats::not_needed, &LiveStats::dropped_late, &LiveStats::previews,
           &LiveStats::previews_late, &LiveStats::passes, &LiveStats::matched_again, &LiveStats::clouds,
           &LiveStats::images_dropped, &LiveStats::keyframes_frozen, &LiveStats::errors}) {
       a.*member += b.*member;
@@ -322,31 +322,31 @@ struct LiveDensifier::Impl {
   void work(std::unique_ptr<LiveBuilder> builder) {
     std::uint64_t generation = 0;
     while (true) {
-      std::deque<std::function<void(LiveBuilder&)>> told;
-      bool begin_anew = false;
+      std::deque<std::function<void(LiveBuilder&)>> posted;
+      bool restart = false;
       bool paused = false;
       {
         std::unique_lock<std::mutex> lock(mutex_);
         changed_.wait(lock,
                       [&] { return stop_ || generation != generation_ || !queue_.empty() || (!idle_ && !paused_); });
         if (stop_) return;
-        begin_anew = generation != generation_;
+        restart = generation != generation_;
         generation = generation_;
         cancel_.store(false, std::memory_order_relaxed);
-        told.swap(queue_);
+        posted.swap(queue_);
         taken_ = serial_;
         taken_images_ = queued_images_;
-        if (begin_anew) stats_ = sum(stats_, worker_stats_);
-        if (begin_anew) worker_stats_ = {};
+        if (restart) stats_ = sum(stats_, worker_stats_);
+        if (restart) worker_stats_ = {};
         paused = paused_;
       }
       try {
-        if (begin_anew) {
+        if (restart) {
           builder.reset();  // before the next one, for its memory
           builder = make_builder();
         }
-        for (const auto& tell : told) tell(*builder);
-        told.clear();
+        for (const auto& post : posted) post(*builder);
+        posted.clear();
         builder->stay_within_memory();
         const bool busy = !paused && builder->work();
         after(*builder, !busy && !paused);
@@ -362,12 +362,12 @@ struct LiveDensifier::Impl {
     LiveVersion version = 0;
     {
       const std::lock_guard<std::mutex> lock(mutex_);
-      std::vector<std::int64_t> left_out;
-      for (const auto& [id, serial] : builder.take_left_out()) {
-        if (tracker_.serial_of(id) == serial) left_out.push_back(id);
+      std::vector<std::int64_t> dropped;
+      for (const auto& [id, serial] : builder.take_dropped()) {
+        if (tracker_.serial_of(id) == serial) dropped.push_back(id);
       }
-      for (const std::int64_t id : left_out) tracker_.forget_landmarks(id);
-      if (map_.remove_preliminary(left_out)) version = map_.version();
+      for (const std::int64_t id : dropped) tracker_.forget_landmarks(id);
+      if (map_.remove_preliminary(dropped)) version = map_.version();
       backend_ = builder.backend();
       queued_images_ -= std::exchange(taken_images_, 0);
       worker_stats_ = stats;

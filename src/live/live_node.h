@@ -65,24 +65,26 @@ struct LiveNode {
   bool has_depth = false;                ///< it gets a depth map
   int passes = 0;                        ///< of PatchMatch that it has been through
   double moved_px = 0.0;                 ///< by how much neighbours have moved since `matched`, where that is too much
-  double owed_px = 0.0;                  ///< by how much they had moved when a pass in between made up for it
+  double deferred_px = 0.0;              ///< by how much they had moved when a pass in between made up for it
   bool had_in_between = false;           ///< the last pass was for that
-  bool anew = false;                     ///< all passes are done again
+  bool restarted = false;                ///< all passes are done again
   std::uint64_t planes_made = 0;         ///< numbers of results; newer ones are higher, 0 = there is none
   std::uint64_t filtered_made = 0;
   std::uint64_t fused_made = 0;
-  LiveInputs matched;                         ///< what the last pass looked at that looked at images alone
-  LiveInputs filtered, fused, judged;         ///< what went into these, and into the points
-  std::vector<std::int64_t> viewers, owners;  ///< asked about its points
-  KeyframePose first_pose;                    ///< when its points were first shown
-  int shown = 0;                              ///< passes that its points had; 0 = it has none
-  bool points_due = false;                    ///< something has changed for them since
-  KeyframePose wide_pose;                     ///< when they were last asked
-  bool wide = false;                          ///< keyframes beyond the fusion window were asked about them
-  bool wide_due = false;                      ///< should be
+  LiveInputs matched;                                  ///< what the last pass looked at that looked at images alone
+  LiveInputs filtered, fused, tested;                  ///< what went into these, and into the points
+  std::vector<std::int64_t> viewers, duplicate_views;  ///< asked about its points
+  KeyframePose first_pose;                             ///< when its points were first shown
+  int shown = 0;                                       ///< passes that its points had; 0 = it has none
+  bool points_due = false;                             ///< something has changed for them since
+  KeyframePose wide_pose;                              ///< when they were last asked
+  bool wide = false;                                   ///< keyframes beyond the fusion window were asked about them
+  bool wide_due = false;                               ///< should be
 
-  double badness() const { return std::max(moved_px, owed_px); }  ///< what all passes anew would put right [px]
-  bool has_map() const { return planes_made != 0 && frame; }      ///< its depth map is there
+  double displacement_px() const {
+    return std::max(moved_px, deferred_px);
+  }                                                           ///< what all passes anew would put right [px]
+  bool has_map() const { return planes_made != 0 && frame; }  ///< its depth map is there
 
   /// For its next pass, since its map is of before a move by more than `tolerance_px`; but not twice in a row, nor
   /// before it has had the two passes that first points take.

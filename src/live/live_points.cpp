@@ -21,12 +21,12 @@ constexpr std::size_t kWideFewest = 16;
 int LiveBuilder::shared_level_of(const LiveNode& node) const {
   if (!node.has_map()) return 0;
   const std::size_t reach = reach_.points;
-  const Flight& flight = flights_.at(node.map_id);
+  const Sequence& sequence = sequences_.at(node.map_id);
   const std::size_t place = place_of(node);
-  if (!has_ended(node.map_id) && place + reach >= flight.size()) return 0;
+  if (!has_ended(node.map_id) && place + reach >= sequence.size()) return 0;
   int level = level_of(node);
-  for (std::size_t i = place > reach ? place - reach : 0; i < std::min(flight.size(), place + reach + 1); ++i) {
-    const LiveNode& other = nodes_.at(flight[i]);
+  for (std::size_t i = place > reach ? place - reach : 0; i < std::min(sequence.size(), place + reach + 1); ++i) {
+    const LiveNode& other = nodes_.at(sequence[i]);
     if (!other.linked) return 0;
     if (other.has_depth) level = std::min(level, level_of(other));
   }
@@ -38,8 +38,8 @@ int LiveBuilder::shared_level_of(const LiveNode& node) const {
 bool LiveBuilder::show(bool because_moved, std::size_t fewest) {
   std::vector<LiveNode*> nodes;
   std::size_t matching = 0;
-  for (const auto& [map_id, flight] : flights_) {
-    for (const std::int64_t id : flight) {
+  for (const auto& [map_id, sequence] : sequences_) {
+    for (const std::int64_t id : sequence) {
       LiveNode& node = nodes_.at(id);
       matching += lacks_passes(node) ? 1 : 0;
       if (nodes.size() == kGroup || (because_moved ? !node.points_due : node.shown >= full_)) continue;
@@ -55,7 +55,7 @@ bool LiveBuilder::show(bool because_moved, std::size_t fewest) {
     nodes.erase(std::remove_if(nodes.begin(), nodes.end(), gets_better), nodes.end());
     if (nodes.size() < fewest) return false;
   }
-  for (LiveNode* node : nodes) node->wide_due = node->wide_due || asks_all_;
+  for (LiveNode* node : nodes) node->wide_due = node->wide_due || searches_all_;
   show(nodes);
   return true;
 }
@@ -68,7 +68,7 @@ bool LiveBuilder::show_wide() {
     if (nodes.size() < kWideGroup && node.wide_due && node.shown > 0 && shared_level_of(node) >= node.shown)
       nodes.push_back(&node);
   }
-  if (nodes.empty() || (asks_all_ && !finishing_ && nodes.size() < kWideFewest)) return false;
+  if (nodes.empty() || (searches_all_ && !finishing_ && nodes.size() < kWideFewest)) return false;
   for (LiveNode* node : nodes) {
     node->wide = true;
     node->wide_due = false;
@@ -81,14 +81,14 @@ bool LiveBuilder::show_wide() {
 /// Who is asked about a keyframe's points: the fusion window, and of those within reach besides some on all sides.
 /// Points of one place may stay where keyframes beyond the window see it, too, as with `online`; but not those that a
 /// loop closure has put on top of each other.
-void LiveBuilder::ask_around(LiveNode& node) {
+void LiveBuilder::choose_test_views(LiveNode& node) {
   std::vector<std::int64_t> window;
   for (const LiveNode* other : around(node, reach_.fusion, true)) {
     if (other != &node) window.push_back(other->id);
   }
   const Eigen::Vector3d center = node.pose.cam_from_world.center();
   std::vector<ViewerCandidate> candidates;
-  for (const std::int64_t id : flights_.at(node.map_id)) {
+  for (const std::int64_t id : sequences_.at(node.map_id)) {
     const LiveNode& other = nodes_.at(id);
     if (&other == &node || !other.has_map()) continue;
     candidates.push_back({id, (other.pose.cam_from_world.center() - center).norm()});
@@ -102,7 +102,7 @@ void LiveBuilder::ask_around(LiveNode& node) {
     return choose_viewers(plan_node, window, candidates, densifier_.advanced.free_space.views, &before);
   };
   node.viewers = densifier_.advanced.free_space.enabled ? choose(node.viewers) : std::vector<std::int64_t>{};
-  if (!asks_all_) {
+  if (!searches_all_) {
     const auto stays_apart = [&](const ViewerCandidate& candidate) {
       const LiveNode& other = nodes_.at(candidate.id);
       const bool in_window = std::find(window.begin(), window.end(), candidate.id) != window.end();
@@ -112,7 +112,7 @@ void LiveBuilder::ask_around(LiveNode& node) {
     };
     candidates.erase(std::remove_if(candidates.begin(), candidates.end(), stays_apart), candidates.end());
   }
-  node.owners = node.wide ? choose(node.owners) : window;
+  node.duplicate_views = node.wide ? choose(node.duplicate_views) : window;
 }
 
 std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& ids, std::int64_t map_id) {
@@ -126,17 +126,17 @@ std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& 
 
 /// Makes and publishes their points. Rounds of ownership need those of the keyframes around up to the round before.
 void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
-  const int rounds = ownership_rounds(densifier_);
-  for (LiveNode* node : nodes) ask_around(*node);
+  const int rounds = duplicate_rounds(densifier_);
+  for (LiveNode* node : nodes) choose_test_views(*node);
   std::vector<std::vector<LiveNode*>> levels{nodes};  // those that are asked in the last round, the one before, ...
   std::set<std::int64_t> there;
   for (const LiveNode* node : nodes) there.insert(node->id);
   for (int round = 0; round < rounds; ++round) {
     std::vector<LiveNode*> more = levels.back();
     for (const LiveNode* node : levels.back()) {
-      for (LiveNode* owner : with_depth(node->owners, node->map_id)) {
+      for (LiveNode* owner : with_depth(node->duplicate_views, node->map_id)) {
         if (!there.insert(owner->id).second) continue;
-        if (owner->owners.empty()) ask_around(*owner);
+        if (owner->duplicate_views.empty()) choose_test_views(*owner);
         more.push_back(owner);
       }
     }
@@ -149,25 +149,26 @@ void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
       filter(*viewer);
       viewers.push_back(viewer->frame.get());
     }
-    engine_->judge(*node->frame, viewers);
+    engine_->test_free_space(*node->frame, viewers);
   }
   for (int round = 1; round <= rounds; ++round) {
     for (LiveNode* node : levels[static_cast<std::size_t>(rounds - round)]) {
-      std::vector<const Engine::Frame*> owners;
-      for (const LiveNode* owner : with_depth(node->owners, node->map_id)) owners.push_back(owner->frame.get());
-      engine_->round(*node->frame, nearest_first(*node->frame, std::move(owners)), round);
+      std::vector<const Engine::Frame*> duplicate_views;
+      for (const LiveNode* owner : with_depth(node->duplicate_views, node->map_id))
+        duplicate_views.push_back(owner->frame.get());
+      engine_->remove_duplicates(*node->frame, nearest_first(*node->frame, std::move(duplicate_views)), round);
     }
   }
   for (LiveNode* node : nodes) {
     if (cancel_.load(std::memory_order_relaxed)) return;
-    engine_->hand_out(*node->frame);
+    engine_->emit(*node->frame);
     if (node->shown == 0) node->first_pose = node->pose;
     node->shown = shared_level_of(*node);
     node->points_due = false;
-    node->anew = node->anew && node->shown < full_;
-    node->judged.clear();
-    for (const std::vector<std::int64_t>* ids : {&node->viewers, &node->owners}) {
-      for (const LiveNode* other : with_depth(*ids, node->map_id)) node->judged.push_back(input(*other, *node, 0));
+    node->restarted = node->restarted && node->shown < full_;
+    node->tested.clear();
+    for (const std::vector<std::int64_t>* ids : {&node->viewers, &node->duplicate_views}) {
+      for (const LiveNode* other : with_depth(*ids, node->map_id)) node->tested.push_back(input(*other, *node, 0));
     }
   }
   engine_->deliver(true);

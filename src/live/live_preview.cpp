@@ -135,7 +135,7 @@ bool LivePreview::make(const Nodes& nodes, std::int64_t newest) {
   engine_->filter(*task.reference, others);
   engine_->fuse(*task.reference, {task.reference}, 0);
   if (cancel_.load(std::memory_order_relaxed)) return true;
-  engine_->hand_out(*task.reference);
+  engine_->emit(*task.reference);
   engine_->deliver(true);
   return true;
 }

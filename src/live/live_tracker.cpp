@@ -45,8 +45,8 @@ std::vector<LiveTracker::Range> LiveTracker::ranges_of(const std::vector<Landmar
   return ranges;
 }
 
-LiveTracker::Flight::iterator LiveTracker::place(Flight& flight, std::int64_t id) {
-  return std::lower_bound(flight.begin(), flight.end(), id,
+LiveTracker::Sequence::iterator LiveTracker::place(Sequence& sequence, std::int64_t id) {
+  return std::lower_bound(sequence.begin(), sequence.end(), id,
                           [](const auto& one, std::int64_t of) { return one.first < of; });
 }
 
@@ -58,8 +58,8 @@ std::uint64_t LiveTracker::serial_of(std::int64_t id) const {
 void LiveTracker::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
   Track& track = tracks_[keyframe.id];
   track.serial = serial;
-  Flight& flight = flights_[keyframe.map_id];
-  flight.insert(place(flight, keyframe.id), {keyframe.id, &track});
+  Sequence& sequence = sequences_[keyframe.map_id];
+  sequence.insert(place(sequence, keyframe.id), {keyframe.id, &track});
   track.now = track.agreed = {keyframe.cam_from_world, 1.0};
   track.map_id = track.agreed_map_id = keyframe.map_id;
   track.ranges = track.agreed_ranges = ranges_of(keyframe.landmarks, keyframe.cam_from_world);
@@ -68,21 +68,21 @@ void LiveTracker::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
 void LiveTracker::erase(std::int64_t id) {
   const auto found = tracks_.find(id);
   if (found == tracks_.end()) return;
-  Flight& flight = flights_[found->second.map_id];
-  flight.erase(place(flight, id));
+  Sequence& sequence = sequences_[found->second.map_id];
+  sequence.erase(place(sequence, id));
   tracks_.erase(found);
 }
 
 void LiveTracker::reset() {
   tracks_.clear();
-  flights_.clear();
+  sequences_.clear();
 }
 
 bool LiveTracker::is_recent(std::int64_t id, std::size_t count) const {
   const auto found = tracks_.find(id);
   if (found == tracks_.end()) return false;
-  const Flight& flight = flights_.at(found->second.map_id);
-  return flight.size() <= count || flight[flight.size() - count].first <= id;
+  const Sequence& sequence = sequences_.at(found->second.map_id);
+  return sequence.size() <= count || sequence[sequence.size() - count].first <= id;
 }
 
 void LiveTracker::forget_landmarks(std::int64_t id) {
@@ -127,9 +127,9 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
     }
     track.now.cam_from_world = keyframe->cam_from_world;
     if (track.map_id != keyframe->map_id) {
-      Flight& from = flights_[track.map_id];
+      Sequence& from = sequences_[track.map_id];
       from.erase(place(from, keyframe->id));
-      Flight& to = flights_[keyframe->map_id];
+      Sequence& to = sequences_[keyframe->map_id];
       to.insert(place(to, keyframe->id), {keyframe->id, &track});
       track.map_id = keyframe->map_id;
     }
@@ -140,10 +140,10 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
   for (const LiveKeyframe* keyframe : still) measure_ranges(tracks_.at(keyframe->id), *keyframe);
   std::map<std::int64_t, std::set<std::size_t>> moved;  // numbers in the flight, by map
   for (const auto& [id, place_now] : changed) {
-    Flight& flight = flights_[place_now.map_id];
-    moved[place_now.map_id].insert(static_cast<std::size_t>(place(flight, id) - flight.begin()));
+    Sequence& sequence = sequences_[place_now.map_id];
+    moved[place_now.map_id].insert(static_cast<std::size_t>(place(sequence, id) - sequence.begin()));
   }
-  for (const auto& [map_id, numbers] : moved) recover(flights_[map_id], numbers, changed);
+  for (const auto& [map_id, numbers] : moved) recover(sequences_[map_id], numbers, changed);
   std::vector<LiveMove> result;
   result.reserve(changed.size());
   for (auto& [id, place] : changed) result.push_back(place);
@@ -151,7 +151,7 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
 }
 
 /// Whether the keyframe is no longer near the place where scales were agreed on.
-bool LiveTracker::has_left(const Track& track) {
+bool LiveTracker::has_moved_away(const Track& track) {
   double range = 0.0;
   if (track.agreed_map_id != track.map_id) return true;
   if (!track.remembers) return false;
@@ -163,21 +163,21 @@ bool LiveTracker::has_left(const Track& track) {
 
 /// Scales of those that have moved, and of those around, whose baselines have changed, too. `flight`: all keyframes of
 /// a map; `moved`: their numbers there.
-void LiveTracker::recover(Flight& flight, const std::set<std::size_t>& moved,
+void LiveTracker::recover(Sequence& sequence, const std::set<std::size_t>& moved,
                           std::map<std::int64_t, LiveMove>& changed) {
   constexpr std::size_t kReach = 2 * kScaleReach;
   for (auto first = moved.begin(); first != moved.end();) {
     auto last = first;  // of a stretch whose surroundings meet
     while (std::next(last) != moved.end() && *std::next(last) <= *last + 2 * kReach) ++last;
     const std::size_t begin = *first > kReach ? *first - kReach : 0;
-    const std::size_t end = std::min(flight.size(), *last + kReach + 1);
+    const std::size_t end = std::min(sequence.size(), *last + kReach + 1);
     first = std::next(last);
     const std::size_t from = begin > kReach ? begin - kReach : 0;  // looked at
-    const std::size_t to = std::min(flight.size(), end + kReach);
+    const std::size_t to = std::min(sequence.size(), end + kReach);
     std::vector<MovedKeyframe> keyframes;
     keyframes.reserve(to - from);
     for (std::size_t i = from; i < to; ++i) {
-      const Track& track = *flight[i].second;
+      const Track& track = *sequence[i].second;
       MovedKeyframe& keyframe = keyframes.emplace_back();
       keyframe.before = track.agreed;
       keyframe.after = track.now.cam_from_world;
@@ -187,18 +187,18 @@ void LiveTracker::recover(Flight& flight, const std::set<std::size_t>& moved,
     const std::vector<double> scales = recover_scales(keyframes);
     bool far = false;
     for (std::size_t i = begin; i < end; ++i) {
-      Track& track = *flight[i].second;
-      far = far || has_left(track);
+      Track& track = *sequence[i].second;
+      far = far || has_moved_away(track);
       const double scale = scales[i - from];
       if (scale == track.now.scale) continue;
       track.now.scale = scale;
       far = true;
       ++rescaled_;
-      changed[flight[i].first] = {flight[i].first, track.now, track.map_id};
+      changed[sequence[i].first] = {sequence[i].first, track.now, track.map_id};
     }
     if (!far) continue;
     for (std::size_t i = begin; i < end; ++i) {
-      Track& track = *flight[i].second;
+      Track& track = *sequence[i].second;
       for (Range& range : track.agreed_ranges) range.range *= track.now.scale / track.agreed.scale;
       if (!track.ranges.empty()) track.agreed_ranges = track.ranges;
       track.agreed = track.now;

@@ -63,16 +63,16 @@ class LiveTracker {
     std::vector<Range> ranges;         ///< the newest of these; none where they are not known since the last move
     bool remembers = true;             ///< landmarks
   };
-  using Flight = std::vector<std::pair<std::int64_t, Track*>>;  ///< ascending ids
+  using Sequence = std::vector<std::pair<std::int64_t, Track*>>;  ///< ascending ids
 
   static std::vector<Range> ranges_of(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
   static void measure_ranges(Track& track, const LiveKeyframe& keyframe);
-  static bool has_left(const Track& track);
-  static Flight::iterator place(Flight& flight, std::int64_t id);
-  void recover(Flight& flight, const std::set<std::size_t>& moved, std::map<std::int64_t, LiveMove>& changed);
+  static bool has_moved_away(const Track& track);
+  static Sequence::iterator place(Sequence& sequence, std::int64_t id);
+  void recover(Sequence& sequence, const std::set<std::size_t>& moved, std::map<std::int64_t, LiveMove>& changed);
 
   std::map<std::int64_t, Track> tracks_;
-  std::map<std::int64_t, Flight> flights_;  ///< by map
+  std::map<std::int64_t, Sequence> sequences_;  ///< by map
   std::int64_t rescaled_ = 0;
 };
 

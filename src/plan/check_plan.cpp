@@ -9,7 +9,7 @@
 #include <unordered_map>
 #include <unordered_set>
 
-#include "ownership.h"
+#include "duplicates.h"
 #include "plan/reach.h"
 #include "pmsp/error.h"
 #include "pmsp/stages.h"
@@ -33,15 +33,15 @@ std::vector<List> lists_of(const DensifierOptions& options) {
   const PlanReach reach = plan_reach(options);
   const int window = options.advanced.fusion.window - 1;
   const int asked = std::min(kernels::kMaxViewers, window + options.advanced.free_space.views);
-  return {
-      {"near", &PlanEntry::near, options.advanced.patchmatch.neighbours, reach.near, reach.near, true},
-      {"consistency", &PlanEntry::consistency,
-       options.advanced.consistency.enabled ? options.advanced.consistency.window - 1 : 0, reach.consistency,
-       reach.consistency, false},
-      {"fusion", &PlanEntry::fusion, window, reach.fusion, reach.fusion, false},
-      {"viewers", &PlanEntry::viewers, options.advanced.free_space.enabled ? asked : window, reach.viewers_before,
-       reach.viewers_after, false},
-      {"owners", &PlanEntry::owners, asks_whole_mission(options) ? asked : window, reach.owners, reach.owners, false}};
+  return {{"near", &PlanEntry::near, options.advanced.patchmatch.neighbours, reach.near, reach.near, true},
+          {"consistency", &PlanEntry::consistency,
+           options.advanced.consistency.enabled ? options.advanced.consistency.window - 1 : 0, reach.consistency,
+           reach.consistency, false},
+          {"fusion", &PlanEntry::fusion, window, reach.fusion, reach.fusion, false},
+          {"viewers", &PlanEntry::viewers, options.advanced.free_space.enabled ? asked : window, reach.viewers_before,
+           reach.viewers_after, false},
+          {"owners", &PlanEntry::duplicate_views, searches_whole_mission(options) ? asked : window,
+           reach.duplicate_views, reach.duplicate_views, false}};
 }
 
 class PlanChecker {

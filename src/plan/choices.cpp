@@ -6,7 +6,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "ownership.h"
+#include "duplicates.h"
 #include "patchmatch/neighbours.h"
 
 namespace pmsp {

@@ -104,11 +104,11 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
   RunHalo result;
   Set made = wanted == Wanted::kPoints ? asked : find.none();  // points
   result.clouds = find.ids(made);
-  result.rounds.resize(static_cast<std::size_t>(ownership_rounds(options)) + 1);
+  result.rounds.resize(static_cast<std::size_t>(duplicate_rounds(options)) + 1);
   for (std::size_t round = result.rounds.size() - 1; round > 0; --round) {
     result.rounds[round] = find.ids(made);
     const Set asking = made;
-    find.follow(asking, &PlanEntry::owners, made);
+    find.follow(asking, &PlanEntry::duplicate_views, made);
   }
   result.rounds[0] = find.ids(made);
   Set range_maps = find.none();
@@ -180,9 +180,9 @@ std::vector<std::int64_t> PointsHalo::planes_of(std::int64_t id) const {
     }
   };
   Places made{places_.at(id)};
-  for (int round = ownership_rounds(options_); round > 0; --round) {
+  for (int round = duplicate_rounds(options_); round > 0; --round) {
     const Places asking = made;
-    follow(asking, &PlanEntry::owners, made);
+    follow(asking, &PlanEntry::duplicate_views, made);
   }
   Places filtered = made;
   if (options_.advanced.free_space.enabled) follow(made, &PlanEntry::viewers, filtered);

@@ -48,7 +48,7 @@ KeyframeUse keyframe_use_from_name(const std::string& name) {
 bool operator==(const PlanEntry& a, const PlanEntry& b) {
   return a.id == b.id && a.use == b.use && a.near == b.near && a.first_planes == b.first_planes &&
          a.range.min == b.range.min && a.range.max == b.range.max && a.consistency == b.consistency &&
-         a.fusion == b.fusion && a.viewers == b.viewers && a.owners == b.owners;
+         a.fusion == b.fusion && a.viewers == b.viewers && a.duplicate_views == b.duplicate_views;
 }
 
 SharpnessRecord record_sharpness(const Keyframe& keyframe, int width, const Executor* executor) {

@@ -57,13 +57,13 @@ PMSP_API KeyframeUse keyframe_use_from_name(const std::string& name);
 struct PlanEntry {
   std::int64_t id = 0;
   KeyframeUse use = KeyframeUse::kNoLandmarks;
-  std::vector<std::int64_t> near;            ///< matched with; lend planes and images; the most useful first
-  std::optional<std::int64_t> first_planes;  ///< keyframe whose planes of the first pass are warped into this one
-  DepthRange range;                          ///< [scene units]; {0, 0} without landmarks
-  std::vector<std::int64_t> consistency;     ///< whose planes the consistency filter compares
-  std::vector<std::int64_t> fusion;          ///< whose points are joined with this keyframe's
-  std::vector<std::int64_t> viewers;         ///< asked who has looked through its points
-  std::vector<std::int64_t> owners;          ///< asked who makes the point of a place
+  std::vector<std::int64_t> near;             ///< matched with; lend planes and images; the most useful first
+  std::optional<std::int64_t> first_planes;   ///< keyframe whose planes of the first pass are warped into this one
+  DepthRange range;                           ///< [scene units]; {0, 0} without landmarks
+  std::vector<std::int64_t> consistency;      ///< whose planes the consistency filter compares
+  std::vector<std::int64_t> fusion;           ///< whose points are joined with this keyframe's
+  std::vector<std::int64_t> viewers;          ///< asked who has looked through its points
+  std::vector<std::int64_t> duplicate_views;  ///< asked who makes the point of a place
 
   /// Whether it lends its image at least.
   bool used() const { return use <= KeyframeUse::kNoRange; }

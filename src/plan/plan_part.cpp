@@ -25,9 +25,9 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
     ways_[place_of(id)].shortcut = shortcut;
   }
   const RunHalo halo = find_halo(plan, ids, options, wanted, shortcuts);
-  for (const std::int64_t id : ids) ways_[place_of(id)].asked_for = true;
+  for (const std::int64_t id : ids) ways_[place_of(id)].emits_results = true;
   for (std::size_t place = 0; place < ways_.size(); ++place) {
-    const bool is_part = entry(place).has_depth_map() && !ways_[place].asked_for;
+    const bool is_part = entry(place).has_depth_map() && !ways_[place].emits_results;
     if (is_part && shortcuts.empty()) refuse_endless_chain(options);  // what an earlier run has made ends it
   }
   const auto each = [&](const std::vector<std::int64_t>& named, const auto& mark) {
@@ -59,13 +59,13 @@ bool PlanPart::runs(const Stage& stage, std::size_t place) const {
     case Stage::Kind::kFilter:
       return way.filtered;
     case Stage::Kind::kFuse:
-    case Stage::Kind::kJudge:
-    case Stage::Kind::kRound:
+    case Stage::Kind::kFreeSpace:
+    case Stage::Kind::kDuplicates:
       return stage.step <= way.rounds;
-    case Stage::Kind::kHandOut:
+    case Stage::Kind::kEmit:
       break;
   }
-  return way.asked_for;
+  return way.emits_results;
 }
 
 }  // namespace pmsp

@@ -34,7 +34,7 @@ class PlanPart {
   const std::vector<std::size_t>& taking_part() const { return taking_part_; }
   bool takes_part(std::size_t place) const { return ways_[place].takes_part; }
   /// Whether the keyframe's results are asked for.
-  bool asks_for(std::size_t place) const { return ways_[place].asked_for; }
+  bool emits(std::size_t place) const { return ways_[place].emits_results; }
   bool runs(const Stage& stage, std::size_t place) const;
 
   /// How a keyframe is matched in less than all passes. Nobody looks at what is not `needs_earlier`.
@@ -50,7 +50,7 @@ class PlanPart {
     bool earlier = false;  ///< its planes of an earlier run are looked at
     bool filtered = false;
     int rounds = -1;  ///< of ownership; 0 = its points are made and judged only, -1 = not even that
-    bool asked_for = false;
+    bool emits_results = false;
   };
 
   Plan plan_;

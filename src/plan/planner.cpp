@@ -154,7 +154,7 @@ void Planner::choose_viewers_of(std::int64_t i) {
   const PlanNode& reference = node(i);
   PlanEntry& entry = entry_of(reference);
   if (!entry.has_depth_map()) return;
-  entry.viewers = entry.owners = entry.fusion;
+  entry.viewers = entry.duplicate_views = entry.fusion;
   if (!options_.advanced.free_space.enabled) return;
   const PlanEntry* const before = previous_.find(entry.id);
   const auto choose = [&](std::int64_t behind, std::int64_t ahead, const std::vector<std::int64_t>* known) {
@@ -166,8 +166,9 @@ void Planner::choose_viewers_of(std::int64_t i) {
     return choose_viewers(reference, entry.fusion, candidates, options_.advanced.free_space.views, known);
   };
   entry.viewers = choose(reach_.viewers_before, reach_.viewers_after, before != nullptr ? &before->viewers : nullptr);
-  if (!asks_whole_mission(options_)) return;
-  entry.owners = choose(reach_.owners, reach_.owners, before != nullptr ? &before->owners : nullptr);
+  if (!searches_whole_mission(options_)) return;
+  entry.duplicate_views =
+      choose(reach_.duplicate_views, reach_.duplicate_views, before != nullptr ? &before->duplicate_views : nullptr);
 }
 
 /// Lets go of what no later keyframe looks at.

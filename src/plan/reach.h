@@ -18,17 +18,17 @@ struct PlanReach {
   std::int64_t windows;         ///< the wider one
   std::int64_t viewers_before;  ///< the fusion window's keyframes are viewers, too
   std::int64_t viewers_after;
-  std::int64_t owners;  ///< on either side
+  std::int64_t duplicate_views;  ///< on either side
 };
 
 /// `options`: valid.
 PMSP_IO_API PlanReach plan_reach(const DensifierOptions& options);
 
 /// Whether keyframes beyond the fusion window may make the point of a place.
-bool asks_whole_mission(const DensifierOptions& options);
+bool searches_whole_mission(const DensifierOptions& options);
 
 /// Rounds in which that is decided. Two decide nine pixels in ten where only the fusion window is asked; those that are
 /// open then are kept. Each makes the points of a flight later by as many keyframes as are asked ahead.
-int ownership_rounds(const DensifierOptions& options);
+int duplicate_rounds(const DensifierOptions& options);
 
 }  // namespace pmsp

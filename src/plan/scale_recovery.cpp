@@ -154,7 +154,7 @@ Estimate mean(const Estimate& a, const Estimate& b) {
 }
 
 /// What is told of a keyframe before those around are heard.
-struct Told {
+struct Evidence {
   std::optional<Estimate> baselines, landmarks;
 
   /// Where nothing contradicts it.
@@ -167,11 +167,11 @@ struct Told {
 };
 
 /// What is agreed on around a keyframe; nullopt where there is nothing.
-std::optional<Estimate> around(const std::vector<Told>& told, std::size_t i) {
+std::optional<Estimate> around(const std::vector<Evidence>& evidence, std::size_t i) {
   std::vector<Ratio> logs;
   std::vector<double> places;
-  for_each_around(told.size(), i, [&](std::size_t k) {
-    const std::optional<Estimate> agreed = told[k].agreed();
+  for_each_around(evidence.size(), i, [&](std::size_t k) {
+    const std::optional<Estimate> agreed = evidence[k].agreed();
     if (!agreed) return;
     logs.push_back({agreed->log, 1.0 / (agreed->error * agreed->error)});
     places.push_back(static_cast<double>(k) - static_cast<double>(i));
@@ -179,28 +179,28 @@ std::optional<Estimate> around(const std::vector<Told>& told, std::size_t i) {
   return robust_mean_along(std::move(logs), places, 1);
 }
 
-std::optional<Estimate> decide(const std::vector<Told>& told, std::size_t i) {
-  const std::optional<Estimate> agreed = told[i].agreed();
+std::optional<Estimate> decide(const std::vector<Evidence>& evidence, std::size_t i) {
+  const std::optional<Estimate> agreed = evidence[i].agreed();
   if (agreed) return agreed;
-  const std::optional<Estimate> others = around(told, i);
-  if (!told[i].baselines) return others;  // nothing is told of it
-  if (!others) return told[i].baselines;
-  const double of_baselines = std::abs(told[i].baselines->log - others->log);
-  const double of_landmarks = std::abs(told[i].landmarks->log - others->log);
-  return of_landmarks < of_baselines ? told[i].landmarks : told[i].baselines;
+  const std::optional<Estimate> others = around(evidence, i);
+  if (!evidence[i].baselines) return others;  // nothing is told of it
+  if (!others) return evidence[i].baselines;
+  const double of_baselines = std::abs(evidence[i].baselines->log - others->log);
+  const double of_landmarks = std::abs(evidence[i].landmarks->log - others->log);
+  return of_landmarks < of_baselines ? evidence[i].landmarks : evidence[i].baselines;
 }
 
 }  // namespace
 
 std::vector<double> recover_scales(const std::vector<MovedKeyframe>& keyframes) {
-  std::vector<Told> told(keyframes.size());
+  std::vector<Evidence> evidence(keyframes.size());
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
-    told[i] = {from_baselines(keyframes, i), from_landmarks(keyframes[i])};
+    evidence[i] = {from_baselines(keyframes, i), from_landmarks(keyframes[i])};
   }
   std::vector<double> scales;
   scales.reserve(keyframes.size());
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
-    const std::optional<Estimate> change = decide(told, i);
+    const std::optional<Estimate> change = decide(evidence, i);
     const bool significant = change && std::abs(change->log) > kSignificant * change->error;
     const double scale = keyframes[i].before.scale * (significant ? std::exp(change->log) : 1.0);
     scales.push_back(std::clamp(scale, 1.0 / kMaxScale, kMaxScale));

@@ -224,7 +224,7 @@ void UnorderedPlan::choose_windows_of(std::size_t i) {
         window_of(i, options_.advanced.consistency.window, before != nullptr ? &before->consistency : nullptr);
   }
   decided.fusion = window_of(i, options_.advanced.fusion.window, before != nullptr ? &before->fusion : nullptr);
-  decided.viewers = decided.owners = decided.fusion;
+  decided.viewers = decided.duplicate_views = decided.fusion;
   if (!options_.advanced.free_space.enabled) return;
   const auto in_window = [&](std::int64_t id) {
     return std::find(decided.fusion.begin(), decided.fusion.end(), id) != decided.fusion.end();
@@ -240,7 +240,7 @@ void UnorderedPlan::choose_windows_of(std::size_t i) {
   for (const auto& [away, k] : others) candidates.push_back({nodes_[k].keyframe.id, away});
   decided.viewers = choose_viewers(nodes_[i], decided.fusion, candidates, options_.advanced.free_space.views,
                                    before != nullptr ? &before->viewers : nullptr);
-  if (asks_whole_mission(options_)) decided.owners = decided.viewers;
+  if (searches_whole_mission(options_)) decided.duplicate_views = decided.viewers;
 }
 
 }  // namespace

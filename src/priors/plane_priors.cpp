@@ -33,9 +33,9 @@ PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const std::
   priors.cam_from_world = map.cam_from_world;
   priors.scale = map.scale;
   const PriorGrid grid(map.width(), map.height());
-  Array<kernels::Vec3<float>> given;
-  if (!prior_depth.empty()) given = on.upload(given_planes(prior_depth, map.scale, grid));
-  find_plane_priors(on, on.upload(look_table(grid)), given, view_of(map), inside(panorama).gray.view(),
+  Array<kernels::Vec3<float>> external;
+  if (!prior_depth.empty()) external = on.upload(external_planes(prior_depth, map.scale, grid));
+  find_plane_priors(on, on.upload(great_circle_table(grid)), external, view_of(map), inside(panorama).gray.view(),
                     inside(panorama).noise, find_evidence(on, inside(panorama).gray.view(), baselines),
                     plane_limits(range), arrays_of(priors));
   return priors;

@@ -9,9 +9,9 @@ namespace pmsp {
 PriorGrid::PriorGrid(int width, int height)
     : columns(std::min(kernels::kPriorColumns, width / 2)), rows(std::min(kernels::kPriorColumns / 2, height / 2)) {}
 
-std::vector<int> look_table(const PriorGrid& grid) {
-  std::vector<int> looks;
-  const int steps = kernels::look_steps(grid.rows);
+std::vector<int> great_circle_table(const PriorGrid& grid) {
+  std::vector<int> great_circles;
+  const int steps = kernels::great_circle_steps(grid.rows);
   const double lon = (0.5 / grid.columns - 0.5) * 2.0 * kernels::kPi;
   const auto right = kernels::tangent_right(std::sin(lon), std::cos(lon));
   for (int row = 0; row < grid.rows; ++row) {
@@ -25,11 +25,11 @@ std::vector<int> look_table(const PriorGrid& grid) {
         const double angle = kernels::kPi * step / grid.rows;
         const auto at = fma(std::cos(angle), center, std::sin(angle) * along);
         const kernels::Vec3<float> to{static_cast<float>(at.x), static_cast<float>(at.y), static_cast<float>(at.z)};
-        looks.push_back(kernels::pixel_index(to, grid.columns, grid.rows));
+        great_circles.push_back(kernels::pixel_index(to, grid.columns, grid.rows));
       }
     }
   }
-  return looks;
+  return great_circles;
 }
 
 float texture_spacing(int width) {

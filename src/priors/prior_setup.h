@@ -24,14 +24,14 @@ struct PriorGrid {
 
 /// Where one gets from the first cell of each row along great circles: in all directions, one step of a row of cells
 /// after the other (see kernels::PriorCells). From the row's other cells it is as many columns further on.
-std::vector<int> look_table(const PriorGrid& grid);
+std::vector<int> great_circle_table(const PriorGrid& grid);
 
 /// Distance of the samples by which texture is judged (tangent of the angle).
 float texture_spacing(int width);
 
 /// The cells' planes by a depth image (Keyframe::prior_depth), 0 = none: each through the depths of one surface in and
 /// around the cell. `unit`: of the planes [the depths' unit].
-std::vector<kernels::Vec3<float>> given_planes(ImageView<const float> depth, double unit, const PriorGrid& grid);
+std::vector<kernels::Vec3<float>> external_planes(ImageView<const float> depth, double unit, const PriorGrid& grid);
 
 /// From a camera to another one, in the frame of the first.
 kernels::Vec3<float> baseline(const kernels::Rigid& other_from_first);
@@ -77,11 +77,11 @@ PictureEvidence find_evidence(Processor& on, const Cube& image, const kernels::B
 /// Distances in cells over which planes are handed on, one after the other: far first, so that a plane gets everywhere.
 constexpr int kPriorStrides[] = {16, 8, 4, 2, 1};
 
-/// The priors of a map's pixels. `image`: gray values; `looks`, `given`: the look_table and given_planes (or nullptr),
-/// where the processor (processor.h) keeps its arrays. `noise`: see image_noise.
+/// The priors of a map's pixels. `image`: gray values; `looks`, `given`: the great_circle_table and external_planes (or
+/// nullptr), where the processor (processor.h) keeps its arrays. `noise`: see image_noise.
 template <class Processor, class Map, class Cube, class Planes>
-void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kernels::Vec3<float>>& given, const Map& map,
-                       const Cube& image, float noise, const PictureEvidence& evidence,
+void find_plane_priors(Processor& on, const Array<int>& great_circles, const Array<kernels::Vec3<float>>& external,
+                       const Map& map, const Cube& image, float noise, const PictureEvidence& evidence,
                        const kernels::PlaneLimits& limits, const Planes& to) {
   using Machine = typename Processor::Views;
   using kernels::PriorStep;
@@ -107,8 +107,8 @@ void find_plane_priors(Processor& on, const Array<int>& looks, const Array<kerne
   cells.limits = limits;
   cells.columns = size.columns;
   cells.rows = size.rows;
-  cells.looks = looks.get();
-  cells.given = given.get();
+  cells.great_circles = great_circles.get();
+  cells.external = external.get();
   cells.supports = supports.get();
   cells.errors = errors.get();
   cells.unsure = unsure.get();

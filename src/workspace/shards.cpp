@@ -165,7 +165,7 @@ std::string quoted(const std::string& text) { return "\"" + text + "\""; }
 
 std::string text_of(const Shard& shard) { return std::to_string(shard.index) + "/" + std::to_string(shard.count); }
 
-Stretch stretch_of(const Shard& shard, std::size_t size) {
+IdRange id_range_of(const Shard& shard, std::size_t size) {
   const auto begin = [&](int index) {
     const auto i = static_cast<std::size_t>(index), count = static_cast<std::size_t>(shard.count);
     return i * (size / count) + std::min(i, size % count);

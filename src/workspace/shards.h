@@ -22,10 +22,10 @@ PMSP_API std::string text_of(const Shard& shard);
 
 /// The shard's stretch of a list of `size`: from `first` to before `last`. Those of all shards are the whole list;
 /// their sizes differ by one at most.
-struct Stretch {
+struct IdRange {
   std::size_t first = 0, last = 0;
 };
-PMSP_API Stretch stretch_of(const Shard& shard, std::size_t size);
+PMSP_API IdRange id_range_of(const Shard& shard, std::size_t size);
 
 enum class Wave { kPlanes, kPoints };
 /// "planes" or "points"

@@ -38,8 +38,8 @@ void add(Fingerprint& to, const std::vector<std::int64_t>& ids) {
 /// While a mission grows, keyframes with fewer newer used ones make do with a first pass, and are matched anew later.
 /// Before those that have all passes, each pass ends as many keyframes earlier as neighbours reach. So it finds around
 /// it what it finds in a run of the whole mission, and nothing of it is done again.
-constexpr int kRipe = 12;
-constexpr int kUnripePasses = 1;
+constexpr int kStable = 12;
+constexpr int kUnstablePasses = 1;
 /// Passes are made when at least so many keyframes may have all of them.
 constexpr int kBatch = 6;
 /// Passes after a move, the first of them over images alone.
@@ -165,8 +165,8 @@ class StepPlanner {
     if (before->image != now_.at(entry.id)->image) return anew("its image has changed");
     if (before->planes->own != it.own) return anew("options, mask or engine have changed");
     const int had = before->planes->passes;
-    const bool ripe = due > kUnripePasses || full == kUnripePasses;
-    if (had < due && had <= kUnripePasses) return anew("had too few passes");
+    const bool stable = due > kUnstablePasses || full == kUnstablePasses;
+    if (had < due && had <= kUnstablePasses) return anew("had too few passes");
     double most = 0.0;
     std::set<std::int64_t> then;
     for (const RecordedSource& source : before->planes->sources) {
@@ -177,12 +177,12 @@ class StepPlanner {
       most = std::max(most, moved_by(entry.id, before->planes->pose, source.pose, source.id, true));
     }
     if (!(most <= kMovedMove)) return anew("moved far");
-    if (most > (ripe ? kKeptMove : kUnripeMove)) {
+    if (most > (stable ? kKeptMove : kUnstableMove)) {
       return had < full ? anew("moved") : further("moved", kMovedPasses, true);
     }
     if (had < due) return further("had too few passes", due - had, false);
     const bool has_others = std::set<std::int64_t>(entry.near.begin(), entry.near.end()) != then;
-    if (had >= full && ripe && has_others) return further("other neighbours", 1, false);
+    if (had >= full && stable && has_others) return further("other neighbours", 1, false);
     it.has_planes = true;
   }
 
@@ -201,14 +201,14 @@ class StepPlanner {
     int newer = 0;
     int waiting = 0;
     for (auto entry = plan.entries.rbegin(); entry != plan.entries.rend(); ++entry) {
-      const int due = newer < kRipe ? kUnripePasses : kUnripePasses + 1 + (newer - kRipe) / stair;
+      const int due = newer < kStable ? kUnstablePasses : kUnstablePasses + 1 + (newer - kStable) / stair;
       due_[entry->id] = std::min(due, full);
       waiting += entry->has_depth_map() && due >= full && passes_had(entry->id) < full;
       newer += entry->used();
     }
     // All that have some passes get the rest at once: a run counts passes from its last one (pass_range).
     if (waiting >= std::max(kBatch, (full - 2) * stair)) return;
-    for (auto& [id, due] : due_) due = std::min(due, std::max(passes_had(id), kUnripePasses));
+    for (auto& [id, due] : due_) due = std::min(due, std::max(passes_had(id), kUnstablePasses));
   }
 
   void plan_points(Step& step, const PointsHalo& halo, std::int64_t id) {
@@ -219,7 +219,8 @@ class StepPlanner {
     for (const std::int64_t other : it.asked) {
       const PlanEntry& lists = halo.entry(other);
       inputs.add(other).add(step.keyframes.at(other).planes_file);
-      for (const auto* list : {&lists.consistency, &lists.fusion, &lists.viewers, &lists.owners}) add(inputs, *list);
+      for (const auto* list : {&lists.consistency, &lists.fusion, &lists.viewers, &lists.duplicate_views})
+        add(inputs, *list);
     }
     it.points_inputs = inputs.text();
     it.points_kept = can_keep_points(id, it);

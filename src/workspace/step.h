@@ -68,7 +68,7 @@ struct PMSP_API Step {
 /// Poses relative to neighbours may have moved what is seen by so much before planes are refined [px of the depth map].
 constexpr double kKeptMove = 0.15;
 /// While a mission grows, its newest keyframes wait with moves up to this until they are matched anew [px].
-constexpr double kUnripeMove = 1.0;
+constexpr double kUnstableMove = 1.0;
 /// And by so much before a keyframe is matched from the beginning [px].
 constexpr double kMovedMove = 3.0;
 /// And relative to keyframes that its points depend on before these are asked again [px].

@@ -90,7 +90,7 @@ Workspace::Workspace(const fs::path& folder, Access access)
   make_folder(planes());
   make_folder(points());
   if (access == Access::kShared) {
-    make_folder(looks());
+    make_folder(great_circles());
     shards_.make();
   }
   look_again();
@@ -158,10 +158,10 @@ void Workspace::save_points(const std::string& file, const KeyframeCloud& cloud)
 void Workspace::wait_until_saved() { saving_->saver.finish(); }
 
 std::optional<Look> Workspace::find_look(const std::string& file) const {
-  if (!is_there(looks() / file)) return std::nullopt;
-  return read_look(looks() / file);
+  if (!is_there(great_circles() / file)) return std::nullopt;
+  return read_look(great_circles() / file);
 }
-void Workspace::save_look(const std::string& file, const Look& look) const { write_look(looks() / file, look); }
+void Workspace::save_look(const std::string& file, const Look& look) const { write_look(great_circles() / file, look); }
 
 void Workspace::commit(Record record) {
   wait_until_saved();
@@ -181,7 +181,7 @@ void Workspace::remove() {
   shards_.remove();
   std::error_code ignored;
   bool has_others = fs::exists(shards_.path(), ignored);
-  for (const fs::path& folder : {planes(), points(), looks()}) {
+  for (const fs::path& folder : {planes(), points(), great_circles()}) {
     delete_all_but({}, folder);
     fs::remove(folder, ignored);  // if it is empty
     has_others = has_others || fs::exists(folder, ignored);
@@ -201,7 +201,7 @@ void Workspace::delete_unnamed() const {
   }
   delete_all_but(named_planes, planes());
   delete_all_but(named_points, points());
-  delete_all_but({}, looks());  // the record has what was seen
+  delete_all_but({}, great_circles());  // the record has what was seen
   shards_.end(record_.step);
 }
 

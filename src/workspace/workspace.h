@@ -99,7 +99,7 @@ class PMSP_API Workspace {
  private:
   std::filesystem::path planes() const { return folder_ / "planes"; }
   std::filesystem::path points() const { return folder_ / "points"; }
-  std::filesystem::path looks() const { return folder_ / "looks"; }
+  std::filesystem::path great_circles() const { return folder_ / "looks"; }
   bool holds_record() const;
   void drop_missing(Record& record) const;
   void delete_unnamed() const;

@@ -73,14 +73,14 @@ double shown(const cv::Mat& picture) {
 TEST_CASE("a stretch shows what lies evenly, and leaves a far crowd out", "[preview]") {
   std::vector<double> values;
   for (int i = 0; i < 1000; ++i) values.push_back(0.008 * i - 3.0);
-  const Stretch even = busy_stretch(values);
+  const IdRange even = busy_stretch(values);
   CHECK(even.low == Approx(-2.92).margin(0.02));
   CHECK(even.high == Approx(4.92).margin(0.03));
   for (const int far : {20, 250, 500}) {
     INFO(far);
     std::vector<double> more = values;
     for (int i = 0; i < far; ++i) more.push_back(180.0 + 0.1 * i);
-    const Stretch stretch = busy_stretch(more);
+    const IdRange stretch = busy_stretch(more);
     CHECK(stretch.low >= -3.0);
     CHECK(stretch.low < -2.5);
     CHECK(stretch.high > 4.5);

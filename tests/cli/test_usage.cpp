@@ -450,7 +450,7 @@ tool::Budget budget_of_pair(const std::vector<double>& ranges, bool overlap) {
     PlanEntry entry;
     entry.id = id;
     entry.use = KeyframeUse::kDepthMap;
-    entry.near = entry.fusion = entry.owners = {1 - id};
+    entry.near = entry.fusion = entry.duplicate_views = {1 - id};
     plan.entries.push_back(entry);
   }
   return tool::estimate_budget({map, plan, preset(Quality::kOnline), 0, 0, {}});

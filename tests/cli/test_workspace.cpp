@@ -405,7 +405,7 @@ TEST_CASE("lenses that were taken for one are looked at again when there are twi
   const TempDir dir;
   struct Run {
     std::size_t images;
-    bool growing, looks;
+    bool growing, great_circles;
   };
   for (const Run& run :
        {Run{2, true, true}, {3, true, false}, {4, true, true}, {5, true, false}, {5, false, true}, {5, false, false}}) {
@@ -414,7 +414,7 @@ TEST_CASE("lenses that were taken for one are looked at again when there are twi
     const Result result =
         densify(step(dir, run.growing ? std::vector<std::string>{"--growing"} : std::vector<std::string>{}));
     require_ok(result);
-    CHECK((result.err.find("lenses: ") != std::string::npos) == run.looks);
+    CHECK((result.err.find("lenses: ") != std::string::npos) == run.great_circles);
   }
 }
 

@@ -58,10 +58,10 @@ std::vector<Keyframe> small_flight(std::size_t count) {
   std::vector<Keyframe> keyframes;
   std::int64_t id = -20;
   std::size_t place = 0;
-  constexpr std::size_t kRound = 2 * (kPlaces - 1);
+  constexpr std::size_t kDuplicates = 2 * (kPlaces - 1);
   for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t at = place % kRound;
-    keyframes.push_back(synth::keyframe_of(room(), at < kPlaces ? at : kRound - at));
+    const std::size_t at = place % kDuplicates;
+    keyframes.push_back(synth::keyframe_of(room(), at < kPlaces ? at : kDuplicates - at));
     keyframes.back().id = id;
     if (i == count / 2) keyframes.back().landmarks.clear();
     if (i % 3 == 1) keyframes.back().mask = mask().view();

@@ -47,8 +47,8 @@ SurfelMap points_of(DepthMap map, float scale = 1.0F) {
 KeyframeCloud judged(const DepthMap& map, const std::vector<RangeMapFrom>& others, float scale = 1.0F,
                      const FreeSpaceOptions& options = {}, const Executor& executor = Executor(2)) {
   SurfelMap points = points_of(map, scale);
-  points.standings = free_space_filter(points, {map.cam_from_world}, others, options, executor);
-  return kept_points({&points, &points.standings, {map.cam_from_world}});
+  points.statuses = free_space_filter(points, {map.cam_from_world}, others, options, executor);
+  return kept_points({&points, &points.statuses, {map.cam_from_world}});
 }
 
 double kept(const DepthMap& map, const std::vector<RangeMapFrom>& others, float scale = 1.0F,
@@ -64,16 +64,16 @@ struct Stay {
 Stay staying(const std::vector<DepthMap>& maps, std::size_t k, const std::vector<std::size_t>& named,
              const FreeSpaceOptions& options = {}) {
   SurfelMap points = points_of(maps[k]);
-  const Image<std::uint8_t> standings =
+  const Image<std::uint8_t> statuses =
       free_space_filter(points, {maps[k].cam_from_world}, others_of(range_maps_of(maps), k), options, Executor(2));
   std::size_t stay = 0;
   std::size_t named_stay = 0;
-  for (const std::uint8_t standing : standings.pixels()) stay += standing != 0 ? 1 : 0;
-  for (const std::size_t pixel : named) named_stay += standings.pixels()[pixel] != 0 ? 1 : 0;
+  for (const std::uint8_t status : statuses.pixels()) stay += status != 0 ? 1 : 0;
+  for (const std::size_t pixel : named) named_stay += statuses.pixels()[pixel] != 0 ? 1 : 0;
   const auto share = [](std::size_t part, std::size_t all) {
     return static_cast<double>(part) / static_cast<double>(all);
   };
-  return {share(named_stay, named.size()), share(stay - named_stay, standings.size() - named.size())};
+  return {share(named_stay, named.size()), share(stay - named_stay, statuses.size() - named.size())};
 }
 
 }  // namespace
@@ -186,8 +186,8 @@ TEST_CASE("mirrors are found in any unit", "[free space]") {
   for (std::size_t i = 0; i < viewers.size(); ++i) viewers[i].pose.scale = kScales[i < 2 ? i : i + 1];
   const KeyframePose pose{maps[2].cam_from_world, kScales[2]};
   SurfelMap points = points_of(maps[2], 1.0F / static_cast<float>(kScales[2]));
-  points.standings = free_space_filter(points, pose, viewers, {}, Executor(2));
-  CHECK(kept_points({&points, &points.standings, pose}).points.size() == plain.points.size());
+  points.statuses = free_space_filter(points, pose, viewers, {}, Executor(2));
+  CHECK(kept_points({&points, &points.statuses, pose}).points.size() == plain.points.size());
 }
 
 TEST_CASE("a view through an opening stays, though what is there is like the room", "[free space]") {

@@ -34,7 +34,7 @@ struct Results {
   std::vector<PlaneMap> maps;
   PlaneMap priors;
   Image<float> confidence;
-  std::vector<Image<std::uint8_t>> standings;  ///< after fusion, free space and each round of ownership
+  std::vector<Image<std::uint8_t>> statuses;  ///< after fusion, free space and each round of ownership
   KeyframeCloud cloud;
 };
 
@@ -94,13 +94,13 @@ Results run_all(const synth::Mission& mission, const Executor& executor) {
   fusion.suppression = 1.5;
   for (std::size_t i = 0; i < 3; ++i) {
     surfels.push_back(fuse_pixels(window, i, fusion, executor));
-    results.standings.push_back(surfels[i].standings);
+    results.statuses.push_back(surfels[i].statuses);
     std::vector<RangeMapFrom> viewers;
     for (std::size_t j = 0; j < 3; ++j) {
       if (j != i) viewers.push_back({&range_maps[j], window[j].pose});
     }
-    surfels[i].standings = free_space_filter(surfels[i], window[i].pose, viewers, FreeSpaceOptions{}, executor);
-    results.standings.push_back(surfels[i].standings);
+    surfels[i].statuses = free_space_filter(surfels[i], window[i].pose, viewers, FreeSpaceOptions{}, executor);
+    results.statuses.push_back(surfels[i].statuses);
   }
   std::vector<std::uint32_t> still[3];
   for (int round = 0; round < 2; ++round) {
@@ -108,15 +108,15 @@ Results run_all(const synth::Mission& mission, const Executor& executor) {
     for (std::size_t i = 0; i < 3; ++i) {
       std::vector<SurfelsFrom> viewers;
       for (std::size_t j = 0; j < 3; ++j) {
-        if (j != i) viewers.push_back({&surfels[j], &surfels[j].standings, window[j].pose});
+        if (j != i) viewers.push_back({&surfels[j], &surfels[j].statuses, window[j].pose});
       }
-      next.push_back(duplicate_round({&surfels[i], &surfels[i].standings, window[i].pose}, still[i], viewers,
+      next.push_back(duplicate_round({&surfels[i], &surfels[i].statuses, window[i].pose}, still[i], viewers,
                                      FusionOptions{}, executor));
     }
-    for (std::size_t i = 0; i < 3; ++i) surfels[i].standings = next[i];
-    results.standings.insert(results.standings.end(), next.begin(), next.end());
+    for (std::size_t i = 0; i < 3; ++i) surfels[i].statuses = next[i];
+    results.statuses.insert(results.statuses.end(), next.begin(), next.end());
   }
-  results.cloud = kept_points({&surfels[1], &surfels[1].standings, window[1].pose});
+  results.cloud = kept_points({&surfels[1], &surfels[1].statuses, window[1].pose});
   return results;
 }
 
@@ -128,8 +128,8 @@ bool same(const Results& a, const Results& b) {
   for (std::size_t i = 0; i < a.maps.size(); ++i) {
     if (!same(a.maps[i], b.maps[i])) return false;
   }
-  for (std::size_t i = 0; i < a.standings.size(); ++i) {
-    if (a.standings[i].pixels() != b.standings[i].pixels()) return false;
+  for (std::size_t i = 0; i < a.statuses.size(); ++i) {
+    if (a.statuses[i].pixels() != b.statuses[i].pixels()) return false;
   }
   if (!same(a.priors, b.priors) || !test::same(a.confidence, b.confidence)) return false;
   return test::same(a.cloud, b.cloud);
@@ -167,8 +167,8 @@ TEST_CASE("what the instruction sets are compared by is not empty", "[simd]") {
   CHECK_FALSE(same(results.maps[4], results.maps[3]));
   CHECK_FALSE(test::same(results.confidence, results.maps[4].score));
   CHECK(filled(depth_map_of(results.priors, nullptr, Executor(1)).depth) > 0.0);
-  for (std::size_t i = 1; i < results.standings.size(); ++i) {
-    CHECK(results.standings[i].pixels() != results.standings[i - 1].pixels());
+  for (std::size_t i = 1; i < results.statuses.size(); ++i) {
+    CHECK(results.statuses[i].pixels() != results.statuses[i - 1].pixels());
   }
   CHECK(results.cloud.points.size() > 100);
 }

@@ -152,8 +152,8 @@ TEST_CASE("of many landmarks those at the end of the list have a say, too", "[pr
 TEST_CASE("planes of a given depth are in the keyframe's unit", "[prior depth]") {
   const PriorGrid grid(64, 32);
   const Image<float> depth(128, 64, 3.0F);
-  const auto plain = given_planes(depth.view(), 1.0, grid);
-  const auto scaled = given_planes(depth.view(), 4.0, grid);
+  const auto plain = external_planes(depth.view(), 1.0, grid);
+  const auto scaled = external_planes(depth.view(), 4.0, grid);
   REQUIRE(plain.size() == scaled.size());
   for (std::size_t i = 0; i < plain.size(); ++i) {
     CAPTURE(i);
@@ -266,7 +266,7 @@ TEST_CASE("the plane of a cell is that of its own surface, whatever is beside it
   for (int y = 0; y < depth.height(); ++y) {
     for (int x = 0; x < depth.width() / 2; ++x) depth(x, y) = 2.0F;
   }
-  const auto planes = given_planes(depth.view(), 1.0, grid);
+  const auto planes = external_planes(depth.view(), 1.0, grid);
   int cells = 0;
   int right = 0;
   for (int row = grid.rows / 4; row < grid.rows * 3 / 4; ++row) {

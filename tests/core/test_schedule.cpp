@@ -21,9 +21,9 @@ namespace {
 
 /// A flight of `length` keyframes through the schedule: each stage runs as soon as it may. Tells how many keyframes
 /// have an artefact at a time, and counts looks at what is not there.
-class Rehearsal {
+class MemorySimulation {
  public:
-  Rehearsal(const Schedule& schedule, std::int64_t plan_delay, std::int64_t length)
+  MemorySimulation(const Schedule& schedule, std::int64_t plan_delay, std::int64_t length)
       : schedule_(schedule), next_(schedule.stages().size(), 0) {
     for (std::int64_t come = 1; come <= length; ++come) {
       for (std::size_t s = 0; s < next_.size(); ++s) {
@@ -54,8 +54,8 @@ class Rehearsal {
         first = std::min(first, next_[reader.stage] - reader.behind);
       }
       std::int64_t made = come;  // images come with the keyframe, the others from the stage that makes them
-      if (lifetime.artefact == Artefact::kPlanes) made = next_.front() + (working == 0 ? 1 : 0);
-      if (lifetime.artefact == Artefact::kMedian) made = made_by(Stage::Kind::kMatch, working);
+      if (lifetime.artefact == Artefact::kPassPlanes) made = next_.front() + (working == 0 ? 1 : 0);
+      if (lifetime.artefact == Artefact::kFinalPlanes) made = made_by(Stage::Kind::kMatch, working);
       if (lifetime.artefact == Artefact::kFiltered) made = made_by(Stage::Kind::kFilter, working);
       if (lifetime.artefact == Artefact::kRangeMap) made = made_by(Stage::Kind::kFilter, working);
       if (lifetime.artefact == Artefact::kSurfels) made = made_by(Stage::Kind::kFuse, working);
@@ -95,7 +95,7 @@ TEST_CASE("no more keyframes hold an artefact than the schedule says, however lo
       const Schedule schedule(options, points);
       const PlanReach reach = plan_reach(options);
       const std::int64_t plan_delay = reach.near + std::max(reach.windows, reach.viewers_after);
-      const Rehearsal flight(schedule, plan_delay, 700);
+      const MemorySimulation flight(schedule, plan_delay, 700);
       for (const auto& [artefact, count] : flight.most) {
         CAPTURE(static_cast<int>(quality), points, static_cast<int>(artefact));
         CHECK(count == schedule.keyframes_with(artefact));

@@ -136,20 +136,20 @@ class Composed {
       std::vector<RangeMapFrom> viewers;
       for (const std::int64_t id : entry.viewers)
         viewers.push_back({&ranges_[index(id)], keyframes_[index(id)].pose()});
-      surfels.back().standings = free_space_filter(surfels.back(), keyframe.pose(), viewers, stages_.free_space,
-                                                   executor_, options_.lens_distance);
+      surfels.back().statuses = free_space_filter(surfels.back(), keyframe.pose(), viewers, stages_.free_space,
+                                                  executor_, options_.lens_distance);
     }
     std::vector<std::vector<std::uint32_t>> candidates(surfels.size());
-    for (int round = 0; round < ownership_rounds(options_); ++round) {
-      std::vector<Image<std::uint8_t>> standings;
+    for (int round = 0; round < duplicate_rounds(options_); ++round) {
+      std::vector<Image<std::uint8_t>> statuses;
       for (std::size_t i = 0; i < surfels.size(); ++i) {
-        std::vector<std::int64_t> ids = plan_.at(keyframes_[i].id).owners;
-        std::vector<SurfelsFrom> owners;
-        for (const std::int64_t id : ids) owners.push_back(points_of(surfels, index(id)));
-        standings.push_back(duplicate_round(points_of(surfels, i), candidates[i], owners, stages_.fusion, executor_,
-                                            options_.lens_distance));
+        std::vector<std::int64_t> ids = plan_.at(keyframes_[i].id).duplicate_views;
+        std::vector<SurfelsFrom> duplicate_views;
+        for (const std::int64_t id : ids) duplicate_views.push_back(points_of(surfels, index(id)));
+        statuses.push_back(duplicate_round(points_of(surfels, i), candidates[i], duplicate_views, stages_.fusion,
+                                           executor_, options_.lens_distance));
       }
-      for (std::size_t i = 0; i < surfels.size(); ++i) surfels[i].standings = standings[i];
+      for (std::size_t i = 0; i < surfels.size(); ++i) surfels[i].statuses = statuses[i];
     }
     for (std::size_t i = 0; i < surfels.size(); ++i) {
       to.clouds.push_back(kept_points(points_of(surfels, i), options_.lens_distance));
@@ -157,7 +157,7 @@ class Composed {
   }
 
   SurfelsFrom points_of(const std::vector<SurfelMap>& surfels, std::size_t i) const {
-    return {&surfels[i], &surfels[i].standings, keyframes_[i].pose()};
+    return {&surfels[i], &surfels[i].statuses, keyframes_[i].pose()};
   }
 
   static std::size_t index(std::int64_t id) { return static_cast<std::size_t>(id); }

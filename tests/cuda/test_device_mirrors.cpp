@@ -53,7 +53,7 @@ TEST_CASE("mirrors on the device are those of the host", "[cuda][mirrors]") {
   PMSP_CUDA_CHECK(cudaDeviceSynchronize());
   const auto surfels = uploaded(points.surfels.pixels());
   const auto details = uploaded(points.details.pixels());
-  const cuda::DeviceArray<std::uint8_t> standings(points.surfels.size());
+  const cuda::DeviceArray<std::uint8_t> statuses(points.surfels.size());
   const cuda::DeviceArray<cuda::Counts> counts(1);
   PMSP_CUDA_CHECK(cudaMemset(counts.get(), 0, sizeof(cuda::Counts)));
   std::vector<RangeMapFrom> viewers;
@@ -65,7 +65,7 @@ TEST_CASE("mirrors on the device are those of the host", "[cuda][mirrors]") {
   stage.grid = grid.view();
   stage.limits = free_space_limits({});
   stage.max_contradiction = static_cast<float>(FreeSpaceOptions{}.max_contradiction);
-  stage.standings = standings.get();
+  stage.statuses = statuses.get();
   for (const std::size_t k : {0U, 1U, 3U, 4U}) {
     const RangeMap& ranges = range_maps[k];
     viewers.push_back({&ranges, {ranges.cam_from_world}});
@@ -84,7 +84,7 @@ TEST_CASE("mirrors on the device are those of the host", "[cuda][mirrors]") {
   PMSP_CUDA_CHECK(cudaDeviceSynchronize());
 
   const Image<std::uint8_t> host = free_space_filter(points, pose, viewers, {}, executor);
-  const std::vector<std::uint8_t> device = downloaded(standings);
+  const std::vector<std::uint8_t> device = downloaded(statuses);
   std::size_t same = 0;
   for (std::size_t i = 0; i < device.size(); ++i) same += (device[i] != 0) == (host.pixels()[i] != 0) ? 1 : 0;
   std::size_t left = 0;

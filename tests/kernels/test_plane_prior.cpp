@@ -104,7 +104,7 @@ TEST_CASE("plane priors: a cell takes the plane of another one where it explains
   std::vector<k::PriorPlane> candidates(static_cast<std::size_t>(cells.shares * kColumns * kRows));
   cells.candidates = candidates.data();
   const auto choose = [&](int column, int row) {
-    for (int share = 0; share < cells.shares; ++share) k::ask_others(cells, column, row, share);
+    for (int share = 0; share < cells.shares; ++share) k::query_others(cells, column, row, share);
     k::choose_plane(cells, column, row);
   };
   const auto at = [](int column, int row) { return static_cast<std::size_t>(row * kColumns + column); };
@@ -171,17 +171,17 @@ TEST_CASE("plane priors: given planes are corrected by the supports around, unle
   constexpr int kRow = 16;
   constexpr std::size_t kCell = kRow * kColumns + kColumn;
   std::vector<k::Surroundings> around(kColumns * kRows);
-  std::vector<Vec3<float>> given(kColumns * kRows);
+  std::vector<Vec3<float>> external(kColumns * kRows);
   k::PriorCells<k::HostMachine> cells = cells_with(kColumns, kRows, around);
-  cells.given = given.data();
+  cells.external = external.data();
   around[kCell] = around_ahead([](int) { return 4.0F; });
-  const auto give = [&](const Vec3<float>& plane) { std::fill(given.begin(), given.end(), plane); };
+  const auto give = [&](const Vec3<float>& plane) { std::fill(external.begin(), external.end(), plane); };
 
   give(wall(2.5F));  // the whole image is in another unit
-  CHECK(k::corrected_given(cells, kColumn, kRow).z == Approx(0.25F).epsilon(1e-3));
+  CHECK(k::corrected_external(cells, kColumn, kRow).z == Approx(0.25F).epsilon(1e-3));
 
   give({0.02F, 0.0F, 0.25F});  // turned by some degrees
-  const Vec3<float> turned_back = k::corrected_given(cells, kColumn, kRow);
+  const Vec3<float> turned_back = k::corrected_external(cells, kColumn, kRow);
   CHECK(std::abs(turned_back.x) < 0.007F);
   CHECK(turned_back.z == Approx(0.25F).epsilon(0.01));
   // The plane that lies on the supports, where there are enough of them.
@@ -198,13 +198,13 @@ TEST_CASE("plane priors: given planes are corrected by the supports around, unle
   for (int d = 0; d < k::kPriorDirections; ++d) {  // a third fits, the others deviate to both sides
     const Vec3<float> support = around[kCell].point(d);
     const float distance = d % 3 == 0 ? 4.0F : d % 3 == 1 ? 2.8F : 6.0F;
-    given[static_cast<std::size_t>(k::pixel_index(support, kColumns, kRows))] = wall(distance);
+    external[static_cast<std::size_t>(k::pixel_index(support, kColumns, kRows))] = wall(distance);
   }
-  CHECK_FALSE(k::is_point(k::corrected_given(cells, kColumn, kRow)));
+  CHECK_FALSE(k::is_point(k::corrected_external(cells, kColumn, kRow)));
 
   give(wall(4.0F));
-  given[kCell] = {0.0F, 0.0F, 0.0F};
-  CHECK_FALSE(k::is_point(k::corrected_given(cells, kColumn, kRow)));
+  external[kCell] = {0.0F, 0.0F, 0.0F};
+  CHECK_FALSE(k::is_point(k::corrected_external(cells, kColumn, kRow)));
 }
 
 TEST_CASE("plane priors: a plane that agrees with a given one is fitted to all supports near it") {
@@ -213,7 +213,7 @@ TEST_CASE("plane priors: a plane that agrees with a given one is fitted to all s
   std::vector<k::Surroundings> around(kColumns * kRows);
   const k::PriorCells<k::HostMachine> cells = cells_with(kColumns, kRows, around);
   around[16 * kColumns + 32] = around_ahead([](int d) { return d % 4 == 0 ? 4.06F : 4.0F; });
-  const Vec3<float> plane = k::told_plane(cells, 32, 16, wall(4.1F));
+  const Vec3<float> plane = k::agreeing_plane(cells, 32, 16, wall(4.1F));
   CHECK(1.0F / plane.z > 4.001F);  // twelve of them lie on 4 exactly
   CHECK(1.0F / plane.z < 4.03F);
 }

@@ -92,7 +92,7 @@ TEST_CASE("Lenses are not told from places of two maps, nor from what is gone", 
 
 TEST_CASE("Lenses are looked at with poses as they are then", PMSP_ACCURACY) {
   LiveOptions options = small_live(64);
-  options.ripe_after = options.ripe_at_latest = 0;
+  options.stable_after = options.stable_at_latest = 0;
   const std::vector<LiveKeyframe> keyframes = live_keyframes(cheap());
   LiveDensifier live(options);
   for (std::size_t i = 0; i < keyframes.size(); ++i) {

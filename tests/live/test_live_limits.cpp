@@ -25,13 +25,13 @@ using std::chrono::milliseconds;
 
 TEST_CASE("A keyframe waits for some newer ones, and while it moves for more of them") {
   LiveOptions options = small_live(32);
-  options.ripe_after = 2;
-  options.ripe_at_latest = 5;
+  options.stable_after = 2;
+  options.stable_at_latest = 5;
   const bool is_moving = GENERATE(false, true);
   LiveDensifier live(options);
   std::vector<LiveKeyframe> there;
   for (const LiveKeyframe& keyframe : live_keyframes(room())) {
-    if (is_moving) {  // to and fro, by more than ripe_move of the room's size
+    if (is_moving) {  // to and fro, by more than stable_move of the room's size
       const double by = there.size() % 2 == 0 ? 0.05 : -0.05;
       for (LiveKeyframe& each : there) each.cam_from_world.translation.y() += by;
       live.update(there);
@@ -40,13 +40,13 @@ TEST_CASE("A keyframe waits for some newer ones, and while it moves for more of 
     live.add(keyframe);
     REQUIRE(live.wait(kLong));
     const auto added = static_cast<std::int64_t>(there.size());
-    const std::int64_t waits_for = is_moving ? options.ripe_at_latest : options.ripe_after;
+    const std::int64_t waits_for = is_moving ? options.stable_at_latest : options.stable_after;
     CAPTURE(is_moving, added);
-    CHECK(live.backlog().unripe == std::min(added, waits_for));
+    CHECK(live.backlog().unstable == std::min(added, waits_for));
   }
   live.finish();  // nobody comes any more
   REQUIRE(live.wait(kLong));
-  CHECK(live.backlog().unripe == 0);
+  CHECK(live.backlog().unstable == 0);
 }
 
 TEST_CASE("When too many keyframes wait, those between near neighbours are left out") {
@@ -59,8 +59,8 @@ TEST_CASE("When too many keyframes wait, those between near neighbours are left 
   live.resume();
   REQUIRE(live.wait(kLong));
   const LiveStats stats = live.stats();
-  CHECK(stats.left_out_late >= stats.used - 5);
-  CHECK(stats.left_out_late > 0);
+  CHECK(stats.dropped_late >= stats.used - 5);
+  CHECK(stats.dropped_late > 0);
   CHECK(live.snapshot()->clouds.size() >= 2);
 }
 
@@ -90,7 +90,7 @@ TEST_CASE("A place that has been seen often enough stays one when the SLAM chang
   LiveOptions options = small_live(32);
   options.densifier.advanced.view_filter.enabled = false;
   options.densifier.advanced.patchmatch.geometric_passes = 1;
-  options.ripe_after = options.ripe_at_latest = 20;
+  options.stable_after = options.stable_at_latest = 20;
   LiveDensifier live(options);
   std::vector<LiveKeyframe> keyframes;
   for (std::int64_t id = 0; id < 40; ++id) {  // hovers
@@ -135,7 +135,7 @@ TEST_CASE("What is kept stays within the memory that is allowed", PMSP_ACCURACY)
   const LiveStats stats = live.stats();
   CHECK(stats.images_dropped > 0);
   CHECK(stats.keyframes_frozen > 0);
-  CHECK(stats.left_out_late == 0);
+  CHECK(stats.dropped_late == 0);
   CHECK(live.snapshot()->clouds.size() > 20);
   options.memory_mib = 1;
   options.densifier.width = 256;
@@ -156,10 +156,10 @@ TEST_CASE("Images that come while work stands still do not fill the memory") {
     keyframe.id = id;
     live.add(keyframe);
   }
-  const auto left = [&] { return live.stats().left_out_late; };
+  const auto left = [&] { return live.stats().dropped_late; };
   for (int i = 0; i < 60000 && left() < kCount - kMost; ++i) std::this_thread::sleep_for(milliseconds(1));
   CHECK(left() >= kCount - kMost);
-  CHECK(live.backlog().unripe <= kMost);
+  CHECK(live.backlog().unstable <= kMost);
 }
 
 TEST_CASE("What waits when all is reset takes no part in what comes then") {
@@ -250,7 +250,7 @@ TEST_CASE("Input and options that make no sense are refused, and change nothing"
   CHECK_THROWS_AS(live.update({good, bad}), InvalidInput);
   CHECK_THROWS_AS(live.sync({good, bad}), InvalidInput);
   CHECK(live.stats().added == 0);
-  options.ripe_at_latest = 2;
+  options.stable_at_latest = 2;
   CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);
   options = small_live(kRoomWidth);
   options.densifier.advanced.patchmatch.neighbours = 0;

@@ -85,14 +85,14 @@ void check_valid(const Plan& plan, const DensifierOptions& options) {
       CHECK(away <= ahead);
       CHECK(-away <= std::max(options.advanced.free_space.history / 2, options.advanced.fusion.window / 2));
     }
-    for (const std::int64_t id : entry.owners) {
+    for (const std::int64_t id : entry.duplicate_views) {
       const bool whole = options.advanced.free_space.whole_mission;
       const int reach = whole ? std::max(options.advanced.fusion.history, options.advanced.fusion.window) / 2
                               : options.advanced.fusion.window / 2;
       CHECK(std::abs(place[id] - place[entry.id]) <= reach);
       CHECK(by_id[id]->has_depth_map());
     }
-    CHECK(entry.owners.size() <= 32);
+    CHECK(entry.duplicate_views.size() <= 32);
     if (!entry.used()) {
       CHECK((entry.near.empty() && entry.viewers.empty() && !entry.first_planes));
     }

@@ -53,7 +53,7 @@ class Naive {
     if (seen("round" + std::to_string(round), i)) return;
     if (round == 0) return eligible(i);
     decided(i, round - 1);
-    for (const std::int64_t v : at(i).owners) decided(v, round - 1);
+    for (const std::int64_t v : at(i).duplicate_views) decided(v, round - 1);
   }
   void eligible(std::int64_t i) {
     if (seen("eligible", i)) return;

@@ -54,7 +54,7 @@ TEST_CASE("stretches are the whole list, each thing once, in order, and nearly e
     for (const std::size_t size : {std::size_t{0}, std::size_t{1}, std::size_t{6}, std::size_t{7}, std::size_t{1000}}) {
       std::size_t next = 0, least = size, most = 0;
       for (int index = 0; index < count; ++index) {
-        const Stretch stretch = stretch_of({index, count}, size);
+        const IdRange stretch = id_range_of({index, count}, size);
         CHECK(stretch.first == next);
         REQUIRE(stretch.last >= stretch.first);
         least = std::min(least, stretch.last - stretch.first);

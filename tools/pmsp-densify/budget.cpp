@@ -132,7 +132,7 @@ class PointShare {
   std::vector<Viewer> viewers_of(const PlanEntry& entry, const std::vector<const MapLandmark*>& places) const {
     std::vector<Viewer> viewers;
     double most = 1.0;
-    for (const std::int64_t id : entry.owners) {
+    for (const std::int64_t id : entry.duplicate_views) {
       const auto view = views_.find(id);
       if (view == views_.end()) continue;
       const std::vector<std::int64_t>& seen = view->second.landmarks;
@@ -218,7 +218,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
   const double pixels = static_cast<double>(b.width) * b.height;
 
   const PointShare point_share(question.map, options);
-  Mean share, views, owners;
+  Mean share, views, duplicate_views;
   std::vector<std::int64_t> ids;
   for (const PlanEntry& entry : question.plan.entries) {
     ids.push_back(entry.id);
@@ -226,7 +226,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
     if (!entry.has_depth_map()) continue;
     ++b.depth_maps;
     views.add(static_cast<double>(entry.near.size()));
-    owners.add(static_cast<double>(entry.owners.size()));
+    duplicate_views.add(static_cast<double>(entry.duplicate_views.size()));
     share.add(point_share.of(entry));
   }
   b.keyframes = static_cast<std::int64_t>(ids.size());
@@ -246,7 +246,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
   const double image_pixels = one_image * static_cast<double>(b.keyframes);
   const CpuPace& pace = question.pace;
   const double rest = pace.rest * std::pow(static_cast<double>(b.width) / kPaceWidth, -kRestFalls);
-  b.cpu_seconds = all_pixels * (pace.matching * b.views + rest + pace.ownership * owners.value()) +
+  b.cpu_seconds = all_pixels * (pace.matching * b.views + rest + pace.ownership * duplicate_views.value()) +
                   kImagePixelSeconds * image_pixels + kPointSeconds * b.points;
   // Fits what whole runs take on that machine, from 5 keyframes to 1,080 and from 640 x 320 to 5760 x 2880, to 20 %;
   // at first the start of the device and the map's, at last what the disk has still to take.

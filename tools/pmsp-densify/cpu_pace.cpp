@@ -125,11 +125,11 @@ CpuPace measure_cpu_pace(const DensifierOptions& given) {
     keyframes.push_back(keyframe);
     planned.push_back({keyframe.id, keyframe.cam_from_world, keyframe.landmarks, {}});
   }
-  double views = 0.0, owners = 0.0, maps = 0.0;
+  double views = 0.0, duplicate_views = 0.0, maps = 0.0;
   for (const PlanEntry& entry : make_plan(planned, options).entries) {
     if (!entry.has_depth_map()) continue;
     views += static_cast<double>(entry.near.size());
-    owners += static_cast<double>(entry.owners.size());
+    duplicate_views += static_cast<double>(entry.duplicate_views.size());
     maps += 1.0;
   }
   const double pixels = static_cast<double>(kWidth) * kHeight;
@@ -144,10 +144,10 @@ CpuPace measure_cpu_pace(const DensifierOptions& given) {
     const double others = s.seconds_prepare + s.seconds_init + s.seconds_median + s.seconds_consistency +
                           s.seconds_fusion + s.seconds_free_space;
     // The stages' clock goes on while the thread waits for a CPU: it tells shares, the thread's own tells how much.
-    const double scale = took / std::max(s.seconds_patchmatch + others + s.seconds_ownership, 1e-9);
+    const double scale = took / std::max(s.seconds_patchmatch + others + s.seconds_duplicates, 1e-9);
     pace.matching = scale * s.seconds_patchmatch / (pixels * std::max(views, 1.0));
     pace.rest = scale * others / (pixels * std::max(maps, 1.0));
-    pace.ownership = scale * s.seconds_ownership / (pixels * std::max(owners, 1.0));
+    pace.ownership = scale * s.seconds_duplicates / (pixels * std::max(duplicate_views, 1.0));
   }
   return pace;
 }

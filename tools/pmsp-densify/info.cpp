@@ -261,9 +261,9 @@ void info(const Arguments& given) {
     json["reprojection"] = {{"observations", input.convention.observations},
                             {"median_error_px", input.convention.median_error_px}};
   }
-  const bool looks = input.images && !refusal && !arguments.plan.empty();
-  const Plan plan = make_plan(looks ? keyframes_with_image(map, *input.images, options, check)
-                                    : keyframes_without_image(map, input.images, options),
+  const bool great_circles = input.images && !refusal && !arguments.plan.empty();
+  const Plan plan = make_plan(great_circles ? keyframes_with_image(map, *input.images, options, check)
+                                            : keyframes_without_image(map, input.images, options),
                               options);
   if (!arguments.plan.empty() && !refusal) {
     write_plan(arguments.plan, plan);

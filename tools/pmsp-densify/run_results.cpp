@@ -103,7 +103,7 @@ void RunResults::write(Progress& progress) {
   if (!preview_) return;
   const Spent spent(time_, Busy::kPreview);
   progress.stage("drawing " + arguments_.preview.string());
-  left_out_ = drawn.get();
+  dropped_ = drawn.get();
   preview_->commit();
 }
 

@@ -77,7 +77,7 @@ class RunResults {
   /// All that was written for people to look at, in a line: "cloud.ply, report mission.html, pictures look".
   std::string text() const;
   /// What the pictures leave out; "" = nothing, or there are none.
-  const std::string& left_out() const { return left_out_; }
+  const std::string& left_out() const { return dropped_; }
 
  private:
   using Spent = TimeAccount::Scope;
@@ -89,7 +89,7 @@ class RunResults {
   std::optional<DepthMapFolder> raw_, filtered_;
   std::optional<Preview> preview_;
   std::optional<ReportPage> page_;
-  std::string left_out_;
+  std::string dropped_;
   double confidence_sum_ = 0.0;
   std::int64_t sampled_ = 0;
 };

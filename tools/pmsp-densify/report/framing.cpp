@@ -44,12 +44,12 @@ double usual_distance(const std::vector<Eigen::Vector3d>& points, const std::vec
 
 }  // namespace
 
-Stretch busy_stretch(std::vector<double> values) {
+IdRange busy_stretch(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   const auto at = [&values](int percent) {
     return values[static_cast<std::size_t>(percent) * (values.size() - 1) / 100];
   };
-  Stretch best{at(kOutermost), at(100 - kOutermost)};
+  IdRange best{at(kOutermost), at(100 - kOutermost)};
   const double least = 1e-6 * (best.high - best.low);  // many values may be the same
   if (!(least > 0.0)) return best;
   double lowest = std::numeric_limits<double>::max();
@@ -73,7 +73,7 @@ FramedBox busy_box(const std::vector<Eigen::Vector3d>& points, const std::vector
     for (int axis = 0; axis < 3; ++axis) {
       const std::vector<double> values = coordinates(points, axis, box);
       if (values.empty()) continue;
-      const Stretch stretch = busy_stretch(values);
+      const IdRange stretch = busy_stretch(values);
       box.low[axis] = stretch.low;
       box.high[axis] = stretch.high;
     }

@@ -8,7 +8,7 @@
 namespace pmsp::tool {
 
 /// A stretch of a line.
-struct Stretch {
+struct IdRange {
   double low = 0.0, high = 0.0;
 };
 
@@ -16,7 +16,7 @@ struct Stretch {
 /// share of the values in it. To leave out 1 % of them must shorten it by 8 %, 10 % of them by 57 %, 30 % by 94 %: a
 /// crowd far away, such as what is seen through a window, does not make the room small, and the far end of a hall
 /// stays. `values`: not empty.
-Stretch busy_stretch(std::vector<double> values);
+IdRange busy_stretch(std::vector<double> values);
 
 /// A box along the axes.
 struct FramedBox {

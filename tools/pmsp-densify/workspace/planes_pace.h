@@ -12,7 +12,7 @@ namespace pmsp::tool {
 /// made again in less time than it takes to read and check them.
 class PlanesPace {
  public:
-  /// Asked for each keyframe whose planes are about to be made. `options`: those in force.
+  /// DuplicateCandidates for each keyframe whose planes are about to be made. `options`: those in force.
   bool is_worth_keeping(const DensifierOptions& options);
 
  private:

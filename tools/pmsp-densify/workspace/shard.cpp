@@ -98,7 +98,7 @@ class ShardRun {
     for (const PlanEntry& entry : step_->step().plan.entries) {
       if (entry.has_depth_map()) depth_maps_.push_back(entry.id);
     }
-    const workspace::Stretch stretch = stretch_of(shard_, depth_maps_.size());
+    const workspace::IdRange stretch = id_range_of(shard_, depth_maps_.size());
     mine_.assign(depth_maps_.begin() + static_cast<std::ptrdiff_t>(stretch.first),
                  depth_maps_.begin() + static_cast<std::ptrdiff_t>(stretch.last));
     nlohmann::ordered_json waves = nlohmann::ordered_json::object();
@@ -154,8 +154,8 @@ class ShardRun {
     const InterruptGuard guard(nullptr);
     const Ids& all = input_.images->keyframe_ids();  // the same for all shards
     for (int turn = 0; turn < shard_.count; ++turn) {
-      const workspace::Stretch stretch =
-          workspace::stretch_of({(shard_.index + turn) % shard_.count, shard_.count}, all.size());
+      const workspace::IdRange stretch =
+          workspace::id_range_of({(shard_.index + turn) % shard_.count, shard_.count}, all.size());
       std::size_t first = stretch.first, last = stretch.last;
       while (first < last) {
         // A video is read from its beginning each time.

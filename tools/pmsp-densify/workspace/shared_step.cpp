@@ -101,7 +101,7 @@ int SharedStep::shard_of(std::int64_t keyframe_id) const {
   const auto found = std::find(depth_maps_.begin(), depth_maps_.end(), keyframe_id);
   const auto place = static_cast<std::size_t>(found - depth_maps_.begin());
   int shard = 0;
-  while (place >= workspace::stretch_of({shard, count_}, depth_maps_.size()).last) ++shard;
+  while (place >= workspace::id_range_of({shard, count_}, depth_maps_.size()).last) ++shard;
   return shard;
 }
 

@@ -44,8 +44,8 @@ std::string look_file(const workspace::StepKeyframe& it) {
 
 /// What the sharpness of an image is recorded for.
 std::string looked_for_text(const DensifierOptions& options) {
-  const bool looks = options.advanced.view_filter.enabled && options.advanced.view_filter.min_sharpness > 0.0;
-  return looks ? "blur at a width of " + std::to_string(options.width) : "nothing";
+  const bool great_circles = options.advanced.view_filter.enabled && options.advanced.view_filter.min_sharpness > 0.0;
+  return great_circles ? "blur at a width of " + std::to_string(options.width) : "nothing";
 }
 
 /// Whether most landmarks of a record are still observed. Where not, it can hardly be compared with newer ones.

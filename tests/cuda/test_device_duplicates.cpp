@@ -74,7 +74,7 @@ std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>&
     for (std::size_t k = 0; k < flight.size(); ++k) {
       if (k != i) asked.push_back({&range_maps[k], flight.poses[k]});
     }
-    surfels[i].standings = free_space_filter(surfels[i], flight.poses[i], asked, flight.free_space, executor);
+    surfels[i].statuses = free_space_filter(surfels[i], flight.poses[i], asked, flight.free_space, executor);
   }
   std::vector<std::vector<std::uint32_t>> still(flight.size());
   for (int round = 0; round < kRounds; ++round) {
@@ -82,15 +82,15 @@ std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>&
     for (std::size_t i = 0; i < flight.size(); ++i) {
       std::vector<SurfelsFrom> asked;
       for (std::size_t k = 0; k < flight.size(); ++k) {
-        if (k != i) asked.push_back({&surfels[k], &surfels[k].standings, flight.poses[k]});
+        if (k != i) asked.push_back({&surfels[k], &surfels[k].statuses, flight.poses[k]});
       }
-      next.push_back(duplicate_round({&surfels[i], &surfels[i].standings, flight.poses[i]}, still[i], asked,
+      next.push_back(duplicate_round({&surfels[i], &surfels[i].statuses, flight.poses[i]}, still[i], asked,
                                      flight.fusion, executor));
     }
-    for (std::size_t i = 0; i < flight.size(); ++i) surfels[i].standings = next[i];
+    for (std::size_t i = 0; i < flight.size(); ++i) surfels[i].statuses = next[i];
   }
   for (std::size_t i = 0; i < flight.size(); ++i)
-    clouds.push_back(kept_points({&surfels[i], &surfels[i].standings, flight.poses[i]}));
+    clouds.push_back(kept_points({&surfels[i], &surfels[i].statuses, flight.poses[i]}));
   return surfels;
 }
 
@@ -100,13 +100,13 @@ struct OnDevice {
   cuda::DeviceArray<float> confidence;
   cuda::DeviceArray<std::uint32_t> color;
   cuda::DeviceArray<std::uint32_t> surfels, details, asked;
-  cuda::DeviceArray<std::uint8_t> agree, standings, next;
+  cuda::DeviceArray<std::uint8_t> agree, statuses, next;
   cuda::DeviceArray<float> nearest, farthest;
 };
 
 struct DeviceResult {
   std::vector<std::uint32_t> surfels, details;
-  std::vector<std::uint8_t> agree, standings;
+  std::vector<std::uint8_t> agree, statuses;
   std::vector<cuda::DevicePoint> points;
   std::vector<unsigned int> pixels;
   std::vector<std::uint32_t> agree_of_points;
@@ -135,7 +135,7 @@ OnDevice uploaded_map(const Flight& flight, std::size_t k) {
   arrays.details = cuda::DeviceArray<std::uint32_t>(pixels);
   arrays.asked = cuda::DeviceArray<std::uint32_t>(pixels);
   arrays.agree = cuda::DeviceArray<std::uint8_t>(pixels * kAgreeBytes);
-  arrays.standings = cuda::DeviceArray<std::uint8_t>(pixels);
+  arrays.statuses = cuda::DeviceArray<std::uint8_t>(pixels);
   arrays.next = cuda::DeviceArray<std::uint8_t>(pixels);
   arrays.nearest = cuda::DeviceArray<float>(pixels / 4);
   arrays.farthest = cuda::DeviceArray<float>(pixels / 4);
@@ -171,7 +171,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
       if (k != i) fuse.others[fuse.count++] = view(k);
     }
     fuse.limits = fusion_limits(flight.fusion);
-    fuse.to = {frames[i].surfels.get(), frames[i].details.get(), frames[i].standings.get(), frames[i].agree.get(),
+    fuse.to = {frames[i].surfels.get(), frames[i].details.get(), frames[i].statuses.get(), frames[i].agree.get(),
                static_cast<int>(kAgreeBytes)};
     cuda::launch(fuse, counts.get(), nullptr);
     cuda::launch(
@@ -191,16 +191,16 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
     }
     judge.limits = free_space_limits(flight.free_space);
     judge.max_contradiction = static_cast<float>(flight.free_space.max_contradiction);
-    judge.standings = frames[i].standings.get();
+    judge.statuses = frames[i].statuses.get();
     cuda::launch(judge, counts.get(), nullptr);
   }
   for (int round = 0; round < kRounds; ++round) {
     for (std::size_t i = 0; i < flight.size(); ++i) {
       const auto view = [&](std::size_t k) {
-        return kernels::SurfelView{frames[k].surfels.get(), frames[k].standings.get(), width, height,
+        return kernels::SurfelView{frames[k].surfels.get(), frames[k].statuses.get(), width, height,
                                    static_cast<float>(flight.poses[k].scale)};
       };
-      kernels::OwnershipRound stage{};
+      kernels::DuplicateRound stage{};
       stage.map = view(i);
       stage.grid = grid.view();
       for (std::size_t k = 0; k < flight.size(); ++k) {
@@ -208,11 +208,11 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
         stage.others[stage.count++] = {view(k), from(k, i).other_from_first, from(k, i).zoom,
                                        flight.maps[k].keyframe_id < flight.maps[i].keyframe_id};
       }
-      stage.limits = ownership_limits(flight.fusion);
-      stage.standings = frames[i].next.get();
+      stage.limits = duplicate_limits(flight.fusion);
+      stage.statuses = frames[i].next.get();
       cuda::own({stage, frames[i].asked.get(), round == 0}, nullptr);
     }
-    for (OnDevice& frame : frames) std::swap(frame.standings, frame.next);
+    for (OnDevice& frame : frames) std::swap(frame.statuses, frame.next);
   }
   const cuda::DeviceArray<cuda::DevicePoint> points(pixels);
   const cuda::DeviceArray<unsigned int> indices(pixels);
@@ -222,7 +222,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   std::vector<DeviceResult> results;
   for (OnDevice& frame : frames) {
     cuda::kept_points({grid.view(),
-                       {frame.surfels.get(), frame.details.get(), frame.standings.get(), frame.agree.get(),
+                       {frame.surfels.get(), frame.details.get(), frame.statuses.get(), frame.agree.get(),
                         static_cast<int>(kAgreeBytes), 0.0F},
                        points.get(),
                        indices.get(),
@@ -230,9 +230,9 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
                        count.get()},
                       scratch.get(), scratch.size(), nullptr);
     PMSP_CUDA_CHECK(cudaDeviceSynchronize());
-    DeviceResult result{
-        downloaded(frame.surfels), downloaded(frame.details), downloaded(frame.agree), downloaded(frame.standings),
-        downloaded(points),        downloaded(indices),       downloaded(agree)};
+    DeviceResult result{downloaded(frame.surfels),  downloaded(frame.details), downloaded(frame.agree),
+                        downloaded(frame.statuses), downloaded(points),        downloaded(indices),
+                        downloaded(agree)};
     const std::size_t made = downloaded(count).front();
     REQUIRE(made <= pixels);
     result.points.resize(made);
@@ -255,11 +255,11 @@ void check_same(const Flight& flight) {
     std::size_t dropped = 0;
     std::size_t rejected = 0;
     for (std::size_t i = 0; i < pixels; ++i) {
-      const std::uint8_t standing = host[k].standings.pixels()[i];
-      same_standing += (standing & 3) == (device[k].standings[i] & 3) ? 1 : 0;
-      dropped += (standing & 3) == 3 ? 1 : 0;
+      const std::uint8_t status = host[k].statuses.pixels()[i];
+      same_standing += (status & 3) == (device[k].statuses[i] & 3) ? 1 : 0;
+      dropped += (status & 3) == 3 ? 1 : 0;
       const float depth = kernels::depth_of_surfel<float>(host[k].surfels.pixels()[i]);
-      rejected += depth > 0.0F && standing == 0 ? 1 : 0;
+      rejected += depth > 0.0F && status == 0 ? 1 : 0;
       same_depth += std::abs(kernels::depth_of_surfel<float>(device[k].surfels[i]) - depth) <= 1e-3F * depth ? 1 : 0;
       same_agree += host[k].agree[i] == device[k].agree[i] ? 1 : 0;
     }

@@ -14,7 +14,7 @@
 
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
-#include "ownership.h"
+#include "duplicates.h"
 #include "pmsp/error.h"
 #include "pmsp/stages.h"
 #include "synth/rng.h"
@@ -84,31 +84,31 @@ class Owners {
     for (std::size_t i = 0; i < size(); ++i) {
       std::vector<RangeMapFrom> asked;
       for (const std::size_t k : viewers(i)) asked.push_back({&range_maps[k], poses[k]});
-      surfels[i].standings = free_space_filter(surfels[i], poses[i], asked, free_space, executor);
+      surfels[i].statuses = free_space_filter(surfels[i], poses[i], asked, free_space, executor);
     }
     eligible = 0.0;
     for (const SurfelMap& map : surfels) {
-      eligible += static_cast<double>(count(map.standings, [](int standing) { return standing != 0; }));
+      eligible += static_cast<double>(count(map.statuses, [](int status) { return status != 0; }));
     }
     std::vector<std::vector<std::uint32_t>> still(size());
     for (int round = 0; round < rounds; ++round) {
       std::vector<Image<std::uint8_t>> next;
       for (std::size_t i = 0; i < size(); ++i) {
         std::vector<SurfelsFrom> asked;
-        for (const std::size_t k : viewers(i)) asked.push_back({&surfels[k], &surfels[k].standings, poses[k]});
+        for (const std::size_t k : viewers(i)) asked.push_back({&surfels[k], &surfels[k].statuses, poses[k]});
         next.push_back(
-            duplicate_round({&surfels[i], &surfels[i].standings, poses[i]}, still[i], asked, fusion, executor));
+            duplicate_round({&surfels[i], &surfels[i].statuses, poses[i]}, still[i], asked, fusion, executor));
       }
-      for (std::size_t i = 0; i < size(); ++i) surfels[i].standings = next[i];
+      for (std::size_t i = 0; i < size(); ++i) surfels[i].statuses = next[i];
     }
     clouds.clear();
     for (std::size_t i = 0; i < size(); ++i)
-      clouds.push_back(kept_points({&surfels[i], &surfels[i].standings, poses[i]}));
+      clouds.push_back(kept_points({&surfels[i], &surfels[i].statuses, poses[i]}));
   }
 
   template <class Counts>
-  static std::size_t count(const Image<std::uint8_t>& standings, const Counts& counts) {
-    return static_cast<std::size_t>(std::count_if(standings.pixels().begin(), standings.pixels().end(),
+  static std::size_t count(const Image<std::uint8_t>& statuses, const Counts& counts) {
+    return static_cast<std::size_t>(std::count_if(statuses.pixels().begin(), statuses.pixels().end(),
                                                   [&](std::uint8_t packed) { return counts(packed & 3); }));
   }
 
@@ -195,7 +195,7 @@ double Owners::uncovered() const {
   for (std::size_t k = 0; k < size(); ++k) {
     for (int y = 0; y < kWidth / 2; ++y) {
       for (int x = (y + static_cast<int>(k)) % 3; x < kWidth; x += 3) {
-        if ((surfels[k].standings(x, y) & 3) != 3) continue;
+        if ((surfels[k].statuses(x, y) & 3) != 3) continue;
         const Eigen::Vector3f bearing = bearing_of(maps[k].depth, x, y).cast<float>();
         const Placed pixel = placed(k, maps[k].depth(x, y) * bearing, maps[k].normal(x, y));
         const Vector3d ray = (pixel.position - poses[k].cam_from_world.center()).normalized();
@@ -245,9 +245,9 @@ std::vector<RigidTransform> along(const Vector3d& start, const Vector3d& step, i
 }
 
 /// Keyframe, pixel of every point.
-std::vector<std::pair<std::int64_t, std::uint32_t>> keys(const Owners& owners) {
+std::vector<std::pair<std::int64_t, std::uint32_t>> keys(const Owners& duplicate_views) {
   std::vector<std::pair<std::int64_t, std::uint32_t>> keys;
-  for (const KeyframeCloud& keyed : owners.clouds) {
+  for (const KeyframeCloud& keyed : duplicate_views.clouds) {
     for (const std::uint32_t pixel : keyed.pixels) keys.emplace_back(keyed.keyframe_id, pixel);
   }
   std::sort(keys.begin(), keys.end());
@@ -308,25 +308,25 @@ TEST_CASE("what stands before a wall takes no points of the wall, though it face
   synth::Scene scene = box({3.0, 1.5, 4.0});
   scene.add(synth::Box{{0.0, 0.0, 1.5}, {0.5, 0.5, 0.02}, Eigen::Matrix3d::Identity()}, synth::textured(2));
   // Each of them sees some of the wall that the board hides from the other, which samples the board more finely.
-  Owners owners(scene, {at({-1.0, 0.0, 0.0}), at({1.0, 0.0, 0.0})});
-  owners.make();
-  CHECK(owners.points() < 0.95 * owners.eligible);
-  CHECK(owners.uncovered() < 0.001);
+  Owners duplicate_views(scene, {at({-1.0, 0.0, 0.0}), at({1.0, 0.0, 0.0})});
+  duplicate_views.make();
+  CHECK(duplicate_views.points() < 0.95 * duplicate_views.eligible);
+  CHECK(duplicate_views.uncovered() < 0.001);
 }
 
 TEST_CASE("a point lies on a surface as either of the two normals tells", "[ownership]") {
   namespace k = kernels;
   using V = k::Vec3<float>;
-  k::OwnershipView other{};
+  k::DuplicateView other{};
   other.map = {nullptr, nullptr, kWidth, kWidth / 2, 1.0F};
   for (const int i : {0, 4, 8}) other.other_from_first.r[i] = 1.0F;
   other.zoom = 1.0F;
-  const k::OwnershipLimits limits{1.0F, 0.02F, 0.5F};
+  const k::DuplicateLimits limits{1.0F, 0.02F, 0.5F};
   const V ahead{0.0F, 0.0F, 1.0F};
   const auto stands = [&](const V& owner_normal, const V& claim_normal, const V& apart) {
     const std::uint32_t surfel = k::pack_point<float>(2.0F, owner_normal, {0.0F, 0.0F, 0.0F}, 0.7F).surfel;
     const auto off = k::off_surface<float>(2.0F, claim_normal, ahead, 0.7F, limits.max_relative_depth);
-    return k::stands_for<float>(surfel, k::pack_standing<float>(0.7F, k::Standing::kOwner), ahead, 2.0F * ahead - apart,
+    return k::stands_for<float>(surfel, k::pack_status<float>(0.7F, k::PointStatus::kKept), ahead, 2.0F * ahead - apart,
                                 claim_normal, off, 1e9F, other, limits);
   };
   const V level{0.0F, 0.0F, -1.0F};
@@ -344,10 +344,10 @@ TEST_CASE("what is seen from four times as near replaces the coarser points", "[
   std::vector<RigidTransform> poses = {at({0.0, 0.0, 3.0}), at({0.3, 0.0, 3.1}), at({0.0, 0.0, 0.0}),
                                        at({0.3, 0.1, 0.1})};
   if (!near_first) std::reverse(poses.begin(), poses.end());
-  Owners owners(box({3.0, 3.0, 4.0}), poses);  // wall at z = 4: 1 and 4 away
-  owners.make();
+  Owners duplicate_views(box({3.0, 3.0, 4.0}), poses);  // wall at z = 4: 1 and 4 away
+  duplicate_views.make();
   std::array<double, 2> made{};
-  for (const Owners::Placed& point : owners.all()) {
+  for (const Owners::Placed& point : duplicate_views.all()) {
     if (point.position.z() < 3.99 || point.position.head<2>().norm() > 1.0) continue;
     const bool from_near = poses[point.keyframe].center().z() > 2.0;
     ++made[from_near ? 0 : 1];
@@ -355,7 +355,7 @@ TEST_CASE("what is seen from four times as near replaces the coarser points", "[
   CAPTURE(made[0], made[1]);
   CHECK(made[0] > 800);
   CHECK(made[1] < 0.01 * made[0]);
-  CHECK(owners.uncovered() < 0.001);
+  CHECK(duplicate_views.uncovered() < 0.001);
 }
 
 TEST_CASE("sixty keyframes that hover give about as many points as a few", "[ownership]" PMSP_ACCURACY) {
@@ -405,7 +405,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
     for (const std::size_t k : order) {
       if (k != i) asked.push_back({&range_maps[k], one.poses[k]});
     }
-    surfels[i].standings = free_space_filter(surfels[i], one.poses[i], asked, one.free_space, executor);
+    surfels[i].statuses = free_space_filter(surfels[i], one.poses[i], asked, one.free_space, executor);
   }
   std::map<std::size_t, std::vector<std::uint32_t>> still;
   for (int round = 0; round < one.rounds; ++round) {
@@ -413,16 +413,16 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
     for (const std::size_t i : order) {
       std::vector<SurfelsFrom> asked;
       for (const std::size_t k : order) {
-        if (k != i) asked.push_back({&surfels[k], &surfels[k].standings, one.poses[k]});
+        if (k != i) asked.push_back({&surfels[k], &surfels[k].statuses, one.poses[k]});
       }
       next[i] =
-          duplicate_round({&surfels[i], &surfels[i].standings, one.poses[i]}, still[i], asked, one.fusion, executor);
+          duplicate_round({&surfels[i], &surfels[i].statuses, one.poses[i]}, still[i], asked, one.fusion, executor);
     }
-    for (const std::size_t i : order) surfels[i].standings = next[i];
+    for (const std::size_t i : order) surfels[i].statuses = next[i];
   }
   other.clouds.clear();
   for (const std::size_t i : order)
-    other.clouds.push_back(kept_points({&surfels[i], &surfels[i].standings, one.poses[i]}));
+    other.clouds.push_back(kept_points({&surfels[i], &surfels[i].statuses, one.poses[i]}));
   // Sums over viewers are rounded in another order, which may tip what lies on the limit.
   const auto mine = keys(one);
   const auto theirs = keys(other);
@@ -444,11 +444,11 @@ TEST_CASE("without any one keyframe no place is lost that others see", "[ownersh
   for (std::size_t gone = 0; gone < poses.size(); ++gone) {
     std::vector<RigidTransform> rest = poses;
     rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(gone));
-    Owners owners(box({2.0, 1.5, 4.0}), rest, 0.002);
-    owners.make();
+    Owners duplicate_views(box({2.0, 1.5, 4.0}), rest, 0.002);
+    duplicate_views.make();
     CAPTURE(gone);
-    CHECK(owners.uncovered() < 0.001);
-    CHECK(owners.near_pairs() < 0.05);
+    CHECK(duplicate_views.uncovered() < 0.001);
+    CHECK(duplicate_views.near_pairs() < 0.05);
   }
 }
 
@@ -458,13 +458,13 @@ TEST_CASE("a dropped pixel has an owner that was asked", "[ownership]") {
   room.make();
   // The first round knows no owners: it drops nothing.
   for (const SurfelMap& map : room.surfels) {
-    CHECK(Owners::count(map.standings, [](int standing) { return standing == 3; }) == 0);
+    CHECK(Owners::count(map.statuses, [](int status) { return status == 3; }) == 0);
   }
   room.rounds = 12;
   room.make();
   std::size_t open = 0;
   for (const SurfelMap& map : room.surfels) {
-    open += Owners::count(map.standings, [](int standing) { return standing == 1; });
+    open += Owners::count(map.statuses, [](int status) { return status == 1; });
   }
   CHECK(open == 0);  // no two wait for each other
   CHECK(room.uncovered() < 0.001);
@@ -550,12 +550,12 @@ TEST_CASE("points that others have looked through make no point and stand for no
   }
   room.make();
   for (int x = 2; x < 18; ++x) {
-    for (int y = 32; y < 48; ++y) CHECK(room.surfels[0].standings(x, y) == 0);
+    for (int y = 32; y < 48; ++y) CHECK(room.surfels[0].statuses(x, y) == 0);
   }
   CHECK(room.uncovered() < 0.001);
   room.free_space.enabled = false;
   room.make();
-  CHECK((room.surfels[0].standings(10, 40) & 3) == 2);
+  CHECK((room.surfels[0].statuses(10, 40) & 3) == 2);
 }
 
 TEST_CASE("points below the wanted confidence make no point and stand for none", "[ownership]") {
@@ -585,12 +585,12 @@ TEST_CASE("ownership refuses what does not fit", "[ownership]") {
   const SurfelMap small{1, Image<std::uint32_t>(8, 4), Image<std::uint8_t>(8, 4), Image<std::uint32_t>(8, 4), {}, {}};
   const SurfelMap& own = room.surfels[0];
   const SurfelMap& other = room.surfels[1];
-  const SurfelsFrom reference{&own, &own.standings, room.poses[0]};
+  const SurfelsFrom reference{&own, &own.statuses, room.poses[0]};
   std::vector<std::uint32_t> asked;
-  CHECK_THROWS_AS(duplicate_round(reference, asked, {{&small, &small.standings, {}}}, {}, executor), InvalidInput);
-  CHECK_THROWS_AS(duplicate_round(reference, asked, {{&other, &small.standings, {}}}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(duplicate_round(reference, asked, {{&small, &small.statuses, {}}}, {}, executor), InvalidInput);
+  CHECK_THROWS_AS(duplicate_round(reference, asked, {{&other, &small.statuses, {}}}, {}, executor), InvalidInput);
   CHECK_THROWS_AS(duplicate_round({&own, nullptr, {}}, asked, {}, {}, executor), InvalidInput);
-  CHECK_THROWS_AS(kept_points({&own, &small.standings, {}}), InvalidInput);
+  CHECK_THROWS_AS(kept_points({&own, &small.statuses, {}}), InvalidInput);
   const Image<std::uint8_t> judged[] = {free_space_filter(own, room.poses[0], {}, {}, executor),
                                         free_space_filter(other, room.poses[1], {}, {}, executor)};
   const SurfelsFrom stale{&other, &judged[1], room.poses[1]};  // it stays as it was before the round

@@ -14,13 +14,13 @@ namespace pmsp {
 /// An array that a keyframe keeps while it waits for others: in the processor's memory or, with a scratch file, put
 /// aside there, so that it takes none.
 template <class Processor, class T>
-class Shelved {
+class Spillable {
  public:
   /// Both must outlive it. `scratch`: nullptr = in memory.
-  Shelved(Processor& on, ScratchFile* scratch) : on_(on), scratch_(scratch) {}
-  ~Shelved() { reset(); }
-  Shelved(const Shelved&) = delete;
-  Shelved& operator=(const Shelved&) = delete;
+  Spillable(Processor& on, ScratchFile* scratch) : on_(on), scratch_(scratch) {}
+  ~Spillable() { reset(); }
+  Spillable(const Spillable&) = delete;
+  Spillable& operator=(const Spillable&) = delete;
 
   /// `count` elements. `room`: for the most that will ever be put here, the same in each call.
   void put(Array<T> array, std::size_t count, std::size_t room) {

@@ -32,21 +32,21 @@ PMSP_HD F rank(const F& footprint, const F& confidence_level) {
 /// A keyframe's surfels, in row order.
 struct SurfelView {
   const std::uint32_t* surfels;
-  const std::uint8_t* standings;
+  const std::uint8_t* statuses;
   int width, height;
   float scale;  ///< the keyframe's unit of length in the one that all share
 };
 
 PMSP_HD float pixel_angle(const SurfelView& map) { return static_cast<float>(kPi) / static_cast<float>(map.height); }
 
-struct OwnershipLimits {
+struct DuplicateLimits {
   float spacing;             ///< points of one surface closer than this are one point [pixels of the dropped one]
   float max_relative_depth;  ///< largest deviation from one surface, however large the expected errors
   float min_cos_normals;     ///< of the normals of one surface
 };
 
 /// A keyframe that is asked.
-struct OwnershipView {
+struct DuplicateView {
   SurfelView map;
   Rigid other_from_first;  ///< from the first keyframe's unit of length into the other's: the rotation times `zoom`
   float zoom;              ///< the first keyframe's scale over the other's
@@ -80,11 +80,11 @@ struct Claim {
 
 /// `bearing` of a pixel that has a surfel.
 template <class F>
-PMSP_HD Claim<F> claim_of(const UIntOf<F>& surfel, const UIntOf<F>& standing, const Vec3<F>& bearing,
-                          const SurfelView& map, const OwnershipLimits& limits) {
+PMSP_HD Claim<F> claim_of(const UIntOf<F>& surfel, const UIntOf<F>& status, const Vec3<F>& bearing,
+                          const SurfelView& map, const DuplicateLimits& limits) {
   const F depth = depth_of_surfel<F>(surfel);
   const Vec3<F> normal = normal_of_surfel<F>(surfel);
-  const UIntOf<F> level = standing >> 2;
+  const UIntOf<F> level = status >> 2;
   const F footprint = depth * F(pixel_angle(map));
   return {depth * bearing, normal,
           off_surface(depth, normal, bearing, confidence_of_level<F>(level), limits.max_relative_depth),
@@ -93,7 +93,7 @@ PMSP_HD Claim<F> claim_of(const UIntOf<F>& surfel, const UIntOf<F>& standing, co
 
 /// Whether pixels of another map at a claim's point `p`, in the other's frame, may rank higher.
 template <class F>
-PMSP_HD MaskOf<F> may_rank_higher(const Vec3<F>& p, const F& own_rank, const OwnershipView& other) {
+PMSP_HD MaskOf<F> may_rank_higher(const Vec3<F>& p, const F& own_rank, const DuplicateView& other) {
   constexpr float kNearer = 0.9F;  // what may own the place is hardly nearer than the point
   return rank(F(kNearer * other.map.scale * pixel_angle(other.map)) * sqrt(dot(p, p)), F(63)) <= own_rank;
 }
@@ -109,7 +109,7 @@ struct Approach {
 constexpr float kMaxReach = 4.0F;
 
 template <class F>
-PMSP_HD Approach<F> approach(const Vec3<F>& p, const F& reach, const OwnershipView& other) {
+PMSP_HD Approach<F> approach(const Vec3<F>& p, const F& reach, const DuplicateView& other) {
   const F range = sqrt(max(dot(p, p), F(1e-30F)));
   return {project(p, F(static_cast<float>(other.map.width)), F(static_cast<float>(other.map.height))),
           min(F(other.zoom / pixel_angle(other.map)) * reach / range, F(kMaxReach))};
@@ -140,11 +140,11 @@ PMSP_HD Within<F> within(const Approach<F>& there, const GridView& grid, int wid
 /// Whether a pixel of another map, which makes a point or may make one, stands for a claim. `p`: the claim's point in
 /// the other frame.
 template <class F>
-PMSP_HD MaskOf<F> stands_for(const UIntOf<F>& surfel, const UIntOf<F>& standing, const Vec3<F>& bearing,
-                             const Vec3<F>& p, const Vec3<F>& claim_normal, const OffSurface<F>& claim_off,
-                             const F& claim_rank, const OwnershipView& other, const OwnershipLimits& limits) {
+PMSP_HD MaskOf<F> stands_for(const UIntOf<F>& surfel, const UIntOf<F>& status, const Vec3<F>& bearing, const Vec3<F>& p,
+                             const Vec3<F>& claim_normal, const OffSurface<F>& claim_off, const F& claim_rank,
+                             const DuplicateView& other, const DuplicateLimits& limits) {
   const F depth = depth_of_surfel<F>(surfel);
-  const UIntOf<F> level = standing >> 2;
+  const UIntOf<F> level = status >> 2;
   const F own_rank = rank(F(other.map.scale * pixel_angle(other.map)) * depth, from_uint<F>(level));
   const Vec3<F> there = normal_of_surfel<F>(surfel);
   const Vec3<F> normal = F(1.0F / other.zoom) * rotate(other.other_from_first, claim_normal);
@@ -159,15 +159,15 @@ PMSP_HD MaskOf<F> stands_for(const UIntOf<F>& surfel, const UIntOf<F>& standing,
 }
 
 /// A round for the open pixels of a keyframe. Of those that are asked, only those matter in later rounds that have a
-/// pixel which would stand for this one if it were an owner. Rows of the CPU (src/cpu/own_row.h) and warps of a GPU
-/// (src/cuda/own.cu) share the work in ways of their own.
-struct OwnershipRound {
+/// pixel which would stand for this one if it were an owner. Rows of the CPU (src/cpu/duplicate_row.h) and warps of a
+/// GPU (src/cuda/own.cu) share the work in ways of their own.
+struct DuplicateRound {
   SurfelView map;  ///< what the round before left, as `others` are
   GridView grid;   ///< of all maps
-  OwnershipView others[kMaxViewers];
+  DuplicateView others[kMaxViewers];
   int count;
-  OwnershipLimits limits;
-  std::uint8_t* standings;  ///< after the round; not those of `map`
+  DuplicateLimits limits;
+  std::uint8_t* statuses;  ///< after the round; not those of `map`
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
@@ -187,7 +187,7 @@ struct Eligibility {
   FreeSpaceLimits limits;
   float max_contradiction;
   MirrorView mirrors;
-  std::uint8_t* standings;  ///< kOpen or 0
+  std::uint8_t* statuses;  ///< kOpen or 0
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
@@ -197,7 +197,7 @@ struct Eligibility {
     const F depth = depth_of_surfel<F>(gather_words<F>(surfels, at.index));
     const MaskOf<F> known = depth > F(0);
     counted[0] = known;
-    if (!any(known)) return store_bytes<F>(UIntOf<F>(0U), standings + at.first, 1, at.count);
+    if (!any(known)) return store_bytes<F>(UIntOf<F>(0U), statuses + at.first, 1, at.count);
     const Vec3<F> point = select(known, depth, F(1)) * bearing_at(grid, at);
     const F own = dot(point, point);
     F on_surface(1);  // the keyframe's own word
@@ -213,7 +213,7 @@ struct Eligibility {
     if (mirrors.mirrors != nullptr) stays = stays & !is_mirrored(mirrors, grid, at, point);
     const F confidence = own_confidence<F>(gather_words<F>(details, at.index)) * on_surface / (on_surface + through);
     counted[0] = stays;
-    store_bytes<F>(select_bits<F>(stays, pack_standing(confidence, Standing::kOpen)), standings + at.first, 1,
+    store_bytes<F>(select_bits<F>(stays, pack_status(confidence, PointStatus::kOpen)), statuses + at.first, 1,
                    at.count);
   }
 };

@@ -2,11 +2,11 @@
 #include "cuda/device_code.h"
 #include "cuda/launch.h"
 
-// Rounds of ownership, a pixel a thread. What src/cpu/own_row.h does for a row.
+// Rounds of ownership, a pixel a thread. What src/cpu/duplicate_row.h does for a row.
 namespace pmsp::cuda {
 namespace {
 
-using kernels::Standing;
+using kernels::PointStatus;
 
 constexpr int kWarp = 32;
 constexpr unsigned int kAll = 0xffffffffU;  ///< threads of a warp
@@ -25,22 +25,22 @@ struct Answer {
   bool stands, owned;
 };
 
-__device__ void ask_pixel(const OwnershipArgs& args, const kernels::OwnershipView& other, const Search& search,
+__device__ void ask_pixel(const DuplicateArgs& args, const kernels::DuplicateView& other, const Search& search,
                           int pixel, Answer& answer) {
-  const std::uint8_t standing = other.map.standings[pixel];
-  if (!kernels::makes_point(standing)) return;
+  const std::uint8_t status = other.map.statuses[pixel];
+  if (!kernels::makes_point(status)) return;
   const Vec3<float> bearing =
       kernels::bearing_at<float>(args.round.grid, pixel % other.map.width, pixel / other.map.width);
-  if (!kernels::stands_for<float>(other.map.surfels[pixel], standing, bearing, search.point, search.normal, search.off,
+  if (!kernels::stands_for<float>(other.map.surfels[pixel], status, bearing, search.point, search.normal, search.off,
                                   search.rank, other, args.round.limits)) {
     return;
   }
   answer.stands = true;
-  answer.owned = answer.owned || kernels::standing_of(standing) == Standing::kOwner;
+  answer.owned = answer.owned || kernels::status_of(status) == PointStatus::kKept;
 }
 
 /// Asks the pixels within reach, until it is clear what the answer is: nobody is an owner before the first round.
-__device__ Answer ask_within(const OwnershipArgs& args, const kernels::OwnershipView& other, const Search& search,
+__device__ Answer ask_within(const DuplicateArgs& args, const kernels::DuplicateView& other, const Search& search,
                              int thread, int threads) {
   Answer answer{false, false};
   kernels::find_within(
@@ -68,9 +68,9 @@ __device__ Search of_thread(const Search& search, int thread) {
 /// Each thread asks keyframe `k` if it has something to ask. Pixels crowd near keyframes' poles: the few points that
 /// lie there would keep their warps waiting, so that all threads search for each of them. Called by all threads of a
 /// warp.
-__device__ Answer ask(const OwnershipArgs& args, bool asks, int k, const kernels::Claim<float>& claim) {
+__device__ Answer ask(const DuplicateArgs& args, bool asks, int k, const kernels::Claim<float>& claim) {
   const int thread = static_cast<int>(threadIdx.x);
-  const kernels::OwnershipView& other = args.round.others[k];
+  const kernels::DuplicateView& other = args.round.others[k];
   Answer answer{false, false};
   Search search{{}, claim.normal, claim.off, claim.rank, {}};
   bool many = false;
@@ -85,7 +85,7 @@ __device__ Answer ask(const OwnershipArgs& args, bool asks, int k, const kernels
   }
   for (unsigned int left = __ballot_sync(kAll, many); left != 0; left &= left - 1) {
     const int whose = __ffs(static_cast<int>(left)) - 1;
-    const kernels::OwnershipView& its_other = args.round.others[__shfl_sync(kAll, k, whose)];
+    const kernels::DuplicateView& its_other = args.round.others[__shfl_sync(kAll, k, whose)];
     const Answer part = ask_within(args, its_other, of_thread(search, whose), thread, kWarp);
     const bool stands = __any_sync(kAll, part.stands) != 0;
     const bool owned = __any_sync(kAll, part.owned) != 0;
@@ -96,22 +96,22 @@ __device__ Answer ask(const OwnershipArgs& args, bool asks, int k, const kernels
 
 __device__ std::uint32_t everyone(int count) { return count < 32 ? (1U << static_cast<unsigned>(count)) - 1U : ~0U; }
 
-__global__ void own_kernel(const __grid_constant__ OwnershipArgs args) {
-  const kernels::OwnershipRound& round = args.round;
+__global__ void duplicate_kernel(const __grid_constant__ DuplicateArgs args) {
+  const kernels::DuplicateRound& round = args.round;
   const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
   const bool inside = x < round.width() && y < round.height();
   const int pixel = inside ? y * round.width() + x : 0;
-  const std::uint8_t before = inside ? round.map.standings[pixel] : 0;
-  const bool decides = inside && kernels::standing_of(before) == Standing::kOpen;
-  if (inside && !decides) round.standings[pixel] = before;
+  const std::uint8_t before = inside ? round.map.statuses[pixel] : 0;
+  const bool decides = inside && kernels::status_of(before) == PointStatus::kOpen;
+  if (inside && !decides) round.statuses[pixel] = before;
   if (__any_sync(kAll, decides) == 0) return;
   kernels::Claim<float> claim{};
   std::uint32_t asks = 0;
   if (decides) {
     claim = kernels::claim_of<float>(round.map.surfels[pixel], before, kernels::bearing_at<float>(round.grid, x, y),
                                      round.map, round.limits);
-    asks = args.first ? everyone(round.count) : args.asked[pixel];
+    asks = args.first ? everyone(round.count) : args.candidates[pixel];
   }
   std::uint32_t open = 0;
   bool dropped = false;
@@ -123,17 +123,17 @@ __global__ void own_kernel(const __grid_constant__ OwnershipArgs args) {
     asks = dropped ? 0 : asks ^ bit;
   }
   if (!decides) return;
-  args.asked[pixel] = open;
-  round.standings[pixel] = kernels::with_standing(before, dropped     ? Standing::kDropped
-                                                          : open != 0 ? Standing::kOpen
-                                                                      : Standing::kOwner);
+  args.candidates[pixel] = open;
+  round.statuses[pixel] = kernels::with_standing(before, dropped     ? PointStatus::kDropped
+                                                         : open != 0 ? PointStatus::kOpen
+                                                                     : PointStatus::kKept);
 }
 
 }  // namespace
 
-void own(const OwnershipArgs& args, cudaStream_t stream) {
+void remove_duplicates(const DuplicateArgs& args, cudaStream_t stream) {
   const dim3 block(kWarp, 2);
-  own_kernel<<<image_grid(args.round.width(), args.round.height(), 1, block), block, 0, stream>>>(args);
+  duplicate_kernel<<<image_grid(args.round.width(), args.round.height(), 1, block), block, 0, stream>>>(args);
   PMSP_CUDA_LAUNCHED();
 }
 

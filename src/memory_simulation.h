@@ -12,7 +12,7 @@
 namespace pmsp {
 
 /// The order of work of a flight (see Pipeline), without the work: how many keyframes have what at a time.
-class Rehearsal {
+class MemorySimulation {
  public:
   /// Numbers of keyframes.
   struct Held {
@@ -24,15 +24,15 @@ class Rehearsal {
     double filtered = 0.0;
     double range_maps = 0.0;
     double surfels = 0.0;
-    double ranked = 0.0;  ///< of these, those that have been through a round of ownership,
-    double asked = 0.0;   ///< and will be through another one
+    double ranked = 0.0;      ///< of these, those that have been through a round of ownership,
+    double candidates = 0.0;  ///< and will be through another one
   };
 
   /// `in_step`: as several devices work that share a flight.
-  explicit Rehearsal(const DensifierOptions& options, bool in_step = false)
+  explicit MemorySimulation(const DensifierOptions& options, bool in_step = false)
       : in_step_(in_step),
         passes_(options.advanced.patchmatch.geometric_passes),
-        rounds_(ownership_rounds(options)),
+        rounds_(duplicate_rounds(options)),
         has_evidence_(passes_ > 0 && options.advanced.patchmatch.plane_priors),
         schedule_(options, true),
         next_(schedule_.stages().size(), 0),
@@ -59,17 +59,18 @@ class Rehearsal {
     Held held;
     held.images = left(Artefact::kImage, end_);
     held.colors = left(Artefact::kColor, end_);
-    const double between =
-        passes_ > 0 ? left(Artefact::kPlanes, through(Stage::Kind::kMatch, 1)) - left(Artefact::kPlanes, matched) : 0.0;
-    held.planes = left(Artefact::kPlanes, through(Stage::Kind::kMatch, 0)) + between;
+    const double between = passes_ > 0 ? left(Artefact::kPassPlanes, through(Stage::Kind::kMatch, 1)) -
+                                             left(Artefact::kPassPlanes, matched)
+                                       : 0.0;
+    held.planes = left(Artefact::kPassPlanes, through(Stage::Kind::kMatch, 0)) + between;
     held.evidence = has_evidence_ ? between : 0.0;
-    held.medians = left(Artefact::kMedian, matched);
+    held.medians = left(Artefact::kFinalPlanes, matched);
     held.filtered = left(Artefact::kFiltered, filtered);
     held.range_maps = left(Artefact::kRangeMap, filtered);
     held.surfels = left(Artefact::kSurfels, through(Stage::Kind::kFuse));
-    const std::int64_t ranked = through(Stage::Kind::kRound, 1);
+    const std::int64_t ranked = through(Stage::Kind::kDuplicates, 1);
     held.ranked = left(Artefact::kSurfels, ranked);
-    held.asked = static_cast<double>(ranked - through(Stage::Kind::kRound, rounds_));
+    held.candidates = static_cast<double>(ranked - through(Stage::Kind::kDuplicates, rounds_));
     return held;
   }
   /// How many keyframes have been through a stage.

@@ -45,7 +45,7 @@ bool fit(const std::vector<Sample>& samples, double tolerance, const Expected& e
 
 }  // namespace
 
-std::vector<kernels::Vec3<float>> given_planes(ImageView<const float> depth, double unit, const PriorGrid& grid) {
+std::vector<kernels::Vec3<float>> external_planes(ImageView<const float> depth, double unit, const PriorGrid& grid) {
   std::vector<kernels::Vec3<float>> planes(grid.cells(), kernels::Vec3<float>{0.0F, 0.0F, 0.0F});
   const double step = kernels::kPi / grid.rows * kWindow / kSide;
   std::vector<Sample> samples;

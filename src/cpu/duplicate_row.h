@@ -2,7 +2,7 @@
 #pragma once
 
 #include "cpu/lanes.h"
-#include "ownership.h"
+#include "duplicates.h"
 
 // Rounds of ownership over a row. Who is asked differs from pixel to pixel, so that pixels are packed into batches anew
 // for each keyframe, and once more for the few of its pixels that lie within reach.
@@ -12,27 +12,27 @@ using kernels::any;
 
 /// Open pixels of a row, as many as are worked on at a time, for one array a number.
 template <class F>
-class OwnershipChunk {
+class DuplicateChunk {
  public:
-  explicit OwnershipChunk(const kernels::OwnershipRound& stage) : stage_(stage) {}
+  explicit DuplicateChunk(const kernels::DuplicateRound& stage) : stage_(stage) {}
 
   /// Takes `count` open pixels of a row (kSize at most).
-  void start(int y, const std::int32_t* columns, const std::uint8_t* standings, int count) {
+  void start(int y, const std::int32_t* columns, const std::uint8_t* statuses, int count) {
     for (int i = 0; i < count; i += lanes<F>()) {
       std::int32_t xs[kLanes];
       std::uint32_t packed[kLanes];
       for (int j = 0; j < kLanes; ++j) {
         xs[j] = columns[i + j < count ? i + j : count - 1];
-        packed[j] = standings[xs[j]];
+        packed[j] = statuses[xs[j]];
       }
       IntOf<F> x;
-      UIntOf<F> standing;
+      UIntOf<F> status;
       load(x, xs);
-      load(standing, packed);
+      load(status, packed);
       const UIntOf<F> surfel =
           kernels::gather_words<F>(stage_.map.surfels, IntOf<F>(IntOf<F>(y * stage_.map.width) + x));
       const kernels::Claim<F> claim = kernels::claim_of<F>(
-          surfel, standing, kernels::bearing_at<F>(stage_.grid, x, IntOf<F>(y)), stage_.map, stage_.limits);
+          surfel, status, kernels::bearing_at<F>(stage_.grid, x, IntOf<F>(y)), stage_.map, stage_.limits);
       store(claim.point.x, point_[0] + i);
       store(claim.point.y, point_[1] + i);
       store(claim.point.z, point_[2] + i);
@@ -52,7 +52,7 @@ class OwnershipChunk {
 
   /// Asks keyframe k for the `count` pixels of the list.
   void ask(int k, const std::int32_t* list, int count) {
-    const kernels::OwnershipView& other = stage_.others[k];
+    const kernels::DuplicateView& other = stage_.others[k];
     int near = 0;
     for (int i = 0; i < count; i += kLanes) {
       IntOf<F> claim;
@@ -84,24 +84,24 @@ class OwnershipChunk {
     }
     int kept = 0;
     for (int i = 0; i < found; ++i) {
-      const std::uint8_t standing = other.map.standings[row_[i] * other.map.width + column_[i]];
+      const std::uint8_t status = other.map.statuses[row_[i] * other.map.width + column_[i]];
       claim_[kept] = claim_[i];
       column_[kept] = column_[i];
       row_[kept] = row_[i];
-      standing_[kept] = standing;
-      kept += kernels::makes_point(standing) ? 1 : 0;
+      standing_[kept] = status;
+      kept += kernels::makes_point(status) ? 1 : 0;
     }
     for (int i = 0; i < several; ++i) {
       const std::int32_t claim = several_[i];
       kernels::for_each_within({x_[i], y_[i]}, spacing_[i], stage_.grid.cos_lat, other.map.width, other.map.height,
                                [&](int pixel) {
-                                 const std::uint8_t standing = other.map.standings[pixel];
-                                 if (owned[claim] != 0 || !kernels::makes_point(standing)) return;
+                                 const std::uint8_t status = other.map.statuses[pixel];
+                                 if (owned[claim] != 0 || !kernels::makes_point(status)) return;
                                  if (kept == kSize) kept = compare(k, kept);
                                  claim_[kept] = claim;
                                  row_[kept] = pixel / other.map.width;
                                  column_[kept] = pixel % other.map.width;
-                                 standing_[kept++] = standing;
+                                 standing_[kept++] = status;
                                });
     }
     compare(k, kept);
@@ -125,23 +125,23 @@ class OwnershipChunk {
 
   /// Compares the first `count` pairs of a claim and a pixel. Returns 0, the number that is left.
   int compare(int k, int count) {
-    const kernels::OwnershipView& other = stage_.others[k];
+    const kernels::DuplicateView& other = stage_.others[k];
     const std::uint32_t bit = 1U << static_cast<unsigned>(k);
     for (int i = 0; i < count; i += kLanes) {
       IntOf<F> claim;
       IntOf<F> x;
       IntOf<F> y;
-      UIntOf<F> standing;
+      UIntOf<F> status;
       load(claim, claim_ + i);
       load(x, column_ + i);
       load(y, row_ + i);
-      load(standing, standing_ + i);
+      load(status, standing_ + i);
       const kernels::Vec3<F> p = kernels::transform(other.other_from_first, gathered(point_, claim));
       const kernels::OffSurface<F> off{kernels::gather<F>(error_, claim), kernels::gather<F>(most_, claim)};
       const UIntOf<F> surfel = kernels::gather_words<F>(other.map.surfels, IntOf<F>(y * IntOf<F>(other.map.width) + x));
       const auto stands =
-          kernels::stands_for<F>(surfel, standing, kernels::bearing_at<F>(stage_.grid, x, y), p,
-                                 gathered(normal_, claim), off, kernels::gather<F>(rank_, claim), other, stage_.limits);
+          kernels::stands_for<F>(surfel, status, kernels::bearing_at<F>(stage_.grid, x, y), p, gathered(normal_, claim),
+                                 off, kernels::gather<F>(rank_, claim), other, stage_.limits);
       if (!any(stands)) continue;
       std::uint32_t stand[kLanes];
       store(kernels::select_bits<F>(stands, UIntOf<F>(1U)), stand);
@@ -149,7 +149,7 @@ class OwnershipChunk {
         if (stand[j] == 0U) continue;
         const std::int32_t asks = claim_[i + j];
         open[asks] |= bit;
-        if ((standing_[i + j] & 3U) == static_cast<std::uint32_t>(kernels::Standing::kOwner)) {
+        if ((standing_[i + j] & 3U) == static_cast<std::uint32_t>(kernels::PointStatus::kKept)) {
           owned[asks] = 1;
         }
       }
@@ -157,7 +157,7 @@ class OwnershipChunk {
     return 0;
   }
 
-  const kernels::OwnershipRound& stage_;
+  const kernels::DuplicateRound& stage_;
   float point_[3][kRoom];
   float normal_[3][kRoom];
   float error_[kRoom], most_[kRoom], reach_[kRoom], rank_[kRoom];
@@ -169,13 +169,13 @@ class OwnershipChunk {
 };
 
 template <class F>
-int own_row(const kernels::OwnershipRound& stage, int y, const std::uint32_t* ask, std::uint32_t there,
-            std::uint32_t* still) {
-  using Chunk = OwnershipChunk<F>;
+int duplicate_row(const kernels::DuplicateRound& stage, int y, const std::uint32_t* ask, std::uint32_t there,
+                  std::uint32_t* still) {
+  using Chunk = DuplicateChunk<F>;
   const int width = stage.map.width;
   const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
-  const std::uint8_t* const before = stage.map.standings + row;
-  std::uint8_t* const standings = stage.standings + row;
+  const std::uint8_t* const before = stage.map.statuses + row;
+  std::uint8_t* const statuses = stage.statuses + row;
   Chunk chunk(stage);
   std::int32_t columns[Chunk::kSize];
   std::int32_t list[Chunk::kRoom] = {};
@@ -184,9 +184,9 @@ int own_row(const kernels::OwnershipRound& stage, int y, const std::uint32_t* as
   for (int x = 0; x < width;) {
     int count = 0;
     for (; x < width && count < Chunk::kSize; ++x) {
-      standings[x] = before[x];
+      statuses[x] = before[x];
       columns[count] = x;
-      count += kernels::standing_of(before[x]) == kernels::Standing::kOpen ? 1 : 0;
+      count += kernels::status_of(before[x]) == kernels::PointStatus::kOpen ? 1 : 0;
     }
     if (count == 0) continue;
     for (int i = 0; i < count; ++i) bits[i] = ask == nullptr ? there : *ask++ & there;
@@ -205,12 +205,12 @@ int own_row(const kernels::OwnershipRound& stage, int y, const std::uint32_t* as
       if (asking > 0) chunk.ask(k, list, asking);
     }
     for (int i = 0; i < count; ++i) {
-      using kernels::Standing;
+      using kernels::PointStatus;
       const bool dropped = chunk.owned[i] != 0;
       const bool open = !dropped && chunk.open[i] != 0U;
-      standings[columns[i]] = kernels::with_standing(before[columns[i]], dropped ? Standing::kDropped
-                                                                         : open  ? Standing::kOpen
-                                                                                 : Standing::kOwner);
+      statuses[columns[i]] = kernels::with_standing(before[columns[i]], dropped ? PointStatus::kDropped
+                                                                        : open  ? PointStatus::kOpen
+                                                                                : PointStatus::kKept);
       if (open) still[left++] = chunk.open[i];
     }
   }
