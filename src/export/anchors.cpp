@@ -43,7 +43,7 @@ Anchor camera_place(const std::filesystem::path& path, const Row& row, const Sla
       "keyframe " + std::to_string(keyframe->id), keyframe->cam_from_world.center(), {v[1], v[2], v[3]}, std::nullopt};
 }
 
-/// The keyframes by their images' names, without folders and endings.
+/// Lookup of keyframes by image name, without folders and extension.
 class Images {
  public:
   Images(const SlamMap& map, const ImageFiles& files) {
@@ -55,15 +55,16 @@ class Images {
     }
   }
 
-  /// The keyframe whose image a name means: of those with that name the one whose folders are the same from the last
-  /// one on, as far as both have them; absolute ones may be those of another machine. nullptr: none.
+  /// Returns the keyframe of an image name: if several match, the one with the same trailing folders, as far as both
+  /// names have them; leading folders of absolute paths may differ (other machine). nullptr = none. Throws InvalidInput
+  /// if ambiguous.
   const MapKeyframe* find(const std::filesystem::path& table, const Row& row) const {
     std::string text = row.name;
     std::replace(text.begin(), text.end(), '\\', '/');
-    if (text.size() > 1 && text[1] == ':') text.erase(0, 2);  // a drive
+    if (text.size() > 1 && text[1] == ':') text.erase(0, 2);  // drive letter
     const std::filesystem::path name(text);
     auto found = by_stem_.find(name.stem().string());
-    if (found == by_stem_.end()) found = by_stem_.find(name.filename().string());  // without an ending, "1600000000.25"
+    if (found == by_stem_.end()) found = by_stem_.find(name.filename().string());  // without extension: "1600000000.25"
     if (found == by_stem_.end()) return nullptr;
     const MapKeyframe* best = nullptr;
     std::ptrdiff_t best_folders = -1;
@@ -96,7 +97,7 @@ class Images {
   std::map<std::string, std::vector<std::pair<std::filesystem::path, const MapKeyframe*>>> by_stem_;
 };
 
-/// Rows "NAME X Y Z". A table may have images that are no keyframes.
+/// Anchors of rows "NAME X Y Z". Rows without a keyframe are skipped.
 std::vector<Anchor> places_of_images(const std::filesystem::path& path, const std::vector<Row>& rows,
                                      const SlamMap& map, const ImageFiles& files) {
   constexpr std::size_t kFewest = 3;
@@ -119,7 +120,7 @@ std::vector<Anchor> places_of_images(const std::filesystem::path& path, const st
   return anchors;
 }
 
-/// Degrees taken for metres would give a cloud a hundred thousand times too small.
+/// Throws InvalidInput if columns are geographic: degrees read as metres give a cloud 1e5 times too small.
 void refuse_degrees(const std::filesystem::path& path, std::string names) {
   std::transform(names.begin(), names.end(), names.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
@@ -154,7 +155,7 @@ std::vector<Pose> poses_of(const std::filesystem::path& path) {
   return poses;
 }
 
-/// Of the keyframes at whose time the trajectory tells where the camera was.
+/// Anchors of keyframes whose position at their timestamp can be interpolated.
 std::vector<Anchor> along_trajectory(std::vector<Pose> poses, const std::filesystem::path& path, const SlamMap& map,
                                      double time_offset) {
   if (std::none_of(map.keyframes.begin(), map.keyframes.end(),

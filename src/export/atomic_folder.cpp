@@ -15,8 +15,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr const char* kPart = ".part";    // begins the names of files that are being written in an existing folder
-constexpr const char* kWhole = ".whole";  // all of them, on their way to their places
+constexpr const char* kPart = ".part";    // name prefix of files in progress inside an existing folder
+constexpr const char* kWhole = ".whole";  // complete output while its entries are moved into the target
 
 std::string name_of(const fs::path& path) { return path.filename().string(); }
 
@@ -31,7 +31,7 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
     entries.push_back(it->path());
   }
   if (error) fail(folder, "listed", error);
-  // What says how others are to be read comes last.
+  // Index files (JSON) last, after the files they refer to.
   std::stable_partition(entries.begin(), entries.end(), [](const fs::path& it) { return it.extension() != ".json"; });
   return entries;
 }
@@ -42,7 +42,7 @@ void put(const fs::path& from, const fs::path& to) {
   if (error) fail(to, "put in its place", error);
 }
 
-/// A folder where there is one of this name: what lies in it goes into that one.
+/// Moves a file or folder; merges a folder into an existing one.
 void move_into_place(const fs::path& from, const fs::path& to) {
   std::error_code ignored;
   if (!fs::is_directory(fs::symlink_status(from, ignored)) || !fs::is_directory(to, ignored)) return put(from, to);
@@ -58,7 +58,7 @@ AtomicFolder::AtomicFolder(const fs::path& target, IsOwn is_own, const std::stri
   std::error_code ignored;
   in_target_ = fs::exists(target_, ignored);
   part_ = in_target_ ? target_ / part : fs::path(target_.string() + part);
-  if (in_target_) make_folder(target_);  // says so where it is none
+  if (in_target_) make_folder(target_);  // throws if it is not a folder
   if (fs::exists(fs::symlink_status(part_, ignored))) take_up(part_);
   make_folder(part_);
   lock_.emplace(part_, "output", std::chrono::milliseconds(0), FolderLock::For::kOne, FolderLock::Need::kWhereItWorks);
@@ -79,7 +79,7 @@ AtomicFolder::~AtomicFolder() {
   if (!part_.empty() && !is_placing_) fs::remove_all(part_, ignored);
 }
 
-/// Throws OutputError where others may have made it.
+/// Throws OutputError unless the folder is the temporary of an AtomicFolder.
 void AtomicFolder::take_up(const fs::path& folder) const {
   std::error_code ignored;
   const bool is_folder = fs::is_directory(fs::symlink_status(folder, ignored));
@@ -96,7 +96,7 @@ void AtomicFolder::take_up(const fs::path& folder) const {
 
 void AtomicFolder::commit() {
   std::error_code error;
-  if (in_target_ || fs::is_directory(target_, error)) {  // which another output may have made meanwhile
+  if (in_target_ || fs::is_directory(target_, error)) {  // possibly created by another process in the meantime
     const fs::path whole = target_ / kWhole;
     put(part_, whole);
     part_ = whole;

@@ -10,16 +10,16 @@
 
 namespace pmsp {
 
-/// A folder whose files appear under its name when `commit` is called, all of them, or not at all. Until then they lie
-/// in `path()`: "NAME.part" where there is no folder NAME, else NAME/.part. The destructor deletes what was not
-/// committed. What a killed process leaves is deleted by the next AtomicFolder of that name.
+/// Folder whose files appear under its name at `commit`, all or none. Until then they are in `path()`: "NAME.part", or
+/// NAME/.part if a folder NAME exists. The destructor deletes uncommitted files; remains of a killed process are
+/// deleted by the next AtomicFolder of that name.
 class PMSP_API AtomicFolder {
  public:
-  /// Whether the writer gives an entry of the folder this name.
+  /// Whether an entry of that name belongs to this format's output.
   using IsOwn = bool (*)(const std::string& name);
 
-  /// Throws OutputError where the folder cannot be made, another process writes it, or NAME.part is no folder that an
-  /// AtomicFolder has left. `part`: ends the temporary name; writers that may share a folder need different ones.
+  /// Throws OutputError if the folder cannot be created, another process writes it, or NAME.part was not created by an
+  /// AtomicFolder. `part`: suffix of the temporary name; different for writers that may share a folder.
   AtomicFolder(const std::filesystem::path& target, IsOwn is_own, const std::string& part = ".part");
   ~AtomicFolder();
   AtomicFolder(const AtomicFolder&) = delete;
@@ -27,15 +27,15 @@ class PMSP_API AtomicFolder {
 
   const std::filesystem::path& path() const { return part_; }
   std::filesystem::path operator/(const std::string& name) const { return part_ / name; }
-  /// The folder's name in the end.
+  /// Final name of the folder.
   const std::filesystem::path& target() const { return target_; }
 
-  /// Puts the folder in its place. In one that exists, own files are replaced, those that were not written this time
-  /// are deleted, files in folders of the same name are added; all others stay. A process that is killed meanwhile
-  /// leaves a folder that `is_free` calls free. Throws OutputError.
+  /// Moves the folder to its final name. In an existing folder own entries are replaced, own entries of previous runs
+  /// are deleted, folders of the same name are merged; all others stay. A process killed meanwhile leaves a folder that
+  /// is `is_free`. Throws OutputError.
   void commit();
 
-  /// Whether nothing lies under the name but what a killed process left.
+  /// True if nothing exists under that name except remains of a killed process.
   static bool is_free(const std::filesystem::path& target);
 
  private:

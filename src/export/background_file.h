@@ -15,8 +15,8 @@
 
 namespace pmsp {
 
-/// An AtomicFile that threads of its own write, block by block: one alone copies a gigabyte a second to where the
-/// system keeps it, which is less than disks take. What goes wrong there (disk full) is thrown by the next call here.
+/// AtomicFile written in blocks by threads of its own, since copying to the page cache is slower than fast disks.
+/// Errors there (disk full) are thrown by the next call.
 class BackgroundFile {
  public:
   using Block = std::vector<char>;
@@ -26,13 +26,13 @@ class BackgroundFile {
   BackgroundFile(const BackgroundFile&) = delete;
   BackgroundFile& operator=(const BackgroundFile&) = delete;
 
-  /// To be filled, whatever is in it: one that has been written, whose memory is there, or an empty one.
+  /// Returns a buffer to fill: a written one for reuse, with old contents, or an empty one.
   Block block();
-  /// Waits while too many blocks wait. Throws OutputError.
+  /// Blocks while kMostWaiting blocks are pending. Throws OutputError.
   void write(Block block);
-  /// Overwrites bytes that were written before. Throws OutputError.
+  /// Overwrites bytes written before. Throws OutputError.
   void patch(std::int64_t offset, const std::string& text);
-  /// Puts the file in its place when all is written. Throws OutputError.
+  /// Waits for all blocks, then moves the file to its final name. Throws OutputError.
   void commit();
 
  private:
@@ -51,9 +51,9 @@ class BackgroundFile {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Waiting> waiting_;
-  std::int64_t end_ = 0;        ///< of the blocks that came
-  std::vector<Block> written_;  ///< to be used again
-  int writing_ = 0;             ///< threads
+  std::int64_t end_ = 0;        ///< file offset after the last block received [bytes]
+  std::vector<Block> written_;  ///< buffers for reuse
+  int writing_ = 0;             ///< number of threads that are writing
   bool stop_ = false;
   std::exception_ptr failed_;
   std::vector<std::thread> threads_;

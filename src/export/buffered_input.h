@@ -15,7 +15,7 @@
 
 namespace pmsp {
 
-/// A file as a stream of bytes, through a buffer of 1 MiB. Throws IoError where it cannot be read.
+/// Byte stream of a file with a buffer of 1 MiB. Throws IoError if it cannot be read.
 class BufferedInput {
  public:
   explicit BufferedInput(const std::filesystem::path& path) : name_(path.string()) {
@@ -48,13 +48,14 @@ class BufferedInput {
     }
   }
 
-  /// The next byte; -1 at the end.
+  /// Returns the next byte, -1 at the end.
   int get() {
     if (at_ == end_ && !refill()) return -1;
     return buffer_[at_++];
   }
 
-  /// At most buffer-size bytes; valid until the next call.
+  /// Returns the next `bytes` bytes, at most the buffer size; valid until the next call. Throws InvalidInput at the
+  /// end.
   const unsigned char* take(std::size_t bytes) {
     while (end_ - at_ < bytes) {
       if (!refill()) fail("ends at byte " + std::to_string(size_) + ", in the middle of the data");

@@ -32,7 +32,7 @@ double load_number(const unsigned char* bytes, bool swap) {
   return static_cast<double>(value);
 }
 
-/// `swap`: the bytes are in the order that this machine does not have.
+/// `swap`: byte order differs from the machine's.
 inline double load_number(const unsigned char* bytes, NumberType type, bool swap) {
   switch (type) {
     case NumberType::kInt8:
@@ -65,7 +65,7 @@ constexpr bool kSwapsLittle = true;
 constexpr bool kSwapsLittle = false;
 #endif
 
-/// The numbers of a point in a file.
+/// Fields of a point in a file.
 enum CloudField { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kConfidence, kViews, kCloudFields };
 using CloudNumbers = std::array<double, kCloudFields>;
 
@@ -73,16 +73,16 @@ inline std::uint8_t to_byte(double value) {
   return static_cast<std::uint8_t>(value >= 255.0 ? 255.0 : value > 0.0 ? value + 0.5 : 0.0);
 }
 
-/// Points of a file, read in batches.
+/// Points of a file, emitted in batches.
 class PointBatch {
  public:
-  /// `color_scale`: 255 levels over those of the file.
+  /// `color_scale`: factor from the file's colours to 0 to 255.
   PointBatch(const CloudInfo& info, double color_scale, const CloudReader::Take& take)
       : info_(info), color_scale_(color_scale), take_(take) {
     points_.reserve(kMost);
   }
 
-  /// The next point of the file; what the file lacks is ignored. Throws InvalidInput where the position is not finite.
+  /// Adds the next point; fields missing in the file are ignored. Throws InvalidInput if the position is not finite.
   void add(const CloudNumbers& v, const BufferedInput& input) {
     if (!std::isfinite(v[kX]) || !std::isfinite(v[kY]) || !std::isfinite(v[kZ])) {
       input.fail("point " + std::to_string(number_) + ", before " + input.here() +
@@ -125,7 +125,7 @@ class PointBatch {
   std::vector<OutputPoint> points_;
 };
 
-/// Points as little-endian records of one size.
+/// Points as little-endian records of fixed size.
 struct PointRecords {
   struct Number {
     std::size_t at = 0;

@@ -6,7 +6,7 @@
 
 namespace pmsp {
 
-// One file each.
+// Each is defined in its format's file.
 std::unique_ptr<CloudWriter> open_ply(const std::filesystem::path& path, const CloudHeader& header);
 std::unique_ptr<CloudWriter> open_las(const std::filesystem::path& path, const CloudHeader& header);
 std::unique_ptr<CloudWriter> open_colmap(const std::filesystem::path& path, const CloudHeader& header);

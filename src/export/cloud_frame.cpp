@@ -87,7 +87,7 @@ double CloudFrame::residual_max() const {
 }
 
 CloudUnit unit_of_frame(const FrameOptions& options) {
-  constexpr double kRounding = 1e-6;  // of a matrix as text
+  constexpr double kRounding = 1e-6;  // of a matrix written as text
   if (options.scale) return {CloudUnit::Kind::kMetres, "--scale"};
   if (!options.transform.empty() && std::abs(read_similarity(options.transform).scale - 1.0) > kRounding) {
     return {CloudUnit::Kind::kMetres, "--transform"};
@@ -146,7 +146,7 @@ Eigen::Vector3d up_of_cameras(const SlamMap& map, double& spread_deg) {
   }
   Eigen::Vector3d up = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& one : ups) up += one;
-  // The direction with the least sum of angles' sines, roughly: a few cameras that lie on their side have little say.
+  // Approximate minimum of the sum of angles (iteratively reweighted), robust to a few cameras lying on their side.
   for (int i = 0; i < 20 && up.norm() > 0.0; ++i) {
     const Eigen::Vector3d before = up.normalized();
     up.setZero();

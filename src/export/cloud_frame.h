@@ -14,78 +14,75 @@
 
 namespace pmsp {
 
-/// Name of an alignment with the places in the images' EXIF data.
+/// Value of FrameOptions::align for alignment with the GPS positions in the images' EXIF data.
 constexpr const char* kAlignExif = "exif";
 
-/// Files of images by keyframe id.
+/// Image files by keyframe id.
 using ImageFiles = std::map<std::int64_t, std::filesystem::path>;
 
-/// In which frame a cloud is written. Where more than one is given: `align` or `up` first, then `transform`, `scale`
-/// last.
+/// Frame of the output cloud. Order: `align` or `up` first, then `transform`, `scale` last.
 struct FrameOptions {
   std::filesystem::path align;      ///< see read_anchors; kAlignExif = gps_anchors; empty = none
   double align_time_offset = 0.0;   ///< added to the keyframes' timestamps [s]
-  bool up = false;                  ///< z upwards, as the cameras stood
+  bool up = false;                  ///< z upwards, from the cameras' orientation
   std::filesystem::path transform;  ///< see read_similarity; empty = none
-  std::optional<double> scale;      ///< metres a unit of what the other options lead to, > 0
+  std::optional<double> scale;      ///< metres per unit after the other options, > 0
 };
 
-/// How far a point of the map is from where it should be, after the best fit.
+/// Distance of an anchor from its target position after the fit.
 struct Residual {
-  std::string name;       ///< of the control point, or the keyframe
-  double distance = 0.0;  ///< in the unit of the file
+  std::string name;       ///< of control point or keyframe
+  double distance = 0.0;  ///< [unit of the file]
 };
 
-/// The frame that a cloud is written in, and how well what it was found from fits.
+/// Frame of the output cloud, and residuals of its estimate.
 struct PMSP_API CloudFrame {
   Similarity file_from_map;
   CloudUnit unit;                       ///< see unit_of_frame
   std::vector<Residual> residuals;      ///< of `align`
-  std::optional<double> up_spread_deg;  ///< of `up`: the median angle between a camera's up and that of all
-  std::string description;              ///< for people; "" where nothing was asked for
+  std::optional<double> up_spread_deg;  ///< of `up`: median angle between the cameras' up axes and the common one
+  std::string description;              ///< for people; "" without options
 
   double residual_rms() const;  ///< 0 without residuals
   double residual_max() const;  ///< 0 without residuals
 };
 
-/// `images`: those that kAlignExif looks at, and that a table may name. Throws IoError, InvalidInput.
+/// `images`: for kAlignExif, and for image names in a table. Throws IoError, InvalidInput.
 PMSP_API CloudFrame find_cloud_frame(const FrameOptions& options, const SlamMap& map, const ImageFiles& images = {});
 
-/// Metres where the options give the cloud a scale, else that of the map. Throws as read_similarity.
+/// Metres if the options determine the scale, else the map's unit. Throws as read_similarity.
 PMSP_API CloudUnit unit_of_frame(const FrameOptions& options);
 
-/// A 4 x 4 matrix as text, 16 numbers: scale times a rotation, a translation, and 0 0 0 1 (as CloudCompare writes its
-/// transformations). Throws IoError, InvalidInput where it is no such thing.
+/// Reads a 4 x 4 matrix from text, 16 numbers: scale times rotation, translation, and 0 0 0 1 (as CloudCompare writes
+/// transformations). Throws IoError; InvalidInput if it is not a similarity.
 PMSP_API Similarity read_similarity(const std::filesystem::path& path);
 
-/// A point of the map, and where it lies in the frame of the file.
+/// Point of the map with its position in the frame of the file.
 struct Anchor {
   std::string name;
   Eigen::Vector3d in_map, in_file;
-  std::optional<Eigen::Matrix3d> file_from_map;  ///< rotation, where it is known
+  std::optional<Eigen::Matrix3d> file_from_map;  ///< rotation, if known
 };
 
-/// A table, one anchor a line; # begins a comment; blanks, commas or semicolons between the columns:
-///     [NAME] x y z X Y Z               a control point in the map and in the frame of the file
-///     ID X Y Z                         a keyframe, and where its camera was
-///     IMAGE X Y Z                      the same by the name of its image, with or without folders and ending; images
-///                                      that are no keyframes are ignored
-///     time tx ty tz qx qy qz qw        a pose of another trajectory, camera to world (TUM, EuRoC or VINS); the
-///     camera's
-///                                      place at the time of a keyframe is interpolated between poses not more than a
-///                                      second apart
-/// All lines are of one kind; a first line may name the columns. `images`: those of keyframes that the map names no
-/// image for. Throws IoError, InvalidInput with the line.
+/// Reads a table, one anchor per line; # begins a comment; columns are separated by blanks, commas or semicolons:
+///     [NAME] x y z X Y Z          control point in the map and in the frame of the file
+///     ID X Y Z                    keyframe id, and position of its camera
+///     IMAGE X Y Z                 the same by image name, with or without folders and extension; images without a
+///                                 keyframe are skipped
+///     time tx ty tz qx qy qz qw   pose of another trajectory, camera to world (TUM, EuRoC or VINS); interpolated at
+///                                 the times of keyframes between poses at most a second apart
+/// All lines are of one kind; a first line may name the columns. `images`: for keyframes without an image name in the
+/// map. Throws IoError, InvalidInput with the line.
 PMSP_API std::vector<Anchor> read_anchors(const std::filesystem::path& path, const SlamMap& map, double time_offset,
                                           const ImageFiles& images = {});
 
-/// Where the cameras were by the GPS data of their images (EXIF): metres east, north and up of the first of them, on
-/// the plane that touches the ellipsoid there. `origin` becomes that place, for people. Images without a place are
-/// passed over, those that cannot be read, too.
+/// Camera positions by GPS data of the images (EXIF): metres east, north and up of the first one, on the tangent plane
+/// of the ellipsoid. `origin` is set to its coordinates, as text. Images without GPS data, or unreadable ones, are
+/// skipped.
 PMSP_API std::vector<Anchor> gps_anchors(const SlamMap& map, const ImageFiles& images, std::string& origin);
 
-/// Which way is up in the map, as the cameras stood: the direction that their up axes (-y) have in common. `spread_deg`
-/// becomes the median angle to it. Throws InvalidInput where they have none in common.
+/// Returns the up direction of the map: the common direction of the cameras' up axes (-y). `spread_deg` is set to the
+/// median angle to it. Throws InvalidInput if there is no common direction.
 PMSP_API Eigen::Vector3d up_of_cameras(const SlamMap& map, double& spread_deg);
 
 }  // namespace pmsp

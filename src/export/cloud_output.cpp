@@ -40,7 +40,7 @@ struct CloudOutput::Impl {
                       ": points added after the file was finished");
   }
 
-  /// All that the points go to.
+  /// All receivers of the points.
   std::vector<CloudWriter*> all_writers() const {
     std::vector<CloudWriter*> all;
     for (const auto& writer : writers) all.push_back(writer.get());
@@ -66,7 +66,7 @@ struct CloudOutput::Impl {
   std::unique_ptr<Thinning> thinning;  ///< nullptr = none
   int threads;
   std::optional<ThreadPool> pool;
-  std::optional<PlacedPoints> placed;  ///< for points that writers do not take themselves
+  std::optional<PlacedPoints> placed;  ///< for points that do not go through PlacePoints
   std::vector<OutputPoint> moved;
   std::int64_t come = 0, written = 0;
   bool committed = false;
@@ -165,7 +165,7 @@ void CloudOutput::complete() {
 void CloudOutput::commit() {
   if (impl_->committed) return;
   complete();
-  for (const bool folders : {true, false}) {  // these first: most of what they write, which may fail, is still to come
+  for (const bool folders : {true, false}) {  // folders first: most of their writing, which may fail, is still pending
     for (std::size_t i = 0; i < impl_->writers.size(); ++i) {
       if (impl_->targets[i].format->is_folder() == folders) impl_->writers[i]->finish();
     }

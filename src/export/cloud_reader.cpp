@@ -34,7 +34,7 @@ std::unique_ptr<CloudReader> open_folder(const std::filesystem::path& path) {
       ": is no cloud; expected a PLY or a LAS, or a folder that `run --workspace` or Potree has written");
 }
 
-/// 4 rows of 4.
+/// From a 4 x 4 matrix.
 std::optional<Similarity> similarity_from(const Json& rows, double scale) {
   Similarity similarity;
   similarity.scale = scale;
@@ -88,7 +88,7 @@ void read_origin(CloudInfo& info) {
       const auto scale = json.at("scale").get<double>();
       info.file_from_map = similarity_from(json.at("file_from_map"), scale);
       if (!info.file_from_map) continue;
-      // Clouds of earlier versions do not name their unit.
+      // Clouds of earlier versions do not contain their unit.
       const std::string unit = json.value("unit", scale == 1.0 ? "map" : "m");
       info.unit = {unit == "m"     ? CloudUnit::Kind::kMetres
                    : unit == "map" ? CloudUnit::Kind::kMap
@@ -100,7 +100,7 @@ void read_origin(CloudInfo& info) {
         info.has_confidence = info.has_confidence && lacks != "confidence";
         info.has_views = info.has_views && lacks != "views";
       }
-    } catch (const Json::exception&) {  // a comment of another program
+    } catch (const Json::exception&) {  // comment of another program
     }
   }
 }

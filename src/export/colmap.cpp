@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// A COLMAP model (binary, as version 4.1 writes it; older readers pass over rigs and frames): sparse/0, images/; masks/
-// under the names that its --ImageReader.mask_path looks for.
+// COLMAP model (binary, as of version 4.1; older readers ignore rigs and frames): sparse/0, images/, and masks/ with
+// names for COLMAP's --ImageReader.mask_path.
 #include <map>
 #include <string>
 #include <utility>
@@ -21,11 +21,11 @@ bool is_colmap_name(const std::string& name) {
 
 namespace {
 
-constexpr std::int32_t kEquirectangular = 17;  // of COLMAP's camera models
-constexpr std::int32_t kCamera = 0;            // of its kinds of sensors
+constexpr std::int32_t kEquirectangular = 17;  // COLMAP's camera model
+constexpr std::int32_t kCamera = 0;            // COLMAP's sensor type
 constexpr double kUnknownError = -1.0;
 
-/// Where a point shows in an image.
+/// Observation of a point in an image.
 struct Sighting {
   double x, y;
   std::uint64_t point;
@@ -153,28 +153,28 @@ class Colmap final : public CloudWriter {
     return text;
   }
 
-  /// One for each camera.
+  /// One rig per camera.
   std::string rigs() const {
     std::string text;
     append_little(text, static_cast<std::uint64_t>(cameras_.size()));
     for (const auto& [size, id] : cameras_) {
       append_little(text, id);
-      append_little(text, std::uint32_t{1});  // sensors
+      append_little(text, std::uint32_t{1});  // number of sensors
       append_little(text, kCamera);
       append_little(text, id);
     }
     return text;
   }
 
-  /// One for each image.
+  /// One frame per image.
   std::string frames() const {
     std::string text;
     append_little(text, static_cast<std::uint64_t>(views_.size()));
     for (std::size_t i = 0; i < views_.size(); ++i) {
-      append_little(text, image_id(i));   // of the frame
-      append_little(text, camera_id(i));  // of the rig
+      append_little(text, image_id(i));   // frame id
+      append_little(text, camera_id(i));  // rig id
       append_pose(text, views_[i].cam_from_file);
-      append_little(text, std::uint32_t{1});  // images
+      append_little(text, std::uint32_t{1});  // number of images
       append_little(text, kCamera);
       append_little(text, camera_id(i));
       append_little(text, static_cast<std::uint64_t>(image_id(i)));
@@ -188,8 +188,8 @@ class Colmap final : public CloudWriter {
   DatasetFolder dataset_;
   std::map<std::int64_t, std::vector<std::int64_t>> windows_;
   std::vector<OutputView> views_;
-  std::map<std::int64_t, std::size_t> number_of_;         ///< of a keyframe among the views
-  std::map<std::pair<int, int>, std::uint32_t> cameras_;  ///< by size of the images
+  std::map<std::int64_t, std::size_t> number_of_;         ///< index of a keyframe's view
+  std::map<std::pair<int, int>, std::uint32_t> cameras_;  ///< by image size
 };
 
 }  // namespace

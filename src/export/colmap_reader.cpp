@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// The points of a COLMAP model (points3D.bin), and what pmsp.txt says of them where it is our own.
+// Points of a COLMAP model (points3D.bin); cloud metadata from pmsp.txt in models written by libpmsp.
 #include <memory>
 #include <sstream>
 #include <string>
@@ -11,7 +11,7 @@
 namespace pmsp {
 namespace {
 
-/// Identifier, position, colour, error; then the length of the track.
+/// Id, position, colour, error, track length.
 constexpr std::size_t kPointBytes = 8 + 3 * 8 + 3 + 8 + 8;
 constexpr std::size_t kPositionAt = 8, kColorAt = 32, kTrackAt = 43;
 constexpr std::uint64_t kSightingBytes = 8;

@@ -12,7 +12,7 @@
 
 namespace pmsp {
 
-/// What all datasets for trainers have in common: a folder, images in it, and a share of the points.
+/// Common part of datasets for trainers: a folder with images and a subset of the points.
 class DatasetFolder {
  public:
   DatasetFolder(const std::filesystem::path& path, AtomicFolder::IsOwn is_own, const CloudHeader& header)
@@ -22,19 +22,19 @@ class DatasetFolder {
   const CloudHeader& header() const { return header_; }
   void add(const OutputPoint* points, std::size_t count) { thinning_.add(points, count); }
 
-  /// After the last point, once.
+  /// To be called once, after the last point.
   void finish(const Thinning::Take& take) { thinning_.finish(take); }
   std::vector<OutputView> put_images() const {
     make_folder(folder_ / "images");
     return header_.export_views ? header_.export_views(folder_.path()) : std::vector<OutputView>{};
   }
 
-  /// When all is written.
+  /// To be called after all files are written.
   void commit(const std::vector<OutputView>& views) {
     folder_.commit();
     const std::filesystem::path masks = folder_.target() / "masks";
     std::error_code ignored;
-    for (const OutputView& view : views) {  // masks of an earlier run would be taken for theirs
+    for (const OutputView& view : views) {  // stale masks of an earlier run
       if (!view.has_mask) std::filesystem::remove(masks / (view.name + ".png"), ignored);
     }
     if (std::filesystem::is_empty(masks, ignored)) std::filesystem::remove(masks, ignored);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// OpenEXR 2, single part, scan lines, not compressed ("OpenEXR File Layout").
+// OpenEXR 2, single part, scan lines, uncompressed ("OpenEXR File Layout").
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -25,9 +25,9 @@ std::string channel_list(const std::vector<ImageChannel>& channels) {
   for (const ImageChannel& channel : channels) {
     text += channel.name + '\0';
     append_little(text, kFloat);
-    append_little(text, std::int32_t{0});  // not for people's eyes, and three reserved bytes
-    append_little(text, std::int32_t{1});  // every column
-    append_little(text, std::int32_t{1});  // and row
+    append_little(text, std::int32_t{0});  // pLinear and three reserved bytes
+    append_little(text, std::int32_t{1});  // x sampling
+    append_little(text, std::int32_t{1});  // y sampling
   }
   return text + '\0';
 }
@@ -37,7 +37,7 @@ std::string header(const std::vector<ImageChannel>& channels, int width, int hei
   for (const int value : {0, 0, width - 1, height - 1}) append_little(window, std::int32_t{value});
   append_little(one, 1.0F);
   for (int i = 0; i < 2; ++i) append_little(zeros, 0.0F);
-  const std::string none(1, '\0');  // no compression; rows from top to bottom
+  const std::string none(1, '\0');  // compression: none; line order: increasing y
   std::string text;
   append_little(text, kMagic);
   append_little(text, kVersion);

@@ -59,7 +59,7 @@ void AtomicFile::write_at(std::int64_t offset, const char* data, std::size_t byt
   put(offset, data, bytes);
 #ifdef SYNC_FILE_RANGE_WRITE
   const std::int64_t size = static_cast<std::int64_t>(bytes);
-  ::sync_file_range(fd_, offset, size, SYNC_FILE_RANGE_WRITE);  // where it cannot, commit does it all
+  ::sync_file_range(fd_, offset, size, SYNC_FILE_RANGE_WRITE);  // best effort; commit syncs in any case
 #endif
 }
 
@@ -82,7 +82,7 @@ bool AtomicFile::commit_unless_there() {
   const bool is_there = errno == EEXIST || std::filesystem::exists(target_, ignored);
   if (is_there) {
     discard();
-  } else {  // a file system without hard links: in two steps then
+  } else {  // file system without hard links: in two steps
     commit();
   }
   return !is_there;
@@ -102,7 +102,7 @@ void AtomicFile::fail(const std::string& what) {
   throw OutputError(message);
 }
 
-/// All is on the disk, and has a name.
+/// Syncs the file and gives it a name.
 void AtomicFile::make_ready() {
   flush();
   if (::fsync(fd_) != 0 && errno != EINVAL) fail("write");
@@ -131,8 +131,8 @@ std::filesystem::path AtomicFile::temporary_name() const {
 
 std::string AtomicFile::descriptor_path() const { return "/proc/self/fd/" + std::to_string(fd_); }
 
-/// Calls `make` with one name after the other until it has made a file of that name. In containers PIDs repeat, so
-/// names may be taken by what killed processes left.
+/// Calls `make` with different names until it succeeds. Names may be taken: PIDs repeat in containers, and killed
+/// processes leave files.
 template <class Make>
 void AtomicFile::make_temporary(const Make& make) {
   constexpr int kTries = 1000;
@@ -151,7 +151,7 @@ void AtomicFile::open_temporary() {
   fd_ = ::open(folder_.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
   if (fd_ >= 0) {
     if (::access(descriptor_path().c_str(), F_OK) == 0) return;
-    ::close(fd_);  // without /proc it could not be given a name
+    ::close(fd_);  // cannot be named without /proc
     fd_ = -1;
   }
 #endif
@@ -190,11 +190,11 @@ void AtomicFile::put(std::int64_t offset, const char* data, std::size_t bytes) c
 
 std::filesystem::path end_of_links(std::filesystem::path path) {
   namespace fs = std::filesystem;
-  constexpr int kMost = 40;  // as the system follows
+  constexpr int kMost = 40;  // limit of the kernel
   std::error_code ignored;
   for (int i = 0; fs::is_symlink(fs::symlink_status(path, ignored)); ++i) {
     if (i == kMost) throw OutputError(path.string() + ": cannot be written, it is a symbolic link to itself");
-    path = path.parent_path() / fs::read_symlink(path, ignored);  // an absolute one stands alone
+    path = path.parent_path() / fs::read_symlink(path, ignored);  // an absolute target replaces the path
   }
   return path;
 }

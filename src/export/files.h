@@ -10,36 +10,34 @@
 #include "pmsp/api.h"
 #include "pmsp/error.h"
 
-// Files that are read whole, and files that are written whole or not at all.
+// Reading of whole files, and atomic writing.
 namespace pmsp {
 
-/// A file that appears under its name when `commit` is called, complete, or not at all. Where the file system can do
-/// it, the file has no name before, so that even a killed process leaves nothing behind; elsewhere it lies beside the
-/// target as ".NAME.PID-N.tmp" and is removed by the destructor; one that a killed process leaves does no harm. A
-/// symbolic link stays: the file that it leads to is written. All members throw OutputError, with the path and what the
-/// system says; after that it is of no use any more.
+/// File that appears under its name at `commit`, complete, or not at all. Before, it is unnamed if the file system
+/// supports that, so that even a killed process leaves nothing; otherwise it is ".NAME.PID-N.tmp" beside the target,
+/// removed by the destructor (a leftover is harmless). Symbolic links are kept: their target is written. All members
+/// throw OutputError with path and system error, after which the object is unusable.
 class PMSP_API AtomicFile {
  public:
-  explicit AtomicFile(const std::filesystem::path& target);  ///< opens it
+  explicit AtomicFile(const std::filesystem::path& target);  ///< opens it for writing
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
-  void write(const void* data, std::size_t bytes);  ///< at the end
+  void write(const void* data, std::size_t bytes);  ///< appends
   void write(const std::string& text) { write(text.data(), text.size()); }
 
-  /// Overwrites bytes that were written before.
+  /// Overwrites bytes written before.
   void patch(std::int64_t offset, const std::string& text);
 
-  /// Writes bytes at a place of the file, and lets the system bring them to the disk at once, so that `commit` has less
-  /// to wait for. Several threads may do so at a time; not to be mixed with `write`.
+  /// Writes at an offset and starts writeback, so that `commit` has less to wait for. Thread-safe; not to be mixed with
+  /// `write`.
   void write_at(std::int64_t offset, const char* data, std::size_t bytes);
 
-  /// Puts the file in its place. The content has reached the disk before the name changes.
+  /// Moves the file to its final name, after its content has reached the disk.
   void commit();
 
-  /// The same where there is no file of that name, and no other process is faster; else leaves that one as it is and
-  /// returns false.
+  /// As `commit`, unless a file of that name exists; then it stays as it is and false is returned. Atomic.
   bool commit_unless_there();
 
  private:
@@ -62,19 +60,18 @@ class PMSP_API AtomicFile {
   std::filesystem::path folder_;
   std::filesystem::path temporary_;
   int fd_ = -1;
-  std::int64_t end_ = 0;  ///< of what `write` has brought to the file
+  std::int64_t end_ = 0;  ///< size written by `write` [bytes]
   std::vector<char> buffer_;
 };
 
-/// Where a symbolic link leads in the end, also where nothing lies there; any other path as it is. Throws OutputError
-/// for links that lead in a circle.
+/// Returns the final target of a symbolic link, which need not exist; other paths unchanged. Throws OutputError for
+/// circular links.
 PMSP_API std::filesystem::path end_of_links(std::filesystem::path path);
 
-/// The file that one of this name was to become which AtomicFile has written beside it: "a.ply" for ".a.ply.123-0.tmp";
-/// "" for names that AtomicFile gives to none.
+/// Returns the target name of a temporary file of AtomicFile: "a.ply" for ".a.ply.123-0.tmp"; "" for other names.
 PMSP_API std::string target_of_temporary(const std::string& name);
 
-/// Writes a whole file or nothing; `bytes` is a string or a vector of bytes. Throws OutputError.
+/// Writes a file atomically; `bytes` is a string or a vector of bytes. Throws OutputError.
 template <class Bytes>
 void write_file(const std::filesystem::path& path, const Bytes& bytes) {
   AtomicFile file(path);
@@ -82,7 +79,7 @@ void write_file(const std::filesystem::path& path, const Bytes& bytes) {
   file.commit();
 }
 
-/// The same unless there is such a file; returns whether it was written.
+/// As write_file, unless the file exists; returns whether it was written.
 template <class Bytes>
 bool write_new_file(const std::filesystem::path& path, const Bytes& bytes) {
   AtomicFile file(path);
@@ -90,13 +87,13 @@ bool write_new_file(const std::filesystem::path& path, const Bytes& bytes) {
   return file.commit_unless_there();
 }
 
-/// Makes a folder and its parents, which may exist. Throws OutputError.
+/// Creates a folder with its parents, if missing. Throws OutputError.
 PMSP_API void make_folder(const std::filesystem::path& folder);
 
-/// Throws IoError unless `path` is an ordinary file. To be asked before it is opened: opening a pipe may wait for ever.
+/// Throws IoError unless `path` is a regular file. To be called before opening: opening a pipe may block for ever.
 PMSP_API void require_regular_file(const std::filesystem::path& path);
 
-/// All bytes of an ordinary file. Throws IoError.
+/// Returns the content of a regular file. Throws IoError.
 PMSP_API std::string read_whole_file(const std::filesystem::path& path);
 
 }  // namespace pmsp

@@ -9,14 +9,14 @@
 
 namespace pmsp {
 
-/// While it lives, no other process gets the lock of this folder: its file "lock", which stays. The lock ends with the
-/// process, however that ends.
+/// Lock of a folder between processes, on its file "lock", which stays. Released by the destructor and at the end of
+/// the process, however it ends.
 class PMSP_API FolderLock {
  public:
-  enum class For { kOne, kMany };              ///< kMany: others that say so, too, get it as well
-  enum class Need { kAlways, kWhereItWorks };  ///< kWhereItWorks: a file system without locks is no error
+  enum class For { kOne, kMany };              ///< exclusive, shared
+  enum class Need { kAlways, kWhereItWorks };  ///< kWhereItWorks: file systems without locks are no error
 
-  /// `what` the folder is, for the message. Tries again for as long as `patience`. Throws OutputError.
+  /// `what`: description of the folder, for messages. Retries for `patience`. Throws OutputError.
   FolderLock(const std::filesystem::path& folder, const std::string& what, std::chrono::milliseconds patience = {},
              For whom = For::kOne, Need need = Need::kAlways);
   ~FolderLock();

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kDegree = kernels::kPi / 180.0;
 
-/// Earth-centred coordinates of a place [m]: WGS 84 (NIMA TR8350.2, equation 4-14).
+/// Earth-centred coordinates [m]: WGS 84 (NIMA TR8350.2, equation 4-14).
 Eigen::Vector3d earth_centred(const io::GpsPosition& gps) {
   constexpr double kRadius = 6378137.0, kFlattening = 1.0 / 298.257223563;
   constexpr double kEccentricity = kFlattening * (2.0 - kFlattening);  // squared
@@ -23,7 +23,7 @@ Eigen::Vector3d earth_centred(const io::GpsPosition& gps) {
           ((1.0 - kEccentricity) * normal + gps.altitude_m) * std::sin(lat)};
 }
 
-/// Rows: east, north and up at a place.
+/// Rows: east, north and up.
 Eigen::Matrix3d axes_at(const io::GpsPosition& gps) {
   const double lat = gps.latitude_deg * kDegree, lon = gps.longitude_deg * kDegree;
   Eigen::Matrix3d axes;
@@ -46,7 +46,7 @@ std::vector<Anchor> gps_anchors(const SlamMap& map, const ImageFiles& images, st
     try {
       gps = io::read_exif(image->second).gps;
     } catch (const IoError&) {
-      continue;  // told when its turn comes
+      continue;  // reported when the image is decoded
     }
     if (!gps) continue;
     const Eigen::Vector3d place = earth_centred(*gps);

@@ -10,7 +10,7 @@
 
 namespace pmsp {
 
-/// Coordinates as whole numbers: coordinate = number * scale + offset.
+/// Coordinates as integers: coordinate = number * scale + offset.
 struct IntegerFrame {
   double scale = 1.0;
   Eigen::Vector3d offset = Eigen::Vector3d::Zero();
@@ -19,8 +19,8 @@ struct IntegerFrame {
   double coordinate(double steps, int axis) const { return steps * scale + offset[axis]; }
 };
 
-/// The frame that follows from what is known before the first point: powers of ten, so that people can read it. 32 bits
-/// then hold what lies within 214 times the reach.
+/// Returns the frame for a cloud of known centre and reach: powers of ten, for readability. 32 bits cover 214 times the
+/// reach.
 inline IntegerFrame integer_frame(const CloudHeader& header) {
   const auto ten_to = [](double exponent) { return std::stod("1e" + std::to_string(static_cast<int>(exponent))); };
   IntegerFrame frame;

@@ -24,7 +24,7 @@ constexpr std::uint16_t kHeaderBytes = 375;
 constexpr std::uint16_t kFormat7Bytes = 36;
 constexpr std::uint16_t kExtraBytes = 4 * sizeof(float) + 1;
 constexpr std::uint16_t kRecordBytes = kFormat7Bytes + kExtraBytes;
-constexpr std::uint16_t kWktBit = 1 << 4;  // of the global encoding; formats 6 and up have no other kind
+constexpr std::uint16_t kWktBit = 1 << 4;  // global encoding; formats 6 and up have WKT only
 constexpr std::int64_t kBoundsOffset = 179;
 constexpr std::int64_t kCountOffset = 247;
 constexpr std::size_t kReturns = 15;
@@ -35,7 +35,7 @@ std::string padded(std::string text, std::size_t bytes) {
   return text;
 }
 
-/// A variable length record.
+/// Variable length record.
 std::string record(const char* user, std::uint16_t id, const char* description, const std::string& data) {
   std::string text;
   append_little(text, std::uint16_t{0});
@@ -45,12 +45,12 @@ std::string record(const char* user, std::uint16_t id, const char* description, 
   return text + padded(description, 32) + data;
 }
 
-/// What describes one of the numbers behind the fields of format 7.
+/// Descriptor of an extra-bytes field.
 std::string extra_bytes(std::uint8_t type, const char* name, const char* description) {
   std::string text;
   append_little(text, std::uint16_t{0});
   append_little(text, type);
-  append_little(text, std::uint8_t{0});  // neither range nor scale are told
+  append_little(text, std::uint8_t{0});  // options: neither range nor scale
   text += padded(name, 32);
   text.append(4 + 5 * 24, '\0');
   return text + padded(description, 32);
@@ -111,9 +111,9 @@ class Las final : public CloudWriter {
     std::uint32_t record_count = 0;
     const std::string variable = records(path, header, record_count);
     std::string text = "LASF";
-    append_little(text, std::uint16_t{0});  // file source
+    append_little(text, std::uint16_t{0});  // file source id
     append_little(text, kWktBit);
-    text.append(16, '\0');  // project
+    text.append(16, '\0');  // project id
     append_little(text, std::uint8_t{1});
     append_little(text, std::uint8_t{4});
     text += padded("OTHER", 32) + padded(header.generator.substr(0, 31), 32);
@@ -124,7 +124,7 @@ class Las final : public CloudWriter {
     append_little(text, record_count);
     append_little(text, std::uint8_t{7});
     append_little(text, kRecordBytes);
-    text.append(6 * sizeof(std::uint32_t), '\0');  // counts of older versions, 0 where the format is newer
+    text.append(6 * sizeof(std::uint32_t), '\0');  // legacy counts, 0 for formats 6 and up
     for (int i = 0; i < 3; ++i) append_little(text, frame_.scale);
     for (int i = 0; i < 3; ++i) append_little(text, frame_.offset[i]);
     text += bounds();
@@ -146,7 +146,7 @@ class Las final : public CloudWriter {
   static std::string counts(std::int64_t points) {
     std::string text;
     append_little(text, static_cast<std::uint64_t>(points));
-    append_little(text, static_cast<std::uint64_t>(points));  // first returns; there are no others
+    append_little(text, static_cast<std::uint64_t>(points));  // first returns, the only ones
     for (std::size_t i = 1; i < kReturns; ++i) append_little(text, std::uint64_t{0});
     return text;
   }

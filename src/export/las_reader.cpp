@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// LAS 1.0 to 1.4 (ASPRS), not compressed: positions, colours, and what extra bytes hold of what our writer puts there.
+// LAS 1.0 to 1.4 (ASPRS), uncompressed: positions, colours, and the extra bytes that las.cpp writes.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -15,15 +15,15 @@
 namespace pmsp {
 namespace {
 
-constexpr std::size_t kShortestHeader = 227;  ///< of versions 1.0 to 1.2
+constexpr std::size_t kShortestHeader = 227;  ///< versions 1.0 to 1.2
 constexpr std::size_t kHeader14 = 375;
 constexpr std::size_t kRecordHeader = 54;
-constexpr std::size_t kExtraBytes = 192;  ///< of a descriptor
+constexpr std::size_t kExtraBytes = 192;  ///< size of a descriptor
 constexpr std::uint8_t kCompressed = 0xC0;
 
 struct PointFormat {
-  std::size_t bytes;   ///< of a point without extra bytes
-  std::size_t colors;  ///< place of red, green, blue; 0 = none
+  std::size_t bytes;   ///< size of a point without extra bytes
+  std::size_t colors;  ///< offset of red, green, blue; 0 = none
 };
 constexpr std::array<PointFormat, 11> kFormats{
     {{20, 0}, {28, 0}, {26, 20}, {34, 28}, {57, 0}, {63, 28}, {30, 0}, {36, 30}, {38, 30}, {59, 0}, {67, 30}}};
@@ -33,13 +33,13 @@ T number_at(const std::string& bytes, std::size_t at) {
   return get_little<T>(bytes.data() + at);
 }
 
-/// Text that ends at its first 0.
+/// NUL-terminated text.
 std::string text_at(const std::string& bytes, std::size_t at, std::size_t size) {
   const std::string text = bytes.substr(at, size);
   return text.substr(0, text.find('\0'));
 }
 
-/// Of the data types of extra bytes, from 1.
+/// Data types of extra bytes, from 1.
 constexpr std::array<NumberType, 10> kExtraTypes{
     NumberType::kUint8, NumberType::kInt8,   NumberType::kUint16, NumberType::kInt16, NumberType::kUint32,
     NumberType::kInt32, NumberType::kUint64, NumberType::kInt64,  NumberType::kFloat, NumberType::kDouble};
@@ -123,7 +123,7 @@ class LasReader final : public CloudReader {
     }
   }
 
-  /// Variable length records: they lie between header and points.
+  /// Reads the variable length records between header and points.
   void read_records() {
     std::uint64_t at = header_bytes_;
     for (std::uint32_t i = 0; i < record_count_ && at + kRecordHeader <= records_.begin; ++i) {
@@ -151,7 +151,7 @@ class LasReader final : public CloudReader {
     for (std::size_t at = 0; at + kExtraBytes <= descriptors.size(); at += kExtraBytes) {
       const auto type = number_at<std::uint8_t>(descriptors, at + 2),
                  options = number_at<std::uint8_t>(descriptors, at + 3);
-      const std::size_t kind = (type + kExtraTypes.size() - 1) % kExtraTypes.size();  // types from 11 are arrays
+      const std::size_t kind = (type + kExtraTypes.size() - 1) % kExtraTypes.size();  // types from 11 on are arrays
       const std::size_t elements = type == 0 ? 0 : 1 + (type - 1U) / kExtraTypes.size();
       const std::size_t size = type == 0 ? options : elements * size_of(kExtraTypes[kind]);
       if (place + size > records_.bytes) return;
@@ -165,7 +165,7 @@ class LasReader final : public CloudReader {
     }
   }
 
-  /// Colours have 16 bits; files of many programs have 8 in them. A sample of the points says which.
+  /// Colours have 16 bits, but many programs store 8-bit values; decided by the maximum of a sample.
   void find_levels() {
     constexpr std::uint64_t kSample = 1000;
     if (!records_.numbers[kRed].is_there) return;

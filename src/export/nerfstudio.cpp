@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// A dataset for nerfstudio and trainers that read its transforms.json: images/, masks/, transforms.json,
-// points.ply.
+// Dataset for nerfstudio and other trainers that read transforms.json: images/, masks/, transforms.json, points.ply.
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -19,7 +18,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Camera to world; the camera's axes are OpenGL's: x right, y up, z backward.
+/// Camera to world with OpenGL camera axes: x right, y up, z backward.
 Json camera_matrix(const RigidTransform& cam_from_file) {
   const RigidTransform pose = cam_from_file.inverse();
   Json rows = Json::array();
@@ -30,7 +29,7 @@ Json camera_matrix(const RigidTransform& cam_from_file) {
   return rows;
 }
 
-/// nerfstudio's rays of a panorama: pi * (x - cx) / fl_x to the right, pi * (y - cy) / fl_y downwards.
+/// nerfstudio's panorama rays: pi * (x - cx) / fl_x to the right, pi * (y - cy) / fl_y downwards.
 void set_size(Json& json, const OutputView& view) {
   json["w"] = view.width;
   json["h"] = view.height;

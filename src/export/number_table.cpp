@@ -28,7 +28,7 @@ bool is_numbers(const std::string& text) {
   return true;
 }
 
-/// The text without some characters at its ends.
+/// Trims the given characters at both ends.
 std::string without(const std::string& text, const char* characters) {
   const std::size_t begin = text.find_first_not_of(characters);
   return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(characters) + 1 - begin);
@@ -49,7 +49,7 @@ std::vector<NumberRow> read_number_table(const std::filesystem::path& path, std:
   std::string columns;
   std::string line;
   for (std::size_t number = 1; std::getline(text, line); ++number) {
-    if (number == 1 && line.compare(0, 3, "\xEF\xBB\xBF") == 0) line.erase(0, 3);  // a byte order mark
+    if (number == 1 && line.compare(0, 3, "\xEF\xBB\xBF") == 0) line.erase(0, 3);  // byte order mark
     line = line.substr(0, line.find('#'));
     NumberRow row;
     row.line = number;

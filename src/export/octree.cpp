@@ -11,11 +11,11 @@ namespace {
 
 constexpr std::size_t kLeafPoints = 1 << 14;
 constexpr std::int64_t kInMemory = 1 << 20;
-constexpr int kNearBits = 7;  ///< cells along each side around the origin
+constexpr int kNearBits = 7;  ///< log2 of the number of cells per axis around the origin with direct lookup
 constexpr double kCellsOfReach = 32.0;
-constexpr int kCountedLevels = 7;  ///< of cells that are counted before points are dealt out
+constexpr int kCountedLevels = 7;  ///< depth of the counting grid in build_list
 
-/// The lowest ten bits with two zeros between each two.
+/// Spreads the lowest ten bits, with two zeros between each pair.
 std::uint32_t spread(std::uint32_t x) {
   x = (x | x << 16) & 0x030000ffU;
   x = (x | x << 8) & 0x0300f00fU;
@@ -64,7 +64,7 @@ std::size_t Octree::list_of(const std::array<std::int32_t, 3>& key) {
   return found->second;
 }
 
-/// The root's cube begins at the corner of a cell, so that cells are nodes.
+/// Places the cube of the root at the corner of a cell, so that cells coincide with nodes.
 void Octree::place_cube() {
   side_bits_ = cell_bits_;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -93,7 +93,7 @@ void Octree::build(const Take& take) {
   Points().swap(spare_);
 }
 
-/// Of a node that is some of the cells that points were dealt out to.
+/// Builds a node from cells of the spool.
 Octree::Open Octree::build_cells(const std::vector<Cell>& cells, int level) {
   if (cells.empty()) return {};
   std::int64_t count = 0;
@@ -118,11 +118,11 @@ Octree::Open Octree::build_cells(const std::vector<Cell>& cells, int level) {
   return join(children, level);
 }
 
-/// Of the children of the point's node at a level, the one that holds it.
+/// Child (0 to 7) of the point's node at `level` that contains the point.
 unsigned Octree::octant(const OctreePoint& point, int level) const { return cell(point, level, 1); }
 
-/// Of the point's node at a level, cut into 2^bits along each side, the cell that holds it; its number is made of
-/// octants, so that those of a child are in a row.
+/// Index of the point's cell in its node at `level`, divided into 2^bits cells per axis; in octant order, so that the
+/// cells of a child are contiguous.
 std::uint32_t Octree::cell(const OctreePoint& point, int level, int bits) const {
   const int shift = side_bits_ - level - bits;
   const std::uint32_t mask = (1U << bits) - 1;
@@ -134,8 +134,8 @@ std::uint32_t Octree::cell(const OctreePoint& point, int level, int bits) const 
   return number;
 }
 
-/// Of points that need not fit into memory. They are counted by cells, dealt out to the largest nodes that fit, and
-/// those are built one after the other.
+/// Builds a node from points that may exceed memory: counts them on a grid, distributes them to the largest nodes that
+/// fit into memory, and builds these one after the other.
 Octree::Open Octree::build_list(Spool<OctreePoint>& spool, std::size_t list, int level) {
   if (spool.size(list) <= kInMemory || level >= side_bits_) {
     loaded_.clear();
@@ -152,7 +152,7 @@ Octree::Open Octree::build_list(Spool<OctreePoint>& spool, std::size_t list, int
   for (std::size_t i = counts.size() - 1; i > 0; --i) {
     for (std::size_t k = 0; k < counts[i].size(); ++k) counts[i - 1][k / 8] += counts[i][k];
   }
-  // Which list the points of a finest cell go to.
+  // List for the points of each finest cell.
   std::vector<std::int32_t> list_of(finest.size(), -1);
   std::int32_t lists = 0;
   std::vector<std::pair<int, std::uint32_t>> open{{0, 0}};
@@ -178,7 +178,7 @@ Octree::Open Octree::build_list(Spool<OctreePoint>& spool, std::size_t list, int
   return build_counted(chunks, counts, 0, depth, 0, list_of, level);
 }
 
-/// Of a cell whose points were dealt out.
+/// Builds a node of the counting grid, after distribution.
 Octree::Open Octree::build_counted(Spool<OctreePoint>& chunks, const std::vector<std::vector<std::uint32_t>>& counts,
                                    int from, int depth, std::uint32_t number, const std::vector<std::int32_t>& list_of,
                                    int level) {
@@ -206,7 +206,7 @@ Octree::Open Octree::build_loaded(int level) {
   return build_range(loaded_.data(), spare_.data(), loaded_.size(), level);
 }
 
-/// Of points in memory, which it moves between two places.
+/// Builds a node from points in memory, with a second buffer of the same size.
 Octree::Open Octree::build_range(OctreePoint* points, OctreePoint* spare, std::size_t count, int level) {
   if (count == 0) return {};
   if (count <= kLeafPoints || level >= side_bits_) return leaf(points, count, level);
@@ -222,7 +222,7 @@ Octree::Open Octree::build_range(OctreePoint* points, OctreePoint* spare, std::s
   return join(children, level);
 }
 
-/// The node above some nodes: the best point of each of its cells moves up to it, what is left is handed out.
+/// Creates the parent of some nodes: the best point of each cell moves up, then the children are emitted.
 Octree::Open Octree::join(std::array<Open, 8>& children, int level) {
   const int bits = std::min(kCellBits, side_bits_ - level);
   cell_of_.clear();
@@ -276,7 +276,7 @@ Octree::Open Octree::leaf(const OctreePoint* points, std::size_t count, int leve
   return {static_cast<std::int32_t>(nodes_.size()) - 1, Points(points, points + count)};
 }
 
-/// The node's points are what they are: they are handed out.
+/// Emits the points of a node, which are final.
 void Octree::close(Open& open) {
   OctreeNode& node = nodes_[static_cast<std::size_t>(open.node)];
   node.first = handed_out_;

@@ -12,50 +12,49 @@
 
 namespace pmsp {
 
-/// A point of an octree; 36 bytes.
+/// Point of an octree; 36 bytes.
 struct OctreePoint {
   std::array<std::int32_t, 3> position;
   std::array<float, 3> normal;
   float confidence;
   std::array<std::uint8_t, 3> color;
   std::uint8_t views;
-  std::uint32_t tag = 0;  ///< whatever who builds the tree wants to know of the point again
+  std::uint32_t tag = 0;  ///< user data
 };
 
 struct OctreeNode {
-  std::array<std::int32_t, 8>
-      children;             ///< places among the nodes, -1 = none; bit 2 of the number is x, bit 1 y, bit 0 z
-  int level = 0;            ///< of the root 0
-  std::uint64_t first = 0;  ///< number of its first point in the order of handing out
+  std::array<std::int32_t, 8> children;  ///< indices into nodes(), -1 = none; octant bit 2 is x, bit 1 y, bit 0 z
+  int level = 0;                         ///< 0 = root
+  std::uint64_t first = 0;               ///< index of its first point in the order of emission
   std::uint32_t points = 0;
 
   bool is_leaf() const;
 };
 
-/// An octree whose nodes hold each point once: those near the root an even share of all below, the others what is left.
-/// Of a node's cube, cut into 128 x 128 x 128, each cell has one point at most in the node: the most confident one.
-/// Points are sorted in a scratch folder; about a million at a time are in memory.
+/// Octree with each point in exactly one node: nodes near the root contain an even sample of all points below. A node,
+/// divided into 128 x 128 x 128 cells, takes the most confident point of each cell. Out of core: points are sorted in a
+/// scratch folder, about a million at a time in memory.
 class Octree {
  public:
   using Take = std::function<void(const OctreePoint* points, std::size_t count)>;
 
-  /// Cells along a node's side.
+  /// log2 of the number of cells per axis of a node.
   static constexpr int kCellBits = 7;
 
-  /// `reach_steps`: CloudHeader::reach in the points' steps. Points are dealt out to cells of a 32nd of it as they
-  /// come; these should hold some 100 000 points: much smaller ones take memory, larger ones are dealt out once more.
+  /// `reach_steps`: CloudHeader::reach in steps of the coordinates. Points are first distributed to cells of 1/32 of
+  /// it, which should contain some 100 000 points: much smaller cells take memory, larger ones are subdivided later.
   Octree(const std::string& scratch_folder, double reach_steps);
 
   void add(const OctreePoint& point);
   std::int64_t points() const { return points_; }
-  /// Of all points so far; the one above the other where there is none.
+  /// Bounds of all points; low > high if there are none.
   const std::array<std::int32_t, 3>& low() const { return low_; }
   const std::array<std::int32_t, 3>& high() const { return high_; }
 
-  /// After the last point: hands out the nodes' points, those of one after those of another.
+  /// To be called after the last point: emits the points, node by node.
   void build(const Take& take);
 
-  /// The cube of the root: where it begins, and over how many steps, a power of two, it reaches.
+  /// Cube of the root: corner and side, a power of two [steps].
   const std::array<std::int32_t, 3>& corner() const { return corner_; }
   std::int64_t side() const { return std::int64_t{1} << side_bits_; }
   const std::vector<OctreeNode>& nodes() const { return nodes_; }
@@ -63,14 +62,14 @@ class Octree {
 
  private:
   using Points = std::vector<OctreePoint>;
-  /// A node whose points may still move to its parent.
+  /// Node whose points may still move to its parent.
   struct Open {
     std::int32_t node = -1;
     Points points;
   };
 
   struct Cell {
-    std::array<std::int32_t, 3> key;  ///< position of its points, cell_bits_ shifted away
+    std::array<std::int32_t, 3> key;  ///< position of its points >> cell_bits_
     std::size_t list = 0;
   };
 
@@ -92,19 +91,19 @@ class Octree {
   std::string folder_;
   Spool<OctreePoint> spool_;
   int cell_bits_;
-  std::map<std::array<std::int32_t, 3>, std::size_t> cells_;  ///< lists of the spool
-  std::vector<std::int32_t> near_;                            ///< the same for cells around the origin; -1 = not yet
+  std::map<std::array<std::int32_t, 3>, std::size_t> cells_;  ///< indices of the spool's lists
+  std::vector<std::int32_t> near_;                            ///< the same for cells around the origin; -1 = none yet
   std::int64_t points_ = 0;
   std::array<std::int32_t, 3> low_, high_;
   std::array<std::int32_t, 3> corner_{};
   int side_bits_ = 0;
   std::vector<OctreeNode> nodes_;
   std::size_t root_ = 0;
-  std::vector<std::uint32_t> best_;  ///< of each cell of a node, 1 + the number of its candidate; all 0 between uses
+  std::vector<std::uint32_t> best_;  ///< per cell of a node: 1 + index of its best candidate; all 0 between uses
   std::uint64_t handed_out_ = 0;
   const Take* take_ = nullptr;
-  Points loaded_, spare_;               ///< kept from list to list: asking for them anew took a fifth of the time
-  std::vector<std::uint32_t> cell_of_;  ///< of each candidate of join
+  Points loaded_, spare_;               ///< kept between lists: allocation is expensive
+  std::vector<std::uint32_t> cell_of_;  ///< per candidate of join
   std::vector<float> confidence_of_;
 };
 

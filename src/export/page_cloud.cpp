@@ -80,13 +80,13 @@ void PageCloud::Impl::finish() {
   octree_.build([&all](const OctreePoint* points, std::size_t count) {
     for (const OctreePoint* point = points; point != points + count; ++point) all.add(0, *point);
   });
-  std::vector<std::size_t> by_first;  // nodes with points, in the order in which these were handed out
+  std::vector<std::size_t> by_first;  // nodes with points, in order of emission
   for (std::size_t i = 0; i < octree_.nodes().size(); ++i) {
     if (octree_.nodes()[i].points > 0) by_first.push_back(i);
   }
   std::sort(by_first.begin(), by_first.end(),
             [this](std::size_t a, std::size_t b) { return octree_.nodes()[a].first < octree_.nodes()[b].first; });
-  // Where cubes begin: children lie in octants of their parents.
+  // Corners of cubes, from those of their parents.
   std::vector<std::array<std::int64_t, 3>> corners(octree_.nodes().size());
   std::vector<std::size_t> order{octree_.root()};
   for (std::size_t i = 0; i < 3; ++i) corners[octree_.root()][i] = octree_.corner()[i];
@@ -128,7 +128,7 @@ void PageCloud::Impl::finish() {
                    [](const PageNode& a, const PageNode& b) { return a.level < b.level; });
 }
 
-/// Of the points of each level the share that the page holds, in 65536ths.
+/// Share of the points of each level that the page contains [1/65536].
 std::vector<std::uint32_t> PageCloud::Impl::shares() const {
   std::vector<std::int64_t> of_level(33, 0);
   for (const OctreeNode& node : octree_.nodes()) of_level[static_cast<std::size_t>(node.level)] += node.points;
@@ -141,7 +141,7 @@ std::vector<std::uint32_t> PageCloud::Impl::shares() const {
   return shares;
 }
 
-/// An even share of a node's points: they lie in the order of the cubes below.
+/// Takes an even share of a node's points, which are in the order of the cubes below.
 void PageCloud::Impl::put(const OctreePoint* points, std::size_t count, std::uint32_t share, PageNode& node) const {
   const auto taken_before = [share](std::size_t number) { return number * share >> 16U; };
   std::vector<const OctreePoint*> taken;

@@ -47,7 +47,7 @@ void write(const std::filesystem::path& path, const Image<T>& image, const char*
   file.commit();
 }
 
-// One word of the header; consumes exactly one blank behind it, as the pixels start right there.
+// Reads a word of the header and exactly one blank after it, since the pixels may follow.
 std::string header_word(std::ifstream& stream) {
   std::string word;
   for (int c = stream.get(); stream; c = stream.get()) {

@@ -6,7 +6,7 @@
 namespace pmsp {
 namespace {
 
-constexpr std::size_t kShare = std::size_t{1} << 14;  ///< points that a thread takes at a time
+constexpr std::size_t kShare = std::size_t{1} << 14;  ///< points per task of a thread
 constexpr std::size_t kPiece = 8 * kShare;
 
 }  // namespace

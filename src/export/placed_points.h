@@ -11,7 +11,7 @@
 
 namespace pmsp {
 
-/// A keyframe's points in the frame of a file.
+/// Points of a keyframe, transformed to the frame of a file.
 class PointPlacer {
  public:
   /// `cloud` must outlive it.
@@ -30,15 +30,15 @@ class PointPlacer {
   Eigen::Matrix3f rotation_;  ///< of normals
 };
 
-/// Numbers of the points that lie in a box, ascending.
+/// Returns the indices of the points in a box, ascending.
 std::vector<std::uint32_t> points_in_box(const PointPlacer& points, const Box& box, ThreadPool& pool);
 
-/// Places clouds by several threads, piece by piece: one of a large keyframe would take half as much memory again.
+/// Transforms clouds with several threads, in pieces to bound memory.
 class PlacedPoints {
  public:
   explicit PlacedPoints(ThreadPool& pool);
 
-  /// Of the `count` points that `place` makes. They are gone after `take`.
+  /// Calls `take` for each piece of the `count` points of `place`; the piece is valid during the call.
   void for_each_piece(std::size_t count, const PlacePoints& place,
                       const std::function<void(const OutputPoint* points, std::size_t count)>& take);
 

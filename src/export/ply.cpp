@@ -12,17 +12,17 @@
 namespace pmsp {
 namespace {
 
-constexpr int kCountDigits = 19;  // every non-negative int64
+constexpr int kCountDigits = 19;  // of any non-negative int64
 
-// The line with the vertex count. A blank comment before it takes up what the count leaves of a fixed length, so that
-// the number itself is written plainly: some readers take neither leading zeros nor spaces.
+// Line with the vertex count. A blank comment before it pads to a fixed length, so that the count can be patched and
+// needs no leading zeros or spaces, which some readers reject.
 std::string vertex_lines(std::int64_t count) {
   const std::string digits = std::to_string(count);
   return "comment" + std::string(static_cast<std::size_t>(kCountDigits) - digits.size() + 1, ' ') +
          "\nelement vertex " + digits + "\n";
 }
 
-// CloudCompare 2.11 ends at comments of a kilobyte. So long ones become several, each of which begins with "... ".
+// Comments, split into lines that begin with "... " after the first: CloudCompare 2.11 stops at lines of 1 KiB.
 std::string comment_lines(std::string text) {
   constexpr std::size_t kMost = 200;
   std::replace_if(
@@ -37,14 +37,14 @@ std::string comment_lines(std::string text) {
   return lines + "comment " + text + "\n";
 }
 
-// Up to the vertex count.
+// Header up to the vertex count.
 std::string first_lines(const std::vector<std::string>& comments) {
   std::string lines = "ply\nformat binary_little_endian 1.0\n";
   for (const std::string& comment : comments) lines += comment_lines(comment);
   return lines;
 }
 
-// CloudCompare takes further numbers of a point where their names begin with "scalar_".
+// Header after the vertex count. CloudCompare reads further properties if their names begin with "scalar_".
 std::string last_lines(bool double_positions) {
   std::string lines;
   for (const char* axis : {"x", "y", "z"}) {
@@ -56,7 +56,7 @@ std::string last_lines(bool double_positions) {
          "property float scalar_confidence\nproperty uchar scalar_views\nend_header\n";
 }
 
-// Whether floats are too coarse so far from the origin: worse than a ten-thousandth of a percent of the reach.
+// True if the resolution of float at the cloud's distance from the origin is worse than 1e-6 of the reach.
 bool needs_double(const CloudHeader& header) {
   constexpr double kFloatStep = 6e-8;  // half of the last bit
   return (header.center.norm() + header.reach) * kFloatStep > 1e-6 * header.reach;

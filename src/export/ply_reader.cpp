@@ -113,7 +113,7 @@ class HeaderParser {
     return line;
   }
 
-  // Our writer cuts long lines; what follows begins with "... ".
+  // Joins lines that the writer in ply.cpp split ("... ").
   void add_comment(const std::string& text) {
     if (text.rfind(kContinued, 0) == 0 && !header_.comments.empty()) {
       header_.comments.back() += text.substr(std::string(kContinued).size());
@@ -176,7 +176,7 @@ class HeaderParser {
   bool has_format_ = false;
 };
 
-// Numbers of the body, one after the other, whatever the format.
+// Numbers of the body in sequence, for all formats.
 class Body {
  public:
   Body(BufferedInput& input, Format format)
@@ -191,7 +191,7 @@ class Body {
     for (auto left = static_cast<std::int64_t>(std::ceil(count)); left > 0; --left) number(property.type);
   }
 
-  // Whether `count` numbers can still follow; asked before anything of that size is allocated or looped over.
+  // Throws unless `count` numbers can still follow; to be called before allocating or looping.
   void check_size(double count, Type type) const {
     const double bytes = ascii_ ? 2.0 * count - 1.0 : count * static_cast<double>(size_of(type));
     if (bytes > static_cast<double>(input_.remaining())) too_large();
@@ -203,7 +203,7 @@ class Body {
       bytes += ascii_ ? 2.0 : static_cast<double>(size_of(property.is_list ? property.count_type : property.type));
     }
     if (element.count > 0 && element.properties.empty()) input_.fail("element " + element.name + " has no property");
-    const double last = ascii_ && element.count > 0 ? 1.0 : 0.0;  // the last number needs no blank behind it
+    const double last = ascii_ && element.count > 0 ? 1.0 : 0.0;  // no separator after the last number
     if (bytes * static_cast<double>(element.count) - last > static_cast<double>(input_.remaining())) {
       input_.fail("announces " + std::to_string(element.count) + " of element " + element.name.substr(0, 40) +
                   ", but only " + std::to_string(input_.remaining()) + " bytes follow; is it cut off?");
@@ -236,10 +236,10 @@ class Body {
   bool swap_;
 };
 
-// Where the properties of the vertices go.
+// Targets of the vertices' properties.
 struct VertexLayout {
   std::array<const Property*, kCloudFields> property{};
-  std::vector<int> slot;  // of each property, -1 = not wanted
+  std::vector<int> slot;  // per property, -1 = unused
 
   bool has(CloudField first, int count) const {
     for (int i = 0; i < count; ++i) {
@@ -252,7 +252,7 @@ struct VertexLayout {
 VertexLayout layout_of(const Element& vertex, const BufferedInput& input) {
   constexpr std::array<const char*, kCloudFields> kNames{"x",   "y",     "z",    "nx",         "ny",   "nz",
                                                          "red", "green", "blue", "confidence", "views"};
-  constexpr std::size_t kPrefix = sizeof("scalar_") - 1;  // before 0.2, our files had no such prefix
+  constexpr std::size_t kPrefix = sizeof("scalar_") - 1;  // absent in files of libpmsp before 0.2
   VertexLayout layout;
   for (const Property& property : vertex.properties) {
     const bool has_prefix = property.name == "scalar_confidence" || property.name == "scalar_views";

@@ -38,7 +38,7 @@ void write_png16(const std::filesystem::path& path, const Image<Eigen::Vector3f>
     for (int x = 0; x < normals.width(); ++x) {
       const Eigen::Vector3f& normal = normals.row(y)[x];
       if (normal.isZero(0.0F)) continue;
-      for (int i = 0; i < 3; ++i) {  // OpenCV's order is blue, green, red
+      for (int i = 0; i < 3; ++i) {  // BGR order of OpenCV
         const float share = std::clamp(0.5F * (normal[i] + 1.0F), 0.0F, 1.0F);
         values.ptr<cv::Vec3w>(y)[x][2 - i] = static_cast<std::uint16_t>(std::lround(65535.0F * share));
       }
@@ -57,7 +57,7 @@ cv::Mat decoded(const std::filesystem::path& path) {
   try {
     values = cv::imread(path.string(), cv::IMREAD_UNCHANGED);
   } catch (const cv::Exception&) {
-    values.release();  // OpenCV's own limits on size; told like any other image that cannot be decoded
+    values.release();  // OpenCV's size limits; reported as an undecodable image
   }
   if (values.empty()) throw IoError(path.string() + ": cannot be decoded as an image");
   return values;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Potree 2: metadata.json, hierarchy.bin, octree.bin, with the encoding DEFAULT (nothing is compressed).
+// Potree 2: metadata.json, hierarchy.bin, octree.bin with encoding DEFAULT (uncompressed).
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -29,7 +29,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kPointBytes = 12 + 6 + 12 + 4 + 1;
 constexpr std::size_t kBlockBytes = std::size_t{1} << 20;
-constexpr std::uint8_t kNode = 0, kLeaf = 1;  // of the hierarchy's kinds
+constexpr std::uint8_t kNode = 0, kLeaf = 1;  // node types in hierarchy.bin
 constexpr double kCellsAlongRoot = 1 << Octree::kCellBits;
 
 char* put_point(char* to, const OctreePoint& point) {
@@ -106,7 +106,7 @@ class Potree final : public CloudWriter {
                       " is too far away for whole numbers; give a larger --resolution, or --crop such points");
   }
 
-  /// All nodes in one piece, breadth first: 22 bytes each.
+  /// All nodes in one chunk, breadth first: 22 bytes each.
   std::string hierarchy() const {
     std::vector<std::size_t> order{octree_.root()};
     std::string text;

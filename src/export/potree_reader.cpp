@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Potree 2 with the encoding DEFAULT. Each point is in one node of the octree, so that octree.bin is the cloud.
+// Potree 2 with encoding DEFAULT. Each point is in exactly one node, so octree.bin is the whole cloud.
 #include <array>
 #include <cmath>
 #include <memory>
@@ -16,7 +16,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::size_t kMostBytes = 65536;  ///< of a point
+constexpr std::size_t kMostBytes = 65536;  ///< per point
 
 NumberType type_named(const std::string& name) {
   constexpr std::array<std::pair<const char*, NumberType>, 10> kNames{{{"int8", NumberType::kInt8},

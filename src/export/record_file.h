@@ -18,22 +18,22 @@
 
 namespace pmsp {
 
-/// A file of points as records of one size behind a header, whose bytes several threads make.
+/// File of fixed-size records behind a header, encoded by several threads.
 class RecordFile {
  public:
-  /// `threads`: 0 = one for each CPU.
+  /// `threads`: 0 = one per CPU.
   RecordFile(const std::filesystem::path& path, const std::string& header, std::size_t record_bytes, int threads)
       : file_(path), pool_(std::min(threads > 0 ? threads : usable_cpus(), kMostThreads)), record_bytes_(record_bytes) {
     file_.write(BackgroundFile::Block(header.begin(), header.end()));
   }
 
-  /// `encode(points, count, to)` makes records of some of them; it is called by several threads at a time.
+  /// Appends points. `encode(points, count, to)` encodes some of them; called concurrently.
   template <class Encode>
   void add(const OutputPoint* points, std::size_t count, const Encode& encode) {
     each_share(count, [&](std::size_t first, std::size_t number, char* to) { encode(points + first, number, to); });
   }
 
-  /// The same with points that are placed just before they are encoded, while they are in the cache.
+  /// As above, for points that are transformed just before encoding, while in the cache.
   template <class Encode>
   void add(std::size_t count, const PlacePoints& place, const Encode& encode) {
     each_share(count, [&](std::size_t first, std::size_t number, char* to) {
@@ -47,18 +47,18 @@ class RecordFile {
   }
 
   std::int64_t points() const { return points_; }
-  /// Overwrites a part of the header.
+  /// Overwrites part of the header.
   void patch(std::int64_t offset, const std::string& text) { file_.patch(offset, text); }
   void commit() { file_.commit(); }
 
  private:
   static constexpr std::size_t kBlockBytes = std::size_t{1} << 20;
   static constexpr std::size_t kBlocksAtOnce = 16;
-  static constexpr std::size_t kShare = 4096;  ///< points that a thread encodes at a time
-  static constexpr std::size_t kPlaced = 512;  ///< and places
-  static constexpr int kMostThreads = 16;      ///< more than the fastest disk that was met can follow
+  static constexpr std::size_t kShare = 4096;  ///< points encoded per task
+  static constexpr std::size_t kPlaced = 512;  ///< points transformed at a time
+  static constexpr int kMostThreads = 16;      ///< enough for the fastest disks
 
-  /// Threads share a keyframe in smaller pieces than blocks: those of a small map have few.
+  /// Threads take tasks smaller than blocks: small maps have few blocks per keyframe.
   template <class Fill>
   void each_share(std::size_t count, const Fill& fill) {
     const std::size_t of_block = std::max(kBlockBytes / (kShare * record_bytes_), std::size_t{1}) * kShare;

@@ -12,7 +12,7 @@
 
 namespace pmsp {
 
-/// Records in a scratch file, in lists that grow. Each list is read in the order in which it was written.
+/// Growing lists of records in a scratch file, each read in the order of writing.
 template <class Record>
 class Spool {
  public:
@@ -25,14 +25,14 @@ class Spool {
     if (it.waiting.size() == kChunk) flush(it);
   }
 
-  /// A new list; returns its number.
+  /// Adds a list; returns its index.
   std::size_t add_list() {
     lists_.emplace_back();
     return lists_.size() - 1;
   }
   std::int64_t size(std::size_t list) const { return lists_[list].size; }
 
-  /// Calls `take(records, count)` for one piece after the other.
+  /// Calls `take(records, count)` for each piece of a list.
   template <class Take>
   void read(std::size_t list, const Take& take) const {
     const List& it = lists_[list];
@@ -44,7 +44,7 @@ class Spool {
     if (!it.waiting.empty()) take(it.waiting.data(), it.waiting.size());
   }
 
-  /// Forgets a list; its room is used again.
+  /// Clears a list and reuses its space.
   void drop(std::size_t list) {
     for (const std::uint64_t begin : lists_[list].chunks) file_.give_back(begin, kChunkBytes);
     lists_[list] = {};

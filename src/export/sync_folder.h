@@ -8,7 +8,7 @@
 
 namespace pmsp {
 
-/// Brings the names in a folder ("" = the current one) to the disk, where the file system can.
+/// Syncs the entries of a folder ("" = current one), if the file system supports it.
 inline void sync_folder(const std::filesystem::path& folder) {
   const int file = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (file < 0) return;

@@ -13,7 +13,7 @@
 namespace pmsp {
 namespace {
 
-/// Of splitmix64 (Steele, Lea, Flood 2014): every bit of `x` has a say in every bit.
+/// Finaliser of splitmix64 (Steele, Lea, Flood 2014): every input bit affects every output bit.
 std::uint64_t mixed(std::uint64_t x) {
   x += 0x9e3779b97f4a7c15U;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9U;
@@ -21,7 +21,7 @@ std::uint64_t mixed(std::uint64_t x) {
   return x ^ (x >> 31);
 }
 
-/// A place in an order of all points that looks like chance and follows from their keys.
+/// Position in a pseudo-random order of all points, determined by their keys.
 using Rank = std::tuple<std::uint64_t, std::int64_t, std::uint32_t>;
 
 std::uint64_t hash_of(const OutputPoint& point) {
@@ -32,7 +32,7 @@ Rank rank_of(const OutputPoint& point) { return {hash_of(point), point.keyframe_
 
 }  // namespace
 
-/// The most confident point of each cube. Cubes are dealt to lists by a hash, and few cubes at a time are in memory.
+/// Most confident point of each cube. Cubes are distributed to lists by hash, few of them in memory at a time.
 class Thinning::Voxels {
  public:
   Voxels(double side, const std::string& folder) : side_(side), spool_(folder, kLists) {}
@@ -77,7 +77,7 @@ class Thinning::Voxels {
     return rank_of(a) < rank_of(b);
   }
 
-  /// Into `best_`, of the cubes of a list whose turn it is.
+  /// Fills `best_` for the cubes of a list whose hash belongs to this round.
   void best_of(std::size_t list, std::uint64_t rounds, std::uint64_t round) {
     best_.clear();
     std::size_t slots = 1024;
@@ -100,7 +100,7 @@ class Thinning::Voxels {
     });
   }
 
-  /// The slot of a cube: 1 + its place in `best_`; 0 where it is new.
+  /// Slot of a cube: 1 + index into `best_`; 0 = new.
   std::uint32_t& find(const Cell& cell, std::uint64_t hash) {
     std::size_t at = hash & (slots_.size() - 1);
     while (slots_[at] != 0 && cell_of(best_[slots_[at] - 1]) != cell) at = (at + 1) & (slots_.size() - 1);
@@ -124,7 +124,7 @@ class Thinning::Voxels {
   std::vector<std::uint32_t> slots_;
 };
 
-/// The points that come first by rank. Points that have no chance any more are not kept.
+/// Points of the lowest ranks; others are dropped as soon as possible.
 class Thinning::Sample {
  public:
   Sample(std::int64_t most, const std::string& folder) : most_(most), counts_(kBins, 0), spool_(folder, 1) {}
@@ -139,7 +139,7 @@ class Thinning::Sample {
 
   void finish(const Take& take) {
     look_again();
-    std::int64_t left = most_;  // for the last bin
+    std::int64_t left = most_;  // points remaining for the last bin
     for (std::size_t bin = 0; bin < last_bin_; ++bin) left -= counts_[bin];
     std::vector<Rank> ranks;
     spool_.read(0, [&](const OutputPoint* points, std::size_t count) {
@@ -164,7 +164,7 @@ class Thinning::Sample {
   }
 
  private:
-  /// Lowers the last bin that still counts.
+  /// Lowers the last bin to the limit.
   void look_again() {
     std::int64_t sum = 0;
     for (std::size_t bin = 0; bin <= last_bin_; ++bin) {

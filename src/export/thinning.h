@@ -10,19 +10,19 @@
 
 namespace pmsp {
 
-/// Keeps of each cube the most confident point, then an even share of what is left. Which points stay follows from the
-/// points and their keys, not from the order in which they come. What waits lies in a scratch folder.
+/// Keeps the most confident point of each cube, then an even sample of these. The selection depends on points and keys,
+/// not on their order. Pending points are in a scratch folder.
 class Thinning {
  public:
   using Take = std::function<void(const OutputPoint* points, std::size_t count)>;
 
-  /// Throws OutputError when nothing can be written there.
+  /// Throws OutputError if the scratch folder is not writable.
   Thinning(const ThinningOptions& options, const std::string& scratch_folder);
   ~Thinning();
 
-  /// Throws InvalidInput where the cubes are so small that they cannot be counted.
+  /// Throws InvalidInput if the cubes are too small to be counted.
   void add(const OutputPoint* points, std::size_t count);
-  /// After the last point: hands on those that stay.
+  /// To be called after the last point: emits the kept points.
   void finish(const Take& take);
 
  private:
