@@ -129,7 +129,7 @@ struct ConsistencyFilter {
   float share;        ///< share_of_coarse_map
   float pose_error;   ///< of `map`'s keyframe [rad]
   float* confidence;  ///< without what poses add, which a keyframe's pixels have in common; 0 = no depth
-  float* reported;    ///< with it; nullptr = not wanted
+  float* to_report;   ///< with it; nullptr = not wanted
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
@@ -173,7 +173,7 @@ struct ConsistencyFilter {
       }
     }
     store<F>(select(kept, found, F(0)), confidence + at.first, at.count);
-    if (reported != nullptr) store<F>(select(kept, reported, F(0)), reported + at.first, at.count);
+    if (to_report != nullptr) store<F>(select(kept, reported, F(0)), to_report + at.first, at.count);
     counted[0] = surface.known;
     counted[1] = kept & !far;
     counted[2] = kept & far;

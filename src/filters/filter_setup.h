@@ -47,7 +47,7 @@ kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Ma
   stage.share = kernels::share_of_coarse_map(grid.width);
   stage.pose_error = static_cast<float>(pose_error);
   stage.confidence = confidence;
-  stage.reported = reported;
+  stage.to_report = reported;
   return stage;
 }
 
