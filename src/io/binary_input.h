@@ -12,7 +12,7 @@
 
 namespace pmsp::map_detail {
 
-/// A little-endian binary file, number by number. Throws IoError, and InvalidInput that names the byte.
+/// Little-endian binary file, read number by number. Throws IoError; InvalidInput with the byte offset.
 class BinaryInput {
  public:
   explicit BinaryInput(const std::filesystem::path& path) : path_(path) {
@@ -37,7 +37,7 @@ class BinaryInput {
     return get_little<T>(bytes);
   }
 
-  /// A number of things of at least `bytes` each, which the file must be able to hold.
+  /// Reads a number of elements of at least `bytes` each. Throws if the rest of the file is too short for them.
   std::uint64_t count(const char* what, std::uint64_t bytes) {
     const auto value = number<std::uint64_t>();
     if (value > (size_ - at_) / bytes) {
@@ -47,7 +47,7 @@ class BinaryInput {
     return value;
   }
 
-  /// Characters up to a zero.
+  /// Reads a zero-terminated string.
   std::string text() {
     constexpr std::size_t kLongest = 4096;
     std::string result;

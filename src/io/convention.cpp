@@ -19,14 +19,14 @@ namespace {
 
 constexpr std::size_t kFewest = 100;
 constexpr std::size_t kMostOfKeyframe = 200;
-constexpr std::size_t kMost = 20000;    ///< more tell nothing new
-constexpr double kClearlyBetter = 0.4;  ///< of the median error: the other convention's at most
-constexpr double kStillFits = 0.01;     ///< of the width: what fits worse fits by chance
+constexpr std::size_t kMost = 20000;    ///< enough for a verdict
+constexpr double kClearlyBetter = 0.4;  ///< maximum ratio of median errors for another convention to be named
+constexpr double kStillFits = 0.01;     ///< maximum median error of a convention that fits [image width]
 constexpr double kHalf = 0.5;
 constexpr double kHalfTolerance = 0.15;  ///< [px]
 constexpr double kStandardErrors = 6.0;
 
-/// An observation, where its landmark is, and by which camera it was made.
+/// Observation with its landmark's position and its camera.
 struct Sample {
   const MapKeyframe* keyframe;
   const MapCamera* camera;
@@ -34,7 +34,7 @@ struct Sample {
   Eigen::Vector2d pixel;
 };
 
-/// Some of each keyframe, evenly spread over its list.
+/// Observations of all keyframes, evenly subsampled.
 std::vector<Sample> samples_of(const SlamMap& map) {
   std::vector<Sample> samples;
   const std::size_t most = std::min(kMostOfKeyframe, kMost / std::max<std::size_t>(map.keyframes.size(), 1) + 1);
@@ -51,7 +51,7 @@ std::vector<Sample> samples_of(const SlamMap& map) {
   return samples;
 }
 
-/// From the projection to the observation, the short way round [px].
+/// From projection to observation, across the seam if shorter [px].
 Eigen::Vector2d residual(const Sample& sample, const RigidTransform& pose) {
   const Eigen::Vector3d point = pose * sample.world;
   if (!(point.norm() > 0.0)) return {sample.camera->width, sample.camera->height};
@@ -70,7 +70,7 @@ double median_error(const std::vector<Sample>& samples, const map_detail::PoseCo
   return median(errors);
 }
 
-/// By how much observations are off as a whole, half a pixel or nothing: `along`(sample's residual).
+/// Median offset of observations along one axis, tested for half a pixel.
 struct Shift {
   double at = 0.0;
   double uncertainty = 0.0;
@@ -89,8 +89,8 @@ Shift shift_of(std::vector<double> offsets) {
   return shift;
 }
 
-/// Half a pixel across is a contradiction: whatever a program's rule, its poses have absorbed it. Half a row is what
-/// remains in the points where pixel centres were at whole numbers, and does no harm.
+/// Half a pixel horizontally contradicts the convention, since poses absorb a program's own rule. Half a row remains in
+/// the points of programs with pixel centres at whole numbers, and is harmless.
 void check_half_pixel(const SlamMap& map, const std::vector<Sample>& samples, ConventionCheck& check) {
   std::vector<double> across;
   std::vector<double> down;

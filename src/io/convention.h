@@ -9,22 +9,22 @@
 
 namespace pmsp {
 
-/// How well the landmarks of a map project to where its keyframes observe them.
+/// Reprojection error of a map's observations, compared with other conventions.
 struct ConventionCheck {
-  std::size_t observations = 0;  ///< looked at: all, or some of all keyframes
-  double median_error_px = 0.0;  ///< from the projection to the observation, in the images [px]
-  std::string fits_better;       ///< another convention that clearly fits better, in words; "" = none does
+  std::size_t observations = 0;  ///< number of observations tested: all, or some of all keyframes
+  double median_error_px = 0.0;  ///< between projection and observation [px of the images]
+  std::string fits_better;       ///< description of another convention that fits clearly better; "" = none
   double better_error_px = 0.0;  ///< its median error [px]
-  std::string remark;            ///< what does no harm but should be known; "" = nothing
+  std::string remark;            ///< harmless deviation; "" = none
 };
 
-/// Proof of the conventions that a map was read by: compares them with other conventions for the same numbers, such as
-/// mirrored images, latitude upside down, axes of OpenGL or of a body, the seam in front, inverted poses, quaternions
-/// with w first, and places in images that are half a pixel off. Decides nothing with less than 100 observations, nor
-/// where these are projections themselves (`SlamMap::observations_are_tested`); then `observations` is 0.
+/// Tests the conventions of a map against others with the same numbers: mirrored images, flipped latitude, OpenGL or
+/// body axes, seam in front, inverted poses, quaternions with w first, pixels off by half. No verdict with fewer than
+/// 100 observations or if these are projections themselves (`SlamMap::observations_are_tested`); then `observations` is
+/// 0.
 PMSP_API ConventionCheck check_convention(const SlamMap& map);
 
-/// The same, for a program that cannot go on with a wrong one: throws InvalidInput that names the convention that fits.
+/// As check_convention; throws InvalidInput, naming the convention that fits better, if there is one.
 PMSP_API ConventionCheck require_convention(const SlamMap& map);
 
 }  // namespace pmsp

@@ -11,7 +11,7 @@
 namespace pmsp {
 namespace {
 
-/// Ends a pass over images early.
+/// Thrown to end a pass over images early.
 struct Stopped {};
 
 }  // namespace

@@ -21,7 +21,7 @@ bool is_file(const fs::path& path) {
   return fs::is_regular_file(path, ignored);
 }
 
-/// The file in the folder that a key of an entry names; empty where it names none.
+/// Path of the file named by a key of an entry; empty = none.
 fs::path named_file(const fs::path& folder, const JsonValue& entry, const char* key) {
   if (!entry.has(key)) return {};
   const std::string& name = entry.at(key).text();
@@ -75,7 +75,7 @@ fs::path DepthFolder::file_for(std::int64_t keyframe_id, const fs::path& image) 
   std::error_code ignored;
   for (const char* extension : {".pfm", ".exr", ".npy", ".png"}) {
     const fs::path file = folder_ / fs::path(name).replace_extension(extension);
-    // Depth that lies among the images must not be the image itself.
+    // Depth beside the images must not be the image itself.
     if (is_file(file) && !fs::equivalent(file, image, ignored)) return file;
   }
   return {};

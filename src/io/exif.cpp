@@ -18,7 +18,7 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// A TIFF block, which holds the tags. Reading beyond its end gives 0.
+/// TIFF block with tags. Reads beyond the end give 0.
 class Tiff {
  public:
   /// `byte_at`: the byte at an offset below `size`.
@@ -33,7 +33,7 @@ class Tiff {
     return value;
   }
 
-  /// Where the entry of a tag begins in a directory; 0 = it has none.
+  /// Offset of a tag's entry in a directory; 0 = none.
   std::size_t find(std::size_t directory, unsigned tag) const {
     const std::uint64_t entries = number(directory, 2);
     for (std::uint64_t i = 0; i < entries && directory + 2 + 12 * i + 12 <= size_; ++i) {
@@ -43,7 +43,7 @@ class Tiff {
     return 0;
   }
 
-  /// The unsigned rational number at `at`; NaN where there is none.
+  /// Unsigned rational number at an offset; NaN if invalid.
   double rational(std::size_t at) const {
     const double below = static_cast<double>(number(at + 4, 4));
     return below > 0.0 ? static_cast<double>(number(at, 4)) / below : std::nan("");
@@ -57,7 +57,7 @@ class Tiff {
   bool little_;
 };
 
-/// The bytes of a file, a piece at a time: the tags of a TIFF file may lie behind its pixels.
+/// Bytes of a file, read in pieces: tags of a TIFF file may follow its pixels.
 class FileBytes {
  public:
   explicit FileBytes(std::ifstream& file) : file_(&file) {}
@@ -81,9 +81,9 @@ class FileBytes {
   std::size_t begin_ = 0;
 };
 
-constexpr std::size_t kRationals = 5;  // type of an entry
+constexpr std::size_t kRationals = 5;  // entry type
 
-/// Degrees, minutes and seconds of an entry.
+/// Degrees, minutes and seconds of an entry, in degrees; NaN if missing.
 double angle(const Tiff& tiff, std::size_t directory, unsigned tag) {
   const std::size_t entry = tiff.find(directory, tag);
   if (entry == 0 || tiff.number(entry + 2, 2) != kRationals || tiff.number(entry + 4, 4) != 3) return std::nan("");
@@ -103,7 +103,7 @@ std::optional<GpsPosition> gps_of(const Tiff& tiff, std::size_t first) {
   GpsPosition gps{angle(tiff, directory, 2), angle(tiff, directory, 4), 0.0};
   if (!(gps.latitude_deg <= 90.0 && gps.longitude_deg <= 180.0)) return std::nullopt;
   if ((north != 'N' && north != 'S') || (east != 'E' && east != 'W')) return std::nullopt;
-  if (gps.latitude_deg == 0.0 && gps.longitude_deg == 0.0) return std::nullopt;  // what cameras write without a fix
+  if (gps.latitude_deg == 0.0 && gps.longitude_deg == 0.0) return std::nullopt;  // written by cameras without a fix
   if (north == 'S') gps.latitude_deg = -gps.latitude_deg;
   if (east == 'W') gps.longitude_deg = -gps.longitude_deg;
   const std::size_t altitude = tiff.find(directory, 6);
@@ -119,7 +119,7 @@ bool has_at(const Bytes& bytes, std::size_t at, std::initializer_list<std::uint8
          std::equal(text.begin(), text.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at));
 }
 
-/// Where the TIFF block lies, and its size; 0 = there is none.
+/// Offset and size of the TIFF block; 0 = none.
 std::pair<std::size_t, std::size_t> find_tiff(const Bytes& bytes) {
   if (has_at(bytes, 0, {0xFF, 0xD8})) {
     std::pair<std::size_t, std::size_t> found{0, 0};
@@ -146,7 +146,7 @@ bool is_tiff_file(const Bytes& bytes) {
   return has_at(bytes, 0, {'I', 'I', 42, 0}) || has_at(bytes, 0, {'M', 'M', 0, 42});
 }
 
-/// The place alone: OpenCV turns TIFF files itself.
+/// Position only: OpenCV applies the orientation of TIFF files itself.
 Exif exif_of_tiff_file(const Tiff& tiff) {
   Exif exif;
   exif.gps = gps_of(tiff, static_cast<std::size_t>(tiff.number(4, 4)));

@@ -8,25 +8,24 @@
 
 namespace pmsp::io {
 
-/// A place on earth, WGS 84.
+/// Position on earth (WGS 84).
 struct GpsPosition {
   double latitude_deg = 0.0;   ///< north, -90 to 90
   double longitude_deg = 0.0;  ///< east, -180 to 180
   double altitude_m = 0.0;
 };
 
-/// What an image file says of itself (Exif 2.32, CIPA DC-008).
+/// Metadata of an image file (Exif 2.32, CIPA DC-008).
 struct Exif {
-  int orientation = 1;  ///< 1 to 8; 1 = as it is
+  int orientation = 1;  ///< 1 to 8; 1 = upright
   std::optional<GpsPosition> gps;
 };
 
-/// Of the bytes of a JPEG (its APP1 segment), a PNG (its eXIf chunk) or a TIFF file, of which OpenCV applies the
-/// orientation itself. What is missing, broken or out of range is taken as not said.
+/// Reads the EXIF data of a JPEG (APP1 segment), PNG (eXIf chunk) or TIFF file (orientation is left to OpenCV).
+/// Missing, broken or out-of-range values give the defaults.
 Exif read_exif(const std::vector<std::uint8_t>& bytes);
 
-/// The same of a file, of which only what lies before the pixels is read, 1 MiB at most, and of a TIFF file its tags.
-/// Throws IoError.
+/// As above, from a file; reads at most the first 1 MiB, up to the pixels, and the tags of a TIFF file. Throws IoError.
 Exif read_exif(const std::filesystem::path& path);
 
 }  // namespace pmsp::io

@@ -42,12 +42,12 @@ std::vector<std::uint8_t> read_bytes(const std::filesystem::path& path) {
   return bytes;
 }
 
-/// What a file says of itself before its pixels; size 0 where it is neither JPEG nor PNG, or broken.
+/// Header data of a JPEG or PNG; size 0 = other format or broken.
 struct Header {
   std::uint64_t width = 0;
   std::uint64_t height = 0;
   bool is_jpeg = false;
-  bool truncated = false;  ///< a JPEG whose end-of-image marker is missing
+  bool truncated = false;  ///< JPEG without end-of-image marker
 };
 
 Header jpeg_header(const std::vector<std::uint8_t>& bytes) {
@@ -66,7 +66,7 @@ Header jpeg_header(const std::vector<std::uint8_t>& bytes) {
   return header;
 }
 
-/// The number that follows a key in the XMP data of a JPEG, as an attribute or an element; nullopt where there is none.
+/// Number after a key in the XMP data of a JPEG, attribute or element; nullopt = none.
 std::optional<double> xmp_number(const std::string& text, const std::string& key) {
   const std::size_t at = text.find(key);
   if (at == std::string::npos) return std::nullopt;
@@ -75,9 +75,9 @@ std::optional<double> xmp_number(const std::string& text, const std::string& key
   return std::strtod(text.substr(number, 20).c_str(), nullptr);
 }
 
-/// Cameras and stitchers write how much of the sphere a JPEG covers. A part taken for the whole bends everything. Where
-/// the image has the shape of a whole one and another size than the part, the data are stale: programs that fill up or
-/// resize an image leave them as they were.
+/// Throws InvalidInput for partial panoramas according to the XMP data of cameras and stitchers: as full ones they
+/// would be distorted. Data are stale if the image has the shape of a full panorama and not the size of the part:
+/// programs that pad or resize an image do not update them.
 void refuse_crop(const std::filesystem::path& path, const std::vector<std::uint8_t>& bytes, const Header& header) {
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const std::size_t begin = all.find("<x:xmpmeta");
@@ -110,7 +110,7 @@ Header header_of(const std::vector<std::uint8_t>& bytes) {
   return {};
 }
 
-/// The image as its EXIF orientation asks: rows and columns changed over (5 to 8), then turned or mirrored.
+/// Applies the EXIF orientation: transposition (5 to 8), then rotation or mirroring.
 cv::Mat upright(const std::filesystem::path& path, const cv::Mat& image, int orientation) {
   constexpr int kAboutX = 0, kAboutY = 1, kBoth = -1;
   cv::Mat turned = image;
@@ -135,7 +135,7 @@ cv::Mat upright(const std::filesystem::path& path, const cv::Mat& image, int ori
 cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags) {
   const std::vector<std::uint8_t> bytes = read_bytes(path);
   const Header header = header_of(bytes);
-  if (header.width * header.height > kMaxPixels)  // a small file may promise gigabytes, which OpenCV would allocate
+  if (header.width * header.height > kMaxPixels)  // small files may declare gigabytes, which OpenCV would allocate
     throw IoError(path.string() + ": is " + std::to_string(header.width) + "x" + std::to_string(header.height) +
                   " pixels, which are too many; expected 16384x8192 at most");
   if (header.is_jpeg) refuse_crop(path, bytes, header);

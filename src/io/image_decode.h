@@ -10,16 +10,16 @@
 
 namespace pmsp::io {
 
-/// Decodes an image file, turned as its EXIF orientation asks; `imread_flags` as cv::imread takes them. Throws IoError,
-/// naming the path, also for a JPEG that ends too early, which OpenCV would fill with gray; InvalidInput for a JPEG
-/// that says it is a part of a panorama, and for a wide image that is to be turned by a quarter.
+/// Decodes an image file and applies its EXIF orientation; `imread_flags`: see cv::imread. Throws IoError with the
+/// path, also for truncated JPEGs, which OpenCV would fill with gray; InvalidInput for partial panoramas (XMP) and for
+/// wide images with a quarter turn.
 cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags);
 
-/// 8-bit BGR to RGB.
+/// Converts 8-bit BGR to RGB.
 Image<Rgb> rgb_from_bgr(const cv::Mat& bgr);
 
-/// Throws InvalidInput unless width x height is the camera's size times one factor, within one row. `what` names the
-/// image.
+/// Throws InvalidInput unless width x height is the camera's size up to a common factor, within one row. `what`: name
+/// of the image.
 void check_image_size(const std::string& what, int width, int height, const MapCamera& camera);
 
 }  // namespace pmsp::io

@@ -19,16 +19,16 @@
 namespace pmsp {
 namespace {
 
-constexpr std::size_t kTrialPairs = 3;      ///< pairs of neighbouring keyframes that a scheme is tried on
-constexpr std::size_t kMostTrials = 32;     ///< schemes
-constexpr double kSearchedFit = 1.5;        ///< times the least fit: that of a reading with an offset found by search
-constexpr double kTrialClear = 0.8;         ///< likeness that no shifted pairing reaches
-constexpr double kTrialBetter = 0.03;       ///< of the likeness, by which a less plausible scheme must be better
-constexpr std::size_t kRecentFrames = 8;    ///< that are kept decoded while an offset is looked for
-constexpr std::int64_t kMostFrames = 3000;  ///< among which the offset is looked for
-constexpr int kTrialWidth = 960;            ///< [px] to which larger JPEGs are reduced while they are decoded
+constexpr std::size_t kTrialPairs = 3;      ///< pairs of adjacent keyframes per trial
+constexpr std::size_t kMostTrials = 32;     ///< maximum number of schemes
+constexpr double kSearchedFit = 1.5;        ///< required fit of readings with a searched offset [least fit]
+constexpr double kTrialClear = 0.8;         ///< likeness above that of any shifted pairing
+constexpr double kTrialBetter = 0.03;       ///< required lead in likeness of a less plausible scheme
+constexpr std::size_t kRecentFrames = 8;    ///< decoded frames cached during the offset search
+constexpr std::int64_t kMostFrames = 3000;  ///< maximum length of the offset search [frames]
+constexpr int kTrialWidth = 960;            ///< size to which larger JPEGs are reduced by the decoder [px]
 
-/// Keyframes of a scheme that have a file, in order of time.
+/// Keyframes of a scheme that have a file, by time.
 std::vector<std::size_t> paired_keyframes(const SlamMap& map, const io::NamingScheme& scheme) {
   std::vector<std::size_t> paired;
   for (std::size_t k = 0; k < map.keyframes.size(); ++k)
@@ -45,7 +45,7 @@ int trial_flags(const MapCamera& camera) {
   return camera.width >= 2 * kTrialWidth ? cv::IMREAD_REDUCED_COLOR_2 : cv::IMREAD_COLOR;
 }
 
-/// A few keyframes of a scheme and their images.
+/// Some keyframes of a scheme with their images.
 struct Trial {
   io::Keyframes keyframes;
   std::map<const MapKeyframe*, Image<Rgb>> images;
@@ -61,7 +61,7 @@ Trial make_trial(const SlamMap& map, const io::NamingScheme& scheme, const std::
   for (const std::size_t k : paired_keyframes(map, scheme)) paired.push_back(&map.keyframes[k]);
   Trial trial;
   trial.keyframes = io::spread_pairs(paired, kTrialPairs);
-  std::vector<std::pair<const MapKeyframe*, std::future<Image<Rgb>>>> images;  // all at the same time
+  std::vector<std::pair<const MapKeyframe*, std::future<Image<Rgb>>>> images;  // decoded concurrently
   for (const MapKeyframe* keyframe : trial.keyframes) {
     const MapCamera& camera = map.cameras[static_cast<std::size_t>(keyframe->camera)];
     const auto k = static_cast<std::size_t>(keyframe - map.keyframes.data());
@@ -74,13 +74,14 @@ Trial make_trial(const SlamMap& map, const io::NamingScheme& scheme, const std::
     try {
       trial.images.emplace(keyframe, image.get());
     } catch (const Error&) {
-      continue;  // reported when the image's turn comes, if this scheme is chosen
+      continue;  // reported when the image is read, if this scheme is chosen
     }
   }
   return trial;
 }
 
-/// Where images cannot tell: the most plausible reading, or the only guess that pairs all keyframes with all files.
+/// Choice if images are not conclusive: the most plausible reading, or the only guess that pairs all keyframes with all
+/// files.
 std::optional<std::size_t> choose_by_names(const std::vector<io::NamingScheme>& schemes) {
   if (!schemes.front().is_guess) {
     const bool is_alone = !schemes.front().is_shifted || schemes.size() == 1 || schemes[1].is_guess ||
@@ -96,22 +97,22 @@ std::optional<std::size_t> choose_by_names(const std::vector<io::NamingScheme>& 
   return complete;
 }
 
-/// A scheme, nullopt where none can be taken; and whether images have shown that it is wrong.
+/// Chosen scheme, nullopt = none; and whether images contradict it.
 struct Choice {
   std::optional<std::size_t> scheme;
   bool is_disproved = false;
 };
 
-/// Names alone cannot always tell (ids and frame indices of a short map look the same); the images can. Readings are
-/// tried in order of plausibility until one clearly fits, also those of images that are mirrored or turned, which the
-/// check of the pairing names. Of guesses only one that is proved is taken.
+/// Chooses a scheme by comparing images with the map, since names can be ambiguous (ids and frame indices of a short
+/// map are alike). Tries schemes by plausibility until one clearly fits, also with mirrored or turned images, which the
+/// pairing check reports. A guess is accepted only if proved.
 Choice choose_scheme(const SlamMap& map, const std::vector<io::NamingScheme>& schemes,
                      const std::vector<io::NumberedFile>& files) {
   if (schemes.size() == 1 && !schemes.front().is_guess) return {0};
   bool is_conclusive = false;
   std::optional<std::size_t> best;
   double best_likeness = 0.0;
-  std::optional<std::size_t> poor;  ///< no guess, and may fit
+  std::optional<std::size_t> poor;  ///< not a guess, and may fit
   for (std::size_t i = 0; i < std::min(schemes.size(), kMostTrials) && !map.landmarks.empty(); ++i) {
     const bool may_be_right = best || poor || (!schemes.front().is_guess && !is_conclusive);
     if (schemes[i].is_guess && may_be_right) break;
@@ -133,13 +134,13 @@ Choice choose_scheme(const SlamMap& map, const std::vector<io::NamingScheme>& sc
     best = i;
   }
   if (best) return {best};
-  if (poor) return {poor};  // for the check of the pairing to judge
+  if (poor) return {poor};  // left to the pairing check
   if (!is_conclusive) return {choose_by_names(schemes)};
   return {schemes.front().is_guess ? std::nullopt : std::optional<std::size_t>(0), true};
 }
 
-/// The offset of frame indices at which all frames of a recording fit, tried with each image as that of the same
-/// keyframe. nullopt where none does.
+/// Returns the offset of frame indices that fits all frames of a recording, trying each image as that of the same
+/// keyframe; nullopt = none.
 std::optional<std::int64_t> find_frame_offset(const SlamMap& map, const std::vector<io::NumberedFile>& files,
                                               double rate) {
   const std::map<std::int64_t, int> frames = io::frames_of(files);
@@ -165,7 +166,7 @@ std::optional<std::int64_t> find_frame_offset(const SlamMap& map, const std::vec
       if (recent.size() == kRecentFrames) recent.pop_front();
       recent.emplace_back(frame, io::rgb_from_bgr(bgr));
     } catch (const Error&) {
-      return nullptr;  // reported when the image's turn comes
+      return nullptr;  // reported when the image is read
     }
     return &recent.back().second;
   };
@@ -178,9 +179,9 @@ std::optional<std::int64_t> find_frame_offset(const SlamMap& map, const std::vec
   return found ? std::optional(found->anchor - index_of(*run.front())) : std::nullopt;
 }
 
-/// The file of each keyframe, by the longest tail of the name that the map has for it; "" where there is none.
-/// `other_endings`: also files that were converted, "IMG_0001.jpg" for "IMG_0001.png". A name without the ending of an
-/// image ("IMG_0001") is completed in any case.
+/// Returns the file of each keyframe, by the longest tail of its name in the map; "" = none. `other_endings`: also
+/// converted files, "IMG_0001.jpg" for "IMG_0001.png". Names without an image extension ("IMG_0001") are always
+/// completed.
 std::vector<std::filesystem::path> named_files(const SlamMap& map, const std::filesystem::path& folder,
                                                bool other_endings) {
   std::vector<std::filesystem::path> files;
@@ -191,8 +192,8 @@ std::vector<std::filesystem::path> named_files(const SlamMap& map, const std::fi
   return files;
 }
 
-/// Keyframes whose images the map names take exactly these. Of several that would take one file, because its folder's
-/// name is missing in the path, the one whose whole name that is takes it, or none.
+/// Pairs keyframes with the images named in the map. If several match the same file, because the folder is missing in
+/// the path, it belongs to the one whose whole name matches, or to none.
 io::NamingScheme read_map_names(const SlamMap& map, const std::filesystem::path& folder,
                                 std::vector<io::NumberedFile>& files) {
   io::NamingScheme scheme;
@@ -226,7 +227,7 @@ io::NamingScheme read_map_names(const SlamMap& map, const std::filesystem::path&
   return scheme;
 }
 
-/// The first files that the map names and are not there, for people; "" = all are.
+/// First missing files of those named in the map, for people; "" = none.
 std::string missing_names(const SlamMap& map, const io::NamingScheme& scheme) {
   constexpr std::size_t kNames = 3;
   std::string names;
@@ -321,8 +322,8 @@ class ImageFolder final : public ImageSource {
   std::string description_;
   std::size_t ahead_ = 0;
   std::size_t next_ = 0;
-  std::size_t begun_ = 0;                   ///< images that are being decoded, or have been
-  std::deque<std::future<Item>> decoding_;  ///< from the next one on; after all that it uses
+  std::size_t begun_ = 0;                   ///< number of images whose decoding has started
+  std::deque<std::future<Item>> decoding_;  ///< from the next one on; last member, since it uses the others
 };
 
 }  // namespace

@@ -17,14 +17,14 @@
 namespace pmsp::map_detail {
 namespace {
 
-constexpr double kSingleTolerance = 0.02;  ///< of the time of a list's only image [s]
+constexpr double kSingleTolerance = 0.02;  ///< if the list has a single image [s]
 
 struct Line {
-  std::string text;   ///< all of it
-  std::string where;  ///< in the file
+  std::string text;   ///< whole line
+  std::string where;  ///< line number, for messages
   bool has_time = false;
   double time = 0.0;
-  std::string name;  ///< what follows the time
+  std::string name;  ///< after the time
 };
 
 std::string without_quotes(const std::string& text) {
@@ -50,7 +50,7 @@ std::vector<Line> read_lines(const std::filesystem::path& path) {
   return lines;
 }
 
-/// Whether lines have timestamps; drops a header.
+/// True if lines have timestamps; removes a header.
 bool take_times(std::vector<Line>& lines, std::size_t keyframes, const std::filesystem::path& path) {
   const auto begins_names = lines.begin() + 1;
   const auto has_time = [](const Line& line) { return line.has_time; };
@@ -65,7 +65,7 @@ bool take_times(std::vector<Line>& lines, std::size_t keyframes, const std::file
   const bool is_constant = lines.size() > 1 && std::all_of(lines.begin(), lines.end(), [&](const Line& line) {
                              return line.has_time && line.time == lines.front().time;
                            });
-  if (timed == 0 || is_constant) return false;  // a number that all names begin with
+  if (timed == 0 || is_constant) return false;  // common numeric prefix of all names
   if (timed < lines.size()) {
     const auto other = std::find_if(lines.begin(), lines.end(),
                                     [&](const Line& line) { return line.has_time != lines.front().has_time; });
@@ -74,14 +74,14 @@ bool take_times(std::vector<Line>& lines, std::size_t keyframes, const std::file
   return true;
 }
 
-/// For each image the keyframe nearest in time, nullptr where none is near.
+/// Nearest keyframe in time per image; nullptr = none within the tolerance.
 struct Match {
   std::vector<MapKeyframe*> of_image;
   std::size_t count = 0;
-  double tolerance = 0.0;  ///< half the usual time between images [s]
+  double tolerance = 0.0;  ///< half the median interval between images [s]
 };
 
-/// `lines` ascend in time.
+/// `lines`: ascending in time.
 Match match_times(SlamMap& map, const std::vector<Line>& lines, double unit) {
   std::vector<double> steps;
   for (std::size_t i = 1; i < lines.size(); ++i) steps.push_back((lines[i].time - lines[i - 1].time) * unit);
@@ -108,7 +108,7 @@ Match match_times(SlamMap& map, const std::vector<Line>& lines, double unit) {
 void name_by_time(SlamMap& map, std::vector<Line>& lines, const std::filesystem::path& path) {
   std::stable_sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.time < b.time; });
   Match match;
-  for (const double unit : {1.0, 1e-9, 1e-6, 1e-3}) {  // lists have no unit
+  for (const double unit : {1.0, 1e-9, 1e-6, 1e-3}) {  // the unit is not part of the list
     Match other = match_times(map, lines, unit);
     if (other.count > match.count) match = std::move(other);
   }
@@ -123,7 +123,7 @@ void name_by_time(SlamMap& map, std::vector<Line>& lines, const std::filesystem:
     if (match.of_image[i] != nullptr) match.of_image[i]->image = image_name(lines[i].name, path, lines[i].where);
   const std::size_t without = map.keyframes.size() - match.count;
   if (without == 0) return;
-  // A trajectory may have a pose for each frame of a video, and images for some.
+  // A trajectory may have a pose per video frame, but only some images.
   const bool leaves_out = map.ids_are_row_numbers && 2 * match.count >= lines.size();
   map.notes.push_back((leaves_out ? "poses left out, without an image in " : "keyframes without an image in ") +
                       path.string() + " within " + shown(match.tolerance) + " s: " + std::to_string(without));
@@ -142,7 +142,7 @@ void name_images(SlamMap& map, const std::filesystem::path& list) {
     name_by_time(map, lines, list);
     return;
   }
-  // Rows whose poses are lost have left a gap in the numbers.
+  // Lost poses have left gaps in the row numbers.
   const auto rows = map.keyframes.empty() ? 0 : static_cast<std::size_t>(map.keyframes.back().id) + 1;
   if (map.ids_are_row_numbers && lines.size() == rows) {
     for (MapKeyframe& keyframe : map.keyframes) {

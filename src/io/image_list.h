@@ -7,9 +7,9 @@
 
 namespace pmsp::map_detail {
 
-/// Gives keyframes the images that a list names: lines "timestamp name", matched by time, or "name" for each keyframe
-/// in the order of ids; a first line may be a header. Poses without ids that no image belongs to are left out, with a
-/// note. Throws IoError, InvalidInput.
+/// Assigns images from a list to keyframes: lines "timestamp name", matched by time, or "name" per keyframe in the
+/// order of ids; the first line may be a header. Poses without ids and without an image are dropped, with a note.
+/// Throws IoError, InvalidInput.
 void name_images(SlamMap& map, const std::filesystem::path& list);
 
 }  // namespace pmsp::map_detail

@@ -19,18 +19,18 @@
 namespace pmsp::io {
 namespace {
 
-constexpr double kUnixTime = 1e8;        ///< [s] no video is that long (3 years)
+constexpr double kUnixTime = 1e8;        ///< smallest Unix time; longer than any video [s]
 constexpr double kSameTimestamp = 1e-6;  ///< [s]
-constexpr double kMicroseconds = 5e3;    ///< between keyframes, in microseconds at least
-constexpr double kNanoseconds = 5e6;     ///< the same in nanoseconds
-constexpr double kWhole = 0.05;          ///< from a whole number [frames]
-constexpr double kMaxIndex = 1e15;       ///< beyond which a double skips whole numbers
-constexpr std::size_t kMaxOffsets = 12;  ///< frame offsets that are tried
-constexpr std::size_t kMaxSeries = 8;    ///< series of files in one folder that are tried
+constexpr double kMicroseconds = 5e3;    ///< minimum interval of keyframes with timestamps in microseconds
+constexpr double kNanoseconds = 5e6;     ///< likewise in nanoseconds
+constexpr double kWhole = 0.05;          ///< maximum deviation from a whole number [frames]
+constexpr double kMaxIndex = 1e15;       ///< limit of consecutive integers in a double
+constexpr std::size_t kMaxOffsets = 12;  ///< maximum number of frame offsets tried
+constexpr std::size_t kMaxSeries = 8;    ///< maximum number of file series tried per folder
 constexpr std::size_t kMaxOffsetVotes = 4'000'000;
 constexpr std::size_t kMaxDigits = 18;
 
-/// Rates that cameras and tools that extract frames use [1/s].
+/// Usual frame rates of cameras and of tools that extract frames [1/s].
 constexpr std::array kUsualRates{30.0,
                                  30000.0 / 1001.0,
                                  25.0,
@@ -64,13 +64,13 @@ enum Rank {
   kShiftedIndex = 4,
   kGuessedRate = 5,
   kOrder = 6,
-  kEarlierNumber = 10,  ///< for each number between the one that is read and the last one
+  kEarlierNumber = 10,  ///< per number after the one that is used
   kLessLikelySeries = 100
 };
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// The numbers in the name with their decimals: "cam0_1763660000.25_left" has 0 and 1763660000.25.
+/// Numbers of a name with decimals: "cam0_1763660000.25_left" has 0 and 1763660000.25.
 std::optional<NumberedFile> parse_name(const std::filesystem::path& path) {
   const std::string stem = path.stem().string();
   NumberedFile file;
@@ -92,7 +92,7 @@ std::optional<NumberedFile> parse_name(const std::filesystem::path& path) {
       const bool is_chain =
           (at > 0 && stem[at - 1] == '.') ||
           (decimals_end + 1 < stem.size() && stem[decimals_end] == '.' && is_digit(stem[decimals_end + 1]));
-      if (!is_chain) {  // a date or a version
+      if (!is_chain) {  // chains of dots are dates or versions
         whole = false;
         end = decimals_end;
       }
@@ -114,12 +114,12 @@ std::optional<NumberedFile> parse_name(const std::filesystem::path& path) {
   return file;
 }
 
-/// The files of one series with their keys, to be looked up by keyframe.
+/// Files of a series, indexed by their numbers.
 struct Series {
   const std::vector<NumberedFile>* files = nullptr;
   std::vector<std::pair<std::int64_t, int>> by_integer;
   std::vector<std::pair<double, int>> by_value;
-  int penalty = 0;  ///< added to ranks
+  int penalty = 0;  ///< added to the ranks of its schemes
 
   std::size_t size() const { return by_value.size(); }
 
@@ -128,7 +128,7 @@ struct Series {
     return at != by_integer.end() && at->first == integer ? at->second : -1;
   }
 
-  /// The file whose value times `unit` is nearest to `seconds` and not farther than `tolerance`.
+  /// File whose value times `unit` is nearest to `seconds`, within `tolerance`; -1 = none.
   int find_nearest(double seconds, double unit, double tolerance) const {
     auto at = std::lower_bound(by_value.begin(), by_value.end(), std::make_pair(seconds / unit, 0));
     int best = -1;
@@ -145,7 +145,7 @@ struct Series {
   }
 };
 
-/// Where a scheme looks for a keyframe's file: its index or -1, and in `key` what was looked for.
+/// Lookup of a keyframe's file in a scheme: its index or -1; `key` is set to a description of the key.
 using Finder = std::function<int(const MapKeyframe&, std::string& key)>;
 
 NamingScheme read_names(const SlamMap& map, const Series& series, const Finder& find, bool by_time, std::string meaning,
@@ -187,7 +187,7 @@ class ReadingFinder {
       : map_(map), series_(series), options_(options), out_(out) {}
 
   void find_all() {
-    // An explicit offset says that the names are frame indices.
+    // An explicit offset implies frame indices.
     if (!options_.frame_offset) {
       if (!map_.ids_are_row_numbers) read_ids();
       read_timestamps();
@@ -236,12 +236,12 @@ class ReadingFinder {
             return series_.find_nearest(k.timestamp, unit_s, tolerance);
           },
           true, std::string("timestamps in ") + name, kTimestamp);
-      // Whole seconds of a short time may as well be frame indices.
+      // Whole seconds of a short time span could be frame indices.
       scheme.is_guess = unit == 1.0 && series_.by_integer.size() == series_.size() && !has_unix_time(map_);
     }
   }
 
-  /// Frame indices by timestamps in this unit.
+  /// Frame indices from timestamps in this unit.
   void read_times(double unit, double rate, bool is_guess) {
     const bool unix_time = has_unix_time(map_, unit);
     const double t0 = unix_time ? first_timestamp(map_) * unit : 0.0;
@@ -257,7 +257,7 @@ class ReadingFinder {
       return;
     }
     std::vector<std::int64_t> offsets{options_.frame_offset.value_or(0)};
-    if (!options_.frame_offset && !series_.by_integer.empty()) {  // the first file may be the first keyframe's
+    if (!options_.frame_offset && !series_.by_integer.empty()) {  // the first file may belong to the first keyframe
       const auto first = frame_index(first_timestamp(map_) * unit, t0, rate);
       offsets.insert(offsets.end(), {1, series_.by_integer.front().first - first.value_or(0)});
     }
@@ -272,7 +272,7 @@ class ReadingFinder {
     }
   }
 
-  /// Where the map has no rate, no sensible one, or timestamps in another unit.
+  /// Guesses for maps without a usable frame rate or with timestamps in another unit.
   void guess_rates(double known) {
     const double unit = time_unit(map_);
     if (known > 0.0 && unit != 1.0) read_times(unit, known, true);
@@ -280,7 +280,7 @@ class ReadingFinder {
     for (const double rate : kUsualRates) read_times(unit, rate, true);
   }
 
-  /// As many files as keyframes, in the same order.
+  /// Same number of files and keyframes, paired in order.
   void read_order() {
     if (series_.size() != map_.keyframes.size()) return;
     std::vector<const MapKeyframe*> by_time;
@@ -292,14 +292,15 @@ class ReadingFinder {
     NamingScheme& scheme = add([&](const MapKeyframe& k, std::string& /*key*/) { return file_of.at(k.id); }, false,
                                "in the order of the keyframes", kOrder);
     scheme.is_guess = true;
-    // Times that differ say more than the order, and have not fitted.
+    // Distinct timestamps are stronger evidence than the order, and did not match.
     scheme.is_complete = scheme.is_complete && !(last_timestamp(map_) > first_timestamp(map_));
   }
 
   void read_indices(const IndexOf& index_of, bool by_time, const std::string& formula, int rank) {
     add_offset(index_of, by_time, formula, options_.frame_offset.value_or(0), rank);
     if (options_.frame_offset) return;
-    out_.back().is_shifted = by_time && has_unix_time(map_);  // from a first keyframe that need not be the first frame
+    // Relative to the first keyframe, which need not be the first frame.
+    out_.back().is_shifted = by_time && has_unix_time(map_);
     for (const std::int64_t offset : likely_offsets(index_of))
       if (offset != 0) add_offset(index_of, by_time, formula, offset, kShiftedIndex).is_shifted = true;
   }
@@ -317,7 +318,7 @@ class ReadingFinder {
         by_time, meaning + ")", rank);
   }
 
-  /// Offsets from index to name that pair the most keyframes with files; among equal ones the smallest first.
+  /// Offsets from index to name that pair most keyframes with files; ties by size.
   std::vector<std::int64_t> likely_offsets(const IndexOf& index_of) const {
     const std::size_t n_files = std::max<std::size_t>(series_.by_integer.size(), 1);
     const std::size_t n_used = std::min(map_.keyframes.size(), std::max<std::size_t>(kMaxOffsetVotes / n_files, 4));
@@ -348,7 +349,7 @@ class ReadingFinder {
   std::vector<NamingScheme>& out_;
 };
 
-/// "7.jpg.png", "7_mask.png" and "7.mask.png" beside "7.jpg".
+/// Removes "7.jpg.png", "7_mask.png" and "7.mask.png" beside "7.jpg".
 void leave_out_masks(std::vector<std::filesystem::path>& paths) {
   std::set<std::string> names, stems;
   for (const auto& path : paths) {
@@ -371,8 +372,8 @@ int penalty_of(const std::string& around) {
   return 0;
 }
 
-/// Finds what may be series of files, each with the number that counts. Programs put masks and depth beside the images
-/// under names of their own, cameras of a rig their images in one folder.
+/// Finds possible series of files and their counting number. Masks and depth may be beside the images under other
+/// names, images of several cameras in one folder.
 class SeriesFinder {
  public:
   explicit SeriesFinder(const std::vector<NumberedFile>& files) : files_(files) {}
@@ -392,7 +393,7 @@ class SeriesFinder {
     return files_[static_cast<std::size_t>(file)].numbers[column];
   }
 
-  /// How many values a number has among the files.
+  /// Number of distinct values of a column.
   std::size_t values(const std::vector<int>& members, std::size_t column) const {
     std::set<double> seen;
     for (const int file : members) seen.insert(number(file, column).value);
@@ -413,7 +414,7 @@ class SeriesFinder {
         add(members, column, penalty);
         continue;
       }
-      std::map<std::vector<double>, std::vector<int>> apart;  // by all other numbers
+      std::map<std::vector<double>, std::vector<int>> apart;  // by all other columns
       for (const int file : members) {
         std::vector<double> others;
         for (const std::size_t other : differing)
@@ -442,7 +443,7 @@ class SeriesFinder {
     all_.push_back(std::move(series));
   }
 
-  /// Two numbers that may be seconds and their decimals, as ROS names images: "1600000000_100000000".
+  /// Seconds and decimals as two numbers, as in image names of ROS: "1600000000_100000000".
   void add_seconds(const std::vector<int>& members, std::size_t column) {
     Series series = empty_series(members, 0);
     for (const int file : members) {
@@ -514,7 +515,7 @@ std::vector<NamingScheme> find_naming_schemes(const SlamMap& map, const std::vec
     return a.found != b.found ? a.found > b.found : a.rank < b.rank;
   });
   const int least = std::min(2, static_cast<int>(map.keyframes.size()));
-  int most[] = {0, 0};  // of readings, with guesses
+  int most[] = {0, 0};  // without and with guesses
   for (const NamingScheme& scheme : all)
     for (const int guesses : {0, 1})
       if (guesses == 1 || !scheme.is_guess) most[guesses] = std::max(most[guesses], scheme.found);

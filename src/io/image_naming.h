@@ -13,76 +13,75 @@
 
 namespace pmsp::io {
 
-/// A number in a file's name.
+/// Number in a file name.
 struct NameNumber {
   double value = 0.0;
-  std::optional<std::int64_t> integer;  ///< where it is whole and fits
+  std::optional<std::int64_t> integer;  ///< if integral and in range
   std::string digits;
 };
 
-/// An image file whose name holds numbers.
+/// Image file with numbers in its name.
 struct NumberedFile {
   std::filesystem::path path;
-  std::string around;               ///< the name without its numbers: files of one series share it
+  std::string around;               ///< name without its numbers, common to the files of a series
   std::vector<NameNumber> numbers;  ///< from left to right, at least one
 };
 
-/// Whether a file's name has the ending of an image and it is not hidden.
+/// True for names with an image extension, except hidden files.
 bool is_image_name(const std::filesystem::path& path);
 
-/// Image files of a folder by name, not recursive, hidden ones left out. Throws IoError when there is no such folder or
-/// no image in it. `unnumbered` receives how many have no number in their names; those are left out.
+/// Returns the image files of a folder by name, without subfolders and hidden files. `unnumbered` is set to the number
+/// of files without a number in their names, which are skipped. Throws IoError if the folder is missing or contains no
+/// image.
 std::vector<NumberedFile> list_numbered_images(const std::filesystem::path& folder, std::size_t& unnumbered);
 
-/// One way to read the names, and the pairing that it gives.
+/// Interpretation of the file names, with its pairing.
 struct NamingScheme {
-  std::string meaning;              ///< of the names, for people: "frame indices (timestamp x 10 fps)"
-  std::vector<int> file;            ///< for each keyframe of the map: index of the file, -1 = none
-  std::vector<std::string> reason;  ///< for each keyframe: why it has none
-  int found = 0;                    ///< keyframes with a file
-  int rank = 0;                     ///< the lower, the more plausible among schemes that find equally many
-  bool is_shifted = false;          ///< by a constant offset, which is found
-  bool is_guess = false;            ///< to be proved: by images, or by `is_complete`
-  bool is_complete = false;         ///< each keyframe has a file, and each file of the series a keyframe
+  std::string meaning;              ///< description for people: "frame indices (timestamp x 10 fps)"
+  std::vector<int> file;            ///< per keyframe of the map: index of its file, -1 = none
+  std::vector<std::string> reason;  ///< per keyframe: why it has no file
+  int found = 0;                    ///< number of keyframes with a file
+  int rank = 0;                     ///< plausibility among schemes with the same `found`; lower is better
+  bool is_shifted = false;          ///< by a constant offset, to be searched
+  bool is_guess = false;            ///< needs confirmation by images or by `is_complete`
+  bool is_complete = false;         ///< one-to-one pairing of keyframes and files of the series
 };
 
-/// Naming schemes that pair at least two keyframes (one, where the map has no more): guesses last, else the one that
-/// finds most first. Readings with equal pairings are given once, those that find less than half as many as the best
-/// are left out.
+/// Returns naming schemes that pair at least two keyframes (one if the map has only one), by decreasing `found`,
+/// guesses last. Duplicates, and schemes with less than half the best `found`, are omitted.
 std::vector<NamingScheme> find_naming_schemes(const SlamMap& map, const std::vector<NumberedFile>& files,
                                               const ImageFolderOptions& options);
 
-/// Files of the largest series by the whole numbers in their names.
+/// Files of the largest series by their integer numbers.
 std::map<std::int64_t, int> frames_of(const std::vector<NumberedFile>& files);
 
-/// For each keyframe the index of an earlier one (smaller id) with the same timestamp, or -1.
+/// Per keyframe: index of an earlier one (smaller id) with the same timestamp, or -1.
 std::vector<int> earlier_with_same_timestamp(const SlamMap& map);
 
-/// Unit of timestamps [s]: 1, unless keyframes would then be hours apart, as where a file has nanoseconds.
+/// Unit of the timestamps [s]: 1, unless keyframes would be hours apart (nanoseconds).
 double time_unit(const SlamMap& map);
 
-/// True where timestamps in this unit are Unix times rather than seconds of a video.
+/// True if timestamps in this unit are Unix times instead of seconds of a video.
 bool has_unix_time(const SlamMap& map, double unit = 1.0);
 
-/// The lowest and the highest timestamp of the map's keyframes, as the map has them.
+/// Lowest and highest timestamp of the map's keyframes [map's unit].
 double first_timestamp(const SlamMap& map);
 double last_timestamp(const SlamMap& map);
 
-/// round((timestamp - t0) * fps), or nullopt when that is no sensible frame index.
+/// Returns round((timestamp - t0) * fps); nullopt if out of range.
 std::optional<std::int64_t> frame_index(double timestamp, double t0, double fps);
 
-/// The source frame, or nullopt when that is no sensible frame index.
+/// Returns the source frame; nullopt if missing or out of range.
 std::optional<std::int64_t> source_index(const MapKeyframe& keyframe);
 
-/// Throws InvalidInput unless at least half of the keyframes have an image. `how` they are paired and the `remedy` are
-/// for people.
+/// Throws InvalidInput unless at least half of the keyframes have an image. `how`, `remedy`: for the message.
 void require_half(const std::filesystem::path& images, std::size_t found, std::size_t keyframes, const std::string& how,
                   const std::string& remedy);
 
-/// "keyframe 7 has the same timestamp (1.5 s)": why a keyframe is skipped.
+/// Returns "keyframe 7 has the same timestamp (1.5 s)", the reason for skipping a keyframe.
 std::string same_timestamp_reason(const MapKeyframe& earlier);
 
-/// A number as people write it: up to 16 digits, no trailing zeros.
+/// Formats a number with up to 16 digits, without trailing zeros.
 std::string format_number(double value);
 
 }  // namespace pmsp::io

@@ -29,7 +29,7 @@ bool Decoder::take_image(Decoded& decoded) {
   }
 }
 
-/// What the source itself has passed over since the last call.
+/// Appends keyframes that the source has skipped since the last call.
 void Decoder::take_skipped(Decoded& decoded) {
   for (; listed_ < source_.skipped().size(); ++listed_, ++asked_) {
     decoded.skipped.push_back(source_.skipped()[listed_]);
@@ -128,7 +128,7 @@ ImageReader::Read ImageReader::next() {
 }
 
 void ImageReader::let_go(ImageSource::Item item) {
-  std::optional<ImageSource::Item> before;  // that the thread has not come to
+  std::optional<ImageSource::Item> before;  // not yet picked up by the thread
   const std::lock_guard<std::mutex> lock(mutex_);
   before = std::exchange(done_, std::move(item));
 }

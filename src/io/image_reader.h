@@ -20,17 +20,17 @@ namespace pmsp::io {
 
 struct Decoded {
   std::optional<ImageSource::Item> item;  ///< nullopt after the last image
-  std::vector<SkippedKeyframe> skipped;   ///< keyframes before it that turned out to have no image
+  std::vector<SkippedKeyframe> skipped;   ///< keyframes before it without an image
 };
 
-/// Decodes one image after the other. One that cannot be decoded costs its keyframe, not the run.
+/// Decodes images one after the other. Undecodable ones are skipped with their keyframes.
 class PMSP_API Decoder {
  public:
   explicit Decoder(ImageSource& source) : source_(source), listed_(source.skipped().size()) {}
 
   Decoded next();
 
-  /// Why the first of the images that could not be decoded could not; "" when all could.
+  /// Error of the first undecodable image; "" = none.
   const std::string& first_error() const { return first_error_; }
 
  private:
@@ -38,41 +38,41 @@ class PMSP_API Decoder {
   void take_skipped(Decoded& decoded);
 
   ImageSource& source_;
-  std::size_t listed_;     ///< of the source's skipped keyframes
-  std::size_t asked_ = 0;  ///< of the source's keyframe_ids
+  std::size_t listed_;     ///< index into the source's skipped()
+  std::size_t asked_ = 0;  ///< index into the source's keyframe_ids
   std::string first_error_;
 };
 
-/// Restricts a source to the images of a calibration, at most 24 (keyframes_for_lens_distance); of a video to as many
-/// of its beginning, since all frames before the last one are decoded. Before the first `next`.
+/// Restricts a source to the calibration images, at most 24 (keyframes_for_lens_distance); of a video to its first
+/// ones, since all frames up to the last one are decoded. To be called before the first `next`.
 void restrict_to_sample(ImageSource& source);
 
-/// How many images may be decoded ahead by so many threads: as many as take 512 MiB, but two at least.
+/// Returns the number of images that `threads` threads may decode ahead: up to 512 MiB, at least two.
 PMSP_API int images_ahead(const SlamMap& map, int threads);
 
-/// Decodes and verifies the next image, and takes its keyframe from the map, on a thread of its own, while whoever asks
-/// works on one.
+/// Decodes and verifies the next image on its own thread while the caller uses the current one, and supplies its
+/// keyframe.
 class PMSP_API ImageReader {
  public:
-  /// Begins at once. Nothing else may ask the source meanwhile. `threads`: that decode. `verifier`: nullptr = images
-  /// are not compared with the map.
+  /// Starts decoding; the source must not be used otherwise meanwhile. `threads`: for decoding. `verifier`: nullptr =
+  /// images are not compared with the map.
   ImageReader(ImageSource& source, const SlamMap& map, int threads, PairingVerifier* verifier);
   ~ImageReader();
   ImageReader(const ImageReader&) = delete;
   ImageReader& operator=(const ImageReader&) = delete;
 
   struct Read : Decoded {
-    Keyframe keyframe;                                ///< that the image belongs to, with it; the mask is left out
-    std::optional<PairingVerifier::Verdict> pairing;  ///< of the images so far
+    Keyframe keyframe;                                ///< of the image, with it, without mask
+    std::optional<PairingVerifier::Verdict> pairing;  ///< verdict on the images so far
   };
-  /// Not after the last image, or after it threw. Throws InvalidInput where the images so far evidently belong to other
-  /// keyframes, or the map lacks one's keyframe.
+  /// Returns the next image; not to be called after the last one or an exception. Throws InvalidInput if the images so
+  /// far belong to other keyframes, or a keyframe is missing in the map.
   Read next();
 
-  /// The thread gives the image's memory back, which takes a while.
+  /// Releases the image's memory on the thread, since that takes time.
   void let_go(ImageSource::Item item);
 
-  /// When there is no image any more: as Decoder::first_error.
+  /// See Decoder::first_error; valid after the last image.
   const std::string& first_error() const { return decoder_.first_error(); }
 
  private:
@@ -88,23 +88,23 @@ class PMSP_API ImageReader {
   std::exception_ptr failed_;
   std::optional<ImageSource::Item> done_;
   bool stop_ = false;
-  std::thread thread_;  ///< after all that it uses
+  std::thread thread_;  ///< last member, since it uses the others
 };
 
-/// A pass over images, one after the other, while other threads decode the next ones.
+/// Pass over all images, with read-ahead.
 struct PMSP_API ImageLoop {
   ImageReader& images;
   std::function<void(std::size_t index, Keyframe& keyframe)> visit;  ///< with the image, without mask and prior depth
-  std::function<void(const SkippedKeyframe&)> skipped = {};          ///< before the next image
-  std::function<void()> check = {};      ///< before and after each image; what it throws ends the pass
-  std::function<void(bool)> waits = {};  ///< true before, false after a wait for an image
+  std::function<void(const SkippedKeyframe&)> skipped = {};          ///< called before the next image
+  std::function<void()> check = {};      ///< called before and after each image; its exceptions end the pass
+  std::function<void(bool)> waits = {};  ///< true before, false after waiting for an image
 
   struct End {
     std::size_t images = 0;
-    std::string first_error;  ///< why the first one cannot be read, where none can
+    std::string first_error;  ///< error of the first image, if none can be read
     std::optional<PairingVerifier::Verdict> pairing;
   };
-  /// Throws as ImageReader::next, and what the members throw.
+  /// Throws as ImageReader::next and the members.
   End operator()() const;
 };
 

@@ -7,22 +7,22 @@
 
 namespace pmsp::io {
 
-/// The unsigned number in bytes of a file, the most significant one first; beyond the end there is nothing.
+/// Big-endian unsigned number; bytes beyond the end are skipped.
 inline std::uint64_t big_endian(const std::vector<std::uint8_t>& bytes, std::size_t at, std::size_t count) {
   std::uint64_t value = 0;
   for (std::size_t i = at; i < at + count && i < bytes.size(); ++i) value = value * 256 + bytes[i];
   return value;
 }
 
-/// Calls see(kind, at, size) for the segments of a JPEG before its scan, by their lengths: an embedded thumbnail has
-/// markers of its own. `at`, `size`: of what follows the length; it may reach beyond the end of a broken file. Returns
-/// where the segments end.
+/// Calls see(kind, at, size) for each segment of a JPEG before its scan, skipping by length, since embedded thumbnails
+/// have markers of their own. `at`, `size`: payload, possibly beyond the end of a broken file. Returns the offset after
+/// the last segment.
 template <class See>
 std::size_t each_jpeg_segment(const std::vector<std::uint8_t>& bytes, const See& see) {
   constexpr std::uint8_t kMark = 0xFF, kScan = 0xDA;
   std::size_t at = 2;
   while (at + 4 <= bytes.size() && bytes[at] == kMark && bytes[at + 1] != kScan) {
-    if (bytes[at + 1] == kMark) {  // a fill byte
+    if (bytes[at + 1] == kMark) {  // fill byte
       ++at;
       continue;
     }

@@ -13,12 +13,12 @@
 namespace pmsp::io {
 namespace {
 
-/// Gray levels; a keypoint lies on a corner, so a flatter patch is no keypoint's.
+/// Minimum standard deviation [gray levels]; flatter patches contain no keypoint.
 constexpr double kFlatDeviation = 1.0;
 
 float gray(const Rgb& c) { return 0.299F * c.r + 0.587F * c.g + 0.114F * c.b; }
 
-/// Bilinear gray value; `x`, `y` in pixels from the image's corner, x at most a few widths beside it.
+/// Bilinear gray value; `x`, `y` from the image's corner [px], x at most a few widths outside.
 float sample_gray(ImageView<const Rgb> image, double x, double y) {
   const double fx = x - 0.5;
   const double fy = std::clamp(y - 0.5, 0.0, image.height - 1.0);

@@ -28,31 +28,30 @@ using map_detail::PoseConvention;
 using Views = std::vector<SweepView>;
 
 constexpr std::size_t kTrialKeyframes = 8;
-constexpr std::size_t kTrialPatches = 512;  ///< of these keyframes together
-constexpr std::size_t kFewPatches = 64;     ///< to rule out what finds hardly anything
-constexpr double kHardlyAny = 0.5;          ///< of the share that matters
+constexpr std::size_t kTrialPatches = 512;  ///< total of these keyframes
+constexpr std::size_t kFewPatches = 64;     ///< first stage of a trial, which rejects poses that match hardly anything
+constexpr double kHardlyAny = 0.5;          ///< fraction of the required share for the second stage
 constexpr std::size_t kChances = 3;
-constexpr std::size_t kFewestViews = 4;  ///< with fewer, chance and poses that fit are not far enough apart
+constexpr std::size_t kFewestViews = 4;  ///< with fewer, correct poses and chance are too close
 constexpr std::size_t kFewestPatches = 100;
 
-/// Measured on four real missions and one of a real SLAM's poses, all keyframes and each 2nd to 6th, at 160 to 1920 px:
-/// poses that fit find 0.37 to 0.86 of the patches, those of other keyframes 0.002 to 0.07 (0.11 of four keyframes),
-/// random ones 0.04 at most; a constant turn of all cameras 0.2 at most, where it is below 40 degrees more.
+/// Shares of matched patches, between those of correct poses and those of other keyframes or wrong rotations. Constant
+/// rotations of all cameras by a small angle reach the highest share of wrong poses.
 constexpr double kCertain = 0.5;
 constexpr double kExpected = 0.25;
 constexpr double kLeast = 0.05;
 constexpr double kExpectedOverChance = 4.0;
 constexpr double kLeastOverChance = 2.0;
-constexpr double kClearlyMore = 1.8;  ///< times what the given poses find, for another convention to be named
+constexpr double kClearlyMore = 1.8;  ///< ratio to the share with the map's poses for another convention to be named
 
-/// Patches that were looked for, and those that were found at one depth.
+/// Numbers of patches searched and matched at one depth.
 struct Tally {
   std::size_t patches = 0;
   std::size_t found = 0;
   double share() const { return patches > 0 ? static_cast<double>(found) / static_cast<double>(patches) : 0.0; }
 };
 
-/// Other poses for the same images.
+/// Alternative poses for the same images.
 struct Hypothesis {
   std::string what;
   std::string remedy;
@@ -89,7 +88,7 @@ std::vector<Hypothesis> other_poses() {
   return all;
 }
 
-/// Each image with the pose of any keyframe.
+/// Images with randomly permuted poses.
 Views shuffled(const Views& views, std::size_t seed) {
   std::vector<std::size_t> order(views.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -98,7 +97,7 @@ Views shuffled(const Views& views, std::size_t seed) {
   return with_poses_of(views, [&](std::size_t i) { return static_cast<std::ptrdiff_t>(order[i]); });
 }
 
-/// What some patches of some keyframes, both evenly spread, give with each of several poses.
+/// Tallies of evenly spread patches of evenly spread keyframes, per set of poses.
 std::vector<Tally> trials(const std::vector<Views>& poses, std::size_t patches, ThreadPool& pool) {
   std::vector<PatchSweep> sweeps;
   for (const Views& views : poses) sweeps.emplace_back(views);
@@ -134,7 +133,7 @@ constexpr char kAdvice[] =
     "check that trajectory and images are of the same mission and paired rightly (--images, --fps, --frame-offset), "
     "and that the poses are the camera's: those of an IMU or a base need --camera-from-body";
 
-/// The other poses that find clearly more go into `result`.
+/// Adds alternative poses with clearly more matches to `result`.
 void try_other_poses(const Views& views, ThreadPool& pool, LandmarkSweep::Result& result) {
   const std::vector<Hypothesis> all = other_poses();
   std::vector<Views> poses;
@@ -198,7 +197,7 @@ struct LandmarkSweep::Impl {
     std::shared_ptr<const io::SweepImage> image;
   };
 
-  /// In the order of time.
+  /// By time.
   std::vector<const Image*> in_order() const {
     std::vector<const Image*> order;
     for (const auto& [id, image] : images) order.push_back(&image);
@@ -208,7 +207,7 @@ struct LandmarkSweep::Impl {
   }
 
   const SlamMap* map = nullptr;
-  std::map<std::int64_t, Image> images;  ///< by keyframe
+  std::map<std::int64_t, Image> images;  ///< by keyframe id
 };
 
 LandmarkSweep::LandmarkSweep(const SlamMap& map) : impl_(std::make_unique<Impl>()) { impl_->map = &map; }

@@ -18,7 +18,7 @@
 namespace pmsp {
 namespace map_detail {
 
-/// The one table of formats: a new one is a file that defines it, a line here and one below, and a line for CMake.
+/// Table of formats. A new one needs a file that defines it, a line here and below, and one in CMakeLists.txt.
 extern const MapFormat kColmap;
 extern const MapFormat kOpenSfm;
 extern const MapFormat kOpenMvg;
@@ -33,7 +33,7 @@ namespace {
 
 using namespace map_detail;
 
-/// Ids mostly are spread evenly: the search begins where this one would be, and is bounded by steps that double.
+/// Interpolation and galloping search, since ids usually are evenly spread.
 template <class T>
 const T* find_by_id(const std::vector<T>& sorted, std::int64_t id) {
   if (sorted.empty() || id < sorted.front().id || id > sorted.back().id) return nullptr;
@@ -41,7 +41,7 @@ const T* find_by_id(const std::vector<T>& sorted, std::int64_t id) {
   const double first = static_cast<double>(sorted.front().id);
   const double share = (static_cast<double>(id) - first) / (static_cast<double>(sorted.back().id) - first + 1.0);
   const std::ptrdiff_t guess = std::clamp<std::ptrdiff_t>(std::lround(share * static_cast<double>(size)), 0, size - 1);
-  std::ptrdiff_t low = guess, high = guess + 1;  // the id is from low to before high, if it is there
+  std::ptrdiff_t low = guess, high = guess + 1;  // if present, the id is in [low, high)
   for (std::ptrdiff_t step = 4; low > 0 && sorted[static_cast<std::size_t>(low)].id > id; step *= 2) {
     high = low;
     low = std::max<std::ptrdiff_t>(low - step, 0);
@@ -59,12 +59,12 @@ bool starts_with(const std::string& text, const char* prefix) { return text.rfin
 
 bool is_msgpack_map(MapFile& file) {
   const std::string& head = file.head();
-  if (head.empty() || starts_with(head, "\x89PNG")) return false;  // a PNG's first byte would do, too
+  if (head.empty() || starts_with(head, "\x89PNG")) return false;  // a PNG's first byte is valid MessagePack
   const auto first = static_cast<unsigned char>(head[0]);
   return (first & 0xF0U) == 0x80U || first == 0xDEU || first == 0xDFU;
 }
 
-/// What a file that is no map looks like, for the message.
+/// Description of a file that is not a map, for the message.
 std::string describe(const MapFile& file) {
   const std::string& head = file.head();
   if (head.empty()) return "the file is empty";
@@ -76,7 +76,7 @@ std::string describe(const MapFile& file) {
   if (starts_with(head, "PK\x03\x04") || starts_with(head, "\x1F\x8B")) {
     return "this looks like a compressed archive; unpack it first";
   }
-  const std::size_t version = starts_with(head, "\x01") ? 1 : 0;  // cereal begins with it, or not
+  const std::size_t version = starts_with(head, "\x01") ? 1 : 0;  // cereal may begin with it
   if (head.compare(version, 10,
                    std::string("\x03\0\0\0\0\0\0\0"
                                "0.",
@@ -176,7 +176,7 @@ MapFile::MapFile(const std::filesystem::path& path) : path_(path) {
   if (status.type() == std::filesystem::file_type::not_found) throw IoError(path.string() + ": there is no such file");
   is_folder_ = status.type() == std::filesystem::file_type::directory;
   if (is_folder_) return;
-  // Opening a named pipe would wait for ever, and readers need the file's length.
+  // Opening a named pipe would block for ever, and readers need the file's length.
   if (error || status.type() != std::filesystem::file_type::regular) {
     throw IoError(path.string() + ": is not a regular file" + (error ? " (" + error.message() + ")" : ""));
   }

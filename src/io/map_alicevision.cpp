@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 //
-// AliceVision's (Meshroom's) scenes as JSON, cameras.sfm: views, intrinsics, poses (rotation of cam_from_world, column
-// by column, and centre) and, where they were written, structure with observations. All numbers are texts. Axes are
-// this library's; features have pixel centres at whole numbers, as in openMVG, which it comes from. The principal point
-// is given from the middle of the image, before version 1.2.1 from its corner.
+// AliceVision (Meshroom) scenes as JSON, cameras.sfm: views, intrinsics, poses (rotation of cam_from_world,
+// column-major, and centre) and optionally structure with observations. All numbers are strings. Axes are those of
+// libpmsp; features have pixel centres at whole numbers, as in openMVG. The principal point is relative to the image
+// centre, before version 1.2.1 to the corner.
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -26,7 +26,7 @@ bool matches(MapFile& file) {
   return views.is_array() && !views.empty() && views.front().is_object() && views.front().contains("viewId");
 }
 
-/// A number, or a text that is one; NaN too.
+/// Number, or string of one; NaN allowed.
 double number_of(const JsonValue& value) {
   if (!value.is_text()) return value.number_or_nan();
   const std::string& text = value.text();
@@ -53,7 +53,7 @@ bool is_before_1_2_1(const JsonValue& json) {
   return std::make_tuple(version.x(), version.y(), version.z()) < std::make_tuple(1.0, 2.0, 1.0);
 }
 
-/// By id; -1: no panorama.
+/// Camera index by intrinsic id; -1 = not a panorama.
 std::map<std::int64_t, int> read_cameras(const JsonValue& json, SlamMap& map) {
   std::map<std::int64_t, int> cameras;
   const bool from_corner = is_before_1_2_1(json);
@@ -111,7 +111,7 @@ void read_structure(const JsonValue& json, const std::map<std::int64_t, std::str
     if (!entry.has("observations")) return;
     entry.at("observations").each_element([&](const JsonValue& observation) {
       const auto view = views.find(whole_number_of(observation.at("observationId")));
-      if (view == views.end() || !observation.has("x")) return;  // of a view that is left out, or without its place
+      if (view == views.end() || !observation.has("x")) return;  // view was dropped, or the position is missing
       const JsonValue pixel = observation.at("x");
       if (pixel.size() != 2) pixel.refuse("an array of 2 numbers");
       const Eigen::Vector2d at(number_of(pixel.element(0)) + 0.5, number_of(pixel.element(1)) + 0.5);
@@ -128,7 +128,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
   map.half_row_may_remain = true;
   const std::map<std::int64_t, int> cameras = read_cameras(json, map);
   const std::map<std::int64_t, RigidTransform> poses = read_poses(json, map.path);
-  std::map<std::int64_t, std::string> views;  // their images
+  std::map<std::int64_t, std::string> views;  // image by view id
   std::size_t without_pose = 0;
   std::size_t others = 0;
   json.at("views").each_element([&](const JsonValue& view) {

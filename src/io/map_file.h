@@ -12,7 +12,7 @@
 
 namespace pmsp::map_detail {
 
-/// What was given as a map, before it is known which format it is of.
+/// Input path of a map, before its format is known.
 class MapFile {
  public:
   /// Throws IoError.
@@ -20,12 +20,12 @@ class MapFile {
 
   const std::filesystem::path& path() const { return path_; }
   bool is_folder() const { return is_folder_; }
-  const std::string& head() const { return head_; }  ///< its first bytes; "" of a folder
-  bool is_text() const;                              ///< as far as the head tells
-  /// Begins with `text` behind blanks.
+  const std::string& head() const { return head_; }  ///< first bytes; "" for folders
+  bool is_text() const;                              ///< according to head()
+  /// True if the text after leading blanks begins with `text`.
   bool begins_with(const char* text) const;
   bool is_json() const { return is_text() && (begins_with("{") || begins_with("[")); }
-  /// Read when first asked for. Throws InvalidInput where `is_json`, but broken.
+  /// Parsed at the first call. Throws InvalidInput if `is_json` but malformed.
   const nlohmann::json& json();
 
  private:
@@ -35,10 +35,10 @@ class MapFile {
   std::optional<nlohmann::json> json_;
 };
 
-/// A format of maps. Each is defined in its file and listed in map.cpp.
+/// Map format, defined in its own file and listed in map.cpp.
 struct MapFormat {
   const char* name;
-  const char* what;  ///< to give as MAP, for people
+  const char* what;  ///< expected MAP argument, for people
   bool (*matches)(MapFile& file);
   SlamMap (*read)(MapFile& file, const ReadMapOptions& options);
 };

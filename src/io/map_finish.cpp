@@ -22,7 +22,7 @@ std::string text(const Parts&... parts) {
 
 bool is_panorama(const RawCamera& camera) { return camera.model == "Equirectangular"; }
 
-/// Camera as the library sees it, or an error that names the field.
+/// Converts a camera; throws InvalidInput with the field.
 MapCamera checked_camera(const RawMap& raw, const RawCamera& camera) {
   const auto reject = [&](const char* field, const std::string& what) {
     if (raw.dialect == Dialect::msgpack) fail(raw.path, place(raw.dialect, "cameras", camera.name, field), what);
@@ -77,7 +77,7 @@ RigidTransform checked_pose(const RawMap& raw, const RawKeyframe& keyframe, int 
   return cam_from_slam_cam(image_width) * RigidTransform{rotation, t};
 }
 
-/// Takes out what the SLAM has lost, and keyframes of other cameras than panoramas; says how many in the map's notes.
+/// Drops lost poses and keyframes of other cameras than panoramas, with a note.
 void leave_out(RawMap& raw, SlamMap& map) {
   std::vector<RawKeyframe>& keyframes = raw.keyframes;
   const auto poses = std::remove_if(keyframes.begin(), keyframes.end(), [](const RawKeyframe& k) {
@@ -101,9 +101,9 @@ void leave_out(RawMap& raw, SlamMap& map) {
   const auto is_of_panorama = [&](const RawKeyframe& keyframe) {
     const auto camera = std::find_if(raw.cameras.begin(), raw.cameras.end(),
                                      [&](const RawCamera& c) { return c.name == keyframe.camera; });
-    return camera == raw.cameras.end() || is_panorama(*camera);  // one that is missing is refused later
+    return camera == raw.cameras.end() || is_panorama(*camera);  // missing ones are rejected later
   };
-  if (std::none_of(raw.cameras.begin(), raw.cameras.end(), is_panorama)) return;  // refused later, too
+  if (std::none_of(raw.cameras.begin(), raw.cameras.end(), is_panorama)) return;  // rejected later, too
   const auto others = std::stable_partition(keyframes.begin(), keyframes.end(), is_of_panorama);
   if (others == keyframes.end()) return;
   map.notes.push_back("keyframes left out, of cameras that are not equirectangular: " +
@@ -153,7 +153,7 @@ int camera_index(const RawMap& raw, const std::vector<MapCamera>& cameras, const
        "there is no camera " + in_quotes(keyframe.camera) + ", expected the name of one in cameras");
 }
 
-/// Keeps the observations of landmarks that exist, each landmark once, and moves their pixels to this library's origin.
+/// Keeps observations of existing landmarks, each landmark once per keyframe, and converts their pixels.
 class ObservationFilter {
  public:
   ObservationFilter(const RawMap& raw, SlamMap& map) : raw_(raw), sieve_(map) {}
@@ -178,7 +178,7 @@ class ObservationFilter {
     const float y = observation.pixel.y();
     const auto width = static_cast<float>(camera.width);
     const auto height = static_cast<float>(camera.height);
-    if (!(x >= -0.5F && x <= width && y >= -0.5F && y <= height)) {  // NaN included
+    if (!(x >= -0.5F && x <= width && y >= -0.5F && y <= height)) {  // false for NaN
       fail(raw_.path, place(raw_.dialect, "keyframes", std::to_string(keyframe.id), raw_.keypoint_field),
            text("the keypoint of landmark ", observation.landmark_id, " lies at (", x, ", ", y,
                 "), expected a place in the camera's image of ", camera.width, " x ", camera.height, " pixels"));
@@ -190,7 +190,7 @@ class ObservationFilter {
     const Eigen::Vector3d point = keyframe.cam_from_world * landmark.position_world;
     if (!(point.norm() > 0.0)) return {0.5F, 0.5F};
     Eigen::Vector2d pixel = pixel_from_bearing(point, camera.width, camera.height);
-    pixel.y() += 0.5;  // the half pixel of latitude that no turn of the camera takes away
+    pixel.y() += 0.5;  // the vertical half pixel, which no camera rotation absorbs
     return pixel.cast<float>();
   }
 

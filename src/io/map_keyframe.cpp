@@ -13,7 +13,7 @@
 namespace pmsp {
 namespace {
 
-/// Angle between where a landmark is observed and where it lies [rad].
+/// Angle between observation and landmark [rad].
 double angle_off(const MapObservation& observation, const MapCamera& camera, const Eigen::Vector3d& point) {
   const Eigen::Vector3d seen = bearing_from_pixel(observation.pixel.cast<double>(), camera.width, camera.height);
   return kernels::angle_between({seen.x(), seen.y(), seen.z()}, {point.x(), point.y(), point.z()});

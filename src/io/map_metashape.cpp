@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 //
-// Metashape's cameras as XML (File > Export > Export Cameras): chunks with sensors, cameras and components. A camera's
-// transform is the 4x4 matrix chunk_from_camera with this library's axes; that of the component, in older files of the
-// chunk, is world_from_chunk: rotation, translation and scale. Spherical sensors have the forward direction in the
-// middle of the image and pixel centres at + 0.5 (user manual, appendix "Camera models"). There are no points in it.
+// Metashape cameras as XML (File > Export > Export Cameras): chunks with sensors, cameras and components. The transform
+// of a camera is the 4 x 4 matrix chunk_from_camera with the axes of libpmsp; that of the component (in older files of
+// the chunk) is world_from_chunk: rotation, translation, scale. Spherical sensors have the forward direction at the
+// image centre and pixel centres at + 0.5 (user manual, appendix "Camera models"). The file contains no points.
 #include <algorithm>
 #include <map>
 #include <string>
@@ -30,7 +30,7 @@ std::string place(const pugi::xml_node& node) {
   return std::string(node.name()) + (id.empty() ? "" : " " + id.substr(0, 40));
 }
 
-/// Numbers in the text of a node, no more and no fewer. `may_be_lost`: NaN is one.
+/// Exactly `count` numbers from a node's text. `may_be_lost`: NaN is allowed.
 std::vector<double> numbers(const pugi::xml_node& node, std::size_t count, const std::filesystem::path& path,
                             const std::string& where, bool may_be_lost = false) {
   std::vector<double> values;
@@ -91,10 +91,10 @@ Similarity similarity_of(const pugi::xml_node& transform, const std::filesystem:
   return result;
 }
 
-/// A chunk, or one of its components.
+/// Chunk, or one of its components.
 struct Part {
   pugi::xml_node chunk;
-  pugi::xml_node component;  ///< none: the whole chunk
+  pugi::xml_node component;  ///< none = the whole chunk
 };
 
 std::vector<Part> parts_of(const pugi::xml_node& document) {
@@ -187,8 +187,8 @@ class PartReader {
     groups_.push_back(group);
   }
 
-  /// The file has the photos' labels alone. Of those that share one, the group of cameras may be the folder; else only
-  /// a list of images can say which is which.
+  /// Files contain photo labels only. For duplicate labels the group of cameras may be the folder; otherwise a list of
+  /// images is needed.
   void distinguish_labels() {
     std::map<std::string, std::size_t> labels;
     for (const MapKeyframe& keyframe : map_.keyframes) ++labels[keyframe.image];
@@ -217,8 +217,8 @@ class PartReader {
   bool has_image_list_ = false;
   SlamMap map_;
   Similarity world_from_chunk_;
-  std::map<std::int64_t, int> sensors_;  ///< by id; -1: no panorama
-  std::vector<std::string> groups_;      ///< of each keyframe: the label of its group of cameras, or ""
+  std::map<std::int64_t, int> sensors_;  ///< by sensor id; -1 = not a panorama
+  std::vector<std::string> groups_;      ///< per keyframe: label of its camera group, or ""
   std::size_t without_pose_ = 0;
   std::size_t disabled_ = 0;
   std::size_t others_ = 0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 //
-// nerfstudio's transforms.json: frames with camera-to-world matrices whose axes are OpenGL's, x right, y up, z
-// backward, and perhaps a PLY file with points of the same world. Nobody says who sees which point.
+// nerfstudio's transforms.json: frames with camera-to-world matrices in OpenGL axes (x right, y up, z backward), and
+// optionally a PLY file of points in the same world. Observations are not contained.
 #include <algorithm>
 #include <filesystem>
 #include <map>
@@ -22,7 +22,7 @@ bool matches(MapFile& file) {
   return json.is_object() && json.contains("frames") && !json.contains("sfm_data_version");
 }
 
-/// Of a frame, where it has its own, else of the file.
+/// Of the frame, or else of the file.
 std::string camera_model(const JsonValue& json, const JsonValue& frame) {
   for (const JsonValue* value : {&frame, &json}) {
     if (value->has("camera_model")) return value->at("camera_model").text();
@@ -30,7 +30,7 @@ std::string camera_model(const JsonValue& json, const JsonValue& frame) {
   return "PERSPECTIVE";
 }
 
-/// Cameras of the frames, one a size.
+/// Cameras of the frames, one per size.
 class Cameras {
  public:
   explicit Cameras(SlamMap& map) : map_(map) {}
@@ -58,7 +58,7 @@ class Cameras {
   std::map<std::int64_t, int> by_width_;
 };
 
-/// The longest end of the path that is a file in the folder; a path to none where no end is. "" = none is named.
+/// Longest tail of the path that is a file in the folder, else a path that does not exist; "" = no mask is named.
 std::filesystem::path mask_file(const std::filesystem::path& folder, const JsonValue& value) {
   constexpr std::size_t kLongest = 4096;
   constexpr std::ptrdiff_t kMostParts = 8;

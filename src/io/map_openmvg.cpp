@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 //
 // openMVG's sfm_data.json: views, intrinsics, extrinsics (rotation of cam_from_world, and centre) and structure with
-// observations. Axes are this library's; features have pixel centres at whole numbers while the projection puts the
-// forward direction at width / 2, as SLAM programs do (see SlamMap). cereal writes the type's name of an intrinsic only
-// where it comes first and a number afterwards.
+// observations. Axes are those of libpmsp; features have pixel centres at whole numbers while the projection has the
+// forward direction at width / 2, as in SLAM programs (see SlamMap). cereal writes the type name of an intrinsic only
+// at its first use, and a number afterwards.
 #include <algorithm>
 #include <cstdint>
 #include <map>
@@ -25,13 +25,13 @@ bool matches(MapFile& file) {
   return json.is_object() && json.contains("sfm_data_version");
 }
 
-/// The fields of what cereal points to.
+/// Fields behind a pointer of cereal.
 JsonValue data_of(const JsonValue& value) {
   const JsonValue data = value.at("ptr_wrapper").at("data");
   return data.has("value0") ? data.at("value0") : data;
 }
 
-/// By id; -1: no panorama.
+/// Camera index by intrinsic id; -1 = not a panorama.
 std::map<std::int64_t, int> read_cameras(const JsonValue& json, SlamMap& map) {
   std::map<std::int64_t, int> cameras;
   std::map<std::int64_t, std::string> types;
@@ -77,7 +77,7 @@ void read_structure(const JsonValue& json, SlamMap& map) {
     map.landmarks.push_back({id, entry.at("value").at("X").vector3()});
     entry.at("value").at("observations").each_element([&](const JsonValue& observation) {
       const auto found = keyframes.find(observation.at("key").integer());
-      if (found == keyframes.end()) return;  // of a view without pose
+      if (found == keyframes.end()) return;  // view without pose
       const JsonValue pixel = observation.at("value").at("x");
       if (pixel.size() != 2) pixel.refuse("an array of 2 numbers");
       const Eigen::Vector2d at(pixel.element(0).number() + 0.5, pixel.element(1).number() + 0.5);

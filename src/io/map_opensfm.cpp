@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 //
-// OpenSfM's reconstruction.json: an array of reconstructions with cameras, shots and points, and tracks.csv beside it,
-// which says who sees what. A shot's rotation (angle times axis) and translation are cam_from_world with this library's
-// axes. Places in images are normalised: (pixel index + 0.5 - size / 2) / the larger size.
+// OpenSfM's reconstruction.json: an array of reconstructions with cameras, shots and points; observations are in
+// tracks.csv beside it. Rotation (angle times axis) and translation of a shot are cam_from_world with the axes of
+// libpmsp. Image positions are normalised: (pixel index + 0.5 - size / 2) / larger size.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -19,7 +19,7 @@
 namespace pmsp::map_detail {
 namespace {
 
-constexpr std::size_t kMaxWords = 11;  ///< of a line of tracks.csv
+constexpr std::size_t kMaxWords = 11;  ///< per line of tracks.csv
 
 bool is_reconstruction(const nlohmann::json& json) {
   return json.is_object() && json.contains("shots") && json.contains("cameras");
@@ -42,7 +42,7 @@ Eigen::Matrix3d rotation_of(const JsonValue& value) {
   return rotation_from_matrix(rotation, value.path(), value.where());
 }
 
-/// Ids for points and tracks: their names where these are whole numbers, else 2^40 and up in the order of the file.
+/// Ids of points and tracks: their names if integers, else from 2^40 up in order of occurrence.
 class PointIds {
  public:
   std::int64_t of(const std::string& name) {
@@ -59,11 +59,11 @@ class PointIds {
   std::unordered_map<std::string, std::int64_t> others_;
 };
 
-/// Puts the observations of tracks.csv into the keyframes: image, track, feature, x, y, then what is not needed.
+/// Adds the observations of tracks.csv to the keyframes; columns: image, track, feature, x, y, others unused.
 void read_tracks(SlamMap& map, PointIds& ids, const std::filesystem::path& path) {
   std::unordered_map<std::string, MapKeyframe*> keyframes;
   for (MapKeyframe& keyframe : map.keyframes) keyframes[keyframe.image] = &keyframe;
-  std::unordered_map<std::string, MapKeyframe*> of_word;  // by the images as the file has them; nullptr: no keyframe's
+  std::unordered_map<std::string, MapKeyframe*> of_word;  // by image name in the file; nullptr = no keyframe
   std::unordered_map<std::int64_t, bool> is_point;
   for (const MapLandmark& landmark : map.landmarks) is_point[landmark.id] = true;
   TextInput in(path, '\t');
@@ -97,7 +97,7 @@ SlamMap read_one(const JsonValue& json) {
   map.format = "OpenSfM";
   const std::filesystem::path folder = map.path.parent_path();
   map.images = folder / "images";
-  std::map<std::string, int> cameras;  // -1: no panorama
+  std::map<std::string, int> cameras;  // -1 = not a panorama
   json.at("cameras").each_member([&](const std::string& name, const JsonValue& camera) {
     const std::string projection =
         camera.has("projection_type") ? camera.at("projection_type").text() : std::string("perspective");

@@ -12,20 +12,20 @@ namespace pmsp::map_detail {
 namespace {
 
 constexpr std::size_t kMostPoints = 200'000;
-constexpr int kColumns = 180;  ///< cells of 2 degrees in which points hide others
+constexpr int kColumns = 180;  ///< resolution of the occlusion test: cells of 2 degrees
 constexpr int kRows = kColumns / 2;
-constexpr int kCoarser = 2;            ///< cells of which, each way, give one point to a keyframe
-constexpr double kSameSurface = 1.25;  ///< farther than the nearest in the cells around by more: hidden by that
+constexpr int kCoarser = 2;            ///< cells per axis of a square with one point per keyframe
+constexpr double kSameSurface = 1.25;  ///< distance ratio to the nearest point around, beyond which a point is hidden
 
-/// A point as a keyframe sees it.
+/// Point seen from a keyframe.
 struct Sight {
   std::size_t landmark = 0;
   double distance = 0.0;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
 };
 
-/// The points that a keyframe sees, at most one every 4 degrees: of those that nothing nearer hides, the one that most
-/// keyframes before have taken, so that keyframes share landmarks; then the nearest.
+/// Selects observed points of keyframes, at most one per 4 degrees: among unhidden points the one that most previous
+/// keyframes have taken, so that keyframes share landmarks, then the nearest.
 class Beholder {
  public:
   explicit Beholder(SlamMap& map) : map_(map), taken_(map.landmarks.size(), 0) {}
@@ -83,7 +83,7 @@ class Beholder {
   }
 
   SlamMap& map_;
-  std::vector<int> taken_;  ///< of each landmark: by how many keyframes
+  std::vector<int> taken_;  ///< per landmark: number of keyframes that observe it
 };
 
 }  // namespace
@@ -91,7 +91,7 @@ class Beholder {
 void observe_landmarks(SlamMap& map) {
   Beholder beholder(map);
   for (MapKeyframe& keyframe : map.keyframes) beholder.look(keyframe);
-  // Landmarks that nobody took are none.
+  // Unobserved landmarks are dropped.
   std::vector<char> is_seen(map.landmarks.size(), 0);
   for (const MapKeyframe& keyframe : map.keyframes) {
     for (const MapObservation& observation : keyframe.observations) {

@@ -15,7 +15,7 @@
 
 namespace pmsp::map_detail {
 
-/// How a place in the file is named in messages: by MessagePack keys or by table, row and column.
+/// Naming of positions in the file for messages: MessagePack keys, or table, row and column.
 enum class Dialect { msgpack, sqlite };
 
 struct RawCamera {
@@ -26,8 +26,8 @@ struct RawCamera {
   double fps = 0.0;
 };
 
-/// A keyframe as the file has it. Of `keyframe`, id, timestamp, source_frame and observations are set; the observations
-/// are those with a landmark id >= 0, their pixels as in the file.
+/// Keyframe as in the file. Of `keyframe`, id, timestamp, source_frame and observations are set; observations have a
+/// landmark id >= 0 and pixels as in the file.
 struct RawKeyframe {
   MapKeyframe keyframe;
   std::string camera;
@@ -35,31 +35,31 @@ struct RawKeyframe {
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< of slam_cam_from_world
 };
 
-/// What the two readers hand over: well-formed, but not yet checked for sense.
+/// Result of the msgpack and sqlite readers: well-formed, values not yet checked.
 struct RawMap {
   std::filesystem::path path;
   Dialect dialect = Dialect::msgpack;
   std::string format;
-  std::string keypoint_field;           ///< key or column that the observations' pixels come from, for messages
-  bool pixels_in_another_grid = false;  ///< they do not refer to the camera's image and must be projected anew
+  std::string keypoint_field;           ///< key or column of the observations' pixels, for messages
+  bool pixels_in_another_grid = false;  ///< other grid than the camera's image: to be projected again
   std::vector<RawCamera> cameras;
   std::vector<RawKeyframe> keyframes;  ///< any order
   std::vector<MapLandmark> landmarks;  ///< any order
 };
 
-/// More keypoints than the pixels of any panorama that was ever mapped (5760 x 2880): a limit for hostile files only.
+/// Limit for hostile files: more keypoints than the pixels of any mapped panorama (5760 x 2880).
 constexpr std::size_t kMaxKeypoints = std::size_t{1} << 24;
 
 RawMap read_msgpack(const std::filesystem::path& path);
 RawMap read_sqlite(const std::filesystem::path& path);
 
-/// Checks values and references, brings poses and pixels to this library's conventions, sorts. Throws InvalidInput.
+/// Checks values and references, converts poses and pixels to the conventions of libpmsp, sorts. Throws InvalidInput.
 SlamMap finish_map(RawMap&& raw);
 
-/// `keyframes["12"].ts` or `table keyframes, id 12, column ts`. Id and field may be empty.
+/// Returns `keyframes["12"].ts` or `table keyframes, id 12, column ts`. Id and field may be empty.
 std::string place(Dialect dialect, const std::string& section, const std::string& id, const std::string& field);
 
-/// Fills `keyframe.observations` from one landmark id per keypoint; negative ids mean none. The sizes are equal.
+/// Sets `keyframe.observations` from one landmark id per keypoint, negative = none. Sizes are equal.
 template <class Id, class PixelOf>
 void set_observations(MapKeyframe& keyframe, const std::vector<Id>& landmark_ids, PixelOf pixel_of) {
   std::size_t count = 0;

@@ -26,7 +26,7 @@ std::string name_of(const MapKeyframe& keyframe) {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// "frame_9.jpg" before "frame_10.jpg".
+/// Natural order: "frame_9.jpg" before "frame_10.jpg".
 bool before(const std::string& a, const std::string& b) {
   std::size_t i = 0;
   std::size_t k = 0;
@@ -70,7 +70,7 @@ void sort_cameras(SlamMap& map) {
   for (MapKeyframe& keyframe : map.keyframes) keyframe.camera = place[static_cast<std::size_t>(keyframe.camera)];
 }
 
-/// Programs write NaN, or a quaternion of length 0, for what they have lost.
+/// Drops lost poses: NaN, or quaternions of norm 0.
 void leave_out_lost(SlamMap& map) {
   const auto poses = std::remove_if(map.keyframes.begin(), map.keyframes.end(), [](const MapKeyframe& k) {
     return !k.cam_from_world.rotation.allFinite() || !k.cam_from_world.translation.allFinite();
@@ -135,7 +135,7 @@ void sift_observations(SlamMap& map) {
       const float y = observation.pixel.y();
       const auto width = static_cast<float>(camera.width);
       const auto height = static_cast<float>(camera.height);
-      if (!(x >= -1.0F && x <= width + 1.0F && y >= -1.0F && y <= height + 1.0F)) {  // NaN included
+      if (!(x >= -1.0F && x <= width + 1.0F && y >= -1.0F && y <= height + 1.0F)) {  // true for NaN
         fail(map.path, name_of(keyframe),
              "the observation of point " + std::to_string(observation.landmark_id) + " lies at (" +
                  shown(static_cast<double>(x)) + ", " + shown(static_cast<double>(y)) +
@@ -202,7 +202,7 @@ Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::f
                                      const std::string& where) {
   if (!matrix.allFinite() || matrix.isZero(0.0)) return lost_rotation();
   const double error = (matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(error <= 1e-3)) {  // NaN included
+  if (!(error <= 1e-3)) {  // true for NaN
     fail(path, where,
          "is no rotation: its columns are not perpendicular and of length 1 (off by " + shown(error) +
              ", expected at most 0.001)");
@@ -238,7 +238,7 @@ std::string image_name(const std::string& name, const std::filesystem::path& pat
   std::filesystem::path image;
   for (const std::filesystem::path& part : std::filesystem::path(text).relative_path()) {
     if (part == "..") image = image.parent_path();
-    if (part != ".." && part != ".") image /= part;  // a separator at the end adds an empty part
+    if (part != ".." && part != ".") image /= part;  // a trailing separator gives an empty part
   }
   if (!image.has_filename() || text.back() == '.') {
     fail(path, where,
@@ -267,7 +267,7 @@ std::filesystem::path longest_tail(const std::filesystem::path& folder, const st
     std::error_code ignored;
     return std::filesystem::is_regular_file(path, ignored);
   };
-  // "1.jpg.png" may be the mask of "1.jpg", and what is behind the dot of "IMG.0001" is no ending.
+  // "1.jpg.png" may be the mask of "1.jpg", and "IMG.0001" has no extension.
   const std::string own = std::filesystem::path(name).extension().string();
   const bool has_ending =
       own.size() > 1 && std::all_of(own.begin() + 1, own.end(), [](unsigned char c) { return std::isalpha(c) != 0; });
@@ -389,7 +389,7 @@ SlamMap read_component(std::size_t count, const std::filesystem::path& path, con
       map.component = static_cast<int>(i);
       chosen = std::move(map);
       is_chosen = true;
-    } catch (const InvalidInput&) {  // another one may be what is wanted
+    } catch (const InvalidInput&) {  // another component may be the wanted one
       if (is_asked_for) throw;
       if (!error) error = std::current_exception();
     }

@@ -14,35 +14,34 @@
 
 #include "pmsp/io/map.h"
 
-/// What the readers of all formats share: checks of values, and what makes a SlamMap of what was read.
+/// Common part of all map readers: checks of values, and conversion to SlamMap.
 namespace pmsp::map_detail {
 
-/// Throws InvalidInput: "PATH: WHERE: WHAT"; without `where`, "PATH: WHAT".
+/// Throws InvalidInput: "PATH: WHERE: WHAT"; "PATH: WHAT" if `where` is empty.
 [[noreturn]] void fail(const std::filesystem::path& path, const std::string& where, const std::string& what);
 
-/// Text of the file in quotes, cut short and without control characters, fit for a message.
+/// Quotes text of a file for a message: shortened, without control characters.
 std::string in_quotes(const std::string& text);
 
-/// A number as messages show it.
+/// Formats a number for messages.
 std::string shown(double value);
 std::string shown(const Eigen::Vector3d& p);
 
-/// Within kMaxPosition of the origin; false for NaN.
+/// True within kMaxPosition of the origin; false for NaN.
 bool is_position(const Eigen::Vector3d& p);
 
 constexpr const char* kExpectedPosition = "expected finite numbers, at most 1e12 from the origin";
 constexpr int kMaxImageWidth = 1 << 16;
 
-/// One pose reaches us as a quaternion or as the matrix that it was made from; both must give the same bits, because
-/// equal maps have to give equal clouds. So everything goes through a quaternion rounded to multiples of 2^-32
-/// (2e-10 rad, a millionth of a pixel), which hides the last bits in which the two differ, and the matrix is made from
-/// the rounded one. The sign of the quaternion makes no difference to it. `norm`: its length.
+/// Makes quaternions and the matrices they were made from give identical bits, since equal maps must give equal clouds:
+/// returns the matrix of the quaternion rounded to multiples of 2^-32 (2e-10 rad, a millionth of a pixel), which hides
+/// the differing last bits. Independent of the quaternion's sign. `norm`: length of `xyzw`.
 Eigen::Matrix3d canonical_rotation(const std::array<double, 4>& xyzw, double norm);
 
-/// NaN: stands for a pose that was lost. finish_scene leaves its keyframe out.
+/// NaN, marks a lost pose, whose keyframe finish_scene drops.
 inline Eigen::Matrix3d lost_rotation() { return Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN()); }
 
-/// Whether a quaternion, or what else a pose is made of, was lost: not finite, or zero.
+/// True if the values of a pose are not finite or all zero.
 template <class Values>
 bool is_lost(const Values& values) {
   double squares = 0.0;
@@ -50,9 +49,9 @@ bool is_lost(const Values& values) {
   return !std::isfinite(squares) || squares == 0.0;
 }
 
-/// The same of what a file holds; lost_rotation where that is not finite or zero. Throws InvalidInput unless the
-/// quaternion is of length 0.5 to 2, or the matrix a rotation within 0.001. `unnormalised` counts quaternions whose
-/// length is off by more than 0.001.
+/// canonical_rotation of the file's values; lost_rotation if is_lost. Throws InvalidInput unless the quaternion has
+/// norm 0.5 to 2, or the matrix is a rotation within 0.001. `unnormalised`: counts quaternions whose norm deviates from
+/// 1 by more than 0.001.
 Eigen::Matrix3d rotation_from_quaternion(const std::array<double, 4>& xyzw, const std::filesystem::path& path,
                                          const std::string& where, std::size_t& unnormalised);
 Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::filesystem::path& path,
@@ -61,65 +60,64 @@ void note_unnormalised(SlamMap& map, std::size_t count);
 void note_lost_poses(SlamMap& map, std::size_t count);
 void note_lost_points(SlamMap& map, std::size_t count);
 
-/// A name in a file as a path that stays in the image folder, "left/0001.jpg": with slashes for backslashes, without
-/// a drive, leading separators and what ".." takes back. Throws InvalidInput when nothing is left of it.
+/// Returns a file's image name as a path inside the image folder, "left/0001.jpg": slashes for backslashes, without
+/// drive, leading separators and "..". Throws InvalidInput if nothing remains.
 std::string image_name(const std::string& name, const std::filesystem::path& path, const std::string& where);
 
-/// Throws InvalidInput, naming `path`, where two keyframes have one image.
+/// Throws InvalidInput with `path` if two keyframes have the same image.
 void check_images_once(const SlamMap& map, const std::filesystem::path& path);
 
-/// The longest tail of a path, as image_name gives it, that is a file in the folder: for "a/b/c.jpg" a/b/c.jpg, else
-/// b/c.jpg, else c.jpg; "" where there is none. `other_endings`: also with the endings of images instead of its own, or
-/// behind a name that has none.
+/// Returns the longest tail of an image_name that is a file in the folder: for "a/b/c.jpg" a/b/c.jpg, else b/c.jpg,
+/// else c.jpg; "" = none. `other_endings`: also with other image extensions, replaced or appended if there is none.
 std::filesystem::path longest_tail(const std::filesystem::path& folder, const std::string& name,
                                    bool other_endings = false);
 
-/// The folder of the images as a file names it, where that lies in the folder of the file; else "", with a note.
+/// Returns the image folder named in a file if it is inside the file's folder; else "", with a note.
 std::filesystem::path inner_folder(const std::string& name, SlamMap& map);
 
-/// An equirectangular camera as a file names its size. Throws InvalidInput unless that is a full panorama, within one
-/// row; finish_scene makes it one.
+/// Returns an equirectangular camera of the given size. Throws InvalidInput unless it is a full panorama within one
+/// row, which finish_scene rounds.
 MapCamera panorama(const std::string& name, double width, double height, const std::filesystem::path& path,
                    const std::string& where);
 
-/// For files that do not say how large the images are: any panorama is that size up to a common factor.
+/// For files without image size: any panorama has this size up to a common factor.
 MapCamera panorama_of_any_size();
 
-/// Gives the keyframes the ids 0, 1, ... in the order of their images' names, numbers in names by value.
+/// Numbers keyframes 0, 1, ... in natural order of their image names.
 void number_by_image(SlamMap& map);
 
-/// Keeps the observations of landmarks that exist, each once in a keyframe, and counts the others.
+/// Keeps observations of existing landmarks, each landmark once per keyframe, and counts the others.
 class ObservationFilter {
  public:
-  /// `map.landmarks` are sorted; `map` outlives the sieve.
+  /// `map`: with sorted landmarks, must outlive the filter.
   explicit ObservationFilter(SlamMap& map);
 
   void begin_keyframe() { ++keyframe_; }
-  /// The landmark of an observation that is kept, else nullptr.
+  /// Returns the landmark if the observation is kept, else nullptr.
   const MapLandmark* pass(std::int64_t landmark_id);
 
  private:
   SlamMap& map_;
-  std::vector<int> last_seen_;  // per landmark, the last keyframe that observed it
+  std::vector<int> last_seen_;  // per landmark: last keyframe that observes it
   int keyframe_ = -1;
 };
 
-/// Cameras that are off by a row, or of odd height, get the nearest size that is not; observations move with it.
+/// Rounds cameras that are off by a row, or of odd height, to the nearest valid size; scales their observations.
 void round_camera_sizes(SlamMap& map);
 
-/// Takes a map of this library's conventions as its file has it, in any order, and sorts and checks it: ids, positions,
-/// observations. Keyframes and points with NaN are left out with a note. Throws InvalidInput.
+/// Sorts and checks a map in the conventions of libpmsp: ids, positions, observations. Keyframes and points with NaN
+/// are dropped, with a note. Throws InvalidInput.
 SlamMap finish_scene(SlamMap&& map);
 
-/// The component of a file that `options` name, or that of most keyframes. `read_one(i)` reads component i of `count`.
-/// Throws InvalidOption, and what `read_one` throws for the only or the chosen one.
+/// Returns the component selected by `options`, or the one with most keyframes. `read_one(i)` reads component i of
+/// `count`. Throws InvalidOption, and exceptions of `read_one` for the only or the selected component.
 SlamMap read_component(std::size_t count, const std::filesystem::path& path, const ReadMapOptions& options,
                        const std::function<SlamMap(std::size_t)>& read_one);
 
-/// For maps whose file does not say who sees what: each keyframe observes the landmarks that nothing nearer hides.
+/// For maps without observations: each keyframe observes the unhidden landmarks.
 void observe_landmarks(SlamMap& map);
 
-/// The points of a PLY file as landmarks, a part of them where they are many. Throws IoError, InvalidInput.
+/// Reads the points of a PLY file as landmarks, subsampled if numerous. Throws IoError, InvalidInput.
 std::vector<MapLandmark> landmarks_from_ply(const std::filesystem::path& path);
 
 }  // namespace pmsp::map_detail

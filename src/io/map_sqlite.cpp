@@ -16,13 +16,13 @@
 #include "map_raw.h"
 #include "pmsp/error.h"
 
-// The database holds the memory of the program that wrote it, which was little-endian on every machine that it runs on.
+// Blobs are memory dumps of the writing program, which runs on little-endian machines only.
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "blobs are little-endian");
 
 namespace pmsp::map_detail {
 namespace {
 
-/// No row of a map, its images included, comes near this; a hostile file must not make SQLite allocate more.
+/// Limit for hostile files: larger than any row of a map, images included; bounds SQLite's allocations.
 constexpr int kMaxRowBytes = 1 << 28;
 
 std::uint32_t big_endian32(const unsigned char* bytes) {
@@ -30,8 +30,8 @@ std::uint32_t big_endian32(const unsigned char* bytes) {
          bytes[3];
 }
 
-/// SQLite notices missing pages only when it needs them. The descriptors are never read, so a file that was cut short
-/// could pass for a whole one: compare its length with what its header says.
+/// Compares the file's length with its header: SQLite notices missing pages only on access, and descriptors, which are
+/// never read, may be among them.
 void check_length(const std::filesystem::path& path) {
   unsigned char header[100] = {};
   std::ifstream file(path, std::ios::binary);
@@ -54,13 +54,13 @@ void check_length(const std::filesystem::path& path) {
   }
 }
 
-/// A database that is opened as immutable is read without its journal, so there must be none that matters.
+/// Throws for an unfinished transaction: an immutable database is read without its journal.
 void check_no_open_transaction(const std::filesystem::path& path) {
   for (const char* suffix : {"-wal", "-journal"}) {
     const std::filesystem::path beside = path.string() + suffix;
     std::ifstream file(beside, std::ios::binary);
     unsigned char first = 0;
-    // A journal that was kept after its transaction ended starts with zeros.
+    // A journal kept after its transaction begins with zeros.
     if (!file.read(reinterpret_cast<char*>(&first), 1) || first == 0) continue;
     fail(path, "",
          "there is an unfinished transaction beside it (" + beside.filename().string() +
@@ -69,7 +69,7 @@ void check_no_open_transaction(const std::filesystem::path& path) {
   }
 }
 
-/// The file as a URI: read-only, and immutable, so that SQLite makes no -wal, -shm or -journal beside it.
+/// File as URI: read-only and immutable, so that SQLite creates no -wal, -shm or -journal.
 std::string uri_of(const std::filesystem::path& path) {
   static const char* const kHex = "0123456789ABCDEF";
   std::string uri = "file:";
@@ -101,7 +101,7 @@ class Database {
   sqlite3* handle() const { return handle_.get(); }
   const std::filesystem::path& path() const { return path_; }
 
-  /// Throws what the last SQLite call failed with.
+  /// Throws the error of the last SQLite call.
   [[noreturn]] void fail_here(const std::string& where) const {
     const int code = sqlite3_errcode(handle_.get());
     const std::string what = std::string(sqlite3_errmsg(handle_.get()));
@@ -120,7 +120,7 @@ class Database {
   std::unique_ptr<sqlite3, Close> handle_;
 };
 
-/// Rows of one query, whose columns are asked for by index. Column 0 is an id, by which messages name the row.
+/// Rows of a query, with columns by index. Column 0 is an id, which names the row in messages.
 class Rows {
  public:
   Rows(const Database& database, std::string table, const std::string& sql)
@@ -154,7 +154,7 @@ class Rows {
     return sqlite3_column_double(statement_.get(), column);
   }
 
-  /// Strings are stored as BLOB.
+  /// String, stored as BLOB or TEXT.
   std::string string(int column) const {
     const int type = sqlite3_column_type(statement_.get(), column);
     if (type != SQLITE_BLOB && type != SQLITE_TEXT) wrong(column, "a string");
@@ -162,7 +162,7 @@ class Rows {
     return data.second == 0 ? std::string() : std::string(data.first, data.second);
   }
 
-  /// A blob of whole elements of type T; NULL is an empty one, as writers leave it.
+  /// Blob of elements of type T; NULL is written for an empty one.
   template <class T>
   void array(int column, std::vector<T>& result) const {
     const int type = sqlite3_column_type(statement_.get(), column);
@@ -176,7 +176,7 @@ class Rows {
     if (data.second > 0) std::memcpy(result.data(), data.first, data.second);
   }
 
-  /// A blob of exactly `count` doubles.
+  /// Blob of exactly `count` doubles.
   void doubles(int column, double* result, std::size_t count) const {
     const std::pair<const char*, std::size_t> data = bytes(column);
     if (sqlite3_column_type(statement_.get(), column) != SQLITE_BLOB || data.second != count * sizeof(double)) {
@@ -212,13 +212,13 @@ class Rows {
   std::unique_ptr<sqlite3_stmt, Finalize> statement_;
 };
 
-/// The columns of a real table; empty if there is none. A view or a virtual table of that name does not count: what it
-/// computes may take for ever.
+/// Returns the columns of a table; empty if there is none. Views and virtual tables are ignored: evaluating them may
+/// never end.
 std::vector<std::string> columns_of(const Database& database, const std::string& table) {
   std::vector<std::string> columns;
   Rows entries(database, table, "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = '" + table + "'");
   if (!entries.next() || entries.is_null(0) || entries.integer(0) == 0) return columns;
-  Rows rows(database, table, "PRAGMA table_info(" + table + ")");  // generated columns do not appear here
+  Rows rows(database, table, "PRAGMA table_info(" + table + ")");  // without generated columns
   while (rows.next()) columns.push_back(rows.string(1));
   return columns;
 }
@@ -238,7 +238,7 @@ void require_columns(const Database& database, const std::string& table, const s
   }
 }
 
-/// Ids must ascend, as they do in a sound table; in a damaged one the same pages could come around again and again.
+/// Requires ascending ids, as in any sound table: damaged ones may cycle through the same pages.
 class AscendingIds {
  public:
   std::int64_t next(const Rows& rows, const Database& database) {
@@ -277,19 +277,19 @@ void read_landmarks(const Database& database, RawMap& map) {
   }
 }
 
-/// cv::KeyPoint as it lies in memory.
+/// Memory layout of cv::KeyPoint.
 struct KeyPoint {
   float x, y, size, angle, response;
   std::int32_t octave, class_id;
 };
 static_assert(sizeof(KeyPoint) == 28, "this is the layout of the file");
 
-/// A 4 x 4 world-to-camera matrix, column by column.
+/// World-to-camera matrix, 4 x 4, column-major.
 void read_pose(const Database& database, const Rows& rows, int column, RawKeyframe& keyframe) {
   Eigen::Matrix4d pose;
   rows.doubles(column, pose.data(), 16);
   const Eigen::Matrix3d rotation = pose.topLeftCorner<3, 3>();
-  if (!pose.allFinite() || pose.isZero(0.0)) return;  // lost: the quaternion stays zero
+  if (!pose.allFinite() || pose.isZero(0.0)) return;  // lost pose: the quaternion stays zero
   const double bottom = (pose.row(3) - Eigen::RowVector4d(0.0, 0.0, 0.0, 1.0)).cwiseAbs().maxCoeff();
   const double skew = (rotation.transpose() * rotation - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(bottom <= 1e-6)) {
@@ -371,7 +371,7 @@ RawMap read_sqlite(const std::filesystem::path& path) {
   map.path = path;
   map.dialect = Dialect::sqlite;
   const Database database(path);
-  // The keyframes first: what is wrong with a database that is no map shows there.
+  // Keyframes first: errors of databases that are no maps appear there.
   read_keyframes(database, map, columns_of(database, "keyframes"));
   read_cameras(database, map);
   read_landmarks(database, map);

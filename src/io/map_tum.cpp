@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 //
-// A trajectory, as TUM, EuRoC and KITTI have it and SLAM programs write it (see trajectory.h): poses without points and
-// without names of images. Poses are taken as they are, see docs/input.md.
+// Trajectories of TUM, EuRoC and KITTI, as SLAM programs write them (see trajectory.h): poses without points and image
+// names, used as they are (see docs/input.md).
 #include <algorithm>
 #include <string>
 #include <vector>

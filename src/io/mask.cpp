@@ -22,8 +22,7 @@
 namespace pmsp {
 namespace {
 
-/// Source elements [begin, end) that target element i covers, even if only partly, when n_source are scaled to
-/// n_target.
+/// Source elements [begin, end) that overlap target element i when n_source are scaled to n_target.
 struct Span {
   int begin, end;
 };
@@ -34,12 +33,12 @@ Span covered(int i, int n_source, int n_target) {
   return {static_cast<int>(begin), static_cast<int>(end)};
 }
 
-constexpr int kLookedAt = 640;  ///< columns and rows at most
+constexpr int kLookedAt = 640;  ///< maximum number of columns and rows sampled
 constexpr std::size_t kCommonest = 8;
 constexpr double kMaxOthers = 0.1;
 constexpr double kPi = 3.14159265358979323846;
 
-using Colours = std::vector<std::pair<std::uint64_t, double>>;  ///< with their shares, the commonest first
+using Colours = std::vector<std::pair<std::uint64_t, double>>;  ///< with shares, descending
 
 Colours count_colours(const cv::Mat& image) {
   cv::Mat some;
@@ -63,7 +62,7 @@ Colours count_colours(const cv::Mat& image) {
   return colours;
 }
 
-/// Masks have few colours; soft edges and JPEG add others to few pixels.
+/// Masks have few colours; soft edges and JPEG add others in few pixels.
 bool is_photo(const Colours& colours) {
   double others = 0.0;
   for (std::size_t i = kCommonest; i < colours.size(); ++i) others += colours[i].second;
@@ -103,7 +102,7 @@ bool is_jpeg(const std::filesystem::path& path) {
   return ending == ".jpg" || ending == ".jpeg" || ending == ".jpe";
 }
 
-/// 255 where any channel is not black.
+/// 255 unless all channels are black.
 cv::Mat usable_by_colour(const cv::Mat& colour, bool lossy) {
   cv::Mat usable(colour.rows, colour.cols, CV_8UC1, cv::Scalar(0));
   for (int c = 0; c < colour.channels(); ++c) {
@@ -123,7 +122,7 @@ bool has_both(const cv::Mat& usable) {
   return count > 0 && count < usable.rows * usable.cols;
 }
 
-/// Empty where it hides nothing or everything: then it says nothing.
+/// Mask of the alpha channel; empty if it hides nothing or everything, and is therefore no mask.
 cv::Mat usable_by_alpha(const cv::Mat& image) {
   constexpr int kAlpha = 3;
   if (image.channels() <= kAlpha) return {};
@@ -153,7 +152,7 @@ bool webp_may_have_alpha(const std::vector<std::uint8_t>& bytes) {
 namespace io {
 
 MaskImage decode_mask(const std::filesystem::path& path) {
-  // As it is: conversions to gray or 8 bits would round small values to 0.
+  // Unchanged: conversions to gray or 8 bits would round small values to 0.
   const cv::Mat image = decode_image_file(path, cv::IMREAD_UNCHANGED);
   cv::Mat colour = image;
   if (image.channels() == 4) {
@@ -181,7 +180,7 @@ Image<std::uint8_t> scale_mask(const std::string& what, const cv::Mat& usable, i
     throw InvalidInput(what + ": the mask is " + std::to_string(usable.cols) + "x" + std::to_string(usable.rows) +
                        ", but the images are " + std::to_string(width) + "x" + std::to_string(height) +
                        "; expected that size or the same shape scaled");
-  Image<std::uint8_t> narrow(width, usable.rows);  // the least value along rows, then along columns
+  Image<std::uint8_t> narrow(width, usable.rows);  // minimum along rows, then along columns
   for (int y = 0; y < usable.rows; ++y) {
     const std::uint8_t* row = usable.ptr<std::uint8_t>(y);
     for (int x = 0; x < width; ++x) {

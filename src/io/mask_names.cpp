@@ -60,7 +60,7 @@ fs::path MaskNames::find(const fs::path& folder, const fs::path& image, bool say
       if (found == names.end()) found = names.find(lower_case(beginning + ending));
       if (found == names.end()) continue;
       fs::path path = folder / found->second;
-      // Masks that lie among the images must not be the images themselves.
+      // Masks beside the images must not be the images themselves.
       std::error_code ignored;
       if (fs::is_regular_file(path, ignored) && !fs::equivalent(path, image, ignored)) return path;
     }

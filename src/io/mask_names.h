@@ -8,29 +8,29 @@
 
 namespace pmsp::io {
 
-/// Finds masks by the names that programs give them. Each folder is listed once; capitals make no difference.
+/// Finds masks by the naming rules of various programs, case-insensitive. Each folder is listed once.
 class MaskNames {
  public:
-  /// The mask of an image "7.jpg" in a folder: 7.jpg.png (COLMAP, OpenSfM), 7.png, 7_mask.png (Metashape, ODM),
-  /// 7.mask.png (OpenMVS), 7.jpg.mask.png, 7_mask or 7.jpg_mask in any format that images have. "" = there is none.
+  /// Returns the mask of an image "7.jpg" in a folder: 7.jpg.png (COLMAP, OpenSfM), 7.png, 7_mask.png (Metashape, ODM),
+  /// 7.mask.png (OpenMVS), 7.jpg.mask.png, 7_mask or 7.jpg_mask in any image format. "" = none.
   std::filesystem::path in_folder(const std::filesystem::path& folder, const std::filesystem::path& image);
 
-  /// The same in the folder of the image, of names that say "mask".
+  /// As in_folder, in the folder of the image, for names that contain "mask".
   std::filesystem::path beside(const std::filesystem::path& image);
 
  private:
-  using Names = std::unordered_map<std::string, std::string>;  ///< as they are, and in small letters
+  using Names = std::unordered_map<std::string, std::string>;  ///< lower case to original
   const Names& names_in(const std::filesystem::path& folder);
   std::filesystem::path find(const std::filesystem::path& folder, const std::filesystem::path& image, bool says_mask);
 
   std::map<std::filesystem::path, Names> folders_;
 };
 
-/// Whether a name is that of a mask by a program's rule: its stem ends like "7_mask" or "7.mask", in any case.
-constexpr std::size_t kMaskEnd = 5;  ///< letters of "_mask"
+/// True for mask names by a program's rule: the stem ends in "_mask" or ".mask", in any case.
+constexpr std::size_t kMaskEnd = 5;  ///< length of "_mask"
 bool is_mask_name(const std::filesystem::path& path);
 
-/// Text in small letters (ASCII).
+/// Converts to lower case (ASCII).
 std::string lower_case(std::string text);
 
 }  // namespace pmsp::io

@@ -30,11 +30,11 @@ std::string read_text(const std::filesystem::path& path) {
   text.resize(static_cast<std::size_t>(file.gcount()));
   if (!file.is_open() || file.bad()) throw IoError(path.string() + ": cannot be read");
   if (text.size() > kMaxBytes) throw InvalidInput(path.string() + ": larger than 1 MiB, which no configuration is");
-  if (text.compare(0, 3, "\xEF\xBB\xBF") == 0) text.erase(0, 3);  // a byte order mark
+  if (text.compare(0, 3, "\xEF\xBB\xBF") == 0) text.erase(0, 3);  // byte order mark
   return text;
 }
 
-/// What follows the key up to the next one, without comments.
+/// Text from the key to the next one, without comments.
 std::string list_text(const std::filesystem::path& path) {
   std::istringstream lines(read_text(path));
   std::string list;
@@ -45,7 +45,7 @@ std::string list_text(const std::filesystem::path& path) {
     const std::size_t colon = line.find(':');
     if (colon != std::string::npos) {
       std::string key = line.substr(0, colon);
-      key.erase(0, key.find_last_of(" \t.\"'", key.find_last_not_of(" \t\"'")) + 1);  // "Feature.mask_rectangles", too
+      key.erase(0, key.find_last_of(" \t.\"'", key.find_last_not_of(" \t\"'")) + 1);  // also "Feature.mask_rectangles"
       inside = key.compare(0, std::string(kKey).size(), kKey) == 0;
       found = found || inside;
       line.erase(0, colon + 1);
@@ -75,7 +75,7 @@ std::vector<MaskRectangle> read_mask_rectangles(const std::filesystem::path& pat
     } else if (c == ']' && depth > 0) {
       ++at;
       --depth;
-      if (numbers.empty()) continue;  // the list around the rectangles
+      if (numbers.empty()) continue;  // outer list
       if (numbers.size() != 4)
         throw InvalidInput(path.string() + ": rectangle " + std::to_string(rectangles.size() + 1) + " has " +
                            std::to_string(numbers.size()) + " numbers" + expected());

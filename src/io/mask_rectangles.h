@@ -6,13 +6,13 @@
 
 namespace pmsp::io {
 
-/// Ignored part of an image, as shares of its width and height, 0 to 1.
+/// Ignored rectangle of an image [width and height, 0 to 1].
 struct MaskRectangle {
   double x_min = 0.0, x_max = 0.0, y_min = 0.0, y_max = 0.0;
 };
 
-/// `mask_rectangles` in a YAML configuration of stella_vslam (under Preprocessing) or OpenVSLAM (Feature): a list of
-/// [x_min, x_max, y_min, y_max]. Throws IoError, or InvalidInput where there is no such list or it holds anything else.
+/// Reads `mask_rectangles` of a YAML configuration of stella_vslam (under Preprocessing) or OpenVSLAM (Feature): a list
+/// of [x_min, x_max, y_min, y_max]. Throws IoError; InvalidInput if the list is missing or malformed.
 std::vector<MaskRectangle> read_mask_rectangles(const std::filesystem::path& path);
 
 }  // namespace pmsp::io

@@ -21,8 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kKept = 4;       ///< masks of different sizes
-constexpr std::size_t kLookedAt = 16;  ///< images
+constexpr std::size_t kKept = 4;       ///< cached masks of different sizes
+constexpr std::size_t kLookedAt = 16;  ///< sampled images
 constexpr const char* kMasksFolder = "masks";
 
 bool is_yaml(const fs::path& path) { return path.extension() == ".yaml" || path.extension() == ".yml"; }
@@ -70,7 +70,7 @@ struct MaskSource::Impl {
   bool folder = false;
   std::vector<io::MaskRectangle> rectangles;
   io::MaskNames names;
-  Image<std::uint8_t> rig;                                                        ///< hidden, too; empty = none
+  Image<std::uint8_t> rig;                                                        ///< mask of the rig; empty = none
   std::map<fs::path, FoundMask> files;                                            ///< by image
   std::map<std::tuple<fs::path, fs::path, int, int>, Image<std::uint8_t>> masks;  ///< by file, image and size
 
@@ -85,7 +85,7 @@ struct MaskSource::Impl {
     return found->second;
   }
 
-  /// By the image's name in the folder of images, or without the subfolders before it.
+  /// By the image's name in the image folder, or without leading subfolders.
   FoundMask in_folder(const fs::path& image) {
     for (fs::path under = name_of(image).parent_path();; under = under.lexically_relative(*under.begin())) {
       if (under == ".") under.clear();
@@ -95,7 +95,7 @@ struct MaskSource::Impl {
     }
   }
 
-  /// What comes with the image. The folder `masks` may stand beside any of the folders that the image is in.
+  /// Mask beside the image, or in a folder `masks` beside any of the image's folders.
   FoundMask beside(const fs::path& image) {
     if (!options.found || options.images.empty()) return {};
     const auto named = options.named.find(image);
@@ -112,12 +112,12 @@ struct MaskSource::Impl {
     return {file.empty() ? Place::kNone : Place::kBeside, std::move(file)};
   }
 
-  /// Whether something is hidden in all images.
+  /// True if something is hidden in all images.
   bool is_everywhere() const { return options.nadir_deg > 0.0 || options.zenith_deg > 0.0 || !rig.empty(); }
 
   bool may_have_alpha(const fs::path& image) const { return options.found && pmsp::may_have_alpha(image); }
 
-  /// `image`: whose alpha counts; "" = none.
+  /// `image`: whose alpha channel is used; "" = none.
   Image<std::uint8_t> make(const fs::path& file, const fs::path& image, int width, int height) const {
     Image<std::uint8_t> mask =
         file.empty() || is_yaml(file) ? Image<std::uint8_t>(width, height, 255) : read_mask(file, width, height);
@@ -139,7 +139,7 @@ struct MaskSource::Impl {
     return mask;
   }
 
-  /// Share of the sphere. Of the first file also what it looks like.
+  /// Hidden share of the sphere; for the first file also its description.
   double hidden_by_file(const fs::path& file, MaskSummary& summary) const {
     if (is_yaml(file)) {
       constexpr int kWidth = 1024;
@@ -253,7 +253,7 @@ ImageView<const std::uint8_t> MaskSource::mask_for(const fs::path& image, int wi
   return static_cast<const Image<std::uint8_t>&>(found->second).view();
 }
 
-/// At some of the images, all of which may have a mask.
+/// Evaluates a sample of the images, all of which may have a mask.
 void MaskSource::look_at(const std::vector<fs::path>& images, int width, int height, MaskSummary& summary) {
   std::map<fs::path, double> hidden_by;  // by file
   const std::size_t count = std::min(kLookedAt, images.size());

@@ -11,17 +11,17 @@
 namespace pmsp::io {
 namespace {
 
-constexpr std::size_t kClearImages = 8;  ///< decoded before a clear verdict ends the check
+constexpr std::size_t kClearImages = 8;  ///< decoded at least, until a clear verdict ends the check
 
-constexpr double kSameDepth = 1.25;          ///< ratio of two depths
-constexpr float kSameDirection = 0.01F;      ///< of the width of the image
-constexpr std::size_t kFewestCompared = 50;  ///< points
+constexpr double kSameDepth = 1.25;          ///< maximum ratio of equal depths
+constexpr float kSameDirection = 0.01F;      ///< maximum distance in the image [width]
+constexpr std::size_t kFewestCompared = 50;  ///< minimum number of points
 constexpr double kLeastAgreement = 0.4;
 
-/// Points of a map beside landmarks that were made from the images.
+/// Comparison of a map's points with landmarks made from the images.
 struct PointsAtDepth {
   std::size_t compared = 0;
-  double agree = 0.0;  ///< share of them at the landmark's depth
+  double agree = 0.0;  ///< share of points at the depth of the landmark
 };
 
 PointsAtDepth compare_depths(const SlamMap& map, const LandmarkSweep& sweep, int threads) {
@@ -49,7 +49,7 @@ PointsAtDepth compare_depths(const SlamMap& map, const LandmarkSweep& sweep, int
   return points;
 }
 
-/// Shows all images of `source` to the sweep; `also`: receives them, too.
+/// Passes all images of `source` to the sweep, and to `also`.
 void show_images(Mission& mission, ImageSource& source, LandmarkSweep& sweep,
                  const std::function<void(const Keyframe&)>& also = {}) {
   ImageReader reader(source, mission.map, mission.threads(), nullptr);
@@ -101,7 +101,7 @@ void Mission::sweep_landmarks() {
   if (!result.message.empty()) log_.warning(result.message);
 }
 
-/// By some images, since what a map's points project to says nothing of its poses.
+/// Checks the points against some images, since their projections are no evidence for the poses.
 void Mission::check_points() {
   const std::unique_ptr<ImageSource> source = images->again();
   restrict_to_sample(*source);

@@ -21,44 +21,44 @@ namespace pmsp::io {
 /// Which inputs are checked, and on how many threads.
 struct MissionOptions {
   bool verify_map = true;     ///< conventions and poses
-  bool verify_images = true;  ///< whether they belong to their keyframes
-  int threads = 0;            ///< 0 = one for each CPU
+  bool verify_images = true;  ///< whether images belong to their keyframes
+  int threads = 0;            ///< 0 = one per CPU
 };
 
-/// Receives sentences for people.
+/// Receivers of sentences for people.
 struct MissionLog {
   std::function<void(const std::string&)> stage = [](const std::string&) {};
   std::function<void(const std::string&)> warning = [](const std::string&) {};
 };
 
-/// A map with its images, masks and prior depth, and their checks: what every run does before the first depth map, in
-/// the order of the functions.
+/// Map with its images, masks and prior depth, and their checks: the preparation of every run, in the order of the
+/// functions.
 class PMSP_API Mission {
  public:
   explicit Mission(const MissionOptions& options, MissionLog log = {}) : options_(options), log_(std::move(log)) {}
 
-  /// Takes a map and checks its conventions. Throws as require_convention.
+  /// Sets the map and checks its conventions. Throws as require_convention.
   void set_map(SlamMap read);
 
-  /// `source`: before the first image is read. Both must outlive the mission.
+  /// To be called before the first image is read. Both must outlive the mission.
   void set_images(ImageSource& source, MaskSource& of_images) {
     images = &source;
     masks = &of_images;
   }
 
-  /// Compares the poses with the images where the map proves nothing of them, and makes landmarks from all images for a
-  /// map without any (LandmarkSweep); it may find none. Throws InvalidInput where poses or points do not fit the
+  /// Compares the poses with the images unless the map's observations prove them, and makes landmarks from all images
+  /// for a map without any (LandmarkSweep), possibly none. Throws InvalidInput if poses or points do not fit the
   /// images.
   void check_poses();
 
   /// Result of check_images().
   struct ImageCheck {
-    int width = 0, height = 0;                        ///< of the first image; 0 = none can be read
+    int width = 0, height = 0;                        ///< of the first image; 0 = none is readable
     std::optional<PairingVerifier::Verdict> pairing;  ///< none without `verify_images`
-    std::vector<SkippedKeyframe> skipped;             ///< without an image, or with one that cannot be decoded
+    std::vector<SkippedKeyframe> skipped;             ///< without image, or undecodable
   };
-  /// Decodes images in order until the pairing check is clear, or all: what a run finds out on its way. Throws
-  /// InvalidInput where the images belong to other keyframes, IoError where none can be decoded.
+  /// Decodes images in order until the pairing check is clear, or all; a run does the same on the way. Throws
+  /// InvalidInput if the images belong to other keyframes, IoError if none can be decoded.
   ImageCheck check_images() const;
 
   /// nullptr without `verify_images`.
@@ -66,10 +66,10 @@ class PMSP_API Mission {
     return options_.verify_images ? std::make_unique<PairingVerifier>(map) : nullptr;
   }
 
-  /// Adds mask and prior depth to a keyframe with its image; they stay until the next call. `source`: of the image.
+  /// Adds mask and prior depth to a keyframe with image; valid until the next call. `source`: of the image.
   void complete(Keyframe& keyframe, const ImageSource& source);
 
-  /// Threads that decode images.
+  /// Number of threads for decoding.
   int threads() const;
 
   SlamMap map;
@@ -88,7 +88,7 @@ class PMSP_API Mission {
   MissionLog log_;
 };
 
-/// Warning of a verdict; "" = none. `saw_all`: no more images will come, so that an open verdict stays open.
+/// Returns the warning of a verdict; "" = none. `saw_all`: no more images follow, so an open verdict is final.
 PMSP_API std::string warning_of(const PairingVerifier::Verdict& pairing, bool saw_all);
 
 }  // namespace pmsp::io

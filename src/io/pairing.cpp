@@ -14,26 +14,26 @@
 namespace pmsp {
 namespace {
 
-constexpr std::size_t kLandmarks = 300;  ///< looked at in each image
+constexpr std::size_t kLandmarks = 300;  ///< compared per image
 constexpr std::size_t kLandmarksWhenClear = 100;
 constexpr std::size_t kWrongLandmarks = 40;
 constexpr std::size_t kWrongLandmarksWhenClear = 12;
 constexpr int kConclusive = 200;
-constexpr int kConclusiveImages = 2;  ///< with landmarks that others before have
-constexpr int kClearImages = 8;       ///< so many, before fewer landmarks do
+constexpr int kConclusiveImages = 2;  ///< images with landmarks of previous ones
+constexpr int kClearImages = 8;       ///< after these, fewer landmarks are compared
 constexpr int kWrongConclusive = 100;
-constexpr int kWrongTold = 10;  ///< at least, to name it
+constexpr int kWrongTold = 10;  ///< comparisons required to name a pairing
 constexpr int kWrongEnough = 1000;
 constexpr double kSigmas = 4.0;
-constexpr double kClearlyBetter = 0.1;  ///< of a share of landmarks
+constexpr double kClearlyBetter = 0.1;  ///< lead in the share of found landmarks
 
-constexpr double kMostlyFlat = 0.9;  ///< share of the landmarks
-constexpr int kFewFound = 30;        ///< of the others; from then on they tell whether the images belong
+constexpr double kMostlyFlat = 0.9;  ///< share of textureless landmarks above which images are rejected
+constexpr int kFewFound = 30;        ///< textured comparisons required for a verdict in spite of them
 
-/// A pairing that is wrong if the given one is right.
+/// Alternative pairing, wrong if the tested one is right.
 struct OtherPairing {
   const char* what;
-  int shift = 0;  ///< in the order of time
+  int shift = 0;  ///< in temporal order
   bool reversed = false;
   io::Presentation presentation;
 };
@@ -65,7 +65,7 @@ struct PairingVerifier::Impl {
     return r < 0 || r > last ? nullptr : &map.keyframes[by_time[static_cast<std::size_t>(r)]];
   }
 
-  /// The other pairing that finds most; nullptr while too little is known.
+  /// Alternative with the largest share found; nullptr if there are too few comparisons.
   const OtherPairing* best_other(int least_tries) const {
     const OtherPairing* best = nullptr;
     double share = 0.0;
@@ -91,9 +91,9 @@ struct PairingVerifier::Impl {
 
   const SlamMap& map;
   std::vector<std::size_t> by_time;  ///< indices of the map's keyframes
-  std::vector<std::size_t> rank;     ///< of each keyframe in by_time
+  std::vector<std::size_t> rank;     ///< per keyframe: index in by_time
   io::PairingSeries given;
-  std::vector<io::PairingSeries> others;  ///< as kOthers
+  std::vector<io::PairingSeries> others;  ///< parallel to kOthers
 };
 
 PairingVerifier::PairingVerifier(const SlamMap& map) : impl_(std::make_unique<Impl>(map)) {}
@@ -151,7 +151,7 @@ PairingVerifier::Verdict PairingVerifier::verdict() const {
     return verdict;
   }
   const OtherPairing* other = impl_->best_other(kWrongTold);
-  if (other != nullptr) {  // no advice where it fits as little
+  if (other != nullptr) {  // not named if it fits as little
     const double beyond_chance = impl_->found_by(*other).share() - verdict.by_chance;
     if (beyond_chance < least * std::max(0.5, 1.0 - verdict.by_chance)) other = nullptr;
   }

@@ -10,16 +10,15 @@
 namespace pmsp::io {
 namespace {
 
-constexpr double kSpacingPx = 2.0;       ///< between samples, in pixels of the camera
-constexpr float kSameLook = 0.8F;        ///< correlation from which on a place beside looks like the landmark itself
-constexpr std::size_t kLeastPlaces = 3;  ///< of the four beside that look different; else nothing can be told
-constexpr double kMaxRescaling = 2.0;    ///< of a patch against the camera's own resolution
-constexpr std::size_t kHistory = 16;     ///< keyframes whose patches are kept
-constexpr double kClustering = 4.0;      ///< at least so many tries in one image count as one
+constexpr double kSpacingPx = 2.0;       ///< between samples [px of the camera]
+constexpr float kSameLook = 0.8F;        ///< correlation above which a neighbouring patch is indistinguishable
+constexpr std::size_t kLeastPlaces = 3;  ///< minimum number of distinguishable neighbours, of four
+constexpr double kMaxRescaling = 2.0;    ///< of a patch, relative to the camera's resolution
+constexpr std::size_t kHistory = 16;     ///< keyframes whose patches are cached
+constexpr double kClustering = 4.0;      ///< minimum number of correlated tries in an image that count as one
 
-/// Correlation of unrelated patches (root mean square): 0.25 to 0.5 in the same images, 1 / 9 in noise. With noise of
-/// 60, 90 and 120 gray levels it is 0.21, 0.16 and 0.14, and the right images fit by 0.6, 0.4 and 0.3, the wrong ones
-/// by 0.05 at most.
+/// Root mean square correlation of unrelated patches in clear images, and in noise, where it approaches 1 / 9 (one over
+/// the root of the number of samples).
 constexpr double kClearLikeness = 0.32;
 constexpr double kNoiseLikeness = 0.16;
 
@@ -55,7 +54,7 @@ void Tally::add_image(int tries, int hits) {
 double Tally::deviation() const {
   if (tries_ == 0.0) return 1.0;
   const double p = share();
-  const double careful = (hits_ + 2.0) / (tries_ + 4.0);  // a share of 0 or 1 in a few tries is not certain
+  const double careful = (hits_ + 2.0) / (tries_ + 4.0);  // smoothed: shares of 0 or 1 of few tries are uncertain
   double variance = kClustering * tries_ * careful * (1.0 - careful);
   if (images_ > 1) {
     const double between = hits_squared_ - 2.0 * p * tries_hits_ + p * p * tries_squared_;
@@ -78,14 +77,14 @@ double PairingSeries::least_fit() const {
   return kLeastFitInNoise + clear * (kLeastFit - kLeastFitInNoise);
 }
 
-/// A landmark in an image.
+/// Landmark in an image.
 struct PairingSeries::Look {
   Sighting sighting;
   PatchPlace place;
   const Sighting* last = nullptr;
 };
 
-/// The same ones for all images that see them: those whose ids have the smallest hashes.
+/// Selects the observations with the smallest hashed ids: the same landmarks in all images.
 std::vector<MapObservation> PairingSeries::choose(const MapKeyframe& keyframe) const {
   std::vector<MapObservation> chosen = keyframe.observations;
   const auto before = [](const MapObservation& a, const MapObservation& b) {
@@ -108,7 +107,7 @@ const PairingSeries::Sighting* PairingSeries::last_sighting(std::int64_t landmar
   return nullptr;
 }
 
-/// False where the map gives no sensible geometry.
+/// False if the geometry is degenerate.
 bool PairingSeries::place(const MapKeyframe& keyframe, const MapObservation& observation, ImageView<const Rgb> image,
                           const Presentation& presentation, Look& look) const {
   const MapLandmark* landmark = map_->find_landmark(observation.landmark_id);
@@ -118,7 +117,7 @@ bool PairingSeries::place(const MapKeyframe& keyframe, const MapObservation& obs
   const Eigen::Vector3d to_landmark = landmark->position_world - keyframe.cam_from_world.center();
   const double distance = to_landmark.norm();
   if (!(distance > 0.0) || !std::isfinite(distance)) return false;
-  // An image smaller than the camera's has no finer detail than its own pixels.
+  // Images smaller than the camera's have a coarser resolution.
   const double spacing_px = std::max(kSpacingPx, static_cast<double>(camera.width) / image.width);
   const double own_size = 2.0 * kernels::kPi * spacing_px / camera.width * distance;
   look.last = last_sighting(observation.landmark_id);
@@ -143,7 +142,7 @@ bool PairingSeries::place(const MapKeyframe& keyframe, const MapObservation& obs
 void PairingSeries::add(const MapKeyframe& keyframe, ImageView<const Rgb> image, const Presentation& presentation) {
   Frame frame;
   frame.reserve(std::min(landmarks_, keyframe.observations.size()));
-  const LandmarkPatch* other = nullptr;  // the last sighting of another landmark
+  const LandmarkPatch* other = nullptr;  // last patch of another landmark
   int tries = 0;
   int hits = 0;
   int chance_tries = 0;

@@ -13,27 +13,27 @@
 namespace pmsp::io {
 namespace {
 
-constexpr std::size_t kLandmarks = 300;      ///< looked at in each image
-constexpr std::size_t kScanLandmarks = 100;  ///< the same for each anchor of many
-constexpr int kComparisons = 30;             ///< fewer say nothing
-constexpr double kPoorFit = 0.25;            ///< of poor images at least
-constexpr std::size_t kRun = 4;              ///< keyframes of a run
-constexpr std::size_t kFirst = 12;           ///< keyframes near the beginning, where a run may start
-constexpr std::size_t kCommon = 60;          ///< landmarks in common; more make a run no better
-constexpr double kParallax = 0.2;            ///< baseline over distance; more makes a run no better
-constexpr double kHopeless = 0.2;            ///< fit of two images from which on the others of a run are looked at
-constexpr double kFoundFit = 0.5;            ///< the best of many wrong anchors has less
-constexpr int kBehindPeak = 8;               ///< frames without a better one, then the best one is verified
-constexpr double kPlateau = 0.15;            ///< of the fit, below that of the best anchor
-constexpr std::int64_t kBeside = 3;          ///< frames beside the best anchor that are verified, too
-constexpr std::size_t kPeaks = 4;            ///< verified when all anchors have been tried
-constexpr double kAlike = 0.1;               ///< of the fit
+constexpr std::size_t kLandmarks = 300;      ///< per image
+constexpr std::size_t kScanLandmarks = 100;  ///< per image, in a search over many anchors
+constexpr int kComparisons = 30;             ///< minimum for a verdict
+constexpr double kPoorFit = 0.25;            ///< minimum fit of poor images
+constexpr std::size_t kRun = 4;              ///< keyframes per run
+constexpr std::size_t kFirst = 12;           ///< keyframes at the beginning among which a run may start
+constexpr std::size_t kCommon = 60;          ///< common landmarks beyond which a pair is no better
+constexpr double kParallax = 0.2;            ///< ratio of baseline and distance beyond which a pair is no better
+constexpr double kHopeless = 0.2;            ///< fit of two images below which the others of a run are skipped
+constexpr double kFoundFit = 0.5;            ///< above the best of many wrong anchors
+constexpr int kBehindPeak = 8;               ///< frames without a better anchor before the best one is verified
+constexpr double kPlateau = 0.15;            ///< fit below that of the best anchor, for verification
+constexpr std::int64_t kBeside = 3;          ///< frames around the best anchor that are also verified
+constexpr std::size_t kPeaks = 4;            ///< maximum number verified after all anchors were tried
+constexpr double kAlike = 0.1;               ///< difference in fit of equally good anchors
 
 Evidence evidence_of(const PairingSeries& series) {
   return {series.found().tries(), series.fit(), series.least_fit(), series.likeness(), series.fit_deviation()};
 }
 
-/// Baseline over the median distance of the landmarks that two keyframes have in common, weighed by their number.
+/// Ratio of baseline and median distance of the common landmarks, weighted by their number.
 double value_of_pair(const SlamMap& map, const MapKeyframe& a, const MapKeyframe& b) {
   std::unordered_set<std::int64_t> seen;
   for (const MapObservation& observation : a.observations) seen.insert(observation.landmark_id);
@@ -59,7 +59,7 @@ class AnchorSearch {
   }
 
   std::optional<FoundAnchor> find(std::int64_t first, std::int64_t last) {
-    Tried peak;  // with fit 0: none
+    Tried peak;  // fit 0 = none
     for (std::int64_t anchor = first; anchor <= last; ++anchor) {
       if (reading_.image(anchor) == nullptr) continue;
       tried_.push_back({anchor, try_run(anchor)});
@@ -95,7 +95,7 @@ class AnchorSearch {
     return series.found().tries() >= kComparisons ? series.fit() : 0.0;
   }
 
-  /// The anchor that fits all keyframes best among the peak and those beside it that fit nearly as well.
+  /// Best anchor over all keyframes, among the peak and nearby ones with a similar fit.
   std::optional<FoundAnchor> verify(const Tried& peak) const {
     std::int64_t from = peak.anchor - kBeside;
     std::int64_t to = peak.anchor + kBeside;

@@ -14,42 +14,41 @@ namespace pmsp::io {
 
 using Keyframes = std::vector<const MapKeyframe*>;
 
-/// What the images of a few keyframes say of a pairing.
+/// Evidence of some keyframes' images for a pairing.
 struct Evidence {
-  int comparisons = 0;     ///< landmarks that were sought
-  double fit = 0.0;        ///< as PairingSeries::fit
-  double least_fit = 0.0;  ///< as PairingSeries::least_fit
-  double likeness = 0.0;   ///< as PairingSeries::likeness
-  double deviation = 0.0;  ///< of the fit
+  int comparisons = 0;     ///< number of landmarks compared
+  double fit = 0.0;        ///< see PairingSeries::fit
+  double least_fit = 0.0;  ///< see PairingSeries::least_fit
+  double likeness = 0.0;   ///< see PairingSeries::likeness
+  double deviation = 0.0;  ///< standard deviation of `fit`
 
   bool conclusive() const;
   bool fits() const { return conclusive() && fit >= least_fit; }
-  bool may_fit() const;  ///< as poor images do, and no wrong ones
+  bool may_fit() const;  ///< possible for poor images, not for wrong ones
 };
 
-/// The image that a pairing gives a keyframe; nullptr where it gives none. Valid until the next call.
+/// Image of a keyframe in a pairing; nullptr = none. Valid until the next call.
 using ImageOf = std::function<const Image<Rgb>*(const MapKeyframe&)>;
 
-/// How well images fit keyframes, which come in the order of time.
+/// Measures how well images fit keyframes, in temporal order.
 Evidence try_images(const SlamMap& map, const Keyframes& keyframes, const ImageOf& image_of,
                     const Presentation& how = {});
 
-/// Whether they do when they are mirrored, flipped or turned.
+/// True if mirrored, flipped or turned images fit.
 bool fit_presented(const SlamMap& map, const Keyframes& keyframes, const ImageOf& image_of);
 
-/// Keyframes in the order of time, without those that repeat the timestamp of an earlier id.
+/// Keyframes by time, without repeated timestamps (the smallest id is kept).
 Keyframes keyframes_by_time(const SlamMap& map);
 
-/// Up to four neighbours among the first, those with the most parallax between them and landmarks in common.
+/// Returns up to four adjacent keyframes near the beginning with much parallax and many common landmarks.
 Keyframes first_run(const SlamMap& map, const Keyframes& by_time);
 
-/// At most `pairs` pairs of neighbours, evenly spread.
+/// Returns at most `pairs` pairs of adjacent keyframes, evenly spread.
 Keyframes spread_pairs(const Keyframes& by_time, std::size_t pairs);
 
-/// Frames of one recording, and how a reading of timestamps places keyframes among them once the frame of the first
-/// keyframe of a run (the anchor) is known.
+/// Frames of a recording, and the frame of each keyframe given that of the first keyframe of a run (the anchor).
 struct FrameReading {
-  std::function<const Image<Rgb>*(std::int64_t frame)> image;  ///< nullptr = there is none; valid until the next call
+  std::function<const Image<Rgb>*(std::int64_t frame)> image;  ///< nullptr = none; valid until the next call
   std::function<std::optional<std::int64_t>(const MapKeyframe&, std::int64_t anchor)> frame_of;
 };
 
@@ -58,8 +57,8 @@ struct FoundAnchor {
   Evidence evidence;
 };
 
-/// Tries each frame from `first` to `last` as the anchor of `run`, and what fits on `more` keyframes, too. Returns the
-/// one that fits best; nullopt where none does, or where another one far from it does as well.
+/// Tries frames `first` to `last` as the anchor of `run`, and verifies candidates on `more` keyframes. Returns the best
+/// one; nullopt if none fits, or if a distant one fits equally well.
 std::optional<FoundAnchor> find_anchor(const SlamMap& map, const Keyframes& run, const Keyframes& more,
                                        const FrameReading& reading, std::int64_t first, std::int64_t last);
 

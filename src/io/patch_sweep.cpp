@@ -15,38 +15,38 @@
 namespace pmsp::io {
 namespace {
 
-constexpr int kWidth = 512;           ///< of the gray images, or less where the images are smaller
-constexpr int kCell = 12;             ///< side of the squares that give a patch each [px]
+constexpr int kWidth = 512;           ///< maximum width of the gray images [px]
+constexpr int kCell = 12;             ///< side of the squares with one patch each [px]
 constexpr double kMaxLatitude = 1.2;  ///< [rad]
-constexpr int kRadius = 2;            ///< of a patch [samples]
+constexpr int kRadius = 2;            ///< patch radius [samples]
 constexpr int kSide = 2 * kRadius + 1;
 constexpr int kSamples = kSide * kSide;
 constexpr int kLanes = 4;
 constexpr int kStored = (kSamples + kLanes - 1) / kLanes * kLanes;
-constexpr double kSpacing = 1.5;  ///< of its samples [px]
+constexpr double kSpacing = 1.5;  ///< between samples [px]
 constexpr std::size_t kNeighbours = 6;
-constexpr double kNearest = 0.4;  ///< depths, in distances to the farthest neighbour
+constexpr double kNearest = 0.4;  ///< minimum depth [distance to the farthest source view]
 constexpr double kFarthest = 60.0;
-constexpr int kDepths = 160;           ///< evenly spaced in 1 / depth, so evenly in the images
-constexpr int kPeakReach = 8;          ///< depths on either side that belong to one peak
-constexpr float kMinDeviation = 5.0F;  ///< of a patch [gray levels]
+constexpr int kDepths = 160;           ///< evenly spaced in 1 / depth, hence in the images
+constexpr int kPeakReach = 8;          ///< half width of a peak [depth steps]
+constexpr float kMinDeviation = 5.0F;  ///< minimum standard deviation of a patch [gray levels]
 constexpr float kMinScore = 0.8F;      ///< NCC
-constexpr float kMinLead = 0.08F;      ///< over the best depth that is not of the same peak
-constexpr float kSeen = 0.7F;          ///< NCC from which a neighbour observes the landmark
+constexpr float kMinLead = 0.08F;      ///< over the best depth outside the peak
+constexpr float kSeen = 0.7F;          ///< NCC above which a source view observes the landmark
 
-constexpr int kFraction = 7;  ///< bits of a place between two pixels
+constexpr int kFraction = 7;  ///< fractional bits of pixel coordinates
 constexpr int kOne = 1 << kFraction;
-constexpr float kLevel = static_cast<float>(kOne) * kOne;  ///< a gray level in samples
+constexpr float kLevel = static_cast<float>(kOne) * kOne;  ///< scale of samples [1/gray level]
 
-/// Gray values, and zeros up to a whole number of lanes.
+/// Gray values, zero-padded to a multiple of the lanes.
 using Samples = std::array<float, kStored>;
 
-/// Where a patch lies in an image, from the centre of its first pixel [px]: its middle and the steps between samples.
+/// Position of a patch in an image, from the centre of the first pixel: centre and steps between samples [px].
 struct Place {
   float x, y, right_x, right_y, down_x, down_y;
 };
 
-/// False where part of it lies beyond what the image repeats.
+/// False if part of it is outside the padded image.
 bool sample(const SweepImage& image, const Place& place, Samples& out) {
   const float reach_x = kRadius * (std::abs(place.right_x) + std::abs(place.down_x)) + 1.0F;
   const float reach_y = kRadius * (std::abs(place.right_y) + std::abs(place.down_y)) + 1.0F;
@@ -82,7 +82,7 @@ bool sample(const SweepImage& image, const Place& place, Samples& out) {
 
 constexpr float kMinSquares = kMinDeviation * kMinDeviation * kLevel * kLevel * kSamples;
 
-/// Zero mean and unit length; false where there is too little to see.
+/// Normalises to zero mean and unit norm; false without texture.
 bool normalise(Samples& samples) {
   float mean = 0.0F;
   for (int i = 0; i < kSamples; ++i) mean += samples[static_cast<std::size_t>(i)] / kSamples;
@@ -97,7 +97,7 @@ bool normalise(Samples& samples) {
   return true;
 }
 
-/// Correlation of a patch of zero mean and unit length with samples as they are; 0 where these show too little.
+/// Correlation of a normalised patch with raw samples; 0 without texture.
 float correlation(const Samples& patch, const Samples& samples) {
   std::array<float, kLanes> sums{};
   std::array<float, kLanes> squares{};
@@ -116,7 +116,7 @@ float correlation(const Samples& patch, const Samples& samples) {
   return ((products[0] + products[1]) + (products[2] + products[3])) / std::sqrt(rest);
 }
 
-/// What lies around a direction on the plane that faces its keyframe, as another view (or the same one) has it.
+/// Patch around a direction, on the plane facing its keyframe, warped into a view.
 class Ray {
  public:
   Ray(const Eigen::Vector3d& bearing, const RigidTransform& view_from_ref, int width)
@@ -153,12 +153,12 @@ class Ray {
   Eigen::Vector3f bearing_, right_, down_, shift_;
 };
 
-/// The mean of the better two thirds: something may hide the patch from the others.
+/// Size of the better two thirds of the views: the patch may be occluded in the others.
 std::size_t that_count(std::size_t views) { return (2 * views + 2) / 3; }
 
 using Scores = std::array<float, kNeighbours>;
 
-/// Scores of the views in descending order, so many of them.
+/// Inserts into `count` scores in descending order.
 void insert(Scores& best, std::size_t count, float score) {
   for (std::size_t i = count; i-- > 0;) {
     if (best[i] >= score) {
@@ -189,7 +189,7 @@ class DepthSearch {
     return correlation(patch_, samples);
   }
 
-  /// Below `least`: less than `least`, and no more is known.
+  /// Mean of the best scores at a depth; any value below `least` if it cannot reach that.
   float score(int step, float least) const {
     const double inverse = inverse_depth(step);
     const std::size_t views = rays_.size();
@@ -208,7 +208,7 @@ class DepthSearch {
     return sum / static_cast<float>(that);
   }
 
-  /// Where one depth fits clearly better than all others, as 1 / depth; else 0.
+  /// Returns 1 / depth if one depth fits clearly better than all others, else 0.
   double find() const {
     std::array<float, kDepths> scores{};
     for (int step = 0; step < kDepths; ++step) {
@@ -247,7 +247,7 @@ cv::Mat gray_of(ImageView<const Rgb> image) {
   return gray;
 }
 
-/// Where the mask leaves room for a patch; empty = everywhere.
+/// Pixels at which a patch does not touch the mask; empty = all.
 cv::Mat room_in(ImageView<const std::uint8_t> mask, const cv::Size& size) {
   if (mask.empty()) return {};
   cv::Mat used(mask.height, mask.width, CV_8UC1);
@@ -335,7 +335,7 @@ std::size_t PatchSweep::look(std::size_t i, std::size_t first, std::size_t strid
   return patches;
 }
 
-/// The nearest other places, the farthest of them first: it rules out most depths.
+/// Nearest other positions, the farthest first, since it excludes most depths.
 std::vector<std::size_t> PatchSweep::neighbours_of(std::size_t i) const {
   std::vector<std::pair<double, std::size_t>> others;
   for (std::size_t k = 0; k < views_.size(); ++k) {

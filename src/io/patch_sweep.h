@@ -12,15 +12,15 @@
 
 namespace pmsp::io {
 
-/// A panorama in gray, 512 pixels across at most, with columns repeated beyond both ends and rows beyond the first and
-/// the last one; and where its textured patches are.
+/// Gray panorama, at most 512 pixels wide, with columns repeated on both sides and rows above and below; with its
+/// textured corners.
 class SweepImage {
  public:
-  /// `mask`: 0 = ignore, the same size, empty = use all.
+  /// `mask`: same size, 0 = ignored, empty = none.
   SweepImage(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask);
 
-  static constexpr int kMargin = 64;  ///< of repeated columns on either side [px]
-  static constexpr int kBorder = 16;  ///< of repeated rows above and below [px]
+  static constexpr int kMargin = 64;  ///< repeated columns per side [px]
+  static constexpr int kBorder = 16;  ///< repeated rows above and below [px]
 
   int width() const { return width_; }
   int height() const { return height_; }
@@ -29,7 +29,7 @@ class SweepImage {
     return gray_.data() + static_cast<std::ptrdiff_t>(y + kBorder) * stride() + x + kMargin;
   }
 
-  /// The most textured pixel of each square, away from the poles and what the mask ignores: its centre [px].
+  /// Centre of the most textured pixel per square, without poles and masked pixels [px].
   const std::vector<Eigen::Vector2f>& corners() const { return corners_; }
 
  private:
@@ -39,19 +39,19 @@ class SweepImage {
   std::vector<Eigen::Vector2f> corners_;
 };
 
-/// A keyframe as some pose has it.
+/// Keyframe with a pose hypothesis.
 struct SweepView {
   RigidTransform cam_from_world;
   std::shared_ptr<const SweepImage> image;
 };
 
-/// A place that several views show, the one that it was looked for from first.
+/// Point observed by several views, the reference view first.
 struct SweepPoint {
   Eigen::Vector3d position_world;
   std::vector<std::size_t> views;
 };
 
-/// Looks for patches of views in their nearest neighbours, over all depths.
+/// Matches patches of views in their nearest source views, over all depths.
 class PatchSweep {
  public:
   explicit PatchSweep(std::vector<SweepView> views);
@@ -59,8 +59,8 @@ class PatchSweep {
   std::size_t size() const { return views_.size(); }
   std::size_t patches(std::size_t i) const { return views_[i].image->corners().size(); }  ///< textured or not
 
-  /// Looks for the patches `first`, `first + stride`, ... of view i; appends those that are found at one depth. Returns
-  /// the number of patches.
+  /// Matches patches `first`, `first + stride`, ... of view i; appends those with a unique depth to `found`. Returns
+  /// the number of patches tried.
   std::size_t look(std::size_t i, std::size_t first, std::size_t stride, std::vector<SweepPoint>& found) const;
 
  private:

@@ -29,7 +29,7 @@ Json to_json(const PlanEntry& entry) {
   return json;
 }
 
-/// Reads one entry; what goes wrong names it.
+/// Reads an entry; errors contain its name.
 class EntryReader {
  public:
   EntryReader(const Json& json, std::string where) : json_(json), where_(std::move(where)) {

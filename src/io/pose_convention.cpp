@@ -23,7 +23,7 @@ Eigen::Matrix3d w_first(const Eigen::Matrix3d& world_from_cam) {
   return Eigen::Quaterniond(as_read.x(), as_read.y(), as_read.z(), as_read.w()).toRotationMatrix();
 }
 
-/// "x forward, y left, z up"
+/// Returns "x forward, y left, z up".
 std::string body_axes(const Eigen::Matrix3d& cam_from_body) {
   constexpr std::array<const char*, 3> kAlong{"right", "down", "forward"};
   constexpr std::array<const char*, 3> kAgainst{"left", "up", "backward"};
@@ -39,7 +39,7 @@ std::string body_axes(const Eigen::Matrix3d& cam_from_body) {
   return text;
 }
 
-/// "0 -1 0 0 0 0 -1 0 1 0 0 0": a matrix of 3 x 4 without a translation.
+/// Returns a 3 x 4 matrix without translation: "0 -1 0 0 0 0 -1 0 1 0 0 0".
 std::string rows(const Eigen::Matrix3d& turn) {
   std::string text;
   for (int row = 0; row < 3; ++row) {
@@ -49,7 +49,7 @@ std::string rows(const Eigen::Matrix3d& turn) {
   return text;
 }
 
-/// The 24 rotations that take axes to axes.
+/// The 24 rotations that map axes to axes.
 std::vector<Eigen::Matrix3d> axis_rotations() {
   std::vector<Eigen::Matrix3d> rotations;
   for (int x = 0; x < 6; ++x) {

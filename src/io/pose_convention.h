@@ -10,21 +10,21 @@
 
 namespace pmsp::map_detail {
 
-/// Another convention for the poses in a file, by which the file may be meant.
+/// Alternative convention of a file's poses.
 struct PoseConvention {
-  std::string what;        ///< for people
-  bool inverted = false;   ///< world_from_cam and cam_from_world are swapped
-  Eigen::Matrix3d camera;  ///< axes of the camera; may mirror
-  bool w_first = false;    ///< of the quaternion of world_from_cam, which was read as qx qy qz qw
-  std::string remedy{};    ///< "" = the conversion of the file
+  std::string what;        ///< description for people
+  bool inverted = false;   ///< world_from_cam and cam_from_world swapped
+  Eigen::Matrix3d camera;  ///< camera axes; may mirror
+  bool w_first = false;    ///< quaternion of world_from_cam has w first, but was read as qx qy qz qw
+  std::string remedy{};    ///< "" = conversion of the file
 
   RigidTransform of(const RigidTransform& cam_from_world) const;
 };
 
-/// All but the one that the readers have.
+/// All conventions except that of the readers.
 std::vector<PoseConvention> other_conventions();
 
-/// "put that right where the file was written, a cloud of it would be wrong", or what else helps.
+/// Returns the remedy for people: "put that right where the file was written, ...", or another one.
 std::string remedy_of(const PoseConvention& convention);
 
 }  // namespace pmsp::map_detail

@@ -38,7 +38,7 @@ void PriorDepths::give(Keyframe& keyframe, const std::filesystem::path& image) {
         depth_ = aligned_depth(values.view(), outcome.alignment);
         keyframe.prior_depth = static_cast<const Image<float>&>(depth_).view();
       }
-    } catch (const Error& error) {  // one that cannot be read is one that is not there
+    } catch (const Error& error) {  // unreadable ones count as missing
       outcome.alignment.why_not = error.what();
     }
   }

@@ -16,30 +16,30 @@
 
 namespace pmsp::io {
 
-/// Depth images from elsewhere, aligned to their keyframes' landmarks.
+/// Depth images from other sources, aligned to the landmarks of their keyframes.
 class PMSP_API PriorDepths {
  public:
   PriorDepths() = default;  ///< none
-  /// `folder`: of the depth images; "" = there are none. `images`: the folder of the images. Throws as DepthFolder.
+  /// `folder`: of the depth images; "" = none. `images`: image folder. Throws as DepthFolder.
   PriorDepths(const std::filesystem::path& folder, const std::filesystem::path& images);
 
   bool wanted() const { return folder_.has_value(); }
 
-  /// Sets `keyframe.prior_depth`, if the image's depth is there and fits; it stays until the next call. To be called
-  /// when all else of the keyframe is set.
+  /// Sets `keyframe.prior_depth` if the image has a depth file that fits; valid until the next call. To be called after
+  /// all other fields are set.
   void give(Keyframe& keyframe, const std::filesystem::path& image);
 
-  /// The file of an image, and what else its values depend on; "" = there is none.
+  /// Depth file of an image ("" = none), and other inputs of its values.
   std::filesystem::path file_for(std::int64_t keyframe_id, const std::filesystem::path& image) const;
   std::string unit_text() const;
 
-  /// What became of those that were asked for: a line for people, and for --stats.
+  /// Numbers of used, missing and rejected files: a line for people, and for --stats.
   std::string summary() const;
   nlohmann::ordered_json report() const;
 
  private:
   struct Outcome {
-    std::filesystem::path file;  ///< empty = none
+    std::filesystem::path file;  ///< "" = none
     DepthAlignment alignment;
   };
 
@@ -48,7 +48,7 @@ class PMSP_API PriorDepths {
   std::map<std::int64_t, Outcome> outcomes_;
 };
 
-/// Of one that fits.
+/// For alignments that fit.
 PMSP_API nlohmann::ordered_json to_json(const DepthAlignment& alignment);
 
 }  // namespace pmsp::io

@@ -16,8 +16,8 @@
 namespace pmsp {
 namespace {
 
-constexpr double kExactTime = 1e-3;    ///< a frame this near is the right one [s]
-constexpr double kFallbackFps = 30.0;  ///< where neither video nor map names a rate; only bounds how near is near
+constexpr double kExactTime = 1e-3;    ///< maximum deviation of an exact match [s]
+constexpr double kFallbackFps = 30.0;  ///< if neither video nor map has a rate; bounds the time tolerance only
 
 using Reading = io::VideoPairing::Reading;
 
@@ -52,7 +52,7 @@ class Video final : public ImageSource {
     return std::nullopt;
   }
 
-  /// Frames come one after the other, and FFmpeg decodes them in threads of its own.
+  /// No effect: frames are sequential, and FFmpeg has decoding threads of its own.
   void read_ahead(int /*images*/) override {}
 
   Origin origin(std::int64_t keyframe_id) const override {
@@ -81,7 +81,7 @@ class Video final : public ImageSource {
     bool wanted = true;
   };
 
-  /// The same plan, at the beginning of the video.
+  /// Copies the plan and starts at the beginning of the video.
   Video(const Video& other)
       : path_(other.path_),
         reader_(other.path_),
@@ -121,7 +121,7 @@ class Video final : public ImageSource {
     for (const Target& target : plan_) ids_.push_back(target.keyframe_id);
   }
 
-  /// Throws InvalidInput unless the video is long enough for half of the keyframes.
+  /// Throws InvalidInput unless the video covers half of the keyframes.
   void require_half(std::size_t keyframes) const {
     const double frames = reader_.frames() > 0.0 ? reader_.frames() + 1.0 : std::numeric_limits<double>::infinity();
     const auto reached = static_cast<std::size_t>(std::count_if(plan_.begin(), plan_.end(), [&](const Target& target) {
@@ -148,7 +148,7 @@ class Video final : public ImageSource {
     return "frame " + std::to_string(taken_) + " is already another keyframe's image";
   }
 
-  /// Finds the frame of a target; returns why there is none. Frames are shared out in the same way whoever is wanted.
+  /// Decodes the frame of a target; returns the reason if there is none. Independent of the restriction to keyframes.
   std::string take(const Target& target, cv::Mat& bgr) {
     try {
       return by_time() ? take_nearest(target, bgr) : take_index(target, bgr);
@@ -158,7 +158,7 @@ class Video final : public ImageSource {
     }
   }
 
-  /// Finds the frame of a target by its index; returns why there is none.
+  /// By index; returns the reason if there is no frame.
   std::string take_index(const Target& target, cv::Mat& bgr) {
     while (reader_.index() < target.index && reader_.advance()) continue;
     if (reader_.index() < target.index) return end_reason();
@@ -166,7 +166,7 @@ class Video final : public ImageSource {
     return retrieve(bgr) ? std::string() : undecodable_reason();
   }
 
-  /// The same by presentation time.
+  /// By presentation time.
   std::string take_nearest(const Target& target, cv::Mat& bgr) {
     const double tolerance = 0.5 / reader_.fps();
     while (reader_.time() < target.timestamp - tolerance && reader_.advance()) continue;
@@ -177,7 +177,7 @@ class Video final : public ImageSource {
     if (reader_.index() == taken_ && !reader_.advance()) return taken_reason();
     if (distance() > tolerance) return taken_reason();
     bool decoded = retrieve(bgr);
-    // Frames of a variable rate may lie closer than half of the mean distance: go on while they come nearer.
+    // With variable rate, frames may be closer than half the mean interval: advance while the distance decreases.
     for (double best = distance(); best > kExactTime && reader_.advance() && distance() < best; best = distance())
       decoded = retrieve(bgr);
     return decoded ? std::string() : undecodable_reason();
@@ -188,7 +188,7 @@ class Video final : public ImageSource {
   io::VideoPairing pairing_;
   std::vector<Target> plan_;
   std::size_t next_ = 0;
-  std::int64_t taken_ = -1;  ///< of the frame retrieved last
+  std::int64_t taken_ = -1;  ///< index of the last retrieved frame
   std::vector<std::int64_t> ids_;
   std::vector<SkippedKeyframe> skipped_;
   std::string description_;

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kWidth = 640;  ///< [px]
 constexpr int kJpegQuality = 92;
-constexpr std::size_t kRecent = 8;  ///< frames that are kept decoded
+constexpr std::size_t kRecent = 8;  ///< decoded frames cached
 
 }  // namespace
 
@@ -30,7 +30,7 @@ bool VideoFrames::grow() {
   bool decoded = false;
   try {
     decoded = reader_.retrieve(bgr);
-  } catch (const IoError&) {  // reported when the frame's turn comes
+  } catch (const IoError&) {  // reported when the frame is read
   }
   if (decoded) {
     if (bgr.cols > kWidth) {

@@ -13,8 +13,7 @@
 
 namespace pmsp::io {
 
-/// Frames of a video in any order, reduced: those from a certain one on are decoded once, up to `kMost`, and kept
-/// compressed.
+/// Random access to reduced frames of a video: at most `kMost` from a start frame, decoded once and stored compressed.
 class VideoFrames {
  public:
   static constexpr std::int64_t kMost = 3000;
@@ -24,13 +23,13 @@ class VideoFrames {
 
   std::int64_t begin() const { return begin_; }
 
-  /// nullptr where the frame is not among them. Valid until the next call.
+  /// nullptr if the frame is out of range. Valid until the next call.
   const Image<Rgb>* image(std::int64_t frame);
 
-  /// Presentation time of a frame that has an image [s].
+  /// Presentation time of a frame with an image [s].
   double time(std::int64_t frame) const { return frames_[static_cast<std::size_t>(frame - begin_)].time; }
 
-  /// The frame nearest to a presentation time, at most half a mean frame away.
+  /// Frame nearest to a presentation time, within half the mean interval.
   std::optional<std::int64_t> nearest(double time);
 
  private:
@@ -39,7 +38,7 @@ class VideoFrames {
     std::vector<std::uint8_t> jpeg;
   };
 
-  /// Decodes one more; false at the end.
+  /// Decodes the next frame; false at the end.
   bool grow();
 
   VideoReader reader_;

@@ -15,15 +15,15 @@ namespace {
 
 using Reading = VideoPairing::Reading;
 
-constexpr double kWhole = 0.05;        ///< how far from a whole number a frame index may be [frames]
+constexpr double kWhole = 0.05;        ///< maximum deviation of a frame index from a whole number [frames]
 constexpr double kSameFrame = 0.5;     ///< readings that differ by less give the same frames [frames]
 constexpr double kNeighbours = 2.0;    ///< readings that differ by less need no decision [frames]
-constexpr double kAlike = 0.06;        ///< readings whose fits differ by less are alike
-constexpr double kBetter = 0.03;       ///< fit by which a shifted reading must be better
-constexpr std::int64_t kNear = 5;      ///< frames by which one that fits is shifted
-constexpr double kEarly = 300.0;       ///< frames within which a first keyframe of Unix times is placed
-constexpr std::size_t kLatePairs = 3;  ///< on which readings are compared
-constexpr std::int64_t kBefore = 30;   ///< frames before that of the first keyframe
+constexpr double kAlike = 0.06;        ///< difference in fit of equally good readings
+constexpr double kBetter = 0.03;       ///< required lead in fit of a shifted reading
+constexpr std::int64_t kNear = 5;      ///< maximum shift of a reading that fits [frames]
+constexpr double kEarly = 300.0;       ///< maximum frame of a first keyframe with Unix time
+constexpr std::size_t kLatePairs = 3;  ///< pairs for the comparison of readings
+constexpr std::int64_t kBefore = 30;   ///< frames decoded before that of the first keyframe
 
 std::string with_sign(std::int64_t offset) {
   if (offset == 0) return "";
@@ -76,7 +76,7 @@ class Chooser {
     return pairing;
   }
 
-  /// Those that options and map allow, the most plausible first; those that give the same frames once.
+  /// Readings allowed by options and map, by decreasing plausibility; without duplicates.
   std::vector<VideoPairing> possible_readings() const {
     const bool counts = std::all_of(map_.keyframes.begin(), map_.keyframes.end(),
                                     [](const MapKeyframe& k) { return k.source_frame.has_value(); });
@@ -110,7 +110,7 @@ class Chooser {
   bool has_length() const { return is_frame_rate(video_.fps()) && video_.frames() > 0.0; }
   double length() const { return (video_.frames() + 1.0) / video_.fps(); }
 
-  /// Whether timestamps are whole numbers of frames at the map's rate, but not at the video's.
+  /// True if timestamps are whole frames at the map's rate, but not at the video's.
   bool are_counted() const { return are_whole_frames(rate_) && !are_whole_frames(video_.fps()); }
 
   bool are_whole_frames(double fps) const {
@@ -128,7 +128,7 @@ class Chooser {
 
   bool can_try() const { return !map_.landmarks.empty() && map_.keyframes.size() > 1; }
 
-  /// Where the frames show nothing that would decide.
+  /// Choice if the frames are not conclusive.
   VideoPairing by_rule(const std::vector<VideoPairing>& readings) const {
     if (is_unix_) refuse_unix_times();
     std::vector<VideoPairing> inside;
@@ -175,7 +175,7 @@ class Chooser {
     return tried_on(readings, by_time, run, more, frames);
   }
 
-  /// The first frame that is looked at: that of the video, unless the first keyframe's is expected far behind it.
+  /// First decoded frame: 0, unless the first keyframe is expected far behind it.
   std::int64_t where_to_begin(const std::vector<VideoPairing>& readings, const MapKeyframe& first) const {
     double expected = expected_frame(readings.front(), first);
     for (const VideoPairing& pairing : readings) expected = std::min(expected, expected_frame(pairing, first));
@@ -183,7 +183,7 @@ class Chooser {
     return is_far ? static_cast<std::int64_t>(expected) - kBefore : 0;
   }
 
-  /// Keyframes on which readings differ as much as they can within so many frames.
+  /// Keyframes within `room` frames on which readings differ most.
   Keyframes late_pairs(const std::vector<VideoPairing>& readings, const Keyframes& by_time, std::int64_t begin,
                        double room) const {
     Keyframes reachable;
@@ -212,7 +212,7 @@ class Chooser {
     };
   }
 
-  /// As they are on `run` and `more`, else with a constant offset.
+  /// Chooses by the fit on `run` and `more`: unshifted, or else with a constant offset.
   VideoPairing tried_on(const std::vector<VideoPairing>& readings, const Keyframes& by_time, const Keyframes& run,
                         const Keyframes& more, VideoFrames& frames) {
     Keyframes all = run;
@@ -243,7 +243,7 @@ class Chooser {
     }
     is_shown_ = !fitting.empty();
     if (!fitting.empty()) return best_of(fitting);
-    if (poor) return poor->pairing;  // for the check of the pairing to judge
+    if (poor) return poor->pairing;  // left to the pairing check
     throw InvalidInput(path_.string() + ": its frames do not show the landmarks of " + map_.path.string() +
                        ", with the timestamps taken for " + names_of(readings) + ", at any offset within the first " +
                        std::to_string(VideoFrames::kMost) +
@@ -256,7 +256,7 @@ class Chooser {
     double fit = 0.0;
   };
 
-  /// A first keyframe of Unix times, or one that fits badly, may be some frames off.
+  /// Tries small shifts, for Unix times or a poor fit.
   Tried refined(const Tried& tried, const Keyframes& keyframes, VideoFrames& frames) const {
     if (!is_unix_ && tried.fit >= kExpectedFit) return tried;
     Tried best = tried;
@@ -280,12 +280,12 @@ class Chooser {
     return fitting.front().pairing;
   }
 
-  /// The pairing with the constant offset that fits; nullopt where none does.
+  /// Returns the pairing with the best constant offset; nullopt if none fits.
   std::optional<Tried> find_shift(const VideoPairing& pairing, const Keyframes& run, const Keyframes& more,
                                   VideoFrames& frames) const {
     const MapKeyframe& first = *run.front();
     VideoPairing from_first = pairing;
-    if (pairing.reading == Reading::kIndexFromTime) from_first.t0 = first_;  // whole frames from there, not halves
+    if (pairing.reading == Reading::kIndexFromTime) from_first.t0 = first_;  // whole frames from the first keyframe on
     const auto shifted_to = [&](std::int64_t anchor) {
       VideoPairing shifted = from_first;
       if (pairing.reading == Reading::kPresentationTime) {
@@ -344,7 +344,7 @@ class Chooser {
   double first_;
   double latest_;
   double rate_ = 0.0;
-  bool is_shown_ = false;  ///< whether frames have decided
+  bool is_shown_ = false;  ///< whether the frames were decisive
 };
 
 }  // namespace

@@ -12,25 +12,25 @@
 
 namespace pmsp::io {
 
-/// How the frames of keyframes are found in a video.
+/// Mapping from keyframes to frames of a video.
 struct VideoPairing {
   enum class Reading { kPresentationTime, kIndexFromTime, kSourceFrame };
   Reading reading = Reading::kPresentationTime;
   double unit = 1.0;        ///< of the map's timestamps [s]
-  double rate = 0.0;        ///< that turns timestamps into frame indices [1/s]
+  double rate = 0.0;        ///< from timestamps to frame indices [1/s]
   double t0 = 0.0;          ///< timestamp at the start of the video [s]
   std::int64_t offset = 0;  ///< added to frame indices
   std::string description;  ///< a clause for people
 
-  /// Presentation time that a keyframe's timestamp stands for [s].
+  /// Presentation time of a keyframe [s].
   double time(const MapKeyframe& keyframe) const { return keyframe.timestamp * unit - t0; }
 
-  /// Index of the keyframe's frame; nullopt where its timestamp gives none.
+  /// Frame index of a keyframe; nullopt if the timestamp is out of range.
   std::optional<std::int64_t> index(const MapKeyframe& keyframe) const;
 };
 
-/// Takes what `options` say; else the reading of timestamps, and the constant offset, that fit what a few frames show
-/// of the map's landmarks. Throws InvalidInput where nothing decides; IoError.
+/// Returns the pairing set by `options`; otherwise the reading of timestamps and the constant offset that fit the
+/// landmarks in some frames. Throws InvalidInput if undecided; IoError.
 VideoPairing choose_video_pairing(const SlamMap& map, const std::filesystem::path& path, const VideoOptions& options,
                                   const VideoReader& video);
 

@@ -10,7 +10,7 @@
 namespace pmsp::io {
 namespace {
 
-constexpr double kFallbackFps = 30.0;  ///< where the video has no rate; only steps of frames without a time
+constexpr double kFallbackFps = 30.0;  ///< if the video has no rate; step of frames without time
 
 }  // namespace
 
@@ -22,7 +22,7 @@ VideoReader::VideoReader(const std::filesystem::path& path) : path_(path) {
     throw IoError(path_.string() + ": cannot be opened: " + (error ? error.message() : "it is no file") +
                   "; expected a video");
   try {
-    // The backend is named, for others take digits in a file name for a pattern of an image sequence.
+    // FFmpeg explicitly: other backends interpret digits in the name as an image sequence.
     capture_.open(path_.string(), cv::CAP_FFMPEG);
   } catch (const std::exception& e) {
     throw IoError(path_.string() + ": cannot be opened as a video: " + e.what());
@@ -48,7 +48,7 @@ bool VideoReader::advance() {
   }
   ++index_;
   const double time = capture_.get(cv::CAP_PROP_POS_MSEC) / 1000.0;
-  // OpenCV gives 0 for the last frames of a stream with B-frames, and for all of them in some formats.
+  // OpenCV returns 0 for the last frames of a stream with B-frames, and for all frames of some formats.
   const double rate = is_frame_rate(fps_) ? fps_ : kFallbackFps;
   if (index_ == 0) {
     time_ = std::isfinite(time) ? time : 0.0;

@@ -7,10 +7,10 @@
 
 namespace pmsp::io {
 
-/// True for what can be a frame rate.
+/// True for plausible frame rates.
 bool is_frame_rate(double fps);
 
-/// Frames of a video one after the other, with their presentation times.
+/// Sequential frames of a video with presentation times.
 class VideoReader {
  public:
   /// Grabs the first frame. Throws IoError.
@@ -19,16 +19,16 @@ class VideoReader {
   /// Grabs the next frame; false at the end of the video. Throws IoError.
   bool advance();
 
-  /// Decodes the frame that was grabbed last; false where it cannot be decoded. Throws IoError.
+  /// Decodes the last grabbed frame; false if undecodable. Throws IoError.
   bool retrieve(cv::Mat& bgr);
 
-  std::int64_t index() const { return index_; }  ///< of the frame that was grabbed last
+  std::int64_t index() const { return index_; }  ///< of the last grabbed frame
   double time() const { return time_; }          ///< its presentation time [s]
 
-  double fps() const { return fps_; }        ///< mean rate; what the container says may be no rate at all [1/s]
-  double frames() const { return frames_; }  ///< as the container says; 0 = it does not
+  double fps() const { return fps_; }        ///< mean rate, possibly invalid as the container's [1/s]
+  double frames() const { return frames_; }  ///< according to the container; 0 = unknown
 
-  /// Stands in where the video has no rate.
+  /// Used if the video has no rate.
   void set_fallback_fps(double fps) {
     if (!is_frame_rate(fps_)) fps_ = fps;
   }
