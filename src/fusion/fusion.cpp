@@ -159,7 +159,7 @@ Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<st
   }
   const CpuProcessor on(executor, width, height);
   DuplicateCandidates still{on.upload(candidates), candidates.size()};
-  on.own(stage, still);
+  on.remove_duplicates(stage, still);
   candidates.assign(still.bits.get(), still.bits.get() + still.count);
   return statuses;
 }

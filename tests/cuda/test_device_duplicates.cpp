@@ -210,7 +210,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
       }
       stage.limits = duplicate_limits(flight.fusion);
       stage.statuses = frames[i].next.get();
-      cuda::own({stage, frames[i].asked.get(), round == 0}, nullptr);
+      cuda::remove_duplicates({stage, frames[i].asked.get(), round == 0}, nullptr);
     }
     for (OnDevice& frame : frames) std::swap(frame.statuses, frame.next);
   }
