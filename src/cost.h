@@ -7,28 +7,28 @@
 #include "pmsp/api.h"
 #include "pmsp/options.h"
 
-// What a Densifier will take, before there is one. Sizes must be filled in (fill_in_size).
+// Estimates of memory and work, without a Densifier. Options must have sizes (fill_in_size).
 namespace pmsp {
 
-/// Bytes on the host, at most.
+/// Maximum host memory [bytes].
 struct HostMemory {
-  double memory = 0.0;   ///< without the process itself and what is beside the Densifier
-  double scratch = 0.0;  ///< of the scratch file; 0 = there is none
+  double memory = 0.0;   ///< of the Densifier alone
+  double scratch = 0.0;  ///< scratch file; 0 = none
 };
 
-/// Width of images that are not known: memory is that for images as fine as options may ask for.
+/// Image width if unknown: estimates are for the finest images that the options allow.
 constexpr int kAnyImageWidth = 1 << 20;
 
-/// What a Densifier on the CPU takes that makes points of `used` keyframes, without a mask.
+/// Returns the memory of a Densifier on the CPU that emits points of `used` keyframes, without masks.
 PMSP_API HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used,
                                        int image_width = kAnyImageWidth);
 
-/// Memory of each of its devices that a Densifier takes at most [bytes], beside CUDA's own (0.5 GiB), for
-/// `options.advanced.expected_keyframes`; for a long flight where that is 0, and for sets (`unordered`), of which it is
-/// no more than a guess. Builds without CUDA know it, too.
+/// Returns the maximum memory of a Densifier on each of its devices [bytes], without that of CUDA itself (0.5 GiB), for
+/// `options.advanced.expected_keyframes` (0 = a long sequence). Only a guess for unordered sets. Available in builds
+/// without CUDA, too.
 PMSP_API std::size_t device_memory_needed(const DensifierOptions& options, int image_width = kAnyImageWidth);
 
-/// Planes that a pixel tries in all passes: what the time of PatchMatch grows with.
+/// Returns the number of hypotheses per pixel in all passes, to which the time of PatchMatch is proportional.
 PMSP_API int planes_tried(const PatchMatchOptions& options);
 
 }  // namespace pmsp

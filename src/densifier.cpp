@@ -54,7 +54,7 @@ bool Pipeline::add(const Keyframe& keyframe) {
   }
   if (wanted) {
     DensifierOptions sized = options_;
-    fill_in_size(sized, keyframe.image.width, keyframe.image.height);  // throws before anything has changed
+    fill_in_size(sized, keyframe.image.width, keyframe.image.height);  // throws before any change
   }
   return or_stop([&] { return take(keyframe); });
 }
@@ -98,7 +98,7 @@ std::vector<std::int64_t> Pipeline::images() const {
   return ids;
 }
 
-/// Whether the keyframe can take part. Of a given plan, those that do come in its order.
+/// Whether the keyframe takes part. Throws InvalidInput if it does, but not in the order of the given plan.
 bool Pipeline::takes_part(std::int64_t id) const {
   if (!part_) return true;
   const std::size_t place = part_->place_of(id);
@@ -110,7 +110,7 @@ bool Pipeline::takes_part(std::int64_t id) const {
                      ", which the results depend on, too; expected the order of the plan");
 }
 
-/// Of a given plan.
+/// Throws InvalidInput if required keyframes of the given plan are missing.
 void Pipeline::check_all_there() const {
   if (taken_ == part_->taking_part().size()) return;
   throw InvalidInput("keyframe " + std::to_string(part_->entry(part_->taking_part()[taken_]).id) +
@@ -135,7 +135,7 @@ bool Pipeline::take(const Keyframe& keyframe) {
   return taken;
 }
 
-/// As far as it is known by now: used keyframes may turn out to get no depth map.
+/// Returns the use as far as known: used keyframes may turn out to get no depth map.
 KeyframeUse Pipeline::decide_use(const Keyframe& keyframe) {
   if (planner_.add(plan_keyframe(keyframe, given_options_, &engine_->executor()))) return KeyframeUse::kDepthMap;
   return planner_.entries().empty() ? KeyframeUse::kNoLandmarks : planner_.entries().back().use;
@@ -150,13 +150,13 @@ void Pipeline::finish() {
   dropped_ = places_;
   drop_entries(planner_.entries().size());
   first_ = 0;
-  stats_.work_to_come = 0.0;  // sums of parts leave a rest
+  stats_.work_to_come = 0.0;  // removes rounding errors
   progress_ = Progress(schedule_.stages().size());
   std::fill(kept_.begin(), kept_.end(), 0);
 }
 
 void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
-  if (options_.width == 0 || options_.height == 0) {  // only now is known how much memory it takes
+  if (options_.width == 0 || options_.height == 0) {  // the required memory depends on the size
     fill_in_size(options_, keyframe.image.width, keyframe.image.height);
     options_.backend = given_options_.backend;
     options_.scratch_folder = given_options_.scratch_folder;
@@ -192,8 +192,8 @@ void Pipeline::run_task(const Task& task, bool last) {
   if (callbacks_.worked) callbacks_.worked();
 }
 
-/// One task of each stage that needs nothing of the others: then hardly a processor waits for what another one has just
-/// begun (see is_ready).
+/// Runs one task of each stage, independent of each other, so that processors hardly wait for work just begun on
+/// another one (see is_ready).
 void Pipeline::advance_in_step(bool last) {
   std::vector<Task> tasks;
   do {
@@ -209,7 +209,7 @@ void Pipeline::advance_in_step(bool last) {
   } while (last && !tasks.empty());
 }
 
-/// The last stage that has something to do, so that keyframes wait for others no longer than they must.
+/// Returns a task of the last stage that has any, so that keyframes wait for others as briefly as possible.
 std::optional<Task> Pipeline::next_task(bool last) {
   if (stopped()) return std::nullopt;
   if (choose) return choose(ready_tasks(last));
@@ -230,10 +230,10 @@ std::vector<Task> Pipeline::ready_tasks(bool last) {
   return tasks;
 }
 
-/// Stages that are needed must have been at all keyframes up to those that the task may look at, not only at these:
-/// then none of them has gone on by more than one pass, or one round, and what the task looks at is still there. Where
-/// several devices share the work, at one more, which is another one's: what that device has just begun only the first
-/// pass waits for, which starts from the keyframe before.
+/// Required stages must have completed all keyframes up to the last one that the task may read, not only those that it
+/// reads: then each is at most one pass or round ahead, and its artefacts still exist. With several devices, one more
+/// keyframe, which is on another device: then only the first pass, which starts from the previous keyframe, waits for
+/// work just begun.
 bool Pipeline::is_ready(const Task& task, bool last) {
   if (!last && !is_planned(task)) return false;
   const Stage& stage = schedule_.stages()[task.stage];
@@ -248,20 +248,20 @@ bool Pipeline::is_ready(const Task& task, bool last) {
   return !starts || !from || progress_.done(task.stage, index_of_.at(*from));
 }
 
-/// Whether the keyframes have come that the task looks at, and it is known which these are.
+/// Whether the inputs of the task are decided, and their keyframes have been added.
 bool Pipeline::is_planned(const Task& task) {
   const Stage& stage = schedule_.stages()[task.stage];
   if (part_) return !options_.unordered && task.keyframe + stage.lead < end();
   return view(task.keyframe).place - dropped_ < planned_for(stage.kind);
 }
 
-/// Number of the planner's entries that know what stages of a kind look at.
+/// Returns the number of the planner's entries that are decided for stages of a kind.
 std::size_t Pipeline::planned_for(Stage::Kind kind) const {
   if (kind == Stage::Kind::kMatch) return planner_.matchable();
   return kind == Stage::Kind::kFilter || kind == Stage::Kind::kFuse ? planner_.windowed() : planner_.complete();
 }
 
-/// In the order of the plan's list.
+/// Returns the matched frames, in the order of `keyframes`.
 std::vector<const Engine::Frame*> Pipeline::matched_frames(const std::vector<std::int64_t>& keyframes) {
   std::vector<const Engine::Frame*> frames;
   for (const std::int64_t id : keyframes) {
@@ -306,7 +306,7 @@ PassRange Pipeline::passes_of(const View& view) const {
   return pass_range(shortcut, options_.advanced.patchmatch.geometric_passes);
 }
 
-/// Planes of an earlier run, when passes look at them: from the first one on or, as results of the last one, then.
+/// Loads planes of an earlier run before the first pass that reads them; results of the last pass, at that pass.
 void Pipeline::take_earlier(const View& reference, int pass) {
   if (!part_ || !part_->needs_earlier(reference.place)) return;
   const bool is_result = part_->shortcut(reference.place)->planes == Shortcut::Planes::kResult;
@@ -320,8 +320,8 @@ void Pipeline::take_earlier(const View& reference, int pass) {
   engine_->load_planes(*reference.frame, planes);
 }
 
-/// One pass of PatchMatch. Passes after the first one start from the map of the pass before and look at the near
-/// neighbours' maps of the pass before, never at newer ones: what comes out does not depend on the order of work.
+/// Runs a pass of PatchMatch. Passes after the first one read maps of the previous pass, never newer ones, so that
+/// results do not depend on the order of work.
 void Pipeline::match(const View& reference, int pass) {
   const PlanEntry& entry = entry_of(reference);
   if (pass == 0 && !part_) count_without_depth_map(entry.use);
@@ -346,7 +346,7 @@ void Pipeline::match(const View& reference, int pass) {
   engine_->match(task);
 }
 
-/// The window in the order of the sequence, so that sums are rounded in one way.
+/// Orders the window as the sequence, so that sums are rounded reproducibly.
 void Pipeline::fuse(const View& reference) {
   std::vector<const Engine::Frame*> window = matched_frames(entry_of(reference).fusion);
   window.push_back(reference.frame.get());
@@ -356,7 +356,7 @@ void Pipeline::fuse(const View& reference) {
   engine_->fuse(*reference.frame, window, static_cast<std::size_t>(current - window.begin()));
 }
 
-/// Lets go of what no stage will look at again.
+/// Releases artefacts that no stage will read.
 void Pipeline::forget(bool last) {
   std::int64_t keep = progress_.next(schedule_.stages().size() - 1);
   for (std::size_t k = 0; k < kept_.size(); ++k) {
@@ -364,7 +364,7 @@ void Pipeline::forget(bool last) {
     std::int64_t until = end();
     for (const Lifetime::Reader& reader : lifetime.readers) {
       const std::int64_t at = progress_.next(reader.stage);
-      if (last && at == end()) continue;  // it is through
+      if (last && at == end()) continue;  // the stage is complete
       until = std::min(until, options_.unordered ? 0 : at - reader.behind);
     }
     for (; kept_[k] < until; ++kept_[k]) {
@@ -382,7 +382,7 @@ void Pipeline::forget(bool last) {
   for (; dropped_ < needed && planner_.complete() > 0; ++dropped_) drop_entries(1);
 }
 
-/// Complete ones.
+/// `count`: of complete entries.
 void Pipeline::drop_entries(std::size_t count) {
   for (std::size_t i = 0; i < count && callbacks_.planned; ++i) callbacks_.planned(planner_.entries()[i]);
   planner_.drop(count);

@@ -13,18 +13,18 @@
 namespace pmsp {
 namespace {
 
-/// Native resolution stops here; beyond it a depth map no longer gains from pixels.
+/// Maximum default width [px]; beyond it depth maps gain no accuracy from pixels.
 constexpr int kLargestWidth = 5760;
 constexpr int kEnlargedUpTo = 1440;
 
 std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
-/// Finite, and small enough that products of coordinates stay inside the range of single precision.
+/// Whether products of coordinates stay within the range of single precision.
 bool is_reasonable(const Eigen::Vector3d& position) { return position.norm() <= kMaxPosition; }
 
 int even(int value) { return std::max(2, value / 2 * 2); }
 
-/// Small images say more in larger depth maps: patches of theirs are smaller, and planes lie between pixels anyway.
+/// Small images gain from larger depth maps: patches are smaller, and planes lie between pixels anyway.
 int width_for(int image_width) {
   const int enlarged = std::min(image_width + image_width / 2, kEnlargedUpTo);
   return even(std::min(std::max(image_width, enlarged), kLargestWidth));

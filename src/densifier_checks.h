@@ -11,10 +11,10 @@
 
 namespace pmsp {
 
-/// Throws InvalidInput, naming keyframe and field, unless image, mask, pose, scale and landmarks are usable.
+/// Throws InvalidInput, naming keyframe and field, if image, mask, pose, scale or landmarks are invalid.
 void check_keyframe(const Keyframe& keyframe);
 
-/// Throw InvalidInput unless usable. `where`: the first words of the text.
+/// Throw InvalidInput if invalid. `where`: start of the message.
 void check_sizes(const std::string& where, int image_width, int image_height, ImageView<const std::uint8_t> mask);
 void check_prior_depth(const std::string& where, ImageView<const float> prior);
 PMSP_IO_API void check_scale(const std::string& where, double scale);

@@ -8,19 +8,18 @@
 
 namespace pmsp {
 
-/// Gives back all that this process holds of CUDA devices (DensifierOptions::devices), their contexts included, which
-/// takes about a tenth of a second. The end of a process does the same: this is for programs that have something else
-/// to wait for meanwhile, such as a disk. No Densifier may exist, and what anybody else in the process has on these
-/// devices is lost. Later Densifiers start the devices anew. The calling thread's current CUDA device is one of these
-/// afterwards. Nothing happens in builds without CUDA.
+/// Releases all resources of the process on CUDA devices (DensifierOptions::devices), contexts included, in about 0.1
+/// s. Process exit does the same; a call can overlap it with other waiting, such as for the disk. No Densifier may
+/// exist, and resources of other libraries on these devices are lost. Later Densifiers initialise the devices again.
+/// Makes one of the devices current in the calling thread. No effect in builds without CUDA.
 PMSP_API void close_devices(const std::vector<int>& devices) noexcept;
 
-/// Bytes of a CUDA device's memory that are free now; 0 where it cannot be used: in builds without CUDA, without a
-/// driver, and where there is no such device. Starts the device where this process has not done so.
+/// Returns the free memory of a CUDA device [bytes]; 0 if unusable: build without CUDA, no driver, no such device.
+/// Initialises the device if needed.
 PMSP_API std::size_t free_device_memory(int device);
 
-/// Number of CUDA devices that `DensifierOptions::devices` stands for where it is empty, 16 at most; 0 in builds
-/// without CUDA and without a driver.
+/// Returns the number of CUDA devices used if `DensifierOptions::devices` is empty, at most 16; 0 in builds without
+/// CUDA or without a driver.
 PMSP_API int device_count();
 
 }  // namespace pmsp

@@ -20,7 +20,7 @@ std::size_t memory_without_scratch(DensifierOptions options) {
   return device_memory_needed(options);
 }
 
-/// Empty where the memory suffices, or as long as the size of the depth maps is not known.
+/// Returns the reason; empty if the memory suffices or the size of the depth maps is unknown.
 std::string why_too_small(const cuda::Device& device, const DensifierOptions& options) {
   if (options.width == 0 || options.height == 0) return {};
   const std::size_t needed = std::min(device_memory_needed(options), memory_without_scratch(options));
@@ -31,8 +31,8 @@ std::string why_too_small(const cuda::Device& device, const DensifierOptions& op
          (options.scratch_folder.empty() ? "; a scratch folder may help (scratch_folder)" : "");
 }
 
-/// Whether all that waits finds room on the device. Not so in a set: there all wait for all, and estimates are of
-/// flights.
+/// Whether all waiting artefacts fit into the device. False for unordered sets: there all keyframes wait, and estimates
+/// are for sequences.
 bool needs_no_scratch(const cuda::Device& device, const DensifierOptions& options) {
   return options.width > 0 && options.height > 0 && !options.unordered &&
          memory_without_scratch(options) <= device.free_bytes;

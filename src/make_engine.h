@@ -8,8 +8,8 @@
 
 namespace pmsp {
 
-/// The engine that `options.backend` asks for. Writes the choice into `options` (backend, threads, simd) and, in words,
-/// with the reason, into `description`. Throws BackendUnavailable.
+/// Returns an engine for `options.backend`. Writes the choice into `options` (backend, devices, threads, simd, scratch
+/// folder) and, with the reason, into `description`. Throws BackendUnavailable.
 std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptions& options, std::string& description);
 
 }  // namespace pmsp

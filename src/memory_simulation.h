@@ -11,24 +11,24 @@
 
 namespace pmsp {
 
-/// The order of work of a flight (see Pipeline), without the work: how many keyframes have what at a time.
+/// Simulates the order of work on a sequence (see Pipeline), to count the keyframes that hold each artefact.
 class MemorySimulation {
  public:
-  /// Numbers of keyframes.
+  /// Numbers of keyframes that hold an artefact.
   struct Held {
     double images = 0.0;
     double colors = 0.0;
-    double planes = 0.0;    ///< of the pass before, and of the one before that
-    double evidence = 0.0;  ///< of what the picture tells, between passes
+    double planes = 0.0;    ///< of two successive passes
+    double evidence = 0.0;  ///< evidence of the image, between passes
     double medians = 0.0;
     double filtered = 0.0;
     double range_maps = 0.0;
     double surfels = 0.0;
-    double ranked = 0.0;      ///< of these, those that have been through a round of ownership,
-    double candidates = 0.0;  ///< and will be through another one
+    double ranked = 0.0;      ///< of `surfels`: after the first round of duplicate removal
+    double candidates = 0.0;  ///< of `ranked`: before the last round
   };
 
-  /// `in_step`: as several devices work that share a flight.
+  /// `in_step`: as with several devices that share a sequence.
   explicit MemorySimulation(const DensifierOptions& options, bool in_step = false)
       : in_step_(in_step),
         passes_(options.advanced.patchmatch.geometric_passes),
@@ -38,10 +38,10 @@ class MemorySimulation {
         next_(schedule_.stages().size(), 0),
         kept_(schedule_.lifetimes().size(), 0) {}
 
-  /// Of so many keyframes; `look` is called with what is held whenever that has changed.
+  /// Simulates a number of keyframes; calls `look` with the counts after each change.
   template <class Look>
   void run(std::int64_t keyframes, const Look& look) {
-    std::int64_t enough = 0;  // later keyframes find what those before have let go of
+    std::int64_t enough = 0;  // later keyframes only reuse released memory
     for (const Lifetime& lifetime : schedule_.lifetimes()) enough = std::max(enough, 2 * lifetime.keyframes);
     keyframes = std::min(keyframes, enough);
     for (end_ = 1; end_ <= keyframes; ++end_) {
@@ -73,14 +73,14 @@ class MemorySimulation {
     held.candidates = static_cast<double>(ranked - through(Stage::Kind::kDuplicates, rounds_));
     return held;
   }
-  /// How many keyframes have been through a stage.
+  /// Returns the number of keyframes that completed a stage.
   std::int64_t through(Stage::Kind kind, int step = 0) const {
     for (std::size_t i = 0; i < next_.size(); ++i) {
       if (schedule_.stages()[i].kind == kind && schedule_.stages()[i].step == step) return next_[i];
     }
     return 0;
   }
-  /// Of `made` keyframes, the first ones, those that still have the artefact.
+  /// Returns how many of the first `made` keyframes still hold the artefact.
   double left(Artefact artefact, std::int64_t made) const {
     const Lifetime* const lifetime = schedule_.lifetime(artefact);
     if (lifetime == nullptr) return 0.0;
@@ -95,7 +95,7 @@ class MemorySimulation {
       ++next_[stage];
       look(held());
       forget(last);
-      stage = next_.size();  // the last one that has something to do
+      stage = next_.size();  // from the last stage again
     }
   }
   template <class Look>
@@ -138,8 +138,8 @@ class MemorySimulation {
   int rounds_;
   bool has_evidence_;
   Schedule schedule_;
-  std::vector<std::int64_t> next_;  ///< by stage
-  std::vector<std::int64_t> kept_;  ///< by lifetime, the first keyframe that has the artefact
+  std::vector<std::int64_t> next_;  ///< by stage: first keyframe not completed
+  std::vector<std::int64_t> kept_;  ///< by lifetime: first keyframe that holds the artefact
   std::int64_t end_ = 0;
 };
 

@@ -12,7 +12,7 @@
 namespace pmsp {
 namespace {
 
-/// The shortest text that reads back as the same number.
+/// Returns the shortest text that reads back as the same number.
 template <class T>
 std::string number_text(T value) {
   char text[64];
@@ -20,7 +20,7 @@ std::string number_text(T value) {
   return {text, result.ptr};
 }
 
-/// The number that the whole of `text` is. A leading + is fine.
+/// Parses a number; nullopt unless the whole text is one. A leading + is allowed.
 template <class T>
 std::optional<T> number_from(const std::string& text) {
   T value{};
@@ -42,7 +42,7 @@ std::string range_text(const OptionEntry& entry, bool whole) {
 
 bool is_in_range(const OptionEntry& entry, double value) {
   if (entry.zero_too && value == 0.0) return true;
-  if (!(value >= entry.min && value <= entry.max)) return false;  // NaN is not
+  if (!(value >= entry.min && value <= entry.max)) return false;  // false for NaN
   if (entry.numbers == OptionEntry::Numbers::kAll) return true;
   return (std::fmod(value, 2.0) == 0.0) == (entry.numbers == OptionEntry::Numbers::kEven);
 }
@@ -70,7 +70,7 @@ std::string text(const std::vector<int>& list) {
   return list.empty() ? "all" : all;
 }
 
-// What a text stands for; nullopt where it is no such thing.
+// Parses a value; nullopt if invalid.
 template <class T>
 std::optional<T> read(const std::string& text) {
   if constexpr (std::is_same_v<T, bool>) {
@@ -82,7 +82,7 @@ std::optional<T> read(const std::string& text) {
       if constexpr (std::is_same_v<T, Simd>) return simd_from_name(text);
       if constexpr (std::is_same_v<T, Backend>) return backend_from_name(text);
     } catch (const InvalidOption&) {
-      return std::nullopt;  // the caller says where it stands
+      return std::nullopt;  // the caller reports the position
     }
   } else if constexpr (std::is_same_v<T, std::vector<int>>) {
     T list;
@@ -125,7 +125,7 @@ std::string OptionEntry::expected() const {
 }
 
 std::string OptionEntry::text_of(const DensifierOptions& options) const {
-  DensifierOptions copy = options;  // fields are given for writing, too
+  DensifierOptions copy = options;  // accessors return mutable references
   return std::visit([&copy](auto at) { return text(at(copy)); }, access);
 }
 

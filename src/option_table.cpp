@@ -10,10 +10,10 @@ namespace {
 
 constexpr double kMostSeed = 18446744073709551615.0;
 
-/// Radius of a disc that covers one pixel: where the paper's program changes the pixel that a point falls into [px].
+/// Radius of a disc that covers one pixel [px]: in the paper's program a point changes its pixel only.
 constexpr double kOnePixel = 0.56;
 
-/// Writes the table, a row an option.
+/// Builder of the table, one row per option.
 class Table {
  public:
   void stage(const char* name) { stage_ = name; }
@@ -55,9 +55,9 @@ class Table {
 #define PMSP_OPTION(field, help) PMSP_OPTION_OF(o, field, help)
 #define PMSP_ADVANCED_OPTION(field, help) PMSP_OPTION_OF(o.advanced, field, help)
 
-// Defaults are those of the structs, and the quality online. What `paper` has is Surmann et al. 2022, with the figures
-// of their program where the paper gives none. What is its defect rather than its method is not repeated: a blind strip
-// at the seam, a depth range that ends at the ninth decile, planes that are not turned with the camera.
+// Defaults are those of the structs, and the preset `online`. `paper` follows Surmann et al. 2022, with the values of
+// their program if the paper has none, but without its defects: a blind strip at the seam, a depth range that ends at
+// the ninth decile, planes that are not rotated with the camera.
 
 void machine(Table& table) {
   table.stage("Size and machine");
@@ -170,7 +170,7 @@ void patchmatch(Table& table) {
       .range(0, 8)
       .normal(3)
       .high(3)
-      .paper(0);  // more neighbours carry planes further in one of them
+      .paper(0);  // normal, high: more neighbours propagate planes further per pass
 }
 
 void filters(Table& table) {
@@ -205,7 +205,7 @@ void filters(Table& table) {
       .range(0, 1)
       .normal(0.007)
       .high(0.007)
-      .paper(0.08);  // finer pixels and more neighbours agree more closely
+      .paper(0.08);  // normal, high: finer pixels and more neighbours agree more closely
 }
 
 void fusion(Table& table) {

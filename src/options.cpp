@@ -12,14 +12,14 @@
 namespace pmsp {
 namespace {
 
-/// Checks what the table says of a stage's options, or of all ("").
+/// Checks the ranges of a stage's options, or of all ("").
 void check(const DensifierOptions& options, const std::string& stage) {
   for (const OptionEntry& entry : option_table()) {
     if (std::string(entry.key).rfind(stage, 0) == 0) entry.check(options);
   }
 }
 
-/// The stage's options alone.
+/// Checks the ranges of one stage's options.
 template <class Stage>
 void check(Stage AdvancedOptions::*member, const Stage& stage, const std::string& prefix) {
   DensifierOptions options;
@@ -29,7 +29,7 @@ void check(Stage AdvancedOptions::*member, const Stage& stage, const std::string
 
 }  // namespace
 
-// Ranges stand in the table; here is what one option demands of another.
+// Ranges are in the table; the following functions check relations between options.
 
 void ViewFilterOptions::validate() const {
   check(&AdvancedOptions::view_filter, *this, "view_filter.");

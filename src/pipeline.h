@@ -23,30 +23,30 @@
 
 namespace pmsp {
 
-/// A used keyframe on its way through the stages.
+/// Used keyframe with its frame.
 struct View {
-  Keyframe keyframe;  ///< its image and mask are gone; what is left of them is in the frame
+  Keyframe keyframe;  ///< without image and mask
   std::unique_ptr<Engine::Frame> frame;
-  std::size_t place;  ///< of its entry in the plan; in one that is made meanwhile, among all keyframes that were added
+  std::size_t place;  ///< index of its plan entry; without a given plan, among all added keyframes
 };
 
-/// A stage's work on one keyframe.
+/// Work of a stage on one keyframe.
 struct Task {
   std::size_t stage;
   std::int64_t keyframe;
 };
 
-/// What a Densifier does: runs a plan, the one that the planner makes meanwhile or part of a given one. A task may run
-/// as soon as the plan says what it looks at and the stages that it needs have been there; the order of those that may
-/// run changes no byte of what they leave. Indices count the keyframes that take part from the start of the sequence.
+/// Implementation of the Densifier: runs the plan of its planner, made incrementally, or part of a given plan. A task
+/// is ready if the plan of its keyframe is decided and the required stages have completed; the order of ready tasks
+/// does not affect results. Indices count participating keyframes from the start of the sequence.
 class Pipeline {
  public:
-  /// `given`: valid. `part`: nullopt = the plan is made of the keyframes that come, and all of it is run.
-  /// `load`: gives the planes of an earlier run that the part names.
+  /// `given`: valid. `part`: nullopt = the plan is made from the added keyframes and runs completely. `load`: returns
+  /// the planes of an earlier run that the part requires.
   Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, PlannedCallbacks to,
            std::function<PlaneMap(std::int64_t id)> load = nullptr);
 
-  /// As those of the Densifier.
+  /// See Densifier.
   bool add(const Keyframe& keyframe);
   void flush();
   void run(const KeyframeSource& keyframes);
@@ -57,12 +57,11 @@ class Pipeline {
   const DensifierOptions& options() const { return options_; }
   const std::string& backend() const { return backend_; }
 
-  /// For tests: chooses the next one of the tasks that may run, or nullopt to leave them for later. Not set: the first
-  /// one of the last stage that has any.
+  /// For tests: selects one of the ready tasks, nullopt = none yet. Unset: the first task of the last stage with any.
   std::function<std::optional<Task>(const std::vector<Task>&)> choose;
 
  private:
-  /// Work that fails half-way leaves frames that later work must not look at.
+  /// Stops after exceptions, which may leave incomplete frames.
   template <class Work>
   auto or_stop(const Work& work) {
     try {
@@ -107,28 +106,28 @@ class Pipeline {
   void drop_entries(std::size_t count);
   void count_without_depth_map(KeyframeUse use);
 
-  const DensifierOptions given_options_;  ///< what the plan is made with; sizes may be 0
+  const DensifierOptions given_options_;  ///< options of the plan; sizes may be 0
   DensifierOptions options_;
   PlannedCallbacks callbacks_;  ///< of the caller
-  EngineResults results_;       ///< what the engine calls
+  EngineResults results_;       ///< called by the engine
   const Schedule schedule_;
   Planner planner_;
-  const std::optional<PlanPart> part_;  ///< in place of what the planner makes
+  const std::optional<PlanPart> part_;  ///< instead of the planner's plan
   const std::function<PlaneMap(std::int64_t id)> load_planes_;
   DensifierStats stats_;
   std::atomic<bool> cancel_{false};
   KeyframeSource image_again_;  ///< set during `run`
   std::set<std::int64_t> ids_;
-  std::string backend_;             ///< the one in force, and why
-  std::unique_ptr<Engine> engine_;  ///< before the views, whose frames must not outlive it
+  std::string backend_;             ///< backend in use, with the reason
+  std::unique_ptr<Engine> engine_;  ///< declared before the views, whose frames must not outlive it
   std::deque<View> views_;
-  std::unordered_map<std::int64_t, std::int64_t> index_of_;  ///< of a view, by the keyframe's id
-  std::size_t places_ = 0;                                   ///< keyframes that the planner was given
-  std::size_t dropped_ = 0;                                  ///< entries of its plan that are done with
-  std::size_t taken_ = 0;                                    ///< keyframes that have come and take part
+  std::unordered_map<std::int64_t, std::int64_t> index_of_;  ///< by keyframe id
+  std::size_t places_ = 0;                                   ///< keyframes passed to the planner
+  std::size_t dropped_ = 0;                                  ///< released entries of the planner's plan
+  std::size_t taken_ = 0;                                    ///< participating keyframes so far
   std::int64_t first_ = 0;                                   ///< index of views_.front()
   Progress progress_;
-  std::vector<std::int64_t> kept_;  ///< for each lifetime, the first one that has the artefact
+  std::vector<std::int64_t> kept_;  ///< by lifetime: first keyframe that holds the artefact
 };
 
 }  // namespace pmsp

@@ -13,88 +13,85 @@
 
 namespace pmsp {
 
-/// Results beside those of a Densifier.
+/// Additional results of a Densifier.
 struct PlannedCallbacks : DensifierCallbacks {
   PlannedCallbacks(DensifierCallbacks callbacks = {})  // NOLINT(google-explicit-constructor)
       : DensifierCallbacks(std::move(callbacks)) {}
 
-  /// After the last pass and the median filter, for Shortcuts: of all keyframes that are matched, those too that a
-  /// given plan's results merely depend on. In the order in which they are made.
+  /// Planes after the last pass and the median filter, for Shortcuts: of all matched keyframes, with a given plan also
+  /// of those that only serve others. In the order of computation.
   std::function<void(const PlaneMap&)> planes;
-  /// Whether `planes` is to be called for this keyframe, whose planes are about to be made. Not set: for each.
+  /// Whether to call `planes` for a keyframe, queried before its planes are made. Unset: always.
   std::function<bool(std::int64_t keyframe_id)> wants_planes;
-  /// What each keyframe is used for, and which others its results depend on, once nothing changes it any more. Not with
-  /// a given plan.
+  /// Entry of the plan, once final. Not called with a given plan.
   std::function<void(const PlanEntry&)> planned;
 };
 
-/// How a run of a given plan matches a keyframe in less than all passes.
+/// Matching of a keyframe with fewer passes, in a run of a given plan.
 struct Shortcut {
-  /// What there is of an earlier run (DensifierCallbacks::planes).
+  /// Available planes of an earlier run (PlannedCallbacks::planes).
   enum class Planes {
-    kNone,    ///< nothing
-    kStart,   ///< planes that others look at, and that passes begin with
-    kResult,  ///< what this run would make: the earlier one ran the same plan with the same shortcuts, and was
-              ///< interrupted
+    kNone,
+    kStart,   ///< initial planes of the passes, also read by other keyframes
+    kResult,  ///< result of this run: of an interrupted run of the same plan with the same shortcuts
   };
   Planes planes = Planes::kNone;
-  /// Of PatchMatch, `patchmatch.geometric_passes` + 1 at most. With kStart the last ones, all geometric: 0 = the planes
-  /// are kept. Else the first ones, 1 at least: others look at what they make in place of what the missing ones would.
+  /// Number of passes, at most `patchmatch.geometric_passes` + 1. kStart: the last ones, all geometric; 0 = the planes
+  /// are kept. Else the first ones, at least 1: others read their result instead of that of the missing ones.
   int passes = 0;
-  bool images_first = false;  ///< kStart: the first of them looks at images alone, as planes of before a move agree
+  bool images_first =
+      false;  ///< kStart: the first pass is photometric, since planes from before a move confirm each other
 };
 
-/// What is known beforehand of a run of a given plan.
+/// Shortcuts of a run of a given plan.
 struct Shortcuts {
-  std::map<std::int64_t, Shortcut> keyframes;     ///< all others are matched in all passes
-  std::function<PlaneMap(std::int64_t id)> load;  ///< planes of an earlier run, once at most for each, when needed
+  std::map<std::int64_t, Shortcut> keyframes;  ///< others are matched in all passes
+  std::function<PlaneMap(std::int64_t id)>
+      load;  ///< returns planes of an earlier run; called when needed, once per keyframe at most
 };
 
-/// Gives a keyframe by its id. What its views point to stays until the next call, or until `run` returns. May call what
-/// callbacks may; after `cancel` it may return anything.
+/// Returns a keyframe by id. Its views must stay valid until the next call or the return of `run`. May call the
+/// functions allowed in callbacks; ignored after `cancel`.
 using KeyframeSource = std::function<Keyframe(std::int64_t id)>;
 
-/// A Densifier that shows its plan, or runs part of a given one: of a workspace, a shard, or depth maps from elsewhere.
-/// With a given plan `stats` are of all that was worked on, the halo included; `points` and `points_repeated` are of
-/// those handed out, `keyframes_*` of all that were added.
+/// Densifier that reports its plan or runs part of a given plan: for workspaces, shards, or external depth maps.
 ///
-/// With a given plan, `add` returns whether the results asked for depend on the keyframe's image. Others are counted,
-/// but nothing else of them is looked at. It throws InvalidInput, too, when the plan has no such keyframe, or one that
-/// comes before it in the plan and whose image is needed has not come. `flush` throws InvalidInput when an image is
+/// With a given plan, `stats` cover all processed keyframes, the halo included, but `points` and `points_repeated` only
+/// emitted ones, and `keyframes_*` all added ones. `add` returns whether the requested results depend on the keyframe's
+/// image; other keyframes are counted and ignored. It also throws InvalidInput if the plan lacks the keyframe, or a
+/// required keyframe before it in the plan is missing. `flush` throws InvalidInput, naming the first missing keyframe,
+/// with no effect, if required images are missing.
 /// missing that is needed, naming the first such keyframe: all is as if the call had not been made.
 class PMSP_API PlannedDensifier : public Densifier {
  public:
-  /// Makes the plan (see make_plan) while keyframes come. Throws as Densifier.
+  /// Makes the plan (see make_plan) incrementally. Throws as Densifier.
   PlannedDensifier(const DensifierOptions& options, PlannedCallbacks callbacks);
 
-  /// Runs part of a given plan: what the results of the keyframes `ids` depend on. Callbacks come for these only, in
-  /// the order of the plan, and give what a run of the whole plan gives, byte for byte, on the same backend. No ids, no
-  /// results. `add` takes the keyframes of `halo(plan, ids, options, callbacks.cloud != nullptr).images`, all of them,
-  /// in the order of the plan, with the poses and landmarks that the plan was made from. Fewer do where planes are
-  /// asked for but neither clouds nor filtered depth maps: `images` names them.
+  /// Runs part of a given plan: all that the results of the keyframes `ids` depend on. Callbacks are called for these
+  /// only, in the order of the plan, with the same bytes as in a run of the whole plan on the same backend; without
+  /// ids, there are no results. `add` requires all keyframes of `halo(plan, ids, options, callbacks.cloud !=
+  /// nullptr).images` in the order of the plan, with the poses and landmarks of the plan. For planes alone, without
+  /// clouds and filtered depth maps, fewer are required: see `images`.
   ///
-  /// `options`: those that the plan was made with; with another seed, backend, size or number of threads it fits, too.
-  /// Where images differ in size, give width and height: 0 follows the first one that comes. Throws InvalidInput where
-  /// the plan lacks one of `ids`, or makes no sense with these options: a keyframe is there twice, or names others that
-  /// are not there, lack what they should lend, are too many or lie too far away; a depth map lacks its neighbours or
-  /// depth range. Throws InvalidOption, BackendUnavailable, and InvalidOption as `halo` does unless `ids` name all
-  /// keyframes with a depth map.
+  /// `options`: those of the plan; seed, backend, size and number of threads may differ. If images differ in size,
+  /// width and height must be set: 0 follows the first image. Throws InvalidInput if the plan lacks one of `ids` or
+  /// does not fit the options: duplicate keyframes; references to keyframes that are missing, lack the required data,
+  /// are too many or too distant; depth maps without neighbours or depth range. Throws InvalidOption,
+  /// BackendUnavailable; InvalidOption as `halo`, unless `ids` are all keyframes with a depth map.
   ///
-  /// `shortcuts`: Throws InvalidInput where they name a keyframe that the plan lacks or a number of passes that does
-  /// not fit, or there is nobody to load planes. What `load` gives must have the size of the depth maps, else
-  /// InvalidInput comes out of `add`, `flush` and `run`.
+  /// `shortcuts`: throws InvalidInput for keyframes that the plan lacks, unsuitable numbers of passes, or a missing
+  /// `load`. If loaded planes differ in size from the depth maps, `add`, `flush` and `run` throw InvalidInput.
   PlannedDensifier(const DensifierOptions& options, const Plan& plan, const std::vector<std::int64_t>& ids,
                    PlannedCallbacks callbacks, Shortcuts shortcuts = {});
 
-  /// Runs a given plan to its end: asks for the keyframes that it needs, one at a time and in the order of the plan, in
-  /// place of `add`, and flushes. Without a scratch folder it asks again for images of unordered sets, so that they
-  /// take no memory meanwhile: in each pass over the keyframe itself and over each that is matched with it. An id
-  /// stands for the same keyframe each time. Throws InvalidInput when there is no given plan, and all is as it was;
-  /// else what `add`, `flush` and `keyframes` throw, and InvalidInput when another keyframe comes than was asked for:
-  /// after any of these the Densifier is as after `cancel`.
+  /// Runs a given plan completely: queries the required keyframes, one at a time in the order of the plan, instead of
+  /// `add`, and flushes. Without a scratch folder, images of unordered sets are queried again in each pass that reads
+  /// them, instead of being held in memory; an id must denote the same keyframe each time. Throws InvalidInput, with no
+  /// effect, without a given plan. Also throws as `add`, `flush` and `keyframes`, and InvalidInput if a wrong keyframe
+  /// is returned: the Densifier is then in the state after `cancel`.
   void run(const KeyframeSource& keyframes);
 
-  /// With a given plan: the keyframes that `add` needs, in the order of the plan. Without: none.
+  /// Returns the keyframes required by `add`, in the order of the plan; none without a given plan.
   std::vector<std::int64_t> images() const;
 };
 

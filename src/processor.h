@@ -5,62 +5,61 @@
 #include <cstdint>
 #include <memory>
 
-// A processor is what stages run on: CpuProcessor (src/cpu/), CudaProcessor (src/cuda/). It knows how a stage is
-// launched, where arrays live and how results get to the host, and nothing of what stages compute; StageEngine runs the
-// pipeline on any of them. Work is done, or queued, in the order of the calls, so that what a stage has written is
-// there for those that follow, and an array that nobody holds any more may be used again at once.
+// Processors run the stages: CpuProcessor (src/cpu/), CudaProcessor (src/cuda/). A processor implements launches,
+// memory and transfers; StageEngine runs the pipeline on any of them. Work runs, or is queued, in the order of the
+// calls, so that output of a stage is available to later ones, and released arrays can be reused at once.
 //
-//   Views                          types of the views that its stages take (kernels/stage.h)
+//   Views                          view types of the stages (kernels/stage.h)
 //   Keys                           keys of pixels, for the stages of kernels/init.h
-//   Cubes                          an image to be matched with; `gray` in it is empty where there is none
-//   Prepared                       a keyframe's image: cubes, and of the depth map's pixels colours and mask
-//   kPriorShares                   threads that share the work on a prior cell
-//   kMaskInColor                   whether the mask lies in the colours
-//   Planes                         an array of planes and scores, as a map or in checkerboard order
-//   Counts                         numbers of pixels that a stage counts
+//   Cubes                          image prepared for matching; `gray` is empty if there is none
+//   Prepared                       image of a keyframe: cubes; colours and mask in the size of the depth map
+//   kPriorShares                   number of threads per prior cell
+//   kMaskInColor                   whether the mask is stored in the colours
+//   Planes                         array of planes and scores, as a map or in checkerboard order
+//   Counts                         pixel counts of a stage
 //
-//   Queue                          what was asked of an engine's processors; its deliver(all) is Engine::deliver
-//   Mark                           a moment in a processor's work
+//   Queue                          FIFO of results in flight on all processors; its deliver(all) is Engine::deliver
+//   Mark                           point in the work of a processor
 //
-//   number_of(context), number()   how many an engine has, and which one of them this is
-//   mark()                         when all that was asked for up to now is done
-//   bring(array, count, home, made)            a copy of an array of another processor, which is there from `made` on
-//   settle()                       nothing of other processors' is needed any more
-//   enter()                        called first in each piece of work; what it returns is kept until its end
-//   set_size(width, height)        of the depth maps, before anything else
+//   number_of(context), number()   number of processors of an engine; index of this one
+//   mark()                         mark after all work so far
+//   bring(array, count, home, made)            copy of another processor's array, which is complete from `made` on
+//   settle()                       waits for pending copies and releases arrays of other processors
+//   enter()                        scope of a piece of work, kept until its end
+//   set_size(width, height)        of the depth maps; called first
 //   may_go_on()                    false after Densifier::cancel
 //   grid()                         of the depth maps
-//   array<T>(count), planes(), keys()          made, the latter without keys; planes have plane_numbers() elements
-//   map(planes), to(planes)                    views of planes; a map's is empty where there are none
-//   upload(values)                             of a vector, once for all
-//   prepare(keyframe, seconds)                 the keyframe's image
+//   array<T>(count), planes(), keys()          new arrays; keys are empty; planes have plane_numbers() elements
+//   map(planes), to(planes)                    views of planes, for reading and writing; empty without planes
+//   upload(values)                             array of a vector, for constant tables
+//   prepare(keyframe, seconds)                 Prepared
 //   gray(cubes), usable(cubes), color(colors), mask(colors, mask)   views of it
-//   pack(cubes), packing(cubes), unpack(packed, packing)            cubes as one array, how they lie there, and back
-//   landmarks(keyframe, lens)       the landmarks that make planes, and their number
-//   first_planes(source, planes)   view of the planes that keys stand for; they may be put into `planes`
-//   launch(stage, counts)          runs a stage over all its pixels; `counts`: nullptr = not wanted
-//   splat(stage, count), start(pass), iterate(pass, colour, iteration, rescore), own(stage, asked)
-//                                  those that do not go over all pixels alike
-//   timed(seconds, work)           does what `work` launches, and adds the time that it takes
-//   counted(seconds, work, then)   the same with work(counts); calls then(numbers) when they are known
-//   emit_depths, emit_points, emit_planes   results on their way to a callback
-//   planes_of(plane_map)           what was handed out so
-//   save(array, count, scratch, at), load<T>(count, scratch, at)
+//   pack(cubes), packing(cubes), unpack(packed, packing)            cubes as one array, its layout, and back
+//   landmarks(keyframe, lens)       landmarks for initial planes, and their number
+//   first_planes(source, planes)   view of the planes of keys, possibly stored in `planes`
+//   launch(stage, counts)          runs a stage over all its pixels; `counts`: nullptr = none
+//   splat(stage, count), start(pass), iterate(pass, colour, iteration, rescore), remove_duplicates(stage, candidates)
+//                                  stages with other iteration
+//   timed(seconds, work)           runs `work` and adds the time of its launches
+//   counted(seconds, work, then)   same with work(counts); calls then(numbers) when they are available
+//   emit_depths, emit_points, emit_planes   queue results for callbacks
+//   planes_of(plane_map)           planes of an emitted map
+//   save(array, count, scratch, at), load<T>(count, scratch, at)   scratch file
 namespace pmsp {
 
-/// A keyframe's cubes in one array of 16-bit words.
+/// Layout of cubes in one array of 16-bit words.
 struct CubePacking {
   std::size_t count = 0;  ///< words
-  int side = 0;           ///< of the image's faces
-  int usable_side = 0;    ///< of the mask's, which come behind; 0 = there is none
+  int side = 0;           ///< of the faces of the image [px]
+  int usable_side = 0;    ///< of the faces of the mask, which follow; 0 = none
 };
 
-/// Memory of a processor, given back when nobody holds it any more. Uninitialised.
+/// Memory of a processor, reference-counted. Uninitialised.
 template <class T>
 using Array = std::shared_ptr<T[]>;
 
-/// Which keyframes each open pixel still has to ask in a round of ownership: of all open ones in order, or of all
-/// pixels, as the processor likes it. None before the first round.
+/// Keyframes that may still contain a duplicate, as bits of each open pixel in order or of all pixels, depending on the
+/// processor. Empty before the first round.
 struct DuplicateCandidates {
   Array<std::uint32_t> bits;
   std::size_t count = 0;

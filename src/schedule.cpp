@@ -39,7 +39,7 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   const std::int64_t last_match = stages_[matched].lead;
   std::vector<Lifetime::Reader> median{{filtered, reach.consistency}};
   if (matched == 0 && options.advanced.init.warp_previous)
-    median.push_back({0, 1});  // the only pass hands its planes on
+    median.push_back({0, 1});  // planes of the only pass are warped, too
   if (!points) {
     keep(Artefact::kColor, 0, {{matched, 0}});
     keep(Artefact::kFinalPlanes, last_match, std::move(median));
@@ -47,7 +47,7 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
     return;
   }
   const std::size_t fused = add(Kind::kFuse, 0, {{filtered, reach.fusion}}, 0);
-  keep(Artefact::kColor, 0, {{fused, reach.fusion}, {matched, 0}});  // of a halo nothing may be fused
+  keep(Artefact::kColor, 0, {{fused, reach.fusion}, {matched, 0}});  // keyframes of a halo may not be fused
   median.push_back({fused, reach.fusion});
   keep(Artefact::kFinalPlanes, last_match, std::move(median));
   keep(Artefact::kFiltered, stages_[filtered].lead, {{fused, reach.fusion}});

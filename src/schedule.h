@@ -9,38 +9,37 @@
 
 namespace pmsp {
 
-/// What a stage leaves for a keyframe, and what of it others read.
+/// Data that a stage produces for a keyframe.
 enum class Artefact {
-  kImage,        ///< prepared, for matching
-  kColor,        ///< of the depth map's size, with the mask
-  kLandmarks,    ///< of the keyframe
-  kPassPlanes,   ///< of the passes of PatchMatch
-  kFinalPlanes,  ///< planes after the last pass and the median filter
+  kImage,  ///< prepared, for matching
+  kColor,  ///< of the size of the depth map, with the mask
+  kLandmarks,
+  kPassPlanes,   ///< after passes of PatchMatch
+  kFinalPlanes,  ///< after the last pass and the median filter
   kFiltered,     ///< confidence after the consistency filter
-  kRangeMap,     ///< range map
-  kSurfels,      ///< points of the pixels, and their standings
+  kRangeMap,
+  kSurfels,  ///< points of the pixels, with their status
 };
 
-/// One step of every keyframe's way through the pipeline.
+/// Stage of the pipeline, for each keyframe.
 struct Stage {
   enum class Kind { kMatch, kFilter, kFuse, kFreeSpace, kDuplicates, kEmit };
-  /// Another stage that must have been at all keyframes up to so many after this one's.
+  /// Prerequisite: `stage` must have completed all keyframes up to i + `ahead`.
   struct Need {
     std::size_t stage;
     std::int64_t ahead;
   };
 
   Kind kind;
-  int step = 0;             ///< pass of PatchMatch, or round of ownership from 1 on
-  std::vector<Need> needs;  ///< of earlier stages
-  std::int64_t lead = 0;    ///< keyframes that come after its own before it runs
+  int step = 0;             ///< pass of PatchMatch, or round of duplicate removal from 1
+  std::vector<Need> needs;  ///< earlier stages
+  std::int64_t lead = 0;    ///< number of later keyframes that must have been added
 
-  /// Of one keyframe, in passes of PatchMatch: what a share of the work and the time left are told from. From
-  /// measurements on a CPU; other machines, sizes and scenes have others.
+  /// Returns the approximate time per keyframe on a CPU [passes of PatchMatch], for progress and remaining time.
   double cost() const;
 };
 
-/// How long an artefact is kept: until these stages have been at all keyframes up to so many after its own.
+/// Lifetime of an artefact: until each reader has completed all keyframes up to i + `behind`.
 struct Lifetime {
   struct Reader {
     std::size_t stage;
@@ -49,24 +48,23 @@ struct Lifetime {
 
   Artefact artefact;
   std::vector<Reader> readers;
-  std::int64_t keyframes = 0;  ///< that have it at the same time, at most, on one device
+  std::int64_t keyframes = 0;  ///< maximum number that hold it at the same time, on one device
 };
 
-/// In which order a Densifier runs the stages and when it lets go of what they leave: a function of its options, and of
-/// whether somebody takes the points. Numbers of keyframes count the used ones. In an unordered set every keyframe may
-/// look at every other one: stage after stage runs over all of them at the end, and `lead`, `ahead`, `behind` and
-/// `keyframes` hold for flights only.
+/// Order of the stages and lifetimes of their artefacts: a function of the options and of whether points are requested.
+/// Counts are of used keyframes. In an unordered set any keyframe may depend on any other: stage after stage runs over
+/// all of them at the end, and `lead`, `ahead`, `behind` and `keyframes` do not apply.
 class Schedule {
  public:
   Schedule(const DensifierOptions& options, bool points);
 
-  /// A stage comes after those that it needs.
+  /// Prerequisites come before the stages that need them.
   const std::vector<Stage>& stages() const { return stages_; }
   const std::vector<Lifetime>& lifetimes() const { return lifetimes_; }
 
-  /// nullptr where nobody asks for it.
+  /// Returns nullptr if no stage reads it.
   const Lifetime* lifetime(Artefact artefact) const;
-  /// Keyframes that have an artefact at the same time, at most, on one device.
+  /// Returns the maximum number of keyframes that hold an artefact at the same time, on one device.
   std::int64_t keyframes_with(Artefact artefact) const;
 
  private:

@@ -11,18 +11,17 @@
 
 namespace pmsp {
 
-/// An array that a keyframe keeps while it waits for others: in the processor's memory or, with a scratch file, put
-/// aside there, so that it takes none.
+/// Array of a keyframe that waits for others: in the memory of a processor or, with a scratch file, spilled to it.
 template <class Processor, class T>
 class Spillable {
  public:
-  /// Both must outlive it. `scratch`: nullptr = in memory.
+  /// `on` and `scratch` must outlive it. `scratch`: nullptr = in memory.
   Spillable(Processor& on, ScratchFile* scratch) : on_(on), scratch_(scratch) {}
   ~Spillable() { reset(); }
   Spillable(const Spillable&) = delete;
   Spillable& operator=(const Spillable&) = delete;
 
-  /// `count` elements. `room`: for the most that will ever be put here, the same in each call.
+  /// `room`: maximum `count`, the same in each call.
   void put(Array<T> array, std::size_t count, std::size_t room) {
     count_ = count;
     copies_.clear();
@@ -38,12 +37,12 @@ class Spillable {
   }
   void put(Array<T> array, std::size_t count) { put(std::move(array), count, count); }
 
-  /// What was put here, or a copy of it.
+  /// Returns the array, or a copy of it.
   Array<T> get() const {
     if (room_ == 0 || count_ == 0) return array_;
     return on_.template load<T>(count_, *scratch_, begin_);
   }
-  /// The same on a processor of the engine: a copy, made once, where it is another one.
+  /// Returns the array on any processor of the engine: on another one as a copy, made once.
   Array<T> get(Processor& reader) const {
     if (&reader == &on_) return get();
     if (count_ == 0) return nullptr;
@@ -67,10 +66,10 @@ class Spillable {
   Processor& on_;
   ScratchFile* scratch_;
   Array<T> array_;
-  typename Processor::Mark made_{};  ///< when it is there
+  typename Processor::Mark made_{};  ///< when the array is complete
   mutable std::vector<std::pair<const Processor*, Array<T>>> copies_;
   std::size_t count_ = 0;
-  std::size_t room_ = 0;  ///< elements in the scratch file; 0 = it is not there
+  std::size_t room_ = 0;  ///< elements in the scratch file; 0 = none
   std::uint64_t begin_ = 0;
 };
 

@@ -28,10 +28,9 @@
 
 namespace pmsp {
 
-/// The stages of the pipeline on processors (processor.h): what each of them reads and writes of which keyframe. Where
-/// there are several, keyframes are dealt out to them in turns: while one works on a keyframe, the next one's is at the
-/// stage before, and finds there what it needs. A stage runs on the processor of its keyframe; what it reads of others
-/// is copied there, once.
+/// Stages of the pipeline on processors (processor.h): the artefacts that each reads and writes. Keyframes are assigned
+/// to processors round-robin: processor d + 1 runs one stage behind processor d, so its inputs are ready. A stage runs
+/// on the processor of its keyframe; artefacts of other keyframes are copied there once.
 template <class Processor>
 class StageEngine final : public Engine {
  public:
@@ -145,7 +144,7 @@ class StageEngine final : public Engine {
       Array<float> confidence;
       Array<Color> color;
     };
-    std::vector<Held> held;  // as long as the stage looks at them
+    std::vector<Held> held;  // kept while the stage reads them
     const auto view = [&](const StageFrame& member) {
       const Relation to = relation(member.pose, reference.pose, lens());
       const Held& its =
@@ -191,7 +190,7 @@ class StageEngine final : public Engine {
     const auto surfels = reference.surfels.get();
     const auto details = reference.details.get();
     auto statuses = on.template array<std::uint8_t>(pixels());
-    std::vector<Array<float>> range_maps;  // as long as the stage looks at them
+    std::vector<Array<float>> range_maps;  // kept while the stage reads them
     std::vector<kernels::Rigid> from_viewers;
     kernels::Eligibility stage{};
     stage.surfels = surfels.get();
@@ -220,7 +219,7 @@ class StageEngine final : public Engine {
         },
         [eligible = reference.eligible](const std::int64_t* numbers) { *eligible = numbers[0]; });
     reference.statuses[0].put(std::move(statuses), pixels());
-    reference.candidates.reset();  // of a time when all of this was asked before
+    reference.candidates.reset();  // of a previous test
   }
 
   void remove_duplicates(Frame& frame, const std::vector<const Frame*>& others, int round) override {
@@ -330,9 +329,9 @@ class StageEngine final : public Engine {
   using Counts = typename Processor::Counts;
   using Pass = kernels::PatchMatchPass<Views>;
 
-  /// What a keyframe leaves behind for others.
+  /// Artefacts of a keyframe.
   struct StageFrame : Frame {
-    /// `scratch`: for what waits long; `brief`: for what flights keep for a few keyframes only; nullptr = in memory.
+    /// `scratch`: for artefacts that wait long; `brief`: for those that wait briefly in sequences; nullptr = in memory.
     StageFrame(const Keyframe& keyframe, Processor& on, std::size_t at, ScratchFile* scratch, ScratchFile* brief)
         : Frame(keyframe),
           home(at),
@@ -354,33 +353,34 @@ class StageEngine final : public Engine {
     using Waiting = Spillable<Processor, T>;
 
     using Plane = typename Planes::element_type;
-    std::size_t home;    ///< number of the processor that works on it
+    std::size_t home;    ///< index of its processor
     float noise = 0.0F;  ///< of the image, see image_noise
-    /// Matched with, on each processor; none while they are put away, or nobody has looked at them there.
+    /// Images on each processor; empty if spilled, or not yet read there.
     mutable std::vector<Cubes> cubes;
-    mutable Waiting<std::uint16_t> packed;    ///< those, for whoever looks at them next
-    CubePacking packing;                      ///< how they lie there
-    Waiting<Color> color;                     ///< of the depth map's pixels
-    Waiting<std::uint8_t> mask;               ///< there, too; none: see Processor::mask
-    PictureEvidence evidence;                 ///< while its passes with plane priors go on
-    Array<kernels::Vec3<float>> external;     ///< planes of cells (external_planes); none: there is no prior depth
-    Waiting<Plane> pass_planes[2];            ///< after the last even and the last odd pass of PatchMatch
+    mutable Waiting<std::uint16_t> packed;    ///< `cubes` for other processors or later reads
+    CubePacking packing;                      ///< layout of `packed`
+    Waiting<Color> color;                     ///< of the size of the depth map
+    Waiting<std::uint8_t> mask;               ///< of the size of the depth map; empty: see Processor::mask
+    PictureEvidence evidence;                 ///< during its passes with plane priors
+    Array<kernels::Vec3<float>> external;     ///< planes of cells (external_planes); empty without prior depth
+    Waiting<Plane> pass_planes[2];            ///< after the last even and the last odd pass
     Waiting<Plane> final_planes;              ///< after the last pass and the median filter
     Waiting<float> confidence;                ///< after the consistency filter; 0 = no depth
     Waiting<float> nearest, farthest;         ///< see RangeMap
     Waiting<std::uint32_t> surfels, details;  ///< see SurfelMap
-    Waiting<std::uint8_t> agree;              ///< there, too
-    Waiting<std::uint8_t> statuses[2];        ///< after the last even and the last odd round of ownership
+    Waiting<std::uint8_t> agree;              ///< see SurfelMap
+    Waiting<std::uint8_t> statuses[2];        ///< after the last even and the last odd round of duplicate removal
     Waiting<std::uint32_t> candidates;        ///< see DuplicateCandidates
-    std::vector<std::int64_t> window_ids;     ///< of the bits of `agree`
-    std::shared_ptr<std::int64_t> eligible = std::make_shared<std::int64_t>(0);  ///< points when ownership is decided
+    std::vector<std::int64_t> window_ids;     ///< ids of the bits of `agree`
+    std::shared_ptr<std::int64_t> eligible =
+        std::make_shared<std::int64_t>(0);  ///< number of points before duplicate removal
   };
   static StageFrame& stage_frame(Frame& frame) { return static_cast<StageFrame&>(frame); }
   static const StageFrame& stage_frame(const Frame& frame) { return static_cast<const StageFrame&>(frame); }
 
-  /// Where a keyframe's mask is, as long as a stage looks at it.
+  /// Mask of a keyframe, kept while a stage reads it.
   struct HeldMask {
-    Array<Color> color;  ///< on processors that keep the mask in it
+    Array<Color> color;  ///< on processors with the mask in the colours
     Array<std::uint8_t> mask;
   };
   static HeldMask mask_of(const StageFrame& frame, Processor& on) {
@@ -391,19 +391,19 @@ class StageEngine final : public Engine {
     return on.mask(held.color, held.mask);
   }
 
-  /// What a pass's views point into.
+  /// Data behind the views of a pass.
   struct Sources {
     Cubes reference;
     std::vector<Cubes> neighbours;
     std::vector<Planes> maps;
-    Planes before;  ///< the reference's own map of the pass before
+    Planes before;  ///< map of the reference after the previous pass
     HeldMask mask;
     Array<kernels::SparsePoint> points;
     Array<std::uint64_t> landmark_keys, warped_keys;
     Planes landmarks, previous, warped, priors;
   };
 
-  /// Returns the planes that it preferred, the pixels' priors; the first pass has none.
+  /// Returns the prior planes of the pass; empty for the first one.
   Planes run_pass(const MatchTask& task, const Planes& result, Processor& on) {
     DensifierStats& stats = context_.stats;
     Pass pass{};
@@ -443,13 +443,13 @@ class StageEngine final : public Engine {
     return std::move(sources.priors);
   }
 
-  /// A keyframe's map of the pass before; of one that is through with its passes, the one that it has.
+  /// Returns the map after the previous pass, or the final one if the passes of the keyframe are complete.
   static Planes before(const StageFrame& frame, int pass, Processor& on) {
     const auto& raw = frame.pass_planes[(pass - 1) % 2];
     return raw.count() > 0 ? raw.get(on) : frame.final_planes.get(on);
   }
 
-  /// The images and maps that a pass compares.
+  /// Fetches the images and maps of a pass.
   void fetch(const MatchTask& task, Sources& sources, Processor& on) {
     const StageFrame& reference = stage_frame(*task.reference);
     sources.reference = cubes_of(reference, on);
@@ -464,7 +464,7 @@ class StageEngine final : public Engine {
     }
   }
 
-  /// None after cancel. Where the keyframe's own processor has kept them, one that looks at them keeps them, too.
+  /// Returns empty cubes after cancel. Caches them on `on` if the keyframe's processor does so.
   Cubes cubes_of(const StageFrame& frame, Processor& on) {
     Cubes& here = frame.cubes[on.number()];
     if (here.gray) return here;
@@ -479,7 +479,7 @@ class StageEngine final : public Engine {
       return cubes;
     }
     const auto ask = [&] {
-      [[maybe_unused]] const auto scope = on.enter();  // whoever answers may leave it
+      [[maybe_unused]] const auto scope = on.enter();  // restores the device, which the callback may change
       return context_.image_again(frame.id);
     };
     const Keyframe again = ask();
@@ -487,13 +487,13 @@ class StageEngine final : public Engine {
     return on.prepare(again, context_.stats.seconds_prepare).cubes;
   }
 
-  /// Lets a keyframe's cubes go: packed into the file, or to be made again of the image.
+  /// Releases the cubes of a keyframe: spilled to the file, or made from the image again later.
   void put_away(StageFrame& frame) {
     if (scratch_) pack(frame);
     frame.cubes.assign(processors_.size(), {});
   }
 
-  /// For whoever looks at them next: another processor, or one that the keyframe comes back to.
+  /// Packs the cubes for other processors or later reads.
   void pack(StageFrame& frame) {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
@@ -502,7 +502,7 @@ class StageEngine final : public Engine {
     frame.packed.put(on.pack(cubes), frame.packing.count);
   }
 
-  /// The tables that a processor's stages look into; made with the first keyframe.
+  /// Sets size and tables of a processor, with the first keyframe.
   void make_ready(Processor& on) {
     [[maybe_unused]] const auto scope = on.enter();
     const DensifierOptions& options = context_.options;
@@ -515,7 +515,7 @@ class StageEngine final : public Engine {
            context_.options.advanced.patchmatch.geometric_passes > 0;
   }
 
-  /// The keyframe's image, and what else is made of it.
+  /// Prepares image, colours, mask and prior depth of a keyframe.
   void prepare(const Keyframe& keyframe, StageFrame& frame) {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
@@ -545,7 +545,7 @@ class StageEngine final : public Engine {
     }
   }
 
-  /// Planes of landmarks, and those of the previous keyframe, moved.
+  /// Sets planes of landmarks, and planes warped from the previous keyframe.
   void propose_first_planes(const MatchTask& task, Pass& pass, Sources& sources, Processor& on) {
     const InitOptions& options = context_.options.advanced.init;
     if (options.sparse_points) {
@@ -577,7 +577,7 @@ class StageEngine final : public Engine {
         sources.warped);
   }
 
-  /// After the first pass, on the processor that asks.
+  /// Returns the filtered planes after the first pass, on processor `on`.
   Planes first_planes_of(const StageFrame& frame, Processor& on) {
     if (frame.final_planes.count() > 0) return frame.final_planes.get(on);
     return median_of(frame, frame.pass_planes[0].get(on), nullptr, on);
@@ -607,7 +607,7 @@ class StageEngine final : public Engine {
               nullptr);
   }
 
-  /// Nobody else asks for the planes of the last pass.
+  /// Emits and filters the planes of the last pass, which have no other reader.
   void finish_match(StageFrame& reference, const Planes& raw, const Planes& priors, bool draft, Processor& on) {
     if (context_.results.raw_depth && reference.emits_results) {
       const Planes alone = priors ? on.planes() : Planes{};
@@ -667,11 +667,11 @@ class StageEngine final : public Engine {
 
   Processor& processor_of(const Frame& frame) { return *processors_[stage_frame(frame).home]; }
 
-  std::unique_ptr<ScratchFile> scratch_;  ///< where a folder is given; before all that waits there
+  std::unique_ptr<ScratchFile> scratch_;  ///< if there is a scratch folder; declared before all users
   std::vector<std::unique_ptr<Processor>> processors_;
-  typename Processor::Queue queue_;        ///< of all of them; goes first, since it holds what is theirs
-  std::vector<Array<int>> great_circles_;  ///< see great_circle_table; on each processor
-  std::size_t prepared_ = 0;               ///< frames
+  typename Processor::Queue queue_;        ///< of all processors; destroyed before them, since it holds their data
+  std::vector<Array<int>> great_circles_;  ///< by processor, see great_circle_table
+  std::size_t prepared_ = 0;               ///< number of frames
 };
 
 }  // namespace pmsp

@@ -8,12 +8,12 @@
 
 namespace pmsp {
 
-/// Which keyframes each stage has been at, whatever the order.
+/// Completed keyframes of each stage, in any order.
 class Progress {
  public:
   explicit Progress(std::size_t stages) : next_(stages, 0), beyond_(stages) {}
 
-  /// The first keyframe that the stage has not been at.
+  /// Returns the first keyframe not completed by the stage.
   std::int64_t next(std::size_t stage) const { return next_[stage]; }
 
   bool done(std::size_t stage, std::int64_t keyframe) const {
@@ -28,7 +28,7 @@ class Progress {
 
  private:
   std::vector<std::int64_t> next_;
-  std::vector<std::set<std::int64_t>> beyond_;  ///< those after `next_` that it has been at
+  std::vector<std::set<std::int64_t>> beyond_;  ///< completed keyframes after `next_`
 };
 
 }  // namespace pmsp
