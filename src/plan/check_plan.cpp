@@ -19,14 +19,14 @@ namespace {
 
 constexpr const char* kOtherOptions = " with these options; was the plan made with others?";
 
-/// One of an entry's lists, and what make_plan puts into it.
+/// List of an entry, with the limits of make_plan.
 struct List {
   const char* name;
   std::vector<std::int64_t> PlanEntry::*ids;
-  int most;             ///< ids; valid options keep it within what the kernels have room for
-  std::int64_t before;  ///< used keyframes that it reaches back in a flight
+  int most;             ///< maximum size; for valid options within the capacity of the kernels
+  std::int64_t before;  ///< maximum distance before the entry [used keyframes]
   std::int64_t after;
-  bool images_only;  ///< names keyframes without a depth map, too
+  bool images_only;  ///< may contain keyframes without a depth map
 };
 
 std::vector<List> lists_of(const DensifierOptions& options) {
@@ -70,7 +70,7 @@ class PlanChecker {
  private:
   struct Placed {
     const PlanEntry* entry;
-    std::int64_t place;  ///< among the used keyframes
+    std::int64_t place;  ///< index among the used keyframes
   };
 
   [[noreturn]] static void refuse(const PlanEntry& entry, const std::string& why) {
@@ -82,7 +82,7 @@ class PlanChecker {
     refuse(entry, "names keyframe " + std::to_string(named) + " in " + list + why);
   }
 
-  /// How many used keyframes after `entry` the one lies that it names.
+  /// Returns the distance from `entry` to keyframe `id` of a list [used keyframes]; negative = before.
   std::int64_t distance(const PlanEntry& entry, const char* list, std::int64_t id, bool images_only) const {
     const auto found = entries_.find(id);
     if (found == entries_.end()) refuse(entry, list, id, ", which the plan lacks");

@@ -12,9 +12,9 @@
 namespace pmsp {
 namespace {
 
-constexpr double kReach = 2.0;          ///< times the 90th percentile of the ranges of a keyframe's landmarks
-constexpr double kRangeMargin = 1.1;    ///< factor by which both ends of a depth range may differ
-constexpr double kSpreadToStay = 0.75;  ///< share of the stretches, and of the viewers that there could be
+constexpr double kReach = 2.0;          ///< factor on the 90th percentile of the ranges of a keyframe's landmarks
+constexpr double kRangeMargin = 1.1;    ///< maximum ratio of the ends of depth ranges that count as equal
+constexpr double kSpreadToStay = 0.75;  ///< minimum share of the intervals, and of the possible viewers
 
 double reach_of(const Keyframe& keyframe) {
   std::vector<double> ranges;
@@ -27,9 +27,8 @@ double reach_of(const Keyframe& keyframe) {
   return kReach * *at;
 }
 
-/// Whether the viewers of before are still nearly as many as there could be, and spread over all of the list: most of
-/// its stretches hold one, of half as many stretches as viewers are wanted. What lies at the border of the reach does
-/// not count.
+/// Whether the previous viewers are nearly as many as possible and spread over the whole list: divided into half as
+/// many intervals as wanted viewers, most of these contain one. Candidates at the border of the reach are ignored.
 bool still_spread(const std::vector<std::int64_t>& viewers, const std::vector<ViewerCandidate>& list,
                   std::size_t wanted, double surely_within) {
   const std::unordered_set<std::int64_t> known(viewers.begin(), viewers.end());
@@ -143,7 +142,7 @@ std::vector<std::size_t> choose_near(const std::vector<const Keyframe*>& sequenc
   for (std::size_t i = 0; i < sequence.size(); ++i) places.emplace(sequence[i]->id, i);
   const std::vector<std::size_t> before = places_of(previous->near, places);
   if (before.size() != chosen.size()) return chosen;
-  std::ptrdiff_t later = 0;  // as many on either side
+  std::ptrdiff_t later = 0;  // numbers of later keyframes must be equal
   for (const std::size_t i : before) later += i > reference ? 1 : 0;
   for (const std::size_t i : chosen) later -= i > reference ? 1 : 0;
   if (later != 0) return chosen;

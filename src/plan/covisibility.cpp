@@ -11,13 +11,13 @@
 namespace pmsp {
 namespace {
 
-constexpr int kColumns = 24;  ///< of cells; those near the poles weigh less
+constexpr int kColumns = 24;  ///< number of cells; those near the poles have less weight
 constexpr int kRows = 12;
 
-/// Least gain in usefulness, averaged over the solid angle with landmarks, for which a keyframe is taken.
+/// Minimum gain in usefulness, averaged over the solid angle with landmarks, of a further keyframe.
 constexpr double kMinGain = 0.03;
 
-/// A point this much farther away than the farthest landmark in its direction counts as hidden.
+/// Ratio to the range of the farthest landmark in the same direction beyond which a point counts as hidden.
 constexpr float kMaxBeyond = 1.1F;
 
 std::size_t cell_of(const Eigen::Vector3f& p) {
@@ -29,7 +29,7 @@ double solid_angle(std::size_t cell) {
   return std::cos((0.5 - (row + 0.5) / kRows) * kernels::kPi);
 }
 
-/// How useful a candidate is for matching a point of the reference; 0 where it does not see it.
+/// Returns the usefulness of a candidate for matching a point of the reference; 0 if hidden.
 double usefulness(const Covisibility& candidate, const Eigen::Vector3d& point, const Eigen::Vector3d& center) {
   const Eigen::Vector3f p = (candidate.cam_from_world * point).cast<float>();
   if (!(p.squaredNorm() > 0.0F) || p.norm() > kMaxBeyond * candidate.farthest[cell_of(p)]) return 0.0;
@@ -79,8 +79,8 @@ std::vector<std::size_t> choose_covisible(const Covisibility& reference,
                                           const std::vector<const Covisibility*>& candidates, int count) {
   const Eigen::Vector3d center = reference.cam_from_world.center();
   const std::size_t samples = reference.samples.size();
-  std::vector<double> best(samples, 0.0);                   // usefulness for each sample so far
-  std::vector<double> useful(candidates.size() * samples);  // a row for each candidate
+  std::vector<double> best(samples, 0.0);                   // by sample, so far
+  std::vector<double> useful(candidates.size() * samples);  // one row per candidate
   double* value = useful.data();
   for (const Covisibility* candidate : candidates) {
     for (const Covisibility::Sample& sample : reference.samples) {

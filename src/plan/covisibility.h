@@ -10,29 +10,29 @@
 
 namespace pmsp {
 
-/// What a keyframe sees of its surroundings, by its landmarks, in a few hundred cells of a coarse panorama: enough to
-/// tell whether it and another keyframe see the same.
+/// Visible surroundings of a keyframe, from its landmarks, in a few hundred cells of a coarse panorama: sufficient for
+/// comparing the views of keyframes.
 struct Covisibility {
   explicit Covisibility(const Keyframe& keyframe);
 
   RigidTransform cam_from_world;
-  std::vector<float> farthest;  ///< range of the farthest landmark of each cell, 0 = none: so far it is known to see
+  std::vector<float> farthest;  ///< by cell: range of the farthest landmark, the limit of known visibility; 0 = none
 
-  /// One landmark, the middle one by range, for each cell that has any.
+  /// Landmark of median range, in each cell with landmarks.
   struct Sample {
     Eigen::Vector3d position_world;
-    double solid_angle;  ///< share of the cell in that of all cells with landmarks
+    double solid_angle;  ///< of the cell, relative to all cells with landmarks
   };
   std::vector<Sample> samples;
 };
 
-/// How useful source keyframes are for matching what the reference sees, 0 to 1: the best of them, averaged over the
+/// Returns the usefulness of source views for matching, 0 to 1: of the best one for each sample, averaged over the
 /// solid angle with landmarks.
 double covisible_usefulness(const Covisibility& reference, const std::vector<const Covisibility*>& sources);
 
-/// Chooses source keyframes among `candidates`, from anywhere in the mission, one after the other: the one that sees
-/// most of what the reference sees under a parallax that is more useful than what those before it offer. `count` at
-/// most; fewer where there is little to gain. Returns indices into `candidates`.
+/// Selects source views among `candidates`, from the whole mission, one after the other: each adds most usefulness, by
+/// common visibility and better parallax, to the previous ones. At most `count`; fewer if the gain is small. Returns
+/// indices into `candidates`.
 std::vector<std::size_t> choose_covisible(const Covisibility& reference,
                                           const std::vector<const Covisibility*>& candidates, int count);
 

@@ -12,7 +12,7 @@
 namespace pmsp {
 namespace {
 
-/// Which keyframes of a plan have an artefact, by index.
+/// Keyframes of a plan that have an artefact, by index.
 using Set = std::vector<bool>;
 
 class HaloFinder {
@@ -44,7 +44,7 @@ class HaloFinder {
       if (set[i]) visit(plan_.entries[i]);
     }
   }
-  /// What the entries of `from` name in one of their lists joins `to`, another set.
+  /// Adds the keyframes in a list of the entries of `from` to `to`, another set.
   void follow(const Set& from, std::vector<std::int64_t> PlanEntry::*list, Set& to) const {
     each(from, [&](const PlanEntry& entry) { add(to, entry.*list); });
   }
@@ -89,7 +89,7 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
     const bool is_there = shortcut != nullptr && shortcut->planes == Shortcut::Planes::kResult && pass == range.last;
     return entry.has_depth_map() && !is_there && pass >= range.first && pass <= range.last;
   };
-  /// Whether its map after a pass is one of an earlier run.
+  /// Whether the map after a pass is from an earlier run.
   const auto is_earlier = [&](const PlanEntry& entry, int pass) {
     const Shortcut* const shortcut = shortcut_of(entry.id);
     if (shortcut == nullptr || shortcut->planes == Shortcut::Planes::kNone) return false;
@@ -102,7 +102,7 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
     asked[i] = plan.entries[i].has_depth_map();
   }
   RunHalo result;
-  Set made = wanted == Wanted::kPoints ? asked : find.none();  // points
+  Set made = wanted == Wanted::kPoints ? asked : find.none();  // keyframes whose points are needed
   result.clouds = find.ids(made);
   result.rounds.resize(static_cast<std::size_t>(duplicate_rounds(options)) + 1);
   for (std::size_t round = result.rounds.size() - 1; round > 0; --round) {
@@ -119,25 +119,25 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
   HaloFinder::add(filtered, range_maps);
   find.follow(made, &PlanEntry::fusion, filtered);
   result.filtered = find.ids(filtered);
-  Set planes = asked;  // needed after the pass in question
+  Set planes = asked;  // needed after the current pass
   HaloFinder::add(planes, filtered);
   find.follow(filtered, &PlanEntry::consistency, planes);
   Set there = find.none();  // from an earlier run
   Set matched = find.none();
   result.planes.resize(static_cast<std::size_t>(passes) + 1);
   for (int pass = passes; pass >= 0; --pass) {
-    if (pass == 0) {  // those whose planes are warped, and so on
+    if (pass == 0) {  // sources of warped planes, recursively
       const Set starting = planes;
       find.each(starting, [&](const PlanEntry& entry) {
         for (const PlanEntry* at = &entry; at->first_planes && runs(*at, 0);) {
           at = &plan.entries[find.index_of(*at->first_planes)];
-          if (planes[find.index_of(at->id)]) break;  // whose chain is followed on its own
+          if (planes[find.index_of(at->id)]) break;  // its chain is followed separately
           planes[find.index_of(at->id)] = true;
         }
       });
     }
     Set running = find.none();
-    Set before = find.none();  // needed after the pass before
+    Set before = find.none();  // needed after the previous pass
     Set lenders = find.none();
     find.each(planes, [&](const PlanEntry& entry) {
       const std::size_t i = find.index_of(entry.id);
@@ -146,7 +146,7 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
         return;
       }
       before[i] = true;
-      if (!runs(entry, pass)) return;  // it has had all its passes
+      if (!runs(entry, pass)) return;  // its passes are complete
       running[i] = true;
       const Shortcut* const shortcut = shortcut_of(entry.id);
       const bool alone = shortcut != nullptr && shortcut->images_first && pass == pass_range(shortcut, passes).first;

@@ -14,26 +14,26 @@
 
 namespace pmsp {
 
-/// What a run hands out of the keyframes asked for. Each depends on all that the one before depends on, and more.
+/// Results requested from a run. Each depends on all inputs of the previous one, and more.
 enum class Wanted { kPlanes, kDepthMaps, kPoints };
 
-/// With planes of an earlier run fewer keyframes are matched; `planes` names those that a pass is run on.
+/// Halo with planes of an earlier run: fewer keyframes are matched; `planes` lists those with a pass.
 struct RunHalo : Halo {
-  std::vector<std::int64_t> earlier;  ///< those whose earlier planes are looked at
+  std::vector<std::int64_t> earlier;  ///< keyframes whose earlier planes are read
 };
 
-/// As `halo`, however long that chain is.
+/// As `halo`, for chains of any length.
 RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
                   Wanted wanted, const std::map<std::int64_t, Shortcut>& shortcuts = {});
 
-/// Whose planes the points of keyframes depend on, for asking about many of them: as find_halo with the planes of all
+/// Keyframes whose planes determine the points of a keyframe, for many queries: as find_halo with the planes of all
 /// keyframes from an earlier run.
 class PMSP_IO_API PointsHalo {
  public:
-  /// Both must outlive it.
+  /// `plan` and `options` must outlive it.
   PointsHalo(const Plan& plan, const DensifierOptions& options);
 
-  /// In the order of the plan, itself included. Of a keyframe with a depth map.
+  /// Returns keyframes in the order of the plan, including `id`, which must have a depth map.
   std::vector<std::int64_t> planes_of(std::int64_t id) const;
   const PlanEntry& entry(std::int64_t id) const { return plan_.entries[places_.at(id)]; }
 
@@ -43,11 +43,11 @@ class PMSP_IO_API PointsHalo {
   std::unordered_map<std::int64_t, std::size_t> places_;
 };
 
-/// Which passes a keyframe is matched in, from the first to the last one; none where the last one comes first.
+/// Passes of a keyframe, from the first to the last one; none if last < first.
 struct PassRange {
   int first, last;
 };
-/// `shortcut`: nullptr = none. `passes`: geometric ones.
+/// `shortcut`: nullptr = none. `passes`: number of geometric passes.
 PassRange pass_range(const Shortcut* shortcut, int passes);
 
 }  // namespace pmsp

@@ -6,15 +6,15 @@
 
 namespace pmsp {
 
-/// Where two keyframes are.
+/// Poses of two keyframes.
 struct PosePair {
   KeyframePose other, own;
 };
 
-/// By how much what a keyframe sees has moved in another one [rad], for what lies at `range` [own unit].
+/// Returns the displacement, between two states, of points at `range` [own unit] in the other keyframe's view [rad].
 double moved_angle(const PosePair& then, const PosePair& now, double range);
 
-/// The same [px of `width`].
+/// Returns the displacement [px of `width`].
 PMSP_IO_API double moved_px(const PosePair& then, const PosePair& now, double range, int width);
 
 }  // namespace pmsp

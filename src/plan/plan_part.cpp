@@ -28,7 +28,7 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
   for (const std::int64_t id : ids) ways_[place_of(id)].emits_results = true;
   for (std::size_t place = 0; place < ways_.size(); ++place) {
     const bool is_part = entry(place).has_depth_map() && !ways_[place].emits_results;
-    if (is_part && shortcuts.empty()) refuse_endless_chain(options);  // what an earlier run has made ends it
+    if (is_part && shortcuts.empty()) refuse_endless_chain(options);  // planes of an earlier run end the chain
   }
   const auto each = [&](const std::vector<std::int64_t>& named, const auto& mark) {
     for (const std::int64_t id : named) mark(ways_[places_.at(id)]);

@@ -16,40 +16,39 @@
 
 namespace pmsp {
 
-/// The part of a plan that the results of some keyframes depend on: which keyframes take part, and how far each of them
-/// goes. A keyframe's place is the index of its entry.
+/// Part of a plan that the results of some keyframes depend on: participating keyframes and their stages. A keyframe's
+/// place is the index of its entry.
 class PlanPart {
  public:
-  /// `options`: valid. Throws InvalidInput as check_plan does, or when
-  /// the plan lacks one of `ids`; InvalidOption where first planes form a chain without end and `ids` are not all.
-  /// Throws InvalidInput, too, where shortcuts do not fit.
+  /// `options`: valid. Throws InvalidInput as check_plan does, if the plan lacks one of `ids`, or if shortcuts are
+  /// unsuitable; InvalidOption if the chain of first planes is unlimited and `ids` are not all keyframes.
   PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, Wanted wanted,
            const std::map<std::int64_t, Shortcut>& shortcuts = {});
 
-  /// Throws InvalidInput when the plan lacks the keyframe.
+  /// Throws InvalidInput if the plan lacks the keyframe.
   std::size_t place_of(std::int64_t id) const;
   const PlanEntry& entry(std::size_t place) const { return plan_.entries[place]; }
 
-  /// Places of the keyframes that take part, in the order of the plan.
+  /// Places of participating keyframes, in the order of the plan.
   const std::vector<std::size_t>& taking_part() const { return taking_part_; }
   bool takes_part(std::size_t place) const { return ways_[place].takes_part; }
-  /// Whether the keyframe's results are asked for.
+  /// Whether results of the keyframe are requested.
   bool emits(std::size_t place) const { return ways_[place].emits_results; }
   bool runs(const Stage& stage, std::size_t place) const;
 
-  /// How a keyframe is matched in less than all passes. Nobody looks at what is not `needs_earlier`.
+  /// Matching of the keyframe with fewer passes; ignored unless `needs_earlier`.
   const std::optional<Shortcut>& shortcut(std::size_t place) const { return ways_[place].shortcut; }
   bool needs_earlier(std::size_t place) const { return ways_[place].earlier; }
 
  private:
-  /// How far a keyframe goes.
+  /// Stages of a keyframe.
   struct Way {
-    bool takes_part = false;   ///< its image, if no more
+    bool takes_part = false;   ///< with its image at least
     std::uint32_t passes = 0;  ///< bit p: pass p of PatchMatch
     std::optional<Shortcut> shortcut;
-    bool earlier = false;  ///< its planes of an earlier run are looked at
+    bool earlier = false;  ///< its planes of an earlier run are read
     bool filtered = false;
-    int rounds = -1;  ///< of ownership; 0 = its points are made and judged only, -1 = not even that
+    int rounds = -1;  ///< of duplicate removal; 0 = up to the free-space test, -1 = no points
     bool emits_results = false;
   };
 

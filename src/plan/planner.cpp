@@ -31,7 +31,7 @@ bool Planner::add(PlanKeyframe keyframe) {
     set_.push_back(std::move(keyframe));
     return !set_.back().landmarks.empty();
   }
-  // Sorted once: each keyframe is compared with several others.
+  // Sorted once for several comparisons.
   std::stable_sort(keyframe.landmarks.begin(), keyframe.landmarks.end(),
                    [](const Landmark& a, const Landmark& b) { return a.id < b.id; });
   PlanEntry entry;
@@ -59,7 +59,7 @@ void Planner::finish() {
   in_sequence_ = block_begun_ = used_in_block_ = false;
 }
 
-/// Whether the keyframe is used, and if not, why not.
+/// Returns the use of the keyframe, or the reason for its rejection.
 KeyframeUse Planner::judge(const PlanKeyframe& keyframe) {
   if (!options_.advanced.view_filter.enabled) return KeyframeUse::kDepthMap;
   const bool first = !in_sequence_;
@@ -80,10 +80,10 @@ KeyframeUse Planner::judge(const PlanKeyframe& keyframe) {
   return KeyframeUse::kDepthMap;
 }
 
-/// The chain begins anew at this keyframe, used or not.
+/// Starts the chain again at this keyframe, used or not.
 KeyframeUse Planner::begin_block(const PlanKeyframe& keyframe) {
   KeyframeUse use = KeyframeUse::kDepthMap;
-  if (used_in_block_) {  // in the block before
+  if (used_in_block_) {  // in the previous block
     const ViewChain::Lean lean = previous_.lean(keyframe.id);
     const ViewChain::Verdict verdict = chain_.compare(keyframe.landmarks, keyframe.cam_from_world.center(), lean);
     if (verdict.use == KeyframeUse::kTooLittleParallax) use = verdict.use;
@@ -171,7 +171,7 @@ void Planner::choose_viewers_of(std::int64_t i) {
       choose(reach_.duplicate_views, reach_.duplicate_views, before != nullptr ? &before->duplicate_views : nullptr);
 }
 
-/// Lets go of what no later keyframe looks at.
+/// Releases data that later keyframes do not need.
 void Planner::forget() {
   for (; next_clear_ < next_match_ - reach_.near; ++next_clear_) {
     std::vector<Landmark>().swap(node(next_clear_).keyframe.landmarks);

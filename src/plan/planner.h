@@ -14,29 +14,28 @@
 
 namespace pmsp {
 
-/// Makes a plan while keyframes come in: the entries that make_plan gives for all of them, each as soon as the
-/// keyframes that it looks at are there. What is remembered of a flight is bounded. (An unordered set is decided by
-/// `finish`.)
+/// Incremental make_plan: each entry is decided as soon as the keyframes that it depends on are known. Memory is
+/// bounded for sequences; an unordered set is decided by `finish`.
 class PMSP_IO_API Planner {
  public:
   /// Throws InvalidOption.
   explicit Planner(const DensifierOptions& options, const Plan* previous = nullptr);
 
-  /// Whether the keyframe is used; in an unordered set, whether it can be.
+  /// Returns whether the keyframe is used; in an unordered set, whether it can be.
   bool add(PlanKeyframe keyframe);
 
-  /// No more keyframes come: all entries are complete. Keyframes that follow are a new sequence.
+  /// Completes all entries. Later keyframes start a new sequence.
   void finish();
 
-  /// Entries in the order of `add`, without those that were dropped.
+  /// Entries in the order of `add`, without dropped ones.
   const std::deque<PlanEntry>& entries() const { return entries_; }
-  /// How many of them know `use`, `near`, `far`, `first_planes` and `range`.
+  /// Number of entries with decided `use`, `near`, `first_planes` and `range`.
   std::size_t matchable() const { return entry_after(next_match_); }
-  /// How many know `consistency` and `fusion` besides.
+  /// Number of entries that also have `consistency` and `fusion`.
   std::size_t windowed() const { return entry_after(next_window_); }
-  /// How many are complete: they know `viewers`, too.
+  /// Number of complete entries: also with `viewers`.
   std::size_t complete() const { return entry_after(next_viewers_); }
-  /// Forgets the first `count` entries, which are complete.
+  /// Drops the first `count` entries, which must be complete.
   void drop(std::size_t count);
 
  private:
@@ -62,24 +61,24 @@ class PMSP_IO_API Planner {
   PlanReach reach_;
   PreviousPlan previous_;
   std::deque<PlanEntry> entries_;
-  std::size_t dropped_ = 0;  ///< entries
+  std::size_t dropped_ = 0;  ///< number of dropped entries
 
-  ViewChain chain_;             ///< since its block began
-  bool in_sequence_ = false;    ///< a keyframe has come
-  bool block_begun_ = false;    ///< by a keyframe with landmarks
-  bool used_in_block_ = false;  ///< others than that one
+  ViewChain chain_;             ///< of the current block
+  bool in_sequence_ = false;    ///< a keyframe was added
+  bool block_begun_ = false;    ///< its first keyframe with landmarks was added
+  bool used_in_block_ = false;  ///< besides its first one
   std::int64_t block_ = 0;
 
   std::deque<PlanNode> nodes_;     ///< used keyframes; indices count from the start of the sequence
   std::int64_t first_ = 0;         ///< index of nodes_.front()
-  std::int64_t next_match_ = 0;    ///< neighbours of those before are decided
-  std::int64_t next_window_ = 0;   ///< windows of those before are decided
-  std::int64_t next_viewers_ = 0;  ///< viewers of those before are decided
-  std::int64_t next_clear_ = 0;    ///< landmarks of those before are gone
-  std::vector<PlanKeyframe> set_;  ///< unordered
+  std::int64_t next_match_ = 0;    ///< first node with undecided source views
+  std::int64_t next_window_ = 0;   ///< first node with undecided windows
+  std::int64_t next_viewers_ = 0;  ///< first node with undecided viewers
+  std::int64_t next_clear_ = 0;    ///< first node with landmarks in memory
+  std::vector<PlanKeyframe> set_;  ///< of an unordered set
 };
 
-/// floor(a / b) for any sign of a; b > 0.
+/// Returns floor(a / b) for any sign of a; b > 0.
 std::int64_t floor_div(std::int64_t a, std::int64_t b);
 
 }  // namespace pmsp

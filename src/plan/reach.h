@@ -10,13 +10,13 @@
 
 namespace pmsp {
 
-/// How many used keyframes before and after its own an entry of a flight's plan names at most.
+/// Maximum distance of an entry to the keyframes in its lists, for sequences [used keyframes].
 struct PlanReach {
-  std::int64_t near;            ///< neighbours, on either side
+  std::int64_t near;            ///< source views, on either side
   std::int64_t consistency;     ///< consistency window, on either side
   std::int64_t fusion;          ///< fusion window, on either side
-  std::int64_t windows;         ///< the wider one
-  std::int64_t viewers_before;  ///< the fusion window's keyframes are viewers, too
+  std::int64_t windows;         ///< the larger one of the two
+  std::int64_t viewers_before;  ///< including the fusion window
   std::int64_t viewers_after;
   std::int64_t duplicate_views;  ///< on either side
 };
@@ -24,11 +24,12 @@ struct PlanReach {
 /// `options`: valid.
 PMSP_IO_API PlanReach plan_reach(const DensifierOptions& options);
 
-/// Whether keyframes beyond the fusion window may make the point of a place.
+/// Whether duplicates are searched beyond the fusion window.
 bool searches_whole_mission(const DensifierOptions& options);
 
-/// Rounds in which that is decided. Two decide nine pixels in ten where only the fusion window is asked; those that are
-/// open then are kept. Each makes the points of a flight later by as many keyframes as are asked ahead.
+/// Returns the number of rounds of duplicate removal. Two decide most pixels if only the fusion window is searched;
+/// pixels that stay open are kept. Each round delays the points of a sequence by `PlanReach::duplicate_views`
+/// keyframes.
 int duplicate_rounds(const DensifierOptions& options);
 
 }  // namespace pmsp

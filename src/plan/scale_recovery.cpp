@@ -9,32 +9,32 @@
 namespace pmsp {
 namespace {
 
-/// Ratios of lengths after and before, as logarithms.
+/// Logarithm of a ratio of lengths, after over before.
 struct Ratio {
   double log;
   double weight;
 };
 
-/// What a keyframe's scale has changed by.
+/// Estimated change of a keyframe's scale.
 struct Estimate {
   double log;
-  double error;  ///< standard deviation, of `log`
+  double error;  ///< standard deviation of `log`
 };
 
 constexpr std::size_t kFewestBaselines = 3;
 constexpr std::size_t kFewestLandmarks = 12;
-/// No estimate is better than this, however many ratios agree: poses within one neighbourhood are off together.
+/// Lower bound of the error, however many ratios agree: poses of a neighbourhood have correlated errors.
 constexpr double kLeastError = 1e-3;
-/// Estimates that differ by more than so many errors contradict each other.
+/// Difference beyond which estimates contradict each other [standard errors].
 constexpr double kContradiction = 3.0;
-/// A change that is no more than so many errors is none.
+/// Change up to which a scale is kept [standard errors].
 constexpr double kSignificant = 3.0;
-/// Of a normal distribution, over the median of its absolute deviations.
+/// Ratio of standard deviation to median absolute deviation, for a normal distribution.
 constexpr double kDeviationOverMedian = 1.4826;
-/// Standard error of a median, over that of a mean.
+/// Ratio of the standard errors of median and mean.
 constexpr double kMedianOverMean = 1.2533;
 
-/// Calls `look(k)` for the keyframes around number i of `count`.
+/// Calls `look(k)` for the keyframes around index i of `count`.
 template <class Look>
 void for_each_around(std::size_t count, std::size_t i, const Look& look) {
   const std::size_t end = std::min(count, i + kScaleReach + 1);
@@ -43,7 +43,7 @@ void for_each_around(std::size_t count, std::size_t i, const Look& look) {
   }
 }
 
-/// Ratios of equal weight need not be sorted.
+/// Median of ratios of equal weight, without sorting.
 double plain_median(std::vector<Ratio>& ratios) {
   const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>((ratios.size() - 1) / 2);
   std::nth_element(ratios.begin(), middle, ratios.end(), [](const Ratio& a, const Ratio& b) { return a.log < b.log; });
@@ -78,11 +78,11 @@ std::optional<Estimate> robust_mean(std::vector<Ratio> ratios, std::size_t fewes
   deviations.reserve(ratios.size());
   for (const Ratio& ratio : ratios) deviations.push_back({std::abs(ratio.log - middle), ratio.weight});
   const double deviation = kDeviationOverMedian * weighted_median(deviations);
-  const double independent = sum * sum / squares;  // ratios of equal weight that would say as much
+  const double independent = sum * sum / squares;  // effective number of ratios
   return Estimate{middle, kLeastError + kMedianOverMean * deviation / std::sqrt(independent)};
 }
 
-/// The slope of ratios over their places: the middle one of those between any two.
+/// Returns the slope of ratios over their places: the weighted median of the slopes of all pairs.
 double robust_slope(const std::vector<Ratio>& ratios, const std::vector<double>& places) {
   std::vector<Ratio> slopes;
   for (std::size_t a = 0; a < ratios.size(); ++a) {
@@ -94,12 +94,12 @@ double robust_slope(const std::vector<Ratio>& ratios, const std::vector<double>&
   return slopes.empty() ? 0.0 : weighted_median(slopes);
 }
 
-/// Of ratios that drift along the flight, what they are at place 0.
+/// Returns the mean at place 0 of ratios that drift along the sequence.
 std::optional<Estimate> robust_mean_along(std::vector<Ratio> ratios, const std::vector<double>& places,
                                           std::size_t fewest) {
   if (ratios.size() < fewest) return std::nullopt;
   const double drift = robust_slope(ratios, places);
-  double lever = 0.0;  // how far place 0 is from the middle, over the spread
+  double lever = 0.0;  // distance of place 0 from the mean place, relative to the spread
   double sum = 0.0;
   double squares = 0.0;
   for (std::size_t k = 0; k < ratios.size(); ++k) {
@@ -114,9 +114,9 @@ std::optional<Estimate> robust_mean_along(std::vector<Ratio> ratios, const std::
   return estimate;
 }
 
-/// The longer a baseline, the less of it is noise. Where the scale drifts along the flight, a baseline has that of its
-/// middle: what it tells is drawn back along the drift to the keyframe, which at the ends of a flight, and where it
-/// turns, is not in the middle of its baselines.
+/// Longer baselines have less relative noise. If the scale drifts along the sequence, the ratio of a baseline is that
+/// of its middle; it is extrapolated along the drift to the keyframe, which is not in the middle of its baselines at
+/// ends and turns of the trajectory.
 std::optional<Estimate> from_baselines(const std::vector<MovedKeyframe>& keyframes, std::size_t i) {
   const Eigen::Vector3d before = keyframes[i].before.cam_from_world.center();
   const Eigen::Vector3d after = keyframes[i].after.center();
@@ -153,11 +153,11 @@ Estimate mean(const Estimate& a, const Estimate& b) {
   return {(weight_a * a.log + weight_b * b.log) / (weight_a + weight_b), 1.0 / std::sqrt(weight_a + weight_b)};
 }
 
-/// What is told of a keyframe before those around are heard.
+/// Independent estimates for a keyframe.
 struct Evidence {
   std::optional<Estimate> baselines, landmarks;
 
-  /// Where nothing contradicts it.
+  /// Returns their combination; nullopt if they contradict each other.
   std::optional<Estimate> agreed() const {
     if (!baselines) return landmarks;
     if (!landmarks) return baselines;
@@ -166,7 +166,7 @@ struct Evidence {
   }
 };
 
-/// What is agreed on around a keyframe; nullopt where there is nothing.
+/// Returns the estimate of surrounding keyframes; nullopt without any.
 std::optional<Estimate> around(const std::vector<Evidence>& evidence, std::size_t i) {
   std::vector<Ratio> logs;
   std::vector<double> places;
@@ -183,7 +183,7 @@ std::optional<Estimate> decide(const std::vector<Evidence>& evidence, std::size_
   const std::optional<Estimate> agreed = evidence[i].agreed();
   if (agreed) return agreed;
   const std::optional<Estimate> others = around(evidence, i);
-  if (!evidence[i].baselines) return others;  // nothing is told of it
+  if (!evidence[i].baselines) return others;  // no estimate of its own
   if (!others) return evidence[i].baselines;
   const double of_baselines = std::abs(evidence[i].baselines->log - others->log);
   const double of_landmarks = std::abs(evidence[i].landmarks->log - others->log);

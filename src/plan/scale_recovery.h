@@ -8,24 +8,22 @@
 #include "pmsp/types.h"
 #include "util/io_api.h"
 
-// A monocular SLAM closes a loop by similarities, one for each keyframe, and keeps of each its rotation and translation
-// only (stella_vslam, ORB-SLAM3: the graph is optimised over Sim(3), and the translation divided by the scale). What
-// hangs on a keyframe must be scaled all the same. The scale shows in two places: in the baselines to keyframes around,
-// and in the distances of the landmarks that the keyframe observes. Both are noisy, and each may lie: baselines of a
-// hover, landmarks that were made anew.
+// Monocular SLAMs close a loop by one similarity per keyframe but keep only its rotation and translation (stella_vslam,
+// ORB-SLAM3: the graph is optimised over Sim(3), and the translation divided by the scale). Data in the frame of a
+// keyframe must be scaled nevertheless. The scale is estimated from baselines to surrounding keyframes and from ranges
+// of observed landmarks. Both are noisy and can be wrong: baselines of a hover, landmarks that were created again.
 namespace pmsp {
 
-/// A keyframe that a SLAM has moved.
+/// Keyframe moved by a SLAM.
 struct MovedKeyframe {
-  KeyframePose before;   ///< with the scale that was right then
-  RigidTransform after;  ///< translation in the world's unit
-  /// Of landmarks that it observed before and observes still, the distance from the camera before and after, in the
-  /// world's unit. May be empty.
+  KeyframePose before;   ///< with the scale at that time
+  RigidTransform after;  ///< translation in map units
+  /// Distances from the camera, before and after, of landmarks observed at both times [map units]. May be empty.
   std::vector<double> ranges_before, ranges_after;
-  std::int64_t world_before = 0;  ///< keyframes that were in two worlds tell nothing of each other
+  std::int64_t world_before = 0;  ///< map at that time; keyframes of different maps are not compared
 };
 
-/// What a keyframe sees again of the landmarks that it saw before: distances, by ascending `landmark` ids.
+/// Adds the distances of landmarks observed both before and after; lists by ascending `landmark`.
 template <class Range>
 void compare_ranges(const std::vector<Range>& before, const std::vector<Range>& after, MovedKeyframe& keyframe) {
   auto then = before.begin();
@@ -37,16 +35,15 @@ void compare_ranges(const std::vector<Range>& before, const std::vector<Range>& 
   }
 }
 
-/// Keyframes before and after a keyframe whose baselines count, on either side.
+/// Number of keyframes on either side whose baselines are used.
 constexpr std::size_t kScaleReach = 5;
 
-/// The scales of the keyframes after they were moved, 1 / kMaxScale to kMaxScale. `keyframes`: in the order of flight,
-/// of one map; those that have not moved belong to it, too. Each scale is a function of the keyframes within 2 *
-/// kScaleReach places of its own.
+/// Returns the scales of the keyframes after a move, 1 / kMaxScale to kMaxScale. `keyframes`: of one map, in temporal
+/// order, including unmoved ones. Each scale depends on the keyframes within 2 * kScaleReach places.
 ///
-/// Baselines and landmarks each give a robust mean of log ratios and how far it may be off. Where both agree, they are
-/// averaged; where not, the one that goes with the keyframes around counts. What is no more than its own error changes
-/// nothing: bundle adjustments that only shake the poses leave scales as they are.
+/// Baselines and landmarks each give a robust mean of log ratios with its standard error. If they agree, they are
+/// averaged, else the one closer to the surrounding keyframes is used. Insignificant changes are ignored: bundle
+/// adjustments with random changes of poses keep the scales.
 PMSP_IO_API std::vector<double> recover_scales(const std::vector<MovedKeyframe>& keyframes);
 
 }  // namespace pmsp

@@ -15,13 +15,13 @@ namespace pmsp {
 namespace {
 
 constexpr std::size_t kFewestNear = 2;
-constexpr double kMinShareOfOthers = 0.5;  ///< of the usefulness of those that see most together
-constexpr std::size_t kMostSharers = 32;   ///< keyframes that near neighbours and windows are chosen from
-constexpr std::size_t kSharpnessOf = 3;    ///< keyframes that sharpness is compared with
-constexpr double kSharedToSkip = 0.5;      ///< of a blurred keyframe's landmarks, and
-constexpr double kParallaxToSkipDeg = 15;  ///< with less parallax: then it can be done without
+constexpr double kMinShareOfOthers = 0.5;  ///< usefulness of a further source view, relative to the first choice
+constexpr std::size_t kMostSharers = 32;   ///< candidates for source views and windows
+constexpr std::size_t kSharpnessOf = 3;    ///< keyframes whose sharpness is compared
+constexpr double kSharedToSkip = 0.5;      ///< minimum share of a blurred keyframe's landmarks in another one, and
+constexpr double kParallaxToSkipDeg = 15;  ///< maximum parallax to it, for rejection
 
-/// Another keyframe, and how many landmarks it has in common.
+/// Another keyframe with common landmarks.
 struct Sharer {
   std::size_t node;
   int landmarks;
@@ -57,11 +57,11 @@ class UnorderedPlan {
 
   const DensifierOptions& options_;
   const PreviousPlan& previous_;
-  std::vector<PlanNode> nodes_;               ///< ascending id, so that the order given means nothing
-  std::vector<Covisibility> covisibilities_;  ///< of each node
-  std::vector<SharpnessRecord> sharpness_;    ///< of each node
-  std::vector<std::vector<Sharer>> sharers_;  ///< of each node, most landmarks first
-  std::vector<PlanEntry> entries_;            ///< in the order given
+  std::vector<PlanNode> nodes_;               ///< ascending id: results do not depend on the input order
+  std::vector<Covisibility> covisibilities_;  ///< by node
+  std::vector<SharpnessRecord> sharpness_;    ///< by node
+  std::vector<std::vector<Sharer>> sharers_;  ///< by node, most landmarks first
+  std::vector<PlanEntry> entries_;            ///< in the input order
 };
 
 UnorderedPlan::UnorderedPlan(std::vector<PlanKeyframe> keyframes, const DensifierOptions& options,
@@ -81,7 +81,7 @@ UnorderedPlan::UnorderedPlan(std::vector<PlanKeyframe> keyframes, const Densifie
   }
 }
 
-/// By an index of the landmarks: never every keyframe with every other.
+/// Uses an index of landmarks instead of comparing all pairs of keyframes.
 void UnorderedPlan::find_sharers() {
   std::vector<std::pair<std::int64_t, std::size_t>> seen;  // landmark, node
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
@@ -110,7 +110,8 @@ void UnorderedPlan::find_sharers() {
   }
 }
 
-/// Less sharp than those that share most with it have it in the median, and one of them shows nearly the same.
+/// Whether its median sharpness relative to the keyframes with most common landmarks is too low, and one of them has
+/// nearly the same view.
 bool UnorderedPlan::is_blurred(std::size_t i) const {
   const std::vector<Sharer>& sharers = sharers_[i];
   const Keyframe& keyframe = nodes_[i].keyframe;
@@ -144,8 +145,8 @@ void UnorderedPlan::leave_out() {
   }
 }
 
-/// Those that see most of what the keyframe sees under useful parallax; if these are too few, the most useful others
-/// that see much of it: views of other rooms make matching worse.
+/// Returns source views with most of the keyframe's view at useful parallax; if too few, also the most useful others
+/// with much of it. Views of other rooms would degrade matching.
 std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
   const PlanNode& reference = nodes_[i];
   const int count = options_.advanced.patchmatch.neighbours;
@@ -159,7 +160,7 @@ std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
     covisibilities.push_back(&covisibilities_[sharer.node]);
   }
   std::vector<std::size_t> chosen = choose_covisible(covisibilities_[i], covisibilities, count);
-  std::vector<std::pair<double, std::size_t>> others;  // minus usefulness, place
+  std::vector<std::pair<double, std::size_t>> others;  // -usefulness, index
   for (std::size_t k = 0; k < candidates.size(); ++k) {
     if (std::find(chosen.begin(), chosen.end(), k) != chosen.end()) continue;
     const double useful = neighbour_usefulness(reference.keyframe, nodes_[candidates[k]].keyframe);
@@ -193,7 +194,7 @@ void UnorderedPlan::choose_neighbours_of(std::size_t i) {
   reference.has_depth_map = decided.has_depth_map();
 }
 
-/// The keyframes that share most, or those that did where they still share nearly as much.
+/// Returns the keyframes with most common landmarks, or the previous window if it has nearly as many.
 std::vector<std::int64_t> UnorderedPlan::window_of(std::size_t i, int size, const std::vector<std::int64_t>* before) {
   std::vector<std::int64_t> result;
   std::unordered_map<std::int64_t, int> shared;
@@ -229,7 +230,7 @@ void UnorderedPlan::choose_windows_of(std::size_t i) {
   const auto in_window = [&](std::int64_t id) {
     return std::find(decided.fusion.begin(), decided.fusion.end(), id) != decided.fusion.end();
   };
-  std::vector<std::pair<double, std::size_t>> others;  // by distance, so that near and far ones are asked
+  std::vector<std::pair<double, std::size_t>> others;  // by distance, for a selection of near and far ones
   for (std::size_t k = 0; k < nodes_.size(); ++k) {
     if (k == i || !nodes_[k].has_depth_map) continue;
     const double away = distance(i, k);

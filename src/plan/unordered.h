@@ -8,7 +8,7 @@
 
 namespace pmsp {
 
-/// Entries of a set of keyframes whose order means nothing, in the order given; see make_plan.
+/// Returns the entries of an unordered set, in input order; see make_plan.
 std::vector<PlanEntry> plan_unordered(std::vector<PlanKeyframe> keyframes, const DensifierOptions& options,
                                       const PreviousPlan& previous);
 

@@ -15,15 +15,15 @@
 namespace pmsp {
 namespace {
 
-constexpr int kSide = 9;              ///< of a patch [px of the depth map]
+constexpr int kSide = 9;              ///< side of a patch [px of the depth map]
 constexpr double kMinCosLat = 0.5;    ///< up to 60 degrees of latitude
-constexpr float kMinVariance = 4.0F;  ///< [gray levels squared]; noise below
+constexpr float kMinVariance = 4.0F;  ///< [gray levels squared]; less is noise
 constexpr std::size_t kMinCommon = 20;
-constexpr std::size_t kMostLandmarks = 256;  ///< a keyframe
+constexpr std::size_t kMostLandmarks = 256;  ///< per keyframe
 
 using Patch = std::array<float, kSide * kSide>;
 
-/// Mean gray value (green twice) of box x box pixels from (x, y) on, of which x lies inside the image and y need not.
+/// Returns the mean gray value (green counts twice) of box x box pixels from (x, y) on; x must be inside the image.
 float box_mean(const ImageView<const Rgb>& image, int x, int y, int box) {
   int sum = 0;
   for (int j = y; j < y + box; ++j) {
@@ -36,14 +36,15 @@ float box_mean(const ImageView<const Rgb>& image, int x, int y, int box) {
   return static_cast<float>(sum) / static_cast<float>(4 * box * box);
 }
 
-/// Samples around a direction a depth map's pixel apart, each the mean over as much; rows get longer towards the poles.
+/// Returns the patch around a direction, sampled and averaged at the pixel size of the depth map; wider towards the
+/// poles.
 std::optional<Patch> patch_around(const ImageView<const Rgb>& image, const Eigen::Vector3d& direction, int width) {
   const double cos_lat = std::hypot(direction.x(), direction.z()) / direction.norm();
   if (!(cos_lat >= kMinCosLat)) return std::nullopt;
   const double step = static_cast<double>(image.width) / width;
   const int box = std::max(1, static_cast<int>(std::lround(step)));
   const Eigen::Vector2d center = pixel_from_bearing(direction, image.width, image.height);
-  std::array<int, kSide> columns{};  // where the boxes begin
+  std::array<int, kSide> columns{};  // first pixels of the boxes
   std::array<int, kSide> rows{};
   for (int i = 0; i < kSide; ++i) {
     const int from_center = i - kSide / 2;
@@ -60,8 +61,7 @@ std::optional<Patch> patch_around(const ImageView<const Rgb>& image, const Eigen
   return patch;
 }
 
-/// Enough landmarks for a median: those that come first by a hash of their ids, so that keyframes with the same
-/// landmarks choose the same.
+/// Returns up to kMostLandmarks landmarks, in the order of a hash of their ids, so that keyframes select common ones.
 std::vector<const Landmark*> some_of(const std::vector<Landmark>& landmarks) {
   std::vector<const Landmark*> chosen;
   for (const Landmark& landmark : landmarks) chosen.push_back(&landmark);

@@ -8,13 +8,13 @@
 
 namespace pmsp {
 
-/// Of some hundred of the keyframe's landmarks in pixels of a depth map of that width, ascending id; without those near
-/// the poles and on patches without contrast. `executor`: nullptr = on this thread.
+/// Returns the sharpness at up to 256 landmarks, in pixels of a depth map of `width`, by ascending id; without those
+/// near the poles and in patches without contrast. `executor`: nullptr = this thread.
 std::vector<LandmarkSharpness> landmark_sharpness(const Keyframe& keyframe, int width,
                                                   const Executor* executor = nullptr);
 
-/// Median ratio of the sharpness of the same landmarks in two images, of the direction in which it is lower, or 1 where
-/// too few are in common. Two sharp images of one place have about 1, whatever is to be seen there.
+/// Returns the median ratio of the sharpness of common landmarks in two images, in the direction where it is lower; 1
+/// if too few are common. About 1 for two sharp images of one place, whatever their content.
 double relative_sharpness(const std::vector<LandmarkSharpness>& image, const std::vector<LandmarkSharpness>& other);
 
 }  // namespace pmsp

@@ -9,10 +9,10 @@
 namespace pmsp {
 namespace {
 
-constexpr std::size_t kRecent = 3;        ///< keyframes that sharpness is compared with
-constexpr double kSharedToSkip = 0.5;     ///< of the newest keyframe's landmarks, and
-constexpr double kParallaxToSkip = 0.25;  ///< of the largest parallax: until then a keyframe can be done without
-constexpr double kLean = 0.25;            ///< share of a threshold by which it moves for what was decided before
+constexpr std::size_t kRecent = 3;        ///< keyframes whose sharpness is compared
+constexpr double kSharedToSkip = 0.5;     ///< minimum share of the newest keyframe's landmarks, and
+constexpr double kParallaxToSkip = 0.25;  ///< maximum share of the largest parallax, for a dispensable keyframe
+constexpr double kLean = 0.25;            ///< relative shift of thresholds in favour of the previous decision
 
 }  // namespace
 
@@ -33,7 +33,7 @@ ViewChain::Verdict ViewChain::compare(const std::vector<Landmark>& landmarks, co
   if (landmarks.empty()) return {KeyframeUse::kNoLandmarks, false};
   const CommonParallax common = common_parallax(newest_landmarks_, newest_center_, landmarks, center,
                                                 options_.min_parallax_deg, options_.max_parallax_deg);
-  // With nothing in common a SLAM has lost its way and found another: from there on it is a new flight.
+  // No common landmarks: tracking was lost, and a new sequence starts.
   if (common.in_range < leaning(options_.min_share, lean, true) * common.landmarks) {
     const bool near = common.median_deg < 0.5 * (options_.min_parallax_deg + options_.max_parallax_deg);
     return {near ? KeyframeUse::kTooLittleParallax : KeyframeUse::kTooMuchParallax, false};

@@ -13,16 +13,16 @@
 
 namespace pmsp {
 
-/// The newest used keyframes, and whether the next one adds enough to them. What was decided before poses moved a
-/// little leans the decision towards the same again.
+/// Newest used keyframes, for the decision on the next one. Thresholds are shifted in favour of a previous decision, so
+/// that small moves do not change it.
 class ViewChain {
  public:
   enum class Lean { kNone, kUse, kLeave };
 
-  /// What parallax says.
+  /// Decision by parallax.
   struct Verdict {
     KeyframeUse use = KeyframeUse::kDepthMap;
-    bool dispensable = false;  ///< the chain does without it, should it be blurred
+    bool dispensable = false;  ///< overlap suffices without it, if it is blurred
   };
 
   explicit ViewChain(const ViewFilterOptions& options) : options_(options) {}
@@ -30,13 +30,14 @@ class ViewChain {
   bool empty() const { return empty_; }
   void clear();
 
-  /// Anything may follow an empty chain.
+  /// An empty chain accepts any keyframe.
   Verdict compare(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center, Lean lean = Lean::kNone) const;
 
-  /// Less sharp than the last keyframes have it in the median: one that is blurred itself does not hide the next.
+  /// Whether its median sharpness relative to the last keyframes is too low; the median tolerates a blurred one among
+  /// them.
   bool is_blurred(const std::vector<LandmarkSharpness>& sharpness, Lean lean = Lean::kNone) const;
 
-  /// The keyframe becomes the newest one; without `sharpness` it is not compared with for blur.
+  /// Makes the keyframe the newest one. Without `add_sharpness` it is ignored by tests for blur.
   void add(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center);
   void add_sharpness(std::vector<LandmarkSharpness> sharpness);
 
@@ -45,10 +46,10 @@ class ViewChain {
   bool empty_ = true;
   std::vector<Landmark> newest_landmarks_;
   Eigen::Vector3d newest_center_ = Eigen::Vector3d::Zero();
-  std::deque<std::vector<LandmarkSharpness>> recent_;  ///< of the last keyframes
+  std::deque<std::vector<LandmarkSharpness>> recent_;  ///< sharpness of the last keyframes
 };
 
-/// How far a threshold moves towards what was decided before: `lower` says whether little leads to using.
+/// Returns a threshold shifted in favour of the previous decision. `lower`: a lower threshold favours use.
 double leaning(double threshold, ViewChain::Lean lean, bool lower);
 
 }  // namespace pmsp

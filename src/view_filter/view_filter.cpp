@@ -14,7 +14,7 @@
 namespace pmsp {
 namespace {
 
-/// The first id that is not less. It mostly is one of the next few.
+/// Returns the first id that is not less, usually one of the next few.
 std::vector<std::int64_t>::const_iterator from_id(std::vector<std::int64_t>::const_iterator next,
                                                   std::vector<std::int64_t>::const_iterator end, std::int64_t id) {
   constexpr int kFew = 8;
@@ -33,7 +33,7 @@ CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vect
   in_a.reserve(a.size());
   for (const Landmark& landmark : a) in_a.push_back(landmark.id);
   if (!std::is_sorted(in_a.begin(), in_a.end())) std::sort(in_a.begin(), in_a.end());
-  // Cosines order as angles do and cost a fraction; only the median's angle is computed.
+  // Cosines have the order of angles and are cheaper; only the median's angle is computed.
   struct Common {
     double cosine;
     const Landmark* landmark;
@@ -47,14 +47,14 @@ CommonParallax common_parallax(const std::vector<Landmark>& a, const Eigen::Vect
   auto next = in_a.cbegin();
   std::int64_t before = std::numeric_limits<std::int64_t>::min();
   for (const Landmark& landmark : b) {
-    if (landmark.id < before) next = in_a.cbegin();  // ids mostly come in order: then it only moves on
+    if (landmark.id < before) next = in_a.cbegin();  // ids are usually ascending: `next` only advances
     before = landmark.id;
     next = from_id(next, in_a.cend(), landmark.id);
     if (next == in_a.cend() || *next != landmark.id) continue;
     const Eigen::Vector3d from_a = landmark.position_world - center_a;
     const Eigen::Vector3d from_b = landmark.position_world - center_b;
     double cosine = from_a.dot(from_b) / std::sqrt(from_a.squaredNorm() * from_b.squaredNorm());
-    if (!std::isfinite(cosine)) cosine = 1.0;  // at a camera, or beyond all measure
+    if (!std::isfinite(cosine)) cosine = 1.0;  // at a camera, or overflow
     common.push_back({cosine, &landmark});
     if (cosine <= most && cosine >= least) ++result.in_range;
   }
@@ -86,7 +86,7 @@ bool ViewFilter::Impl::accept(const Keyframe& keyframe) {
   if (verdict.use != KeyframeUse::kDepthMap) return false;
   if (options.enabled && options.min_sharpness > 0.0 && !keyframe.image.empty()) {
     std::vector<LandmarkSharpness> sharpness = landmark_sharpness(keyframe, width > 0 ? width : keyframe.image.width);
-    blurred = verdict.dispensable && chain.is_blurred(sharpness);  // a blurred keyframe is better than a hole
+    blurred = verdict.dispensable && chain.is_blurred(sharpness);  // blurred keyframes are better than gaps
     if (blurred) return false;
     chain.add_sharpness(std::move(sharpness));
   }
