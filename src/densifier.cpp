@@ -231,9 +231,9 @@ std::vector<Task> Pipeline::ready_tasks(bool last) {
 }
 
 /// Required stages must have completed all keyframes up to the last one that the task may read, not only those that it
-/// reads: then each is at most one pass or round ahead, and its artefacts still exist. With several devices, one more
-/// keyframe, which is on another device: then only the first pass, which starts from the previous keyframe, waits for
-/// work just begun.
+/// reads: then none of these is more than one pass or round ahead, and their artefacts still exist. With several
+/// devices, one more keyframe, which is on another device: then only the first pass, which starts from the previous
+/// keyframe, waits for work just begun.
 bool Pipeline::is_ready(const Task& task, bool last) {
   if (!last && !is_planned(task)) return false;
   const Stage& stage = schedule_.stages()[task.stage];

@@ -372,8 +372,7 @@ class StageEngine final : public Engine {
     Waiting<std::uint8_t> statuses[2];        ///< after the last even and the last odd round of duplicate removal
     Waiting<std::uint32_t> candidates;        ///< see DuplicateCandidates
     std::vector<std::int64_t> window_ids;     ///< ids of the bits of `agree`
-    std::shared_ptr<std::int64_t> eligible =
-        std::make_shared<std::int64_t>(0);  ///< number of points before duplicate removal
+    std::shared_ptr<std::int64_t> eligible = std::make_shared<std::int64_t>(0);  ///< before duplicate removal
   };
   static StageFrame& stage_frame(Frame& frame) { return static_cast<StageFrame&>(frame); }
   static const StageFrame& stage_frame(const Frame& frame) { return static_cast<const StageFrame&>(frame); }

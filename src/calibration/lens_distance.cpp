@@ -25,41 +25,41 @@ namespace {
 constexpr std::size_t kStretches = 3;
 constexpr std::size_t kStretch = 8;          ///< keyframes
 constexpr int kMostWidth = 1920;             ///< of the gray images
-constexpr int kRows = 32;                    ///< of a gray image that a thread makes at a time
-constexpr std::size_t kReach = 7;            ///< keyframes before and after one in which its landmarks are looked up
-constexpr std::size_t kShares = 8;           ///< of a keyframe's landmarks, for as many threads
-constexpr std::size_t kMostLandmarks = 128;  ///< of a keyframe, the nearest ones: those tell most
+constexpr int kRows = 32;                    ///< of a gray image, per task
+constexpr std::size_t kReach = 7;            ///< keyframes on either side in which a landmark is searched
+constexpr std::size_t kShares = 8;           ///< parts of a keyframe's landmarks, for as many threads
+constexpr std::size_t kMostLandmarks = 128;  ///< per keyframe, the nearest ones: they have most parallax
 
 constexpr int kRadius = 5;  ///< of a patch [px]
-constexpr int kSearch = 6;  ///< how far it is looked for [px]
+constexpr int kSearch = 6;  ///< search radius [px]
 constexpr int kSide = 2 * kRadius + 1;
 constexpr int kFieldRadius = kRadius + kSearch;
 constexpr int kField = 2 * kFieldRadius + 1;
 constexpr float kMinDeviation = 6.0F;  ///< of a patch [gray levels]
 constexpr float kMinScore = 0.8F;      ///< NCC
-constexpr float kMinPeak = 0.02F;      ///< by how much the score falls a pixel beside the best place
+constexpr float kMinPeak = 0.02F;      ///< minimum drop of the score one pixel beside the maximum
 
-constexpr double kSeam = 0.06;         ///< directions whose z is smaller may be of either lens, or of both
-constexpr double kMaxLatitude = 0.85;  ///< sine
-constexpr double kMinCosView = 0.5;    ///< of the angle between two views of a landmark
-constexpr double kMaxZoom = 2.0;       ///< ratio of its distances
+constexpr double kSeam = 0.06;         ///< |z| of directions below which either lens, or both, may contribute
+constexpr double kMaxLatitude = 0.85;  ///< sine of the latitude
+constexpr double kMinCosView = 0.5;    ///< cosine of the angle between two views of a landmark
+constexpr double kMaxZoom = 2.0;       ///< ratio of the distances of a landmark
 
 constexpr std::size_t kFewestLandmarks = 25;
 constexpr double kMinSigmas = 5.0;
 constexpr double kMinShiftPx = 0.5;
 
-/// A landmark as some keyframe sees it.
+/// Observation of a landmark in a keyframe.
 struct Sighting {
   std::size_t view;
-  Eigen::Vector3d bearing;  ///< unit, camera's frame
+  Eigen::Vector3d bearing;  ///< unit, camera frame
 };
 
-/// What a landmark says of half the distance h of the lenses: it costs square * h^2 + 2 * slope * h + rest.
+/// Squared residual of a landmark by half the lens distance h: square * h^2 + 2 * slope * h + rest.
 struct Term {
   double square = 0.0, slope = 0.0, rest = 0.0;
-  int equations = 0;  ///< more than unknowns
+  int equations = 0;  ///< number of equations minus unknowns
   double distance = 0.0;
-  std::size_t view = 0;  ///< that it was found from
+  std::size_t view = 0;  ///< keyframe of the patch
 
   double cost(double h) const { return (square * h + 2.0 * slope) * h + rest; }
 };
@@ -74,7 +74,8 @@ double solution(const std::vector<Term>& terms, const std::vector<double>& weigh
   return square > 0.0 ? -slope / square : 0.0;
 }
 
-/// Its pixels are not set at first: the threads that make them meet fresh memory, which takes as long as they do.
+/// Gray image with uninitialised pixels: first touched by the threads that fill it, since page faults take as long as
+/// they.
 class GrayImage {
  public:
   GrayImage() = default;
@@ -97,7 +98,7 @@ class GrayImage {
 struct LensDistanceEstimator::View {
   std::int64_t id = 0;
   GrayImage gray;
-  Image<std::uint8_t> mask;  ///< empty = use all
+  Image<std::uint8_t> mask;  ///< empty = none
   RigidTransform cam_from_world;
   Eigen::Vector3d center;
   std::vector<Landmark> landmarks;  ///< nearest first
@@ -146,16 +147,16 @@ struct LensDistanceEstimator::View {
 namespace {
 
 using Patch = std::array<float, kSide * kSide>;
-constexpr int kPlaces = 2 * kSearch + 1;                    ///< of a patch in a field, to each side
+constexpr int kPlaces = 2 * kSearch + 1;                    ///< offsets of a patch in a field, along each axis
 constexpr int kLanes = 16;                                  ///< kPlaces, rounded up
-using Field = std::array<float, kField * kField + kLanes>;  ///< the end is there to be read, whatever it holds
+using Field = std::array<float, kField * kField + kLanes>;  ///< padded, since lanes read beyond the end
 
-/// Where the top of a parabola through three values lies beside the middle one, which is the largest.
+/// Returns the vertex of the parabola through three values relative to the middle one, which is the largest.
 float top_of(float before, float middle, float after) {
   return 0.5F * (before - after) / (before - 2.0F * middle + after);
 }
 
-/// Offset of the place in the field that the patch matches best, from its centre [px].
+/// Returns the offset of the best match of the patch from the centre of the field [px].
 std::optional<Eigen::Vector2d> find(const Patch& patch, const Field& field) {
   std::array<float, kPlaces * kPlaces> scores{};
   int best = 0;
@@ -197,7 +198,7 @@ std::optional<Eigen::Vector2d> find(const Patch& patch, const Field& field) {
   return beside + Eigen::Vector2d(u - kSearch, v - kSearch);
 }
 
-/// What sightings of one landmark, its place unknown, say of the lenses. `near`: about where it lies.
+/// Returns the term of a landmark of unknown position from its observations. `near`: approximate position.
 template <class Views>
 std::optional<Term> term_of(const std::vector<Sighting>& sightings, const Views& views, const Eigen::Vector3d& near) {
   Eigen::Matrix3d places = Eigen::Matrix3d::Zero();
@@ -321,7 +322,7 @@ LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
           }
           if (!normalise(*patch, kMinDeviation)) break;
         }
-        // The patch as a piece of a surface across the ray.
+        // The patch is taken as part of a surface perpendicular to the ray.
         const Eigen::Vector3f center = (there / depth).cast<float>();
         const Eigen::Vector3f along = (turn * right).cast<float>();
         const Eigen::Vector3f across = (turn * down).cast<float>();
@@ -353,7 +354,7 @@ LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
   result.landmarks = static_cast<std::int64_t>(terms.size());
   if (terms.size() < kFewestLandmarks) return result;
 
-  // What does not fit, since a patch was found in a wrong place or a landmark is two, counts less.
+  // Outliers, from wrong matches or landmarks that are two points, get less weight.
   std::vector<double> weights(terms.size(), 1.0);
   double half = 0.0;
   for (int round = 0; round < 10; ++round) {
@@ -367,7 +368,7 @@ LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
       weights[i] = 1.0 / ((1.0 + excess) * (1.0 + excess));
     }
   }
-  // By how much keyframes differ: what their poses are off by is common to their landmarks.
+  // The error is estimated from differences of keyframes: landmarks of a keyframe share the error of its pose.
   std::map<std::size_t, std::pair<double, double>> of_views;
   double square = 0.0;
   std::vector<double> distances;

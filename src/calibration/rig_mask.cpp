@@ -19,31 +19,31 @@ constexpr int kHeight = kWidth / 2;
 constexpr std::size_t kPixels = static_cast<std::size_t>(kWidth) * kHeight;
 constexpr float kPixelsPerRadian = static_cast<float>(kWidth / (2.0 * kernels::kPi));
 
-constexpr std::array<std::size_t, 4> kSteps{1, 2, 3, 5};  ///< between the keyframes of a pair
-constexpr float kMinMotion = 4.0F;                        ///< of the world between two keyframes [px]
-constexpr float kSameAnyway = 1e9F;                       ///< alike, for a motion that is smaller
+constexpr std::array<std::size_t, 4> kSteps{1, 2, 3, 5};  ///< distances of the keyframes of a pair
+constexpr float kMinMotion = 4.0F;                        ///< minimum motion of the world between two keyframes [px]
+constexpr float kSameAnyway = 1e9F;                       ///< similarity in case of less motion
 constexpr float kMinGradient = 3.0F;                      ///< RMS of a window [gray levels / px]
 constexpr int kRadius = 2;                                ///< of a window [px]
-constexpr float kSame = 0.5F;                             ///< agreement of the same gradients, at least
-constexpr float kOther = 0.3F;                            ///< ... of gradients that differ, at most
+constexpr float kSame = 0.5F;                             ///< minimum agreement of equal gradients
+constexpr float kOther = 0.3F;                            ///< ... maximum of different gradients
 constexpr float kMinCosLatitude = 0.1F;
 
-constexpr double kNearShare = 0.25;  ///< of a keyframe's landmarks are nearer than what moves most
-constexpr double kFarShare = 0.9;    ///< ... than what moves least, times
+constexpr double kNearShare = 0.25;  ///< quantile of landmark distances assumed for the largest motion
+constexpr double kFarShare = 0.9;    ///< ... for the smallest motion, times
 constexpr double kFarFactor = 1.5;
 constexpr std::size_t kFewestLandmarks = 10;
-constexpr float kHorizon = 0.2F;   ///< sine; what lies lower is not infinitely far
-constexpr float kInfinity = 1e6F;  ///< times the distance of landmarks
+constexpr float kHorizon = 0.2F;   ///< sine of the depression, below which surfaces may be infinitely far
+constexpr float kInfinity = 1e6F;  ///< factor on the distance of landmarks
 
 constexpr int kFewestPairs = 10;
-constexpr float kCertain = 0.7F;    ///< share of pairs that show the same
-constexpr float kLikely = 0.4F;     ///< ... beside certain ones
-constexpr double kMinShare = 1e-3;  ///< of the sphere, of a connected region
-constexpr int kGap = 4;             ///< between regions that are one [px]
-constexpr float kClosed = 0.6F;     ///< share of a ring around a pole
-constexpr float kHalfClosed = 0.25F;
-constexpr float kSmallCap = 0.42F;  ///< sine of its radius
-constexpr int kMargin = 1;          ///< around the rig [px]
+constexpr float kCertain = 0.7F;      ///< minimum share of pairs without motion, of a rig
+constexpr float kLikely = 0.4F;       ///< ... connected with such pixels
+constexpr double kMinShare = 1e-3;    ///< minimum share of the sphere, of a connected region
+constexpr int kGap = 4;               ///< closed between regions [px]
+constexpr float kClosed = 0.6F;       ///< minimum share of rig in a ring around a pole
+constexpr float kHalfClosed = 0.25F;  ///< ... near the pole, with little world
+constexpr float kSmallCap = 0.42F;    ///< sine of the radius around a pole
+constexpr int kMargin = 1;            ///< added around the rig [px]
 
 constexpr std::size_t kBands = 8;  ///< of the lower hemisphere
 
@@ -80,7 +80,7 @@ const Directions& directions() {
   return all;
 }
 
-/// Mean over windows; columns wrap, rows end.
+/// Means of windows; columns wrap around, rows end at the borders.
 void box_filter(Field& field) {
   Field sums(kPixels);
   for (int y = 0; y < kHeight; ++y) {
@@ -109,7 +109,7 @@ struct Gradients {
   Field right, down;  ///< [gray levels / px of the equator]
 };
 
-/// What the window of a pixel shows in a pair of keyframes.
+/// Content of a pixel's window in a pair of keyframes.
 enum Shows : std::uint8_t { kNothing, kMotion, kNoMotion };
 
 enum class Kind : std::uint8_t { kUnknown, kWorld, kLikelyRig, kRig };
@@ -117,12 +117,12 @@ enum class Kind : std::uint8_t { kUnknown, kWorld, kLikelyRig, kRig };
 using Kinds = std::vector<Kind>;
 using Flags = std::vector<std::uint8_t>;
 
-/// Of a pixel, as a share of the sphere.
+/// Returns the solid angle of a pixel as a share of the sphere.
 double solid_angle(std::size_t pixel) {
   return directions().cos_latitude[pixel / kWidth] * kernels::kPi / (2.0 * kPixels);
 }
 
-/// Connected likely pixels with a certain one among them, of kMinShare and more.
+/// Returns connected regions of likely pixels of at least kMinShare that contain a certain one.
 Flags regions_of(const Kinds& kinds) {
   Flags kept(kPixels, 0), seen(kPixels, 0);
   for (std::size_t start = 0; start < kPixels; ++start) {
@@ -148,8 +148,8 @@ Flags regions_of(const Kinds& kinds) {
   return kept;
 }
 
-/// In each column, from what is flagged to the pole of its hemisphere, where nothing is seen to move; and all within a
-/// ring around the pole that is mostly rig, near the pole also one where little else is seen.
+/// Fills columns from flagged pixels to the pole of their hemisphere, except pixels with motion, and everything inside
+/// a ring around the pole that is mostly rig; near the pole less rig suffices if there is little world.
 void fill_to_poles(Flags& flags, const Kinds& kinds) {
   for (const int step : {1, -1}) {
     std::vector<std::uint8_t> inside(kWidth, 0);
@@ -172,7 +172,7 @@ void fill_to_poles(Flags& flags, const Kinds& kinds) {
   }
 }
 
-/// Grows by an angle [px of the equator], or shrinks by it.
+/// Dilates flags of `value` by an angle [px of the equator]; with 0, erodes.
 Flags dilate(const Flags& flags, int radius, std::uint8_t value = 1) {
   Flags rows = flags;
   for (int y = 0; y < kHeight; ++y) {
@@ -219,10 +219,10 @@ void hide_rig(const Image<std::uint8_t>& rig, Image<std::uint8_t>& mask) {
 struct RigMaskEstimator::View {
   std::int64_t id = 0;
   std::vector<std::uint8_t> gray;  ///< kPixels
-  Flags hidden;                    ///< by the keyframe's mask; empty = nothing
+  Flags hidden;                    ///< by the mask of the keyframe; empty = none
   RigidTransform cam_from_world;
-  float near = 0.0F;              ///< distance of landmarks [scene units]; 0 = too few of them
-  std::array<float, kBands> far;  ///< the same of what moves least, from the horizon to the nadir
+  float near = 0.0F;              ///< distance of near landmarks [map units]; 0 = too few landmarks
+  std::array<float, kBands> far;  ///< distance of far landmarks by band, from the horizon to the nadir
 
   void take_place(const Keyframe& keyframe) {
     cam_from_world = keyframe.cam_from_world;
@@ -245,7 +245,7 @@ struct RigMaskEstimator::View {
     }
   }
 
-  /// By Sobel's filter; 0 where the mask hides something.
+  /// Sobel gradients; 0 at masked pixels.
   Gradients gradients() const {
     Gradients g{Field(kPixels, 0.0F), Field(kPixels, 0.0F)};
     for (int y = 0; y < kHeight; ++y) {
@@ -280,7 +280,7 @@ struct RigMaskEstimator::View {
     const auto agreement = [](const Gradients& a, std::size_t i, const Gradients& b, std::size_t k) {
       return a.right[i] * b.right[k] + a.down[i] * b.down[k];
     };
-    // How alike a window and the one that the world's motion brings it to are in this keyframe.
+    // Similarity, in this keyframe, of a window and its displacement by the motion of the world.
     const auto alike = [&](std::size_t at, float depth) {
       const Eigen::Vector3f moved = (turn * d.bearing[at] * depth + shift).normalized();
       if (kPixelsPerRadian * (moved - d.bearing[at]).norm() < kMinMotion) return kSameAnyway;

@@ -83,18 +83,18 @@ inline bool operator!=(const Plan& a, const Plan& b) { return !(a == b); }
 /// Makes the plan of a mission: a pure function. `keyframes`: in temporal order, or in any order if
 /// `options.unordered`. Each decision depends on a neighbourhood only:
 /// - Use: keyframes are compared with the newest used one (see ViewFilter). The chain starts again at the first
-/// keyframe with landmarks of each block of kViewBlock ids, with which the next ones are compared even if it is
-/// rejected: if the previous block has used keyframes besides its first, and its parallax to the newest of them is too
-/// small (or it is blurred). A keyframe therefore affects decisions in its own block and the first one of the next
-/// block.
+///   keyframe with landmarks of each block of kViewBlock ids: the next ones are compared with it, even if it is
+///   rejected. It is rejected if the previous block has used keyframes besides its first, and its parallax to the
+///   newest of them is too small (or it is blurred). A keyframe therefore affects decisions in its own block and the
+///   first one of the next block.
 /// - Source views (`near`): the most useful parallax among the used keyframes a few before and after.
 /// - First planes: those of the previous used keyframe, unless floor(id / init.chain_keyframes) differs.
 /// - Windows: used keyframes before and after.
 /// - Viewers: the fusion window and `free_space.views` others (32 at most in all), evenly spread over those among
-/// `free_space.history` / 2 used keyframes on either side that are within twice the 90th percentile of the ranges of
-/// the landmarks. Without `free_space.whole_mission` none after the fusion window.
+///   `free_space.history` / 2 used keyframes on either side that are within twice the 90th percentile of the ranges of
+///   the landmarks. Without `free_space.whole_mission` none after the fusion window.
 /// - Duplicate views: with `free_space.whole_mission` as many, selected likewise among `fusion.history` / 2 used
-/// keyframes on either side; else the fusion window.
+///   keyframes on either side; else the fusion window.
 /// In an unordered set all keyframes with landmarks are used, except blurred ones; source views, windows and viewers
 /// are selected from the whole set. Source views and windows have common landmarks with the keyframe: source views see
 /// most of its view at useful parallax, windows have most common landmarks. There are no first planes.

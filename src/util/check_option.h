@@ -7,7 +7,7 @@
 
 namespace pmsp {
 
-/// Throws InvalidOption, naming field, value and bounds, unless the value is within them.
+/// Throws InvalidOption, naming field, value and bounds, if the value is out of bounds.
 template <class T>
 void check_option(const char* field, T value, T low, T high) {
   if (value >= low && value <= high) return;  // false for NaN

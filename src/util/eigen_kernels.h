@@ -8,7 +8,7 @@
 
 namespace pmsp {
 
-/// The kernels' single-precision form of a transform.
+/// Returns the transform in the kernels' single-precision form.
 inline kernels::Rigid to_rigid(const RigidTransform& transform) {
   kernels::Rigid result{};
   for (int i = 0; i < 9; ++i) result.r[i] = static_cast<float>(transform.rotation(i / 3, i % 3));
@@ -16,8 +16,8 @@ inline kernels::Rigid to_rigid(const RigidTransform& transform) {
   return result;
 }
 
-/// From the camera frame and unit of length of a keyframe at `first` into those of one at `other`: the rotation times
-/// the first one's scale over the other's.
+/// Returns the transform from the camera frame and unit of `first` to those of `other`: its rotation is multiplied by
+/// the scale of `first` over that of `other`.
 inline RigidTransform other_from_first(const KeyframePose& other, const KeyframePose& first) {
   RigidTransform transform = other.cam_from_world * first.cam_from_world.inverse();
   transform.rotation *= first.scale / other.scale;
@@ -25,12 +25,12 @@ inline RigidTransform other_from_first(const KeyframePose& other, const Keyframe
   return transform;
 }
 
-/// A keyframe's place as another one's kernels take it.
+/// Relative pose of two keyframes, for kernels.
 struct Relation {
   kernels::Rigid other_from_first;
-  float zoom;  ///< the first one's scale over the other's
+  float zoom;  ///< scale of `first` over that of `other`
 };
-/// `lens`: how far in front of a camera's centre its forward lens lies [keyframe's unit].
+/// `lens`: offset of the forward lens in front of the camera's centre [keyframe's unit].
 inline Relation relation(const KeyframePose& other, const KeyframePose& first, double lens = 0.0) {
   const RigidTransform transform = other_from_first(other, first);
   Relation result{to_rigid(transform), static_cast<float>(first.scale / other.scale)};

@@ -5,8 +5,8 @@
 
 namespace pmsp {
 
-/// What public classes hold, for the stages. It is complete where cpu/executor_impl.h or sphere/panorama_data.h is
-/// included.
+/// Access to implementations of public classes, for stages. They are complete if cpu/executor_impl.h or
+/// sphere/panorama_data.h is included.
 struct Inside {
   static auto& of(const Executor& executor) { return *executor.impl_; }
   static const PanoramaData& of(const Panorama& panorama) { return *panorama.data_; }

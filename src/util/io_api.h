@@ -3,5 +3,5 @@
 
 #include "pmsp/api.h"
 
-/// Marks what pmsp_io needs of pmsp though it is in no public header: shared libraries show it.
+/// Exports symbols of pmsp without a public header from shared libraries, for pmsp_io.
 #define PMSP_IO_API PMSP_API

@@ -19,7 +19,7 @@ void run_at_low_priority(int nice) {
   const id_t thread = static_cast<id_t>(syscall(SYS_gettid));
   errno = 0;
   const int now = getpriority(PRIO_PROCESS, thread);
-  if (errno == 0) setpriority(PRIO_PROCESS, thread, std::min(19, now + nice));  // lower is always allowed
+  if (errno == 0) setpriority(PRIO_PROCESS, thread, std::min(19, now + nice));  // lower priority needs no privilege
   if (nice < 19) return;
   sched_param none{};
   sched_setscheduler(0, SCHED_IDLE, &none);

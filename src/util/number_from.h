@@ -8,7 +8,7 @@
 
 namespace pmsp {
 
-/// The number that the whole of `text` is, nullopt otherwise. A leading + is fine.
+/// Parses a number; nullopt unless the whole text is one. A leading + is allowed.
 template <class T>
 std::optional<T> number_from(const std::string& text) {
   T value{};

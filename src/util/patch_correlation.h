@@ -7,8 +7,8 @@
 
 namespace pmsp {
 
-/// Gives a patch of gray values zero mean and unit length, so that the product of two is their correlation. False where
-/// there is too little to see: a standard deviation below `min_deviation` [gray levels]; then the values mean nothing.
+/// Normalises gray values to zero mean and unit length, so that the product of two patches is their correlation.
+/// Returns false, with undefined values, if the standard deviation is below `min_deviation` [gray levels].
 template <std::size_t N>
 bool normalise(std::array<float, N>& patch, float min_deviation) {
   float mean = 0.0F;
@@ -25,7 +25,7 @@ bool normalise(std::array<float, N>& patch, float min_deviation) {
   return true;
 }
 
-/// Of patches of zero mean and unit length, -1 to 1.
+/// Returns the correlation of normalised patches, -1 to 1.
 template <std::size_t N>
 float correlation(const std::array<float, N>& a, const std::array<float, N>& b) {
   float sum = 0.0F;

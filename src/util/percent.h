@@ -6,7 +6,7 @@
 
 namespace pmsp {
 
-/// A share of 0 to 1 as a whole number: "43 %".
+/// Returns a share of 0 to 1 as a whole percentage: "43 %".
 inline std::string percent(double share) { return std::to_string(std::lround(100.0 * share)) + " %"; }
 
 }  // namespace pmsp

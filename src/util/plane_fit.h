@@ -6,7 +6,7 @@
 
 namespace pmsp {
 
-/// The plane v (v . X = 1, camera frame) through points on rays, by least squares of their inverse depths.
+/// Plane v (v . X = 1, camera frame) through points on rays, by least squares of their inverse depths.
 class PlaneFit {
  public:
   void add(const Eigen::Vector3d& bearing, double inverse_depth) {
@@ -17,8 +17,8 @@ class PlaneFit {
 
   int count() const { return count_; }
 
-  /// `steadiness`: against turning where the rays lie in a line; relative to the squared spread of unit bearings. False
-  /// where there is no such plane.
+  /// `steadiness`: regularisation against tilt if the rays are collinear, relative to the squared spread of unit
+  /// bearings. Returns false if there is no such plane.
   bool solve(double steadiness, Eigen::Vector3d& plane) const {
     plane = (a_ + steadiness * count_ * Eigen::Matrix3d::Identity()).ldlt().solve(b_);
     return plane.allFinite();

@@ -12,20 +12,20 @@
 namespace pmsp {
 namespace {
 
-/// -1 where it fails.
+/// Returns -1 on failure.
 int open_nameless(const std::string& folder) {
 #ifdef O_TMPFILE
   const int file = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
   if (file >= 0 || errno == ENOENT || errno == EACCES || errno == ENOTDIR) return file;
 #endif
-  std::string name = folder + "/.pmsp-XXXXXX";  // a file system without nameless files
+  std::string name = folder + "/.pmsp-XXXXXX";  // for file systems without O_TMPFILE
   const int named = ::mkostemp(name.data(), O_CLOEXEC);
   if (named >= 0) ::unlink(name.c_str());
   return named;
 }
 
-/// Calls `step(data, bytes, at)`, which is pread or pwrite, until all bytes are through. Returns "", or why they are
-/// not: `short_of` where a step gets nowhere.
+/// Calls `step(data, bytes, at)`, pread or pwrite, until all bytes are transferred. Returns "" or the reason of a
+/// failure: `short_of` if a step makes no progress.
 template <class Byte, class Step>
 std::string transfer(Byte* data, std::size_t bytes, std::uint64_t at, const char* short_of, const Step& step) {
   while (bytes > 0) {

@@ -5,7 +5,7 @@
 
 namespace pmsp {
 
-/// Adds the time until it goes out of scope.
+/// Adds its lifetime to `seconds` [s].
 class Stopwatch {
  public:
   explicit Stopwatch(double& seconds) : seconds_(seconds), start_(std::chrono::steady_clock::now()) {}

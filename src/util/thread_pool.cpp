@@ -15,7 +15,7 @@ ThreadPool::ThreadPool(int threads) {
   try {
     for (int i = 1; i < wanted; ++i) workers_.emplace_back([this] { work(); });
   } catch (const std::system_error&) {
-    // The system has no more threads to give; the work gets done by those that are there.
+    // No more threads available: the existing ones do the work.
   }
 }
 
@@ -33,7 +33,7 @@ void ThreadPool::for_each(int count, const std::function<void(int)>& body) {
   body_ = &body;
   count_ = count;
   next_ = 0;
-  // Each thread that wakes costs its time and the mutex; short loops are done before many would be there.
+  // Waking a thread takes time and the mutex; short loops end before many threads would be awake.
   if (count > static_cast<int>(workers_.size())) {
     start_.notify_all();
   } else {

@@ -10,10 +10,10 @@
 
 namespace pmsp {
 
-/// A fixed number of threads that share loops. The thread that calls works too, so a pool of one starts none.
+/// Fixed number of threads for parallel loops. The calling thread works, too: a pool of one starts none.
 class ThreadPool {
  public:
-  /// `threads` <= 0: one for each CPU that the process may use.
+  /// `threads` <= 0: one per CPU available to the process.
   explicit ThreadPool(int threads);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
@@ -21,8 +21,8 @@ class ThreadPool {
 
   int threads() const { return static_cast<int>(workers_.size()) + 1; }
 
-  /// Calls body(i) for each i in [0, count), in any order, on all threads; returns when all are done. Threads that are
-  /// late to wake are not waited for. The first exception is rethrown, and what has not begun by then never does. Not
+  /// Calls body(i) for each i in [0, count), in any order, on all threads; returns when all calls are complete, without
+  /// waiting for threads that wake late. Rethrows the first exception, after which no further call begins. Not
   /// re-entrant: body must not call for_each of the same pool.
   void for_each(int count, const std::function<void(int)>& body);
 
@@ -36,8 +36,8 @@ class ThreadPool {
   std::condition_variable done_;
   const std::function<void(int)>* body_ = nullptr;
   int count_ = 0;
-  int next_ = 0;     ///< to begin with; `count_`: none is left
-  int running_ = 0;  ///< begun, not done
+  int next_ = 0;     ///< next index; `count_` = none left
+  int running_ = 0;  ///< calls in progress
   bool stop_ = false;
   std::exception_ptr error_;
 };

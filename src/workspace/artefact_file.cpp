@@ -22,10 +22,10 @@ constexpr char kPoints[17] = "pmsp points    1";
 constexpr char kLook[17] = "pmsp look      1";
 constexpr std::size_t kKindBytes = 16;
 
-/// Of a point: position, normal, confidence; colour and number of views.
+/// Size of a point: position, normal, confidence, colour, number of views.
 constexpr std::size_t kPointBytes = 7 * sizeof(float) + 4;
 
-/// Returns the end.
+/// Returns the end of the written bytes.
 char* encode(const CloudPoint& point, char* to) {
   std::memcpy(to, point.position.data(), 3 * sizeof(float));
   std::memcpy(to + 3 * sizeof(float), point.normal.data(), 3 * sizeof(float));
@@ -46,7 +46,7 @@ const char* decode(const char* from, CloudPoint& point) {
   return from + kPointBytes;
 }
 
-/// Writes what is put into it, and its checksum at the end.
+/// Writes data followed by their checksum.
 class Writer {
  public:
   Writer(const std::filesystem::path& path, const char* kind) : file_(std::make_unique<AtomicFile>(path)) {
@@ -74,7 +74,7 @@ class Writer {
     for (int i = 0; i < 3; ++i) put(pose.cam_from_world.translation[i]);
     put(pose.scale);
   }
-  /// Many at once: a call for each number of millions would take longer than the disk.
+  /// Writes points in blocks: a call per number would take longer than the disk.
   void put(const std::vector<CloudPoint>& points) {
     constexpr std::size_t kAtOnce = 4096;
     std::vector<char> bytes;
@@ -87,7 +87,7 @@ class Writer {
       put(bytes.data(), bytes.size());
     }
   }
-  /// Not yet in its place.
+  /// Returns the file, not yet in its place.
   std::unique_ptr<AtomicFile> finish() {
     const std::uint64_t sum = XXH3_64bits_digest(&hash_);
     file_->write(&sum, sizeof(sum));
@@ -135,7 +135,7 @@ class Reader {
     get(&value, sizeof(value));
     return value;
   }
-  /// Of a list of things that take so many bytes each.
+  /// Reads the size of a list of elements of `size` bytes.
   std::size_t count(std::size_t size) {
     const std::uint64_t number = get<std::uint64_t>();
     if (number > (end_ - at_) / size) refuse();

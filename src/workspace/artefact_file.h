@@ -10,18 +10,18 @@
 #include "pmsp/stages.h"
 #include "pmsp/types.h"
 
-// What a keyframe leaves, as a file of a workspace: 16 bytes that say what it is, the numbers as this machine has them
-// (little-endian), a checksum of all that. Each is written whole or not at all. Writing throws OutputError; reading
-// IoError, naming the file, where it is not what was written.
+// Artefacts of a keyframe as files of a workspace: 16 bytes for the type, numbers in the format of the machine
+// (little-endian), and a checksum. Files are written atomically. Writing throws OutputError; reading throws IoError,
+// naming the file, if it is damaged.
 namespace pmsp::workspace {
 
-/// What was seen of an image, so that nobody has to look at it again.
+/// Properties of an image, recorded so that it need not be read again.
 struct Look {
   int width = 0, height = 0;  ///< [px]
   SharpnessRecord sharpness;
 };
 
-/// All is in the file, but it is not in its place: that `commit` does, which waits for the disk.
+/// Returns a complete file that is not in its place: `commit` moves it there and waits for the disk.
 PMSP_API std::unique_ptr<AtomicFile> planes_file(const std::filesystem::path& path, const PlaneMap& planes);
 PMSP_API PlaneMap read_planes(const std::filesystem::path& path);
 

@@ -12,8 +12,7 @@
 
 namespace pmsp::workspace {
 
-/// A number of 128 bits that stands for what was added, in this order (XXH3 of xxHash): what differs has another one,
-/// but for intent.
+/// 128-bit hash (XXH3 of xxHash) of the added data, in order. Not cryptographic: collisions can be made on purpose.
 class PMSP_API Fingerprint {
  public:
   Fingerprint();
@@ -22,14 +21,14 @@ class PMSP_API Fingerprint {
   Fingerprint& operator=(const Fingerprint&) = delete;
 
   Fingerprint& add(const void* data, std::size_t bytes);
-  Fingerprint& add(const std::string& text);  ///< and its length
+  Fingerprint& add(const std::string& text);  ///< with its length
   Fingerprint& add(const char* text) { return add(std::string(text)); }
   template <class Number, class = std::enable_if_t<std::is_arithmetic_v<Number>>>
   Fingerprint& add(Number number) {
     return add(&number, sizeof(number));
   }
 
-  /// 32 hexadecimal digits.
+  /// Returns 32 hexadecimal digits.
   std::string text() const;
 
  private:
@@ -37,7 +36,7 @@ class PMSP_API Fingerprint {
   std::unique_ptr<State> state_;
 };
 
-/// Of a file's bytes. Throws IoError.
+/// Returns the fingerprint of a file's content. Throws IoError.
 PMSP_API std::string fingerprint_of_file(const std::filesystem::path& path);
 
 }  // namespace pmsp::workspace

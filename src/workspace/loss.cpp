@@ -11,7 +11,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// "patchmatch.iterations 3 -> 4" for each option of `now` that `then` has with another value.
+/// Adds "patchmatch.iterations 3 -> 4" for each option with different values.
 void add_differences(const Json& then, const Json& now, const std::string& prefix, std::vector<std::string>& texts) {
   for (const auto& [key, value] : now.items()) {
     if (!then.contains(key) || then[key] == value) continue;
@@ -23,7 +23,7 @@ void add_differences(const Json& then, const Json& now, const std::string& prefi
   }
 }
 
-/// "" = none but the distance of the lenses and a rig mask, which are estimated again as a mission grows.
+/// Returns "" if only lens distance and rig mask differ, which are estimated again as a mission grows.
 std::string difference(const Record& record, const StepInputs& inputs) {
   constexpr std::size_t kMost = 4;
   const char* const kLenses = "lens_distance";

@@ -50,7 +50,7 @@ std::int64_t id_from(const std::string& text) {
   throw InvalidInput("\"" + text + "\" is no keyframe's id");
 }
 
-/// An integer from `low` to `high`.
+/// Returns an integer from `low` to `high`.
 int count_from(const Json& json, int low, int high) {
   const std::int64_t count = json.get<std::int64_t>();
   if (count >= low && count <= high) return static_cast<int>(count);
@@ -90,7 +90,7 @@ Json to_json(const RecordedKeyframe& keyframe) {
   return json;
 }
 
-/// A name in one of the workspace's folders, never a path that leads elsewhere.
+/// Returns a file name in one of the workspace's folders, never a path.
 std::string file_from(const Json& json) {
   std::string name = json.get<std::string>();
   if (name.empty() || name[0] == '.' || name.find('/') != std::string::npos)
@@ -167,7 +167,7 @@ Record record_from(const Json& json, const std::string& where) {
 
 }  // namespace
 
-/// A line for each keyframe.
+/// One line per keyframe.
 std::string record_json(const Record& record) {
   const auto line = [](const std::string& key, const Json& value) {
     return Json(key).dump() + ": " + value.dump(-1, ' ', false, Json::error_handler_t::replace);

@@ -59,7 +59,7 @@ void Saver::work() {
   }
 }
 
-/// What the job holds is given back before its file waits for the disk.
+/// Releases the memory of the job before waiting for the disk.
 void Saver::save(Job job, std::unique_lock<std::mutex>& lock) {
   ++at_work_;
   std::exception_ptr failed;

@@ -15,24 +15,24 @@
 
 namespace pmsp::workspace {
 
-/// Writes files on threads of its own, which wait for the disk. What goes wrong there (disk full) is thrown by the next
-/// call here, once.
+/// Writes files on its own threads, which wait for the disk. Errors there (such as a full disk) are thrown by the next
+/// call, once.
 class Saver {
  public:
-  using Write = std::function<std::unique_ptr<AtomicFile>()>;  ///< all is in the file, but it is not in its place
+  using Write = std::function<std::unique_ptr<AtomicFile>()>;  ///< returns a complete file that is not in its place
 
   Saver() = default;
-  ~Saver();  ///< after all that were taken
+  ~Saver();  ///< completes all writes
   Saver(const Saver&) = delete;
   Saver& operator=(const Saver&) = delete;
 
-  /// Waits until so many bytes more may be held. Throws OutputError.
+  /// Blocks until `bytes` more may be held. Throws OutputError.
   void make_room(std::size_t bytes);
-  /// `bytes`: of memory that `write` holds.
+  /// `bytes`: memory held by `write`.
   void take(std::size_t bytes, Write write);
-  /// Until all are in their places. Throws OutputError.
+  /// Blocks until all files are in place. Throws OutputError.
   void finish();
-  /// Nobody needs them any more: those that nobody has begun with are not written. Errors do not matter.
+  /// Discards writes that have not begun, and errors; for files that are no longer needed.
   void drop();
 
  private:
@@ -51,15 +51,15 @@ class Saver {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Job> jobs_;
-  std::size_t held_ = 0;     ///< bytes of jobs that are not written
-  std::size_t at_work_ = 0;  ///< threads
+  std::size_t held_ = 0;     ///< bytes of unwritten jobs
+  std::size_t at_work_ = 0;  ///< busy threads
   bool stop_ = false;
   std::exception_ptr failed_;
-  std::vector<std::thread> threads_;  ///< from the first file on
+  std::vector<std::thread> threads_;  ///< started with the first file
 };
 
-/// Copies whose memory is used again: new memory takes the system longer than to fill it. Copies may be let go on any
-/// thread, and must not outlive this.
+/// Copies in reused memory, since allocation takes longer than filling. Copies may be released on any thread and must
+/// not outlive this object.
 template <class T>
 class Copies {
  public:

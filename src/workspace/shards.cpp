@@ -112,7 +112,7 @@ ShardMarker marker_from(const Json& json) {
   return marker;
 }
 
-/// What `from` makes of a file of a format.
+/// Returns the result of `from` for a file of a format.
 template <class From>
 auto read(const fs::path& path, const char* format, const From& from) {
   const std::string text = read_whole_file(path);
@@ -139,11 +139,11 @@ std::string marker_name(const ShardMarker& marker) {
          std::to_string(marker.shard.count) + ".json";
 }
 
-/// Names of the options in which they differ, the first few.
+/// Returns the names of different options, the first few.
 std::string other_options(const std::string& mine, const std::string& job) {
   const auto a = nlohmann::json::parse(mine).flatten();
   const auto b = nlohmann::json::parse(job).flatten();
-  // Of the machine; as far as they matter they are in the engine.
+  // Options of the machine: their effects are part of the engine.
   const std::set<std::string> no_matter{"/backend", "/device", "/pipelined", "/threads", "/simd"};
   std::string text;
   int named = 0;
@@ -234,12 +234,12 @@ std::vector<fs::path> ShardFolder::files(const std::string& kind) const {
 void ShardFolder::end(const std::string& step) const {
   std::error_code ignored;
   for (const char* kind : {"planes-", "points-"}) {
-    for (const fs::path& path : files(kind)) fs::remove(path, ignored);  // what stays does no harm
+    for (const fs::path& path : files(kind)) fs::remove(path, ignored);  // remaining files are harmless
   }
   for (const fs::path& path : files("job-")) {
     try {
       if (read(path, kJob, job_from).step == step) continue;
-    } catch (const Error&) {  // nobody can use it
+    } catch (const Error&) {  // unusable
     }
     fs::remove(path, ignored);
   }

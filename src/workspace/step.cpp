@@ -35,17 +35,17 @@ void add(Fingerprint& to, const std::vector<std::int64_t>& ids) {
   to.add(ids.size()).add(ids.data(), ids.size() * sizeof(std::int64_t));
 }
 
-/// While a mission grows, keyframes with fewer newer used ones make do with a first pass, and are matched anew later.
-/// Before those that have all passes, each pass ends as many keyframes earlier as neighbours reach. So it finds around
-/// it what it finds in a run of the whole mission, and nothing of it is done again.
+/// While a mission grows, the newest kStable used keyframes get kUnstablePasses passes only and are matched again
+/// later. For older ones the number of passes increases in steps of the reach of source views, up to all: then each
+/// pass has the same inputs as in a run of the whole mission, and none is repeated.
 constexpr int kStable = 12;
 constexpr int kUnstablePasses = 1;
-/// Passes are made when at least so many keyframes may have all of them.
+/// Minimum number of keyframes due for all passes before these are made.
 constexpr int kBatch = 6;
-/// Passes after a move, the first of them over images alone.
+/// Passes after a move, the first of them photometric.
 constexpr int kMovedPasses = 3;
 
-/// A keyframe's landmarks: all, or of many every fourth, by their ids, so that another step chooses the same ones.
+/// Returns the ranges of all landmarks or, if many, of every fourth by id, so that steps select the same ones.
 std::vector<RecordedRange> ranges_of(const PlanKeyframe& keyframe) {
   constexpr std::size_t kMany = 128;
   constexpr std::int64_t kStride = 4;
@@ -70,9 +70,10 @@ class StepPlanner {
   Step plan() {
     Step step;
     step.name = step_name(record_, inputs_);
-    const bool grows = inputs_.growing && record_.options == inputs_.options_json;  // else the plan is that of a run
+    const bool grows =
+        inputs_.growing && record_.options == inputs_.options_json;  // else as in a run without workspace
     step.ranges = std::move(landmark_ranges_);
-    Planner planner(inputs_.options, grows ? &record_.plan : nullptr);  // keeps no landmarks of a long mission
+    Planner planner(inputs_.options, grows ? &record_.plan : nullptr);  // releases landmarks of long missions
     for (const StepKeyframe& it : inputs_.keyframes) planner.add(it.keyframe);
     planner.finish();
     step.plan.entries.assign(planner.entries().begin(), planner.entries().end());
@@ -93,7 +94,7 @@ class StepPlanner {
     return found == record_.keyframes.end() ? nullptr : &found->second;
   }
 
-  /// Where keyframes are now, with the scales of the planes that they have.
+  /// Sets current poses, with the scales of existing planes.
   void find_poses() {
     std::vector<MovedKeyframe> moved;
     std::vector<std::int64_t> ids;
@@ -120,7 +121,8 @@ class StepPlanner {
     for (std::size_t i = 0; i < ids.size(); ++i) poses_[ids[i]].scale = scales[i];
   }
 
-  /// Of what the one sees in the other: in its image, or, where results are compared, in its unit, too.
+  /// Returns the displacement of one keyframe's view in the other: in its image or, to compare results, also in its
+  /// unit.
   double moved_by(std::int64_t id, const KeyframePose& then, KeyframePose then_other, std::int64_t other,
                   bool in_image) const {
     const KeyframePose& pose = poses_.at(id);
@@ -143,7 +145,7 @@ class StepPlanner {
     it.planes_file = it.passes == 0 ? recorded(entry.id)->planes->file : planes_name(entry.id, step.name);
   }
 
-  /// In how many passes the keyframe is matched, and from where on.
+  /// Selects the number of passes of a keyframe and their start.
   void choose_passes(const PlanEntry& entry, StepKeyframePlan& it) const {
     const int full = full_passes();
     const auto found = due_.find(entry.id);
@@ -193,8 +195,8 @@ class StepPlanner {
     return before != nullptr && before->planes ? before->planes->passes : 0;
   }
 
-  /// How many passes keyframes are to have while more will come. Neighbours and poses are not yet what they will be: a
-  /// mission that grows moves its newest keyframes most.
+  /// Sets the number of passes due while more keyframes will follow: source views and poses of the newest keyframes are
+  /// not final.
   void find_due(const Plan& plan) {
     const int full = full_passes();
     const int stair = static_cast<int>(std::max<std::int64_t>(plan_reach(inputs_.options).near, 1));
@@ -206,7 +208,7 @@ class StepPlanner {
       waiting += entry->has_depth_map() && due >= full && passes_had(entry->id) < full;
       newer += entry->used();
     }
-    // All that have some passes get the rest at once: a run counts passes from its last one (pass_range).
+    // Keyframes with some passes get the rest at once: a run counts passes from its last one (pass_range).
     if (waiting >= std::max(kBatch, (full - 2) * stair)) return;
     for (auto& [id, due] : due_) due = std::min(due, std::max(passes_had(id), kUnstablePasses));
   }
@@ -244,8 +246,8 @@ class StepPlanner {
   const StepInputs& inputs_;
   std::unordered_map<std::int64_t, const StepKeyframe*> now_;
   std::unordered_map<std::int64_t, KeyframePose> poses_;
-  std::unordered_map<std::int64_t, int> due_;        ///< passes, by id, while the mission grows
-  std::unordered_map<std::int64_t, double> ranges_;  ///< median distance of the landmarks [scene units]
+  std::unordered_map<std::int64_t, int> due_;        ///< number of passes by id, while the mission grows
+  std::unordered_map<std::int64_t, double> ranges_;  ///< median distance of the landmarks [map units]
   std::map<std::int64_t, std::vector<RecordedRange>> landmark_ranges_;
 };
 
@@ -260,7 +262,7 @@ std::map<std::int64_t, Shortcut> Step::shortcuts(int passes) const {
   return result;
 }
 
-/// What a record holds follows from its step, but for files that have been deleted since.
+/// The content of a record follows from its step, except for files deleted since.
 std::string step_name(const Record& record, const StepInputs& inputs) {
   Fingerprint name;
   name.add(record.step).add(record.keyframes.size());
@@ -291,7 +293,7 @@ Record record_of_begun(const std::string& step, const StepInputs& inputs) {
   for (const StepKeyframe& it : inputs.keyframes) {
     RecordedKeyframe& keyframe = record.keyframes[it.keyframe.id];
     keyframe.image = it.image;
-    const bool is_known = it.width > 0;  // else the image was not looked at beforehand
+    const bool is_known = it.width > 0;  // else the image was not read beforehand
     keyframe.width = is_known ? it.width : inputs.width;
     keyframe.height = is_known ? it.height : inputs.width / 2;
     keyframe.pose = {it.keyframe.cam_from_world, 1.0};

@@ -15,87 +15,86 @@
 
 namespace pmsp::workspace {
 
-/// A keyframe of the mission as it is now.
+/// Keyframe of the current mission.
 struct StepKeyframe {
   PlanKeyframe keyframe;
   std::string image;          ///< fingerprint
   int width = 0, height = 0;  ///< of the image [px]
-  std::string looked_for;     ///< options that the sharpness was recorded with
+  std::string looked_for;     ///< options of the sharpness
 };
 
-/// All that the results of a step are made from, besides the workspace itself.
+/// Inputs of a step, without the workspace.
 struct StepInputs {
-  DensifierOptions options;         ///< as told; sizes may be 0
+  DensifierOptions options;         ///< as given; sizes may be 0
   int width = 0;                    ///< of the depth maps [px]
-  std::string options_json;         ///< of all that is no matter of the machine
-  std::string planes_options_json;  ///< of these, those that planes depend on
-  std::string engine;               ///< program and kind of processor: what makes the same bytes has the same text
-  std::string mask;                 ///< fingerprint; "" = there is none
+  std::string options_json;         ///< without those of the machine
+  std::string planes_options_json;  ///< of these, those that affect planes
+  std::string engine;               ///< program and kind of processor; equal texts mean equal bytes
+  std::string mask;                 ///< fingerprint; "" = none
   std::vector<StepKeyframe> keyframes;
-  bool ask_all_again = false;  ///< make all points anew, since depth maps are wanted, too
-  bool growing = false;        ///< more keyframes will come: the newest ones make do with fewer passes for now
+  bool ask_all_again = false;  ///< make all points from scratch, since depth maps are also requested
+  bool growing = false;        ///< more keyframes will follow: the newest ones get fewer passes for now
 };
 
-/// What a step does for a keyframe with a depth map, and why.
+/// Work of a step on a keyframe with a depth map, with its reason.
 struct StepKeyframePlan {
-  KeyframePose pose;          ///< the scale is that of what it has
-  bool has_planes = false;    ///< recorded ones that help
+  KeyframePose pose;          ///< with the scale of the existing planes
+  bool has_planes = false;    ///< recorded ones are reused
   int passes = 0;             ///< of PatchMatch; 0 = the planes are kept
   bool images_first = false;  ///< see Shortcut
-  std::string reason;         ///< why it is matched; "" where planes are kept
+  std::string reason;         ///< of matching; "" = planes are kept
   std::string own;            ///< see RecordedPlanes
-  std::string planes_file;    ///< when the step is through
+  std::string planes_file;    ///< after the step
   bool points_kept = false;
   std::string points_inputs;        ///< see RecordedPoints
-  std::vector<std::int64_t> asked;  ///< keyframes whose planes are behind them
+  std::vector<std::int64_t> asked;  ///< keyframes whose planes affect the points
   std::string points_file;
 };
 
-/// A step of a workspace: what has to be done to come from what is recorded to the mission as it is now.
+/// Step of a workspace: the work that leads from the record to the current mission.
 struct PMSP_API Step {
-  std::string name;  ///< of 16 hexadecimal digits; a function of the record and the inputs
+  std::string name;  ///< 16 hexadecimal digits; a function of record and inputs
   Plan plan;
   std::map<std::int64_t, StepKeyframePlan> keyframes;         ///< those with a depth map
   std::map<std::int64_t, std::vector<RecordedRange>> ranges;  ///< of all keyframes, see RecordedKeyframe
 
-  /// Keyframes that lack passes when it is through.
+  /// Number of keyframes that lack passes after the step.
   int unfinished = 0;
 
-  /// As a run takes it, but for what an interrupted run of the step has left.
+  /// Returns the shortcuts of the run, without results of an interrupted run of the step.
   std::map<std::int64_t, Shortcut> shortcuts(int passes) const;
 };
 
-/// Poses relative to neighbours may have moved what is seen by so much before planes are refined [px of the depth map].
+/// Displacement relative to source views above which planes are refined [px of the depth map].
 constexpr double kKeptMove = 0.15;
-/// While a mission grows, its newest keyframes wait with moves up to this until they are matched anew [px].
+/// ... of the newest keyframes of a growing mission, above which they are matched again [px].
 constexpr double kUnstableMove = 1.0;
-/// And by so much before a keyframe is matched from the beginning [px].
+/// ... above which a keyframe is matched from scratch [px].
 constexpr double kMovedMove = 3.0;
-/// And relative to keyframes that its points depend on before these are asked again [px].
+/// Displacement relative to keyframes that points depend on, above which these are made again [px].
 constexpr double kPointsMove = 0.1;
 
-/// The name of the step from this record with these inputs. How sharp images are has no say in it: that follows from
-/// the rest.
+/// Returns the name of the step from this record with these inputs. Sharpness is ignored, since it follows from the
+/// rest.
 PMSP_API std::string step_name(const Record& record, const StepInputs& inputs);
 
-/// Of the file with the planes of a keyframe that the step makes.
+/// Returns the name of the file for the planes that the step makes of a keyframe.
 PMSP_API std::string planes_name(std::int64_t keyframe_id, const std::string& step);
 
-/// Fingerprint of what planes are made from, besides poses and neighbours: see RecordedPlanes::own. `image`: see
-/// StepKeyframe.
+/// Returns the fingerprint of the inputs of planes without poses and source views: see RecordedPlanes::own. `image`:
+/// see StepKeyframe.
 PMSP_API std::string planes_inputs(const StepInputs& inputs, const std::string& image);
 
-/// Decides a step: a pure function. Planes are kept where image, mask, options and engine are the same and the
-/// keyframe has hardly moved relative to those that it was matched with; refined where it has been given other
-/// neighbours, or has moved a little; made anew else. Scales that a monocular SLAM's loop closure has changed are found
-/// again (recover_scales) and taken off before. Points are kept where all that they were made from is, and has hardly
-/// moved.
+/// Plans a step: a pure function. Planes are kept if image, mask, options and engine are equal and the keyframe has
+/// hardly moved relative to its source views; refined after small moves or with other source views; else made from
+/// scratch. Changes of scale by loop closures of a monocular SLAM are estimated (recover_scales) and compensated first.
+/// Points are kept if all their inputs are equal and have hardly moved.
 PMSP_API Step plan_step(const Record& record, const StepInputs& inputs);
 
-/// What a step of this name will have made: images and planes, those of which there are files.
+/// Returns the record of an unfinished step: its images and planes, which may lack files.
 PMSP_API Record record_of_begun(const std::string& step, const StepInputs& inputs);
 
-/// What is recorded when the step is through. `record`: that of before.
+/// Returns the record after the step. `record`: the previous one.
 PMSP_API Record record_of(const Step& step, const StepInputs& inputs, const Record& record);
 
 }  // namespace pmsp::workspace

@@ -29,7 +29,7 @@ bool consists_of(const std::string& text, const char* characters) {
   return !text.empty() && text.find_first_not_of(characters) == std::string::npos;
 }
 
-/// Whether a workspace gives its files such names: ID-STEP, or what AtomicFile names beside it while it is written.
+/// Whether a name is that of a workspace's file: ID-STEP, or its temporary name by AtomicFile.
 bool is_own_name(std::string name) {
   if (name[0] == '.') name = target_of_temporary(name);
   constexpr std::size_t kStepDigits = 16;
@@ -39,7 +39,7 @@ bool is_own_name(std::string name) {
   return consists_of(id, "0123456789") && consists_of(name.substr(dash + 1), "0123456789abcdef");
 }
 
-/// Files of the workspace in a folder but for those of these names.
+/// Deletes files of the workspace in `folder`, except `names`.
 void delete_all_but(const std::set<std::string>& names, const fs::path& folder) {
   std::error_code error;
   std::vector<fs::path> old;
@@ -47,7 +47,7 @@ void delete_all_but(const std::set<std::string>& names, const fs::path& folder) 
     const std::string name = it->path().filename().string();
     if (names.count(name) == 0 && is_own_name(name) && it->is_regular_file(error)) old.push_back(it->path());
   }
-  for (const fs::path& file : old) fs::remove(file, error);  // what stays does no harm
+  for (const fs::path& file : old) fs::remove(file, error);  // remaining files are harmless
 }
 
 }  // namespace
@@ -55,7 +55,7 @@ void delete_all_but(const std::set<std::string>& names, const fs::path& folder) 
 struct Workspace::Saving {
   Copies<PlaneMap> planes;
   Copies<KeyframeCloud> points;
-  Saver saver;  ///< goes first
+  Saver saver;  ///< destroyed first
 };
 
 Workspace::Workspace(const fs::path& folder, Access access)
@@ -71,8 +71,8 @@ Workspace::Workspace(const fs::path& folder, Access access)
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
       const std::string name = it->path().filename().string();
       if (name == FolderLock::kName || name.rfind("." + std::string(kRecord), 0) == 0)
-        continue;                 // as far as a killed run came
-      if (holds_record()) break;  // another shard has just made it
+        continue;                 // remains of a killed run
+      if (holds_record()) break;  // another shard has just created it
       throw InvalidInput(folder.string() +
                          ": is no workspace, and not empty; expected a folder that a run with this "
                          "option has made, or a new name");
@@ -175,7 +175,7 @@ void Workspace::commit(Record record) {
   delete_unnamed();
 }
 
-/// The record and the lock go last: until then the folder is a workspace.
+/// Record and lock are deleted last: until then the folder is a workspace.
 void Workspace::remove() {
   saving_->saver.drop();
   shards_.remove();
@@ -201,7 +201,7 @@ void Workspace::delete_unnamed() const {
   }
   delete_all_but(named_planes, planes());
   delete_all_but(named_points, points());
-  delete_all_but({}, great_circles());  // the record has what was seen
+  delete_all_but({}, great_circles());  // now part of the record
   shards_.end(record_.step);
 }
 

@@ -20,80 +20,78 @@
 
 namespace pmsp::workspace {
 
-/// A folder that keeps what keyframes left, so that a run on a newer state of the same mission, or after a kill, makes
-/// only what is missing:
+/// Folder with cached results of a mission, so that a run on a newer state of it, or after a kill, makes only missing
+/// ones:
 ///
 ///     workspace.json          the record of the last finished step
-///     begun.json              what a step that has begun since is to make
+///     begun.json              planned results of a step that was begun but not completed
 ///     lock                    locked while a process works here
-///     planes/ID-STEP          planes of a keyframe, and the step that made them
+///     planes/ID-STEP          planes of a keyframe, made by step STEP
 ///     points/ID-STEP          points, likewise
-///     looks/ID-INPUTS         what shards have seen of images; until the step is through
+///     looks/ID-INPUTS         image properties recorded by shards; until the step is complete
 ///     shards/                 see ShardFolder
 ///
-/// Each file appears whole or not at all, and a file never changes. A step writes its files beside those of earlier
-/// steps, then the record, then deletes what the record does not name. So after a kill at any moment the folder holds
-/// the earlier state, and what the interrupted step had finished: a run with the same inputs plans the same step, under
-/// the same name, and finds these. Several processes may do parts of one step: what they write under one name is the
-/// same.
+/// Files are written atomically and never change. A step writes its files beside those of earlier steps, then the
+/// record, then deletes files that the record does not contain. After a kill at any moment, the folder therefore has
+/// the previous state and the finished files of the interrupted step: a run with the same inputs plans a step of the
+/// same name and reuses them. Several processes may make parts of one step: files of one name are identical.
 class PMSP_API Workspace {
  public:
-  /// Who may work in the folder meanwhile. Where the file system has no locks, kAlone fails; the others go without:
-  /// names and whole files keep shards from harming each other, and nobody else must come between.
+  /// Concurrent access to the folder. On a file system without locks kAlone fails; the others go without: names and
+  /// atomic files keep shards from conflicts, but other processes must be kept away.
   enum class Access {
-    kAlone,   ///< nobody
-    kShared,  ///< others that share: parts of a step; `commit` is not for them
-    kMerge,   ///< nobody, to end what was shared
+    kAlone,   ///< exclusive
+    kShared,  ///< together with other shards of a step; no `commit`
+    kMerge,   ///< exclusive, to complete a step of shards
   };
 
-  /// Makes the folder where there is none. Throws OutputError where that fails or another process works in it,
-  /// InvalidInput where it holds other things, or a record that cannot be read.
+  /// Creates the folder if needed. Throws OutputError if that fails or another process uses it; InvalidInput if it has
+  /// other content or an invalid record.
   explicit Workspace(const std::filesystem::path& folder, Access access = Access::kAlone);
-  ~Workspace();  ///< after all that was saved has come to the disk
+  ~Workspace();  ///< completes all writes
   Workspace(const Workspace&) = delete;
   Workspace& operator=(const Workspace&) = delete;
 
-  /// Without what had been deleted when it was last looked for. Looking throws OutputError, as `wait_until_saved`.
+  /// Entries whose files are missing are dropped, as of the last look_again(), which throws OutputError as
+  /// `wait_until_saved`.
   const Record& record() const { return record_; }
   void look_again();
-  /// What the step that was begun last, and was not finished, has made. nullopt = there is none.
+  /// Results of the last step that was begun but not completed; nullopt = none.
   const std::optional<Record>& begun() const { return begun_; }
   /// See record_of_begun. Throws OutputError.
   void begin(Record record);
-  /// Whether the record is of a step that was finished through this object.
+  /// Whether the record was committed by this object.
   bool has_committed() const { return has_committed_; }
 
-  /// Of a file's bytes; remembered while its size and time stay. Throws IoError.
+  /// Returns the fingerprint of a file's content; cached while size and time are equal. Throws IoError.
   std::string fingerprint(const std::filesystem::path& file);
 
-  /// Whether no step was finished here, and none has left anything.
+  /// Whether the folder has no completed step and no results.
   bool is_blank() const;
 
-  /// What an interrupted run of this step has left.
+  /// Whether an interrupted run of this step has saved them.
   bool has_planes(const StepKeyframePlan& keyframe) const;
   bool has_points(const StepKeyframePlan& keyframe) const;
 
-  /// Throw IoError and OutputError. What is saved is written by a few threads and appears when it has reached the disk;
-  /// an error in that is thrown by the next call that saves or waits.
+  /// Throw IoError and OutputError. A few threads write saved data, which appear when they are on the disk; errors are
+  /// thrown by the next call that saves or waits.
   PlaneMap load_planes(const std::string& file) const;
   void save_planes(const std::string& file, const PlaneMap& planes);
   KeyframeCloud load_points(const std::string& file) const;
   void save_points(const std::string& file, const KeyframeCloud& cloud);
-  /// Throws OutputError.
+  /// Blocks until all is saved. Throws OutputError.
   void wait_until_saved();
 
-  /// What shards have seen of an image; nullopt = nothing under this name. Throw IoError and OutputError.
+  /// Image properties recorded by shards; nullopt = none of this name. Throw IoError and OutputError.
   std::optional<Look> find_look(const std::string& file) const;
   void save_look(const std::string& file, const Look& look) const;
 
   const ShardFolder& shards() const { return shards_; }
 
-  /// The step is through: its record takes the place of the earlier one, and files that it does not name are deleted.
-  /// Waits until all is saved.
+  /// Completes the step: blocks until all is saved, replaces the record, and deletes files that it does not contain.
   void commit(Record record);
 
-  /// Nobody will need the folder any more: deletes what a workspace consists of, and the folder if that is all.
-  /// For kAlone. Nothing else may be called then.
+  /// Deletes all files of a workspace, and the folder if it is then empty. For kAlone; no other call may follow.
   void remove();
 
  private:

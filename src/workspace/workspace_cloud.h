@@ -10,19 +10,19 @@
 
 namespace pmsp::workspace {
 
-/// Whether a run has worked in the folder.
+/// Whether the folder has a record.
 PMSP_API bool is_workspace(const std::filesystem::path& folder);
 
-/// The points of a workspace in the frame and unit of the map, in the order of the plan.
+/// Points of a workspace in the frame and units of the map, in the order of the plan.
 class PMSP_API WorkspaceCloud final : public CloudReader {
  public:
-  /// Throws as Workspace, which it locks.
+  /// Throws as Workspace; locks it.
   explicit WorkspaceCloud(const std::filesystem::path& folder);
 
   const Record& record() const { return workspace_.record(); }
 
   void read(const Take& take) override;
-  /// Delivers the points of one keyframe after the other, at the keyframe's pose of the last step. Throws IoError.
+  /// Delivers the points keyframe by keyframe, at their poses of the last step. Throws IoError.
   void each(const std::function<void(const KeyframeCloud& cloud)>& take) const;
 
  private:
