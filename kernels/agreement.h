@@ -5,13 +5,12 @@
 #include "plane.h"
 #include "rigid.h"
 
-// How a surface point of one keyframe looks from another one's depth map: the common ground of the consistency filter
-// and of fusion. Depths are compared along the ray, with the other map's plane rather than its pixel's depth, so that a
-// slanted surface does not disagree with itself between pixel centres.
+// Comparison of a surface point of one keyframe with the depth map of another, for the consistency filter and fusion.
+// Depths are compared along the ray, with the plane of the other map instead of the depth of its pixel, so that slanted
+// surfaces agree with themselves between pixel centres.
 namespace pmsp::kernels {
 
-/// A keyframe's map in host memory: planes in row order (zero = no estimate), and their scores where they are asked
-/// for.
+/// Plane map in host memory, in row order; zero plane = no estimate. `score`: nullptr if unused.
 struct PlaneMapView {
   const float* x;
   const float* y;
@@ -20,7 +19,6 @@ struct PlaneMapView {
   const float* score = nullptr;
 };
 
-/// Whether there is no map behind a view.
 PMSP_HD bool is_empty(const PlaneMapView& map) { return map.x == nullptr; }
 
 template <class F>
@@ -33,30 +31,29 @@ PMSP_HD F score_at(const PlaneMapView& map, const IntOf<F>& index) {
   return gather<F>(map.score, index);
 }
 
-/// How much another keyframe's word on a point counts, beside that of the keyframe whose point it is: the inverse
-/// fourth power of their distances from it. How wide errors at edges are grows with the distance, and what is thin is
-/// missed from afar: many far keyframes must not outvote the near one that sees a cable. Squared distances in one unit.
+/// Weight of another keyframe's evidence on a point, relative to that of the point's keyframe: (own distance / other
+/// distance)^4, from squared distances in one unit. Errors at edges widen with distance and thin structures are missed
+/// from afar: many distant keyframes must not outvote a near one that sees a cable.
 template <class F>
 PMSP_HD F weight_of_word(const F& own_square, const F& other_square) {
-  constexpr float kMost = 1e6F;  // a keyframe may stand where the point is
+  constexpr float kMost = 1e6F;  // the other camera may be at the point
   const F nearer = min(own_square / max(other_square, F(1e-30F)), F(kMost));
   return nearer * nearer;
 }
 
 template <class F>
 struct Agreement {
-  F depth_ratio;  ///< range of the point over the range of the other map's surface in its direction; 0 = nothing there
-  F implied_depth;  ///< depth along the first keyframe's ray at which it meets the other map's plane
-  /// By how much the other camera's direction to the point turns, over the relative change of depth [rad]: small where
-  /// there is little parallax.
+  F depth_ratio;    ///< range of the point / range of the other map's surface in its direction; 0 = none
+  F implied_depth;  ///< depth on the first keyframe's ray where it meets the other map's plane
+  /// Rotation of the other camera's ray to the point per relative change of depth [rad]; small with little parallax.
   F parallax_gain;
-  F weight;        ///< of what that map says
-  IntOf<F> index;  ///< of that pixel
-  Vec3<F> point;   ///< in the other keyframe
+  F weight;        ///< see weight_of_word
+  IntOf<F> index;  ///< of the pixel in the other map
+  Vec3<F> point;   ///< in the other camera's frame
 };
 
-/// `bearing` (unit) and `depth` > 0 in the first keyframe. `Map`: PlaneMapView, or any other type with `width`,
-/// `height` and `plane_at`.
+/// `bearing`: unit, in the first keyframe; `depth` > 0. `Map`: PlaneMapView, or another type with `width`, `height` and
+/// `plane_at`.
 template <class F, class Map>
 PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map& other,
                                const Rigid& other_from_first) {
@@ -81,8 +78,7 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map
           p};
 }
 
-/// Where another map's surface lies behind the point by more than this many tolerances, that keyframe has looked
-/// through it.
+/// Distance [tolerances] from which on a farther surface of another map contradicts a point: the point is seen through.
 constexpr float kSeenThrough = 2.0F;
 
 template <class F>
@@ -90,13 +86,13 @@ PMSP_HD MaskOf<F> is_seen_through(const Agreement<F>& seen, float tolerance) {
   return (seen.depth_ratio > F(0)) & (seen.depth_ratio < F(1.0F - kSeenThrough * tolerance));
 }
 
-/// What lies behind a thin thing has at most this share of its inverse depth.
+/// Maximum inverse depth of the background of a thin structure, over that of the structure.
 constexpr float kBehindThinThing = 0.97F;
-constexpr int kThinThingSide = 5;    ///< from the middle of a thin thing to what lies beside it [px]
-constexpr int kBesideThinThing = 2;  ///< steps from a pixel to one that may show a thin thing in its place [px]
+constexpr int kThinThingSide = 5;    ///< from the middle of a thin structure to its background [px]
+constexpr int kBesideThinThing = 2;  ///< search radius for a thin structure in another map [px]
 
-/// The depth ratio nearest to 1 of another map's pixels within kBesideThinThing of where it sees the point, if one of
-/// them agrees; else the one that is there. What is two pixels thin lies beside its place in another map as soon as
+/// Returns the depth ratio nearest to 1 among the other map's pixels within kBesideThinThing of the projected point, if
+/// one agrees; else that of the projected pixel. A structure two pixels wide misses its projected pixel as soon as
 /// poses and pixels are half a pixel off.
 template <class F, class Map>
 PMSP_HD F depth_ratio_around(const Agreement<F>& seen, const Map& other, float tolerance) {
@@ -121,15 +117,15 @@ PMSP_HD F depth_ratio_around(const Agreement<F>& seen, const Map& other, float t
   return found;
 }
 
-/// What the other maps say of a pixel.
+/// Sums over the other maps at a pixel.
 template <class F>
 struct Votes {
-  F agree = F(0);           ///< number of maps
-  F could_see = F(0);       ///< number of maps whose surface does not hide it, those that agree included
-  F weight_for = F(0);      ///< of the maps that agree
-  F weight_against = F(0);  ///< of those that have looked through it
-  F square_spread = F(0);   ///< sum of squared deviations of the maps that agree
-  F square_gain = F(0);     ///< sum of their squared parallax gains
+  F agree = F(0);           ///< number of agreeing maps
+  F could_see = F(0);       ///< number of maps whose surface does not hide the pixel, agreeing ones included
+  F weight_for = F(0);      ///< of agreeing maps
+  F weight_against = F(0);  ///< of contradicting maps (seen through)
+  F square_spread = F(0);   ///< sum of squared deviations of agreeing maps
+  F square_gain = F(0);     ///< sum of squared parallax gains of agreeing maps
 
   PMSP_HD void add(const Agreement<F>& seen, float tolerance) {
     const F deviation = seen.depth_ratio - F(1);
@@ -142,16 +138,16 @@ struct Votes {
     square_spread = square_spread + select(near, deviation * deviation, F(0));
     square_gain = square_gain + select(near, seen.parallax_gain * seen.parallax_gain, F(0));
   }
-  /// `wanted`: maps that must agree; where fewer could see the point, those, but one at least.
+  /// `wanted`: number of maps that must agree; if fewer can see the point, all of these, at least one.
   PMSP_HD MaskOf<F> keep(int wanted) const {
     const MaskOf<F> enough = agree >= min(F(static_cast<float>(wanted)), max(could_see, F(1)));
     return wanted == 0 ? enough : enough & (weight_for > weight_against);
   }
 };
 
-/// How far a hypothesis lies behind another map's surface: range of its point / range of the surface in that direction
-/// - 1, negative in front of it, -1 where the map has no estimate. `inverse_depth` > 0 along the unit `bearing` of the
-/// first keyframe.
+/// Relative distance of a hypothesis behind another map's surface: range of its point / range of the surface in that
+/// direction - 1; negative in front of it, -1 without an estimate. `inverse_depth`: > 0, along the unit `bearing` of
+/// the first keyframe.
 template <class F, class Map>
 PMSP_HD F beyond_surface(const Vec3<F>& bearing, const F& inverse_depth, const Map& other,
                          const Rigid& other_from_first) {

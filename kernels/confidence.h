@@ -5,13 +5,13 @@
 #include "plane.h"
 #include "stage.h"
 
-// How far a depth may be off, told from three things that each grow with the error: how much the maps that agree
-// differ, how much the plane differs from those around it, and what a pixel is worth in depth under the parallax at
-// hand. Their geometric mean ranks pixels better than any of them alone, and better than the photometric score, which
-// is high on a repeated pattern and on a blurred edge; but where that is low, the error is larger than they tell.
+// Expected relative error of a depth, from three quantities that grow with the error: spread of agreeing maps,
+// deviation of surrounding planes, and depth resolution at the parallax. Their geometric mean ranks pixels better than
+// each alone, and better than the photometric score, which is high on repeated patterns and blurred edges. A low score
+// increases the expected error.
 namespace pmsp::kernels {
 
-/// Offsets of the pixels whose planes are compared with a pixel's own [px].
+/// Offsets of the surrounding pixels for the roughness [px].
 constexpr int kRoughnessOffsets = 8;
 PMSP_HD void roughness_offset(int i, int& dx, int& dy) {
   const int distance = i < 4 ? 3 : 6;
@@ -21,50 +21,49 @@ PMSP_HD void roughness_offset(int i, int& dx, int& dy) {
 
 constexpr float kMaxRoughness = 0.1F;
 
-/// Relative deviation of the depth that a neighbour's plane implies at a pixel; zero planes deviate the most.
+/// Relative deviation of a neighbour's plane from a pixel's depth, along its ray; largest for zero planes.
 template <class F>
 PMSP_HD F deviation(const Vec3<F>& neighbour, const Vec3<F>& bearing, const F& depth) {
   const F ratio = depth * dot(neighbour, bearing);
   return select(ratio > F(0), min(abs(ratio - F(1)), F(kMaxRoughness)), F(kMaxRoughness));
 }
 
-/// What is known of a pixel's depth; deviations are relative to the depth.
+/// Evidence for a pixel's depth; deviations are relative to the depth.
 template <class F>
 struct Evidence {
-  F square_spread;  ///< sum of squared deviations of the maps that agree
-  F square_gain;    ///< sum of their squared parallax gains (agreement.h)
-  F roughness;      ///< mean deviation of the planes around
-  F agree;          ///< number of maps that agree
-  F maps;           ///< number of maps asked
-  F score;          ///< how well the patches match
+  F square_spread;  ///< sum of squared deviations of agreeing maps
+  F square_gain;    ///< sum of squared parallax gains of agreeing maps (agreement.h)
+  F roughness;      ///< mean deviation of surrounding planes
+  F agree;          ///< number of agreeing maps
+  F maps;           ///< number of compared maps
+  F score;          ///< photometric
 };
 
-/// Below this score more is to be expected than geometry tells, with its inverse, down to the least score that counts:
-/// where there is no texture, maps may agree because they started from the same prior (plane_prior.h), and what chance
-/// makes of the score says no more.
+/// Score below which the expected error grows in inverse proportion, down to the second value. Without texture, maps
+/// may agree because they started from the same prior (plane_prior.h); differences of even lower scores are due to
+/// chance.
 constexpr float kTrustedScore = 0.95F;
 constexpr float kLeastTellingScore = 0.39F;
 
-/// Planes of a map of few columns lie far apart: they differ by more from each other, and from those of other maps,
-/// than planes of a finer map that is as exact. What is told is less by the fourth root of the width, from that of the
-/// maps that it was fitted to down to that of the coarsest ones that were measured. (Of 640 columns 1.4 to 1.9 times
-/// too much was told where poses are exact.)
+/// Correction of the expected error for coarse maps, whose planes are farther apart and therefore deviate more than
+/// those of equally accurate finer maps: fourth root of the width over that of the calibration, constant outside the
+/// calibrated range.
 PMSP_HD float share_of_coarse_map(int width) {
   constexpr float kFitted = 1440.0F;
   constexpr float kCoarsest = 640.0F;
   return sqrt(sqrt(min(max(static_cast<float>(width), kCoarsest), kFitted) / kFitted));
 }
 
-/// The relative error to be expected (its median, fitted to the ground truth of five missions, two qualities, noise of
-/// 1 to 5 gray levels); large where no map agrees. What maps differ by in spite of it is that of their poses, say.
-/// A score (a correlation) of s says that noise has (1 - s) / s of the texture's variance. A shift measured in it is
-/// off in proportion to the root, and the depth by as much over the parallax, even where the maps agree by a prior.
-/// `share`: share_of_coarse_map.
+/// Expected (median) relative error, calibrated with ground truth; large if no map agrees. The remaining spread has
+/// other causes, such as poses. A score (a correlation) of s means noise of (1 - s) / s of the texture's variance: the
+/// error of a measured shift grows with its root, and that of the depth also with the inverse parallax, even if maps
+/// agree because of a prior. `share`: share_of_coarse_map.
 template <class F>
 PMSP_HD F expected_error(const Evidence<F>& evidence, float share) {
-  constexpr float kFloor = 3e-4F;  // what a figure may be by chance
+  constexpr float kFloor = 3e-4F;  // of spread and roughness, which may be small by chance
   constexpr float kCalibration = 0.185F;
-  // A pixel of a map of 1440 [rad]: coarser maps have finer images, and are as exact; finer ones see the same poses.
+  // Pixel of a map of 1440 columns [rad]: coarser maps have finer images and the same accuracy; finer ones have the
+  // same poses.
   constexpr float kResolved = 0.00436F;
   constexpr float kOfSpread = 0.56F;
   constexpr float kOfNoise = 0.077F;  // [px]
@@ -83,8 +82,8 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float share) {
   return sqrt(fma(error, error, fma(of_spread, of_spread, square_of_noise))) + F(kLeast);
 }
 
-/// With what the poses add, `pose_error` [rad] (Keyframe::pose_error), once for each of two keyframes: all maps that
-/// agree have it, so that their differences do not show it, and their number does not lessen it.
+/// Adds the effect of `pose_error` [rad] (Keyframe::pose_error) of both keyframes. It is common to all agreeing maps:
+/// it does not show in their spread, and more maps do not reduce it.
 template <class F>
 PMSP_HD F with_pose_error(const F& error, const F& square_gain, const F& agree, float pose_error) {
   const F both(2.0F * pose_error * pose_error);
@@ -99,13 +98,13 @@ PMSP_HD F confidence_of_error(const F& error) {
   return F(kHalfConfidenceError) / (F(kHalfConfidenceError) + error);
 }
 
-/// The other way round; confidences below 0.01 count as that.
+/// Inverse of confidence_of_error; confidences below 0.01 count as 0.01.
 template <class F>
 PMSP_HD F error_of_confidence(const F& confidence) {
   return F(kHalfConfidenceError) * (F(1) / max(confidence, F(0.01F)) - F(1));
 }
 
-/// Maps that one map is compared with at most.
+/// Maximum number of maps that a map is compared with.
 constexpr int kMaxCompared = 30;
 
 template <class Machine>
@@ -114,8 +113,8 @@ struct ComparedMap {
   Rigid other_from_first;
 };
 
-/// The consistency filter (pmsp::consistency_filter); a stage. Counts pixels that have a plane, those that keep one
-/// with a depth, and those that stay far.
+/// Consistency filter (pmsp::consistency_filter); a stage. Counts pixels with a plane, kept pixels with a depth, kept
+/// far pixels.
 template <class Machine>
 struct ConsistencyFilter {
   static constexpr int kCounts = 3;
@@ -123,13 +122,13 @@ struct ConsistencyFilter {
   typename Machine::Map map;
   GridView grid;
   ComparedMap<Machine> others[kMaxCompared];
-  int count;  ///< of `others`; 0 = the filter does nothing
+  int count;  ///< of `others`; 0 = the filter is disabled
   int wanted;
   float tolerance;
   float share;        ///< share_of_coarse_map
   float pose_error;   ///< of `map`'s keyframe [rad]
-  float* confidence;  ///< without what poses add, which a keyframe's pixels have in common; 0 = no depth
-  float* to_report;   ///< with it; nullptr = not wanted
+  float* confidence;  ///< without pose errors, which a keyframe's pixels have in common; 0 = no depth
+  float* to_report;   ///< with pose errors; nullptr = not needed
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
@@ -153,7 +152,7 @@ struct ConsistencyFilter {
         if (any(missed)) {
           seen.depth_ratio = select(missed, depth_ratio_around(seen, other.planes, tolerance), seen.depth_ratio);
         }
-        // Far planes have no unit of length, maps have.
+        // Far planes have the same inverse depth in any unit: the ratio of scales is no deviation.
         if (any(far))
           seen.depth_ratio =
               select(far & (seen.depth_ratio < F(1e3F)), select(seen.depth_ratio > F(0), F(1), F(0)), seen.depth_ratio);
@@ -180,7 +179,7 @@ struct ConsistencyFilter {
   }
 
  private:
-  /// Mean deviation of the planes around.
+  /// Mean deviation of surrounding planes.
   template <class F>
   PMSP_HD F roughness(const Place<F>& at, const Vec3<F>& bearing, const F& depth) const {
     F sum(0);
@@ -193,8 +192,8 @@ struct ConsistencyFilter {
     return sum * F(1.0F / kRoughnessOffsets);
   }
 
-  /// Whether what lies on both sides, or above and below, lies behind. A band by which a thing has grown is nearer to
-  /// one of its sides than to the other, and so is not taken for thin.
+  /// Whether both sides, or above and below, are background. Pixels of the band by which an object is too wide have the
+  /// object itself on one side.
   template <class F>
   PMSP_HD MaskOf<F> is_thin(const Place<F>& at, const Vec3<F>& bearing, const F& depth) const {
     const auto lies_behind = [&](int dx, int dy) {

@@ -5,14 +5,14 @@
 
 // A panorama as six square faces, so that a direction becomes a texture address by one division, without trigonometry.
 // Faces are ordered +x, -x, +y, -y, +z, -z; on each, the two other coordinates (in the order x, y, z) divided by the
-// magnitude of the leading one run over [-1, 1]. Texels lie at the centres of `size` x `size` cells, node k of
-// `size` + 2 at -1 + (2 k - 1) / size; the outermost nodes are the neighbouring faces' texels, so that samples are
-// continuous across edges. (GPUs filter cube maps the same way.)
+// magnitude of the leading one cover [-1, 1]. Texels are the centres of `size` x `size` cells, node k of `size` + 2 at
+// -1 + (2 k - 1) / size; the outermost nodes are texels of adjacent faces, so that samples are continuous across edges.
+// (GPUs filter cube maps the same way.)
 namespace pmsp::kernels {
 
-/// Gray values of a face map. `quads[face * face_elements + j * (size + 1) + i]` packs the 2 x 2 nodes from (i, j) on
-/// as four numbers of 16 bits, lowest first: (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1); one 64-bit read serves one
-/// bilinear sample. Bytes would take half the memory, but their rounding shows in scores.
+/// Gray values of a face map. `quads[face * face_elements + j * (size + 1) + i]` packs the 2 x 2 nodes from (i, j) as
+/// four numbers of 16 bits, lowest first: (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1); one 64-bit read per bilinear
+/// sample. Rounding to bytes would affect scores.
 struct CubeView {
   const std::uint64_t* quads;
   float half_size;             ///< size / 2
@@ -23,11 +23,10 @@ struct CubeView {
 /// Texel of gray value 1.
 constexpr int kTexelsPerGray = 257;
 
-/// Whether there is no image behind a view.
 PMSP_HD bool is_empty(const CubeView& cube) { return cube.quads == nullptr; }
 
-/// Direction of the centre of texel (i, j) of a GPU's cube map, whose faces are ordered likewise but turned and
-/// mirrored in part (CUDA C++ Programming Guide, "Cubemap Textures"; as OpenGL has them).
+/// Direction of the centre of texel (i, j) of a GPU's cube map: faces in the same order, some of them rotated and
+/// mirrored (CUDA C++ Programming Guide, "Cubemap Textures"; OpenGL).
 PMSP_HD Vec3<float> texture_direction(int face, int i, int j, int size) {
   const float a = (2.0F * static_cast<float>(i) + 1.0F) / static_cast<float>(size) - 1.0F;
   const float b = (2.0F * static_cast<float>(j) + 1.0F) / static_cast<float>(size) - 1.0F;

@@ -3,13 +3,13 @@
 
 #include "patch.h"
 
-// What a picture can tell of a pixel's depth before anything is matched. Parallax moves what a pixel shows along a
-// line: towards or away from where the other camera is. Only gray values that change along that line tell by how much.
-// The edge of a ceiling beside a flight looks alike at any depth; an edge across the line tells the depth of what lies
-// on it, and nothing of the slant of the surface, so that beside it the depth is a guess again.
+// Depth evidence of an image before matching. Parallax moves the content of a pixel along a line, towards or away from
+// the other camera; only changes of gray value along this line determine the shift. An edge parallel to it, such as
+// that of a ceiling along the path of the camera, looks alike at any depth. An edge across it determines the depth of
+// its own points, but not the slant of the surface, so that the depth beside it stays uncertain.
 namespace pmsp::kernels {
 
-/// From a keyframe's camera to those of the keyframes that it is matched with, in its frame and unit.
+/// Baselines from a keyframe's camera to those of its source views, in its frame and unit.
 struct Baselines {
   Vec3<float> to[kMaxViews];
   int count;
@@ -17,24 +17,24 @@ struct Baselines {
 
 template <class F>
 struct DepthEvidence {
-  F variance;  ///< of the gray values around that no linear ramp explains (light that falls off is no texture)
-  /// Of the shift along the line, times the square of the baseline's length across the ray: sum of squared gray
-  /// differences, less what the unknown slant takes of it.
+  F variance;  ///< of the surrounding gray values, without a linear ramp (shading is no texture)
+  /// Information on the shift along the line, times the squared length of the baseline across the ray: sum of squared
+  /// gray differences, less the loss to the unknown slant.
   F certainty;
-  Vec3<F> best;  ///< the direction around the pixel in which the shift is known best; any length
+  Vec3<F> best;  ///< direction near the pixel with the most certain shift; any length
 };
 
-/// What the slant of a surface is known beforehand, as gray differences squared at a distance of one sample: it makes
-/// some percent of the depth from sample to sample at most.
+/// Prior information on the slant, as squared gray difference at a distance of one sample: the depth changes by some
+/// percent from sample to sample at most.
 constexpr float kSlantCertainty = 100.0F;
 
-/// By the baseline that is longest across the pixel's ray. `frame`: of samples, kPatchSide in a row.
+/// Uses the baseline that is longest across the ray. `frame`: of samples, kPatchSide per row.
 template <class F, class Cube>
 PMSP_HD DepthEvidence<F> depth_evidence(const Cube& image, const PatchFrame<F>& frame, float spacing,
                                         const Baselines& baselines) {
   F x(1);
   F y(0);
-  F across(0);  // square of the baseline's length across the ray
+  F across(0);  // squared length of the baseline across the ray
   for (int k = 0; k < baselines.count; ++k) {
     const Vec3<float>& t = baselines.to[k];
     const Vec3<F> to{F(t.x), F(t.y), F(t.z)};
@@ -82,7 +82,7 @@ PMSP_HD DepthEvidence<F> depth_evidence(const Cube& image, const PatchFrame<F>& 
   }
   const F of_ramp = fma(gray_x, gray_x, gray_y * gray_y) * F(1.0F / spread);
   const F rest = gray_square - gray_sum * gray_sum * F(1.0F / kPatchSamples) - of_ramp;
-  // Least squares for shift and slant: what is left for the shift after the slant's two unknowns are eliminated.
+  // Least squares for shift and slant: information on the shift after elimination of the slant's two unknowns.
   const F a = sum_xx + F(kSlantCertainty);
   const F c = sum_yy + F(kSlantCertainty);
   const F lost = (c * sum_x * sum_x - F(2) * sum_xy * sum_x * sum_y + a * sum_y * sum_y) / (a * c - sum_xy * sum_xy);
@@ -91,18 +91,17 @@ PMSP_HD DepthEvidence<F> depth_evidence(const Cube& image, const PatchFrame<F>& 
           fma(share * sum_x, along, fma(share * sum_y, beside, frame.bearing))};
 }
 
-/// Least error of a match: noise times the samples' spacing [gray levels * rad]. Poses, lenses and what images are
-/// resampled by err by angles, which finer maps do not make smaller. In a map of 640 columns it stands for a
-/// noise of 0.7 gray levels, in one of 1440 for 1.6.
+/// Minimum error of a match: noise times sample spacing [gray levels * rad]. Errors of poses, lenses and resampling are
+/// angles, which finer maps do not reduce. Equals a noise of 0.7 gray levels at 640 columns, 1.6 at 1440.
 constexpr float kLeastMatchingError = 0.0083F;
 
-/// Least shift of a patch that the picture tells, times the root of its certainty. What the patches do not have in
-/// common counts as noise: `score` is their correlation, `variance` is that of DepthEvidence.
+/// Standard error of the shift of a patch, times the root of its certainty. The uncorrelated part of the patches counts
+/// as noise: `score` is their correlation. `variance`: of DepthEvidence.
 PMSP_HD float matching_noise(float variance, float score, float spacing) {
   return max(spacing * sqrt((1.0F - min(max(score, 0.0F), 1.0F)) * variance), kLeastMatchingError);
 }
 
-/// Relative error of a depth, as far as it follows from the picture. `certainty`: of DepthEvidence.
+/// Relative error of a depth, as far as it follows from the image. `variance`, `certainty`: of DepthEvidence.
 PMSP_HD float matching_error(float variance, float certainty, float score, float spacing, float inverse_depth) {
   return matching_noise(variance, score, spacing) / (inverse_depth * sqrt(certainty) + 1e-9F);
 }

@@ -5,16 +5,16 @@
 
 namespace pmsp::kernels {
 
-/// Depth, normal and confidence of a map's planes, as a user receives them (pmsp::DepthMap); a stage.
+/// Depths, normals and confidences of a plane map for the user (pmsp::DepthMap); a stage.
 template <class Machine>
 struct DepthImage {
   static constexpr int kCounts = 0;
 
   typename Machine::Map map;
-  const float* sure;  ///< confidence of each pixel, 0 = leave it out; nullptr = the score, 0 to 1
+  const float* sure;  ///< confidence of each pixel, 0 = no depth; nullptr = the score, clamped to 0 to 1
   GridView grid;
   float* depth;
-  float* normal;  ///< three a pixel
+  float* normal;  ///< three per pixel
   float* confidence;
 
   PMSP_HD int width() const { return grid.width; }

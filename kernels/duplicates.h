@@ -11,52 +11,52 @@
 #include "stage.h"
 #include "surfel.h"
 
-// Which keyframe's pixel makes the point of a place that several keyframes see. Each function here is pure in what is
-// kept of the keyframes (surfel.h): results depend on who is asked, and on no order.
+// Duplicate removal: selection of one of several points of the same surface patch. All functions are pure in the stored
+// surfels (surfel.h): results depend on the viewers, not on any order.
 //
-// Pixels have a strict total order: finer sampling first, then higher confidence, then the keyframe. A pixel asks only
-// for pixels that rank higher, so that no two wait for each other. In each round a pixel reads what the round before
-// left: where an owner stands for it, it is dropped; where nobody does who may still become one, it is an owner; else
-// it stays open. After the last round what is open is kept, so that every dropped pixel has an owner beside it.
+// Pixels have a strict total order: finer sampling first, then higher confidence, then the keyframe. Duplicates of a
+// pixel rank higher, so that no two pixels wait for each other. Each round reads the status of the previous one: a
+// pixel is dropped if a duplicate is kept, kept if none is kept or open, else stays open. Pixels that are open after
+// the last round are kept, so that every dropped pixel has a kept duplicate.
 namespace pmsp::kernels {
 
-/// Place in the order of pixels, a whole number; smaller is better, equal ones are for the keyframes to settle. Octaves
-/// of the footprint first: what is seen from much closer is sampled more finely. Inside an octave the better estimate
-/// wins. `footprint`: size of the pixel on a surface across the ray, in the unit that all keyframes share; > 0.
+/// Rank of a pixel, a whole number; smaller is better, ties are decided by the keyframes. Octaves of the footprint
+/// first, since close views sample more finely; within an octave the confidence. `footprint`: size of the pixel on a
+/// surface across the ray, in the common unit; > 0.
 template <class F>
 PMSP_HD F rank(const F& footprint, const F& confidence_level) {
   const F octave = from_uint<F>(UIntOf<F>(bits_of(footprint) >> 23));
   return fma(F(64), octave, F(63) - confidence_level);
 }
 
-/// A keyframe's surfels, in row order.
+/// Surfels of a keyframe, in row order.
 struct SurfelView {
   const std::uint32_t* surfels;
   const std::uint8_t* statuses;
   int width, height;
-  float scale;  ///< the keyframe's unit of length in the one that all share
+  float scale;  ///< keyframe's unit in the common unit
 };
 
 PMSP_HD float pixel_angle(const SurfelView& map) { return static_cast<float>(kPi) / static_cast<float>(map.height); }
 
 struct DuplicateLimits {
-  float spacing;             ///< points of one surface closer than this are one point [pixels of the dropped one]
-  float max_relative_depth;  ///< largest deviation from one surface, however large the expected errors
-  float min_cos_normals;     ///< of the normals of one surface
+  float spacing;             ///< maximum distance of duplicates [pixels of the dropped one]
+  float max_relative_depth;  ///< maximum relative deviation from the same surface, for any expected error
+  float min_cos_normals;     ///< minimum cosine between normals of the same surface
 };
 
-/// A keyframe that is asked.
+/// Keyframe that may contain duplicates.
 struct DuplicateView {
   SurfelView map;
-  Rigid other_from_first;  ///< from the first keyframe's unit of length into the other's: the rotation times `zoom`
-  float zoom;              ///< the first keyframe's scale over the other's
-  bool before;             ///< of pixels of equal rank the other keyframe's comes first
+  Rigid other_from_first;  ///< from the first keyframe's unit into the other's: the rotation times `zoom`
+  float zoom;              ///< first keyframe's scale / the other's
+  bool before;             ///< at equal ranks, pixels of the other keyframe come first
 };
 
-/// Sum of the two points' expected errors (medians) up to which they may lie on one surface.
+/// Maximum distance of points of the same surface, over the sum of their expected (median) errors.
 constexpr float kSameSurfaceErrors = 4.0F;
 
-/// How far along the normal a point may lie off its surface, and how far off it may lie at most to count as on it.
+/// Distance of a point from its surface along the normal: expected, and maximum to count as on it.
 template <class F>
 struct OffSurface {
   F error, most;
@@ -69,16 +69,16 @@ PMSP_HD OffSurface<F> off_surface(const F& depth, const Vec3<F>& normal, const V
   return {across * sqrt(fma(error, error, F(kCommonError * kCommonError))), across * F(max_relative_depth)};
 }
 
-/// A pixel that asks, in its keyframe's frame and unit.
+/// Open pixel in duplicate removal, in its keyframe's frame and unit.
 template <class F>
 struct Claim {
   Vec3<F> point, normal;
   OffSurface<F> off;
-  F reach;  ///< how near an owner stands for it
+  F reach;  ///< maximum distance of duplicates
   F rank;
 };
 
-/// `bearing` of a pixel that has a surfel.
+/// `bearing`: of a pixel with a surfel.
 template <class F>
 PMSP_HD Claim<F> claim_of(const UIntOf<F>& surfel, const UIntOf<F>& status, const Vec3<F>& bearing,
                           const SurfelView& map, const DuplicateLimits& limits) {
@@ -91,21 +91,21 @@ PMSP_HD Claim<F> claim_of(const UIntOf<F>& surfel, const UIntOf<F>& status, cons
           F(limits.spacing) * footprint, rank(F(map.scale) * footprint, from_uint<F>(level))};
 }
 
-/// Whether pixels of another map at a claim's point `p`, in the other's frame, may rank higher.
+/// Whether pixels of another map at a claim's point may rank higher. `p`: the point in the other's frame.
 template <class F>
 PMSP_HD MaskOf<F> may_rank_higher(const Vec3<F>& p, const F& own_rank, const DuplicateView& other) {
-  constexpr float kNearer = 0.9F;  // what may own the place is hardly nearer than the point
+  constexpr float kNearer = 0.9F;  // duplicates are hardly nearer than the point
   return rank(F(kNearer * other.map.scale * pixel_angle(other.map)) * sqrt(dot(p, p)), F(63)) <= own_rank;
 }
 
-/// Where another keyframe sees a claim's point.
+/// Projection of a claim's point into another keyframe.
 template <class F>
 struct Approach {
   Pixel<F> at;
-  F spacing;  ///< what may own the place lies within so many pixels
+  F spacing;  ///< search radius for duplicates [px]
 };
 
-/// However finely another keyframe sees the place, no more of its pixels are looked at than within this many.
+/// Maximum search radius [px], however finely the other keyframe samples the surface.
 constexpr float kMaxReach = 4.0F;
 
 template <class F>
@@ -115,13 +115,13 @@ PMSP_HD Approach<F> approach(const Vec3<F>& p, const F& reach, const DuplicateVi
           min(F(other.zoom / pixel_angle(other.map)) * reach / range, F(kMaxReach))};
 }
 
-/// Which pixels of another map lie within reach of a claim's point: for most points one at most, the one that they fall
-/// into.
+/// Pixels of another map within the search radius of a claim's point: for most points at most one, the pixel that
+/// contains it.
 template <class F>
 struct Within {
-  IntOf<F> column, row;  ///< of the pixel that the point falls into
-  MaskOf<F> this_one;    ///< it is the only one
-  MaskOf<F> several;     ///< others may be: find_within finds them
+  IntOf<F> column, row;  ///< of the pixel that contains the point
+  MaskOf<F> this_one;    ///< this pixel is the only one
+  MaskOf<F> several;     ///< others are possible; see find_within
 };
 template <class F>
 PMSP_HD Within<F> within(const Approach<F>& there, const GridView& grid, int width, int height) {
@@ -137,8 +137,7 @@ PMSP_HD Within<F> within(const Approach<F>& there, const GridView& grid, int wid
   return {x, y, this_one, more};
 }
 
-/// Whether a pixel of another map, which makes a point or may make one, stands for a claim. `p`: the claim's point in
-/// the other frame.
+/// Whether a kept or open pixel of another map is a duplicate of a claim. `p`: the claim's point in the other's frame.
 template <class F>
 PMSP_HD MaskOf<F> stands_for(const UIntOf<F>& surfel, const UIntOf<F>& status, const Vec3<F>& bearing, const Vec3<F>& p,
                              const Vec3<F>& claim_normal, const OffSurface<F>& claim_off, const F& claim_rank,
@@ -158,11 +157,11 @@ PMSP_HD MaskOf<F> stands_for(const UIntOf<F>& surfel, const UIntOf<F>& status, c
          (min(abs(dot(apart, there)), abs(dot(apart, normal))) <= tolerance);
 }
 
-/// A round for the open pixels of a keyframe. Of those that are asked, only those matter in later rounds that have a
-/// pixel which would stand for this one if it were an owner. Rows of the CPU (src/cpu/duplicate_row.h) and warps of a
-/// GPU (src/cuda/own.cu) share the work in ways of their own.
+/// Round of duplicate removal for the open pixels of a keyframe. A viewer stays a candidate of a pixel while it has a
+/// kept or open duplicate of it. Rows of the CPU (src/cpu/duplicate_row.h) and warps of a GPU (src/cuda/duplicates.cu)
+/// divide the work differently.
 struct DuplicateRound {
-  SurfelView map;  ///< what the round before left, as `others` are
+  SurfelView map;  ///< status after the previous round, as in `others`
   GridView grid;   ///< of all maps
   DuplicateView others[kMaxViewers];
   int count;
@@ -173,9 +172,9 @@ struct DuplicateRound {
   PMSP_HD int height() const { return grid.height; }
 };
 
-/// Whether a pixel's point is eligible; a stage. Viewers speak for and against it, the keyframe itself for it, each
-/// with its weight (weight_of_word). The confidence becomes that of the map times the share that speaks for it. What a
-/// mirror shows is not eligible. Counts what is eligible.
+/// Free-space test of a pixel's point; a stage. Viewers confirm or contradict it, the keyframe itself confirms, each
+/// with its weight (weight_of_word). The confidence becomes that of the map times the confirming share. Mirror images
+/// are removed. Counts remaining points.
 struct Eligibility {
   static constexpr int kCounts = 1;
 
@@ -200,7 +199,7 @@ struct Eligibility {
     if (!any(known)) return store_bytes<F>(UIntOf<F>(0U), statuses + at.first, 1, at.count);
     const Vec3<F> point = select(known, depth, F(1)) * bearing_at(grid, at);
     const F own = dot(point, point);
-    F on_surface(1);  // the keyframe's own word
+    F on_surface(1);  // the keyframe itself confirms
     F through(0);
     for (int k = 0; k < count; ++k) {
       const Viewer& viewer = viewers[k];

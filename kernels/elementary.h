@@ -4,10 +4,11 @@
 #include "num.h"
 
 // Transcendental functions without branches and library calls. Number types whose fma rounds once give equal bits, and
-// so do those whose fma rounds twice; between the two lie up to two units in the last place. Errors are tested against
-// the standard library's double precision (tests/kernels).
+// so do those whose fma rounds twice; the two groups differ by up to two units in the last place. Errors are tested
+// against the standard library's double precision (tests/kernels).
 //
-// Call them qualified (kernels::exp): for batches, argument-dependent look-up of plain names finds the SIMD library's.
+// Call them qualified (kernels::exp): for batches, argument-dependent lookup of plain names finds those of the SIMD
+// library.
 namespace pmsp::kernels {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -29,8 +30,8 @@ PMSP_HD F exp(const F& x) {
   return p * pow2<F>(to_int(shifted) - IntOf<F>(128));
 }
 
-/// atan(x) for 0 <= x <= 1; absolute error below 2e-7 (rounding; the polynomial itself stays below 2.5e-8).
-/// Odd polynomial, fitted in the least-maximum sense.
+/// atan(x) for 0 <= x <= 1, by an odd minimax polynomial; absolute error below 2e-7 (rounding; that of the polynomial
+/// is below 2.5e-8).
 template <class F>
 PMSP_HD F atan_unit(const F& x) {
   const F s = x * x;

@@ -8,7 +8,7 @@
 // Image points are measured from the upper left corner of the image: the centre of pixel (i, j) is (i + 0.5, j + 0.5).
 namespace pmsp::kernels {
 
-/// Unit bearing of sines and cosines of a pixel's longitude and latitude.
+/// Unit bearing from the sines and cosines of a pixel's longitude and latitude.
 template <class F>
 PMSP_HD Vec3<F> bearing(const F& sin_lon, const F& cos_lon, const F& sin_lat, const F& cos_lat) {
   return {cos_lat * sin_lon, F(0) - sin_lat, cos_lat * cos_lon};
@@ -39,8 +39,8 @@ PMSP_HD Pixel<F> project(const Vec3<F>& p, const F& width, const F& height) {
           height * fma(minus_latitude, F(static_cast<float>(1.0 / kPi)), F(0.5F))};
 }
 
-/// The same in double precision through the standard library: exact to rounding, for the few points that deserve it and
-/// as the reference of the tests. x in [0, width), y in [0, height].
+/// As `project`, in double precision with the standard library: for the few points that need it, and as reference of
+/// the tests. x in [0, width), y in [0, height].
 inline Pixel<double> project_exactly(const Vec3<double>& p, int width, int height) {
   const double longitude = std::atan2(p.x, p.z);
   const double minus_latitude = std::atan2(p.y, std::hypot(p.x, p.z));
@@ -54,7 +54,7 @@ inline double angle_between(const Vec3<double>& a, const Vec3<double>& b) {
   return std::atan2(std::sqrt(dot(cross, cross)), dot(a, b));
 }
 
-/// Column (0 to width - 1) of an image x in [0, width]; the right border is the left one.
+/// Column (0 to width - 1) of an image x in [0, width]; the right border wraps to the left one.
 template <class F>
 PMSP_HD IntOf<F> column(const F& x, int width) {
   const F i = whole(x);

@@ -9,26 +9,26 @@
 #include "suppression.h"
 #include "surfel.h"
 
-// The point of one pixel: the average over the maps of its window that agree, the same whichever keyframe's turn it is.
+// Fusion of a pixel: average over the agreeing maps of its window, independent of the order of keyframes.
 namespace pmsp::kernels {
 
-/// A map of the window.
+/// Map of the fusion window.
 template <class Machine>
 struct FusionView {
   FilteredMap<typename Machine::Map> map;
-  const std::uint32_t* color;  ///< of each pixel red, green, blue, from the lowest byte on
-  Rigid other_from_first;      ///< from the first keyframe's unit of length into the other's: the rotation times `zoom`
-  float zoom;                  ///< the first keyframe's scale over the other's
+  const std::uint32_t* color;  ///< per pixel red, green, blue, from the lowest byte
+  Rigid other_from_first;      ///< from the first keyframe's unit into the other's: the rotation times `zoom`
+  float zoom;                  ///< first keyframe's scale / the other's
 };
 
 struct FusionLimits {
   float max_relative_depth;
   float min_cos_normals;
   float min_confidence;
-  float suppression;  ///< see is_best_around; 0 = no pixel gives way
+  float suppression;  ///< see is_best_around; 0 = disabled
 };
 
-constexpr int kMaxAgree = 32;  ///< other maps that can be asked: one bit each
+constexpr int kMaxAgree = 32;  ///< maximum number of other maps: one bit each
 
 template <class F>
 PMSP_HD Vec3<F> color_of(const UIntOf<F>& color) {
@@ -37,26 +37,26 @@ PMSP_HD Vec3<F> color_of(const UIntOf<F>& color) {
           from_uint<F>(U((color >> 16) & U(255U)))};
 }
 
-/// A keyframe's points in row order (pmsp::SurfelMap).
+/// Points of a keyframe in row order (pmsp::SurfelMap).
 struct SurfelArrays {
   std::uint32_t* surfels;
   std::uint32_t* details;
   std::uint8_t* statuses;
-  std::uint8_t* agree;  ///< `agree_bytes` for each pixel, the lowest first; bit k: others[k]
+  std::uint8_t* agree;  ///< `agree_bytes` per pixel, lowest first; bit k: others[k]
   int agree_bytes;
 };
 
-/// The same, to be read.
+/// Read-only SurfelArrays.
 struct ConstSurfelArrays {
   const std::uint32_t* surfels;
   const std::uint32_t* details;
   const std::uint8_t* statuses;
   const std::uint8_t* agree;
   int agree_bytes;
-  float lens;  ///< how far in front of the camera's centre its forward lens lies
+  float lens;  ///< distance of the forward lens in front of the camera's centre
 };
 
-/// Makes the points of a keyframe's pixels; a stage. Counts them.
+/// Fuses the pixels of a keyframe; a stage. Counts points.
 template <class Machine>
 struct FusePixels {
   static constexpr int kCounts = 1;
@@ -66,7 +66,7 @@ struct FusePixels {
   FusionView<Machine> others[kMaxAgree];
   int count;  ///< of `others`
   FusionLimits limits;
-  float pose_error;  ///< of the first one's keyframe [rad], which the confidences lack and the points tell
+  float pose_error;  ///< of the first map's keyframe [rad]; not yet in the confidences, added to those of the points
   SurfelArrays to;
 
   PMSP_HD int width() const { return grid.width; }
@@ -107,7 +107,7 @@ struct FusePixels {
       const MaskOf<F> same = near & (dot(turned, normal) >= F(limits.min_cos_normals));
       const Vec3<F> p = transform(other.other_from_first, Vec3<F>(depth * bearing));
       const F depth_ratio = select(same, seen.depth_ratio, F(1));
-      const F other_depth = sqrt(dot(p, p)) / (F(other.zoom) * depth_ratio);  // in the first one's unit
+      const F other_depth = sqrt(dot(p, p)) / (F(other.zoom) * depth_ratio);  // in the first keyframe's unit
       const F weight = select(same, fusion_weight(gather<F>(other.map.confidence, seen.index), other_depth), F(0));
       weights = weights + weight;
       depths = fma(weight, seen.implied_depth, depths);
@@ -138,7 +138,7 @@ struct FusePixels {
   }
 };
 
-/// What the points of a keyframe are handed out as: in the camera's frame.
+/// Point of a keyframe for output, in the camera frame.
 struct OwnedPoint {
   Vec3<float> position, normal;
   std::uint8_t color[3];

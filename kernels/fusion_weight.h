@@ -5,25 +5,24 @@
 #include "equirect.h"
 #include "plane.h"
 
-// One pixel's share of fusion: the average over the maps that agree on a surface, and which pixels of other maps a
-// point stands for.
+// Weights of fusion, and the search for pixels around a projected point.
 namespace pmsp::kernels {
 
-/// Relative error that any depth has in common with those of its neighbourhood, however confident it is: keeps one map
-/// from taking all.
+/// Relative error that a depth has in common with its neighbourhood, at any confidence: limits the weight of a single
+/// map.
 constexpr float kCommonError = 0.001F;
 
-/// How much a map's depth counts: the inverse variance of the distance. A photometric score in place of a confidence,
-/// from maps that saw no consistency filter, weights in the same order.
+/// Weight of a map's depth: inverse variance of the distance. With photometric scores as confidences (maps before the
+/// consistency filter) weights have the same order.
 template <class F>
 PMSP_HD F fusion_weight(const F& confidence, const F& depth) {
   const F error = error_of_confidence(confidence);
   return F(1) / ((error * error + F(kCommonError * kCommonError)) * (depth * depth));
 }
 
-/// Calls is_it(index) for the pixels of a map whose centre lies within `spacing` pixels (at the equator) of an image
-/// point, until it returns true. Near the poles these are many, since columns crowd there. Where several threads search
-/// together, one in `threads` of a row's pixels is `thread`'s.
+/// Calls is_it(index) for the pixels of a map whose centres lie within `spacing` pixels (at the equator) of an image
+/// point, until it returns true. Near the poles these are many, since columns converge. For a search by several
+/// threads: every `threads`-th pixel of a row, from the `thread`-th.
 template <class IsIt>
 PMSP_HD void find_within(const Pixel<float>& at, float spacing, const float* cos_lat, int width, int height,
                          const IsIt& is_it, int thread = 0, int threads = 1) {
@@ -41,7 +40,7 @@ PMSP_HD void find_within(const Pixel<float>& at, float spacing, const float* cos
   }
 }
 
-/// The same for all of them.
+/// As find_within, for all of these pixels.
 template <class Mark>
 PMSP_HD void for_each_within(const Pixel<float>& at, float spacing, const float* cos_lat, int width, int height,
                              const Mark& mark) {

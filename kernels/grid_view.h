@@ -21,9 +21,9 @@ PMSP_HD Vec3<F> bearing_at(const GridView& grid, const IntOf<F>& column, const I
                  gather<F>(grid.cos_lat, row));
 }
 
-/// Checkerboard order, in which PatchMatch keeps its pixels: each row's pixels of colour 0, then those of colour 1,
-/// where colour = (x + y) mod 2. The k-th pixel of colour c in row y is x = 2 k + (y + c) mod 2. Index of the first one
-/// of a colour in a row, and of a pixel.
+/// Checkerboard order of PatchMatch: of each row the pixels of colour 0, then those of colour 1; colour = (x + y) mod
+/// 2. The k-th pixel of colour c in row y is x = 2 k + (y + c) mod 2. ring_index: of the first pixel of a colour in a
+/// row.
 PMSP_HD std::size_t ring_index(int width, int y, int colour) {
   return (static_cast<std::size_t>(y) * 2 + static_cast<std::size_t>(colour)) * static_cast<std::size_t>(width / 2);
 }
@@ -31,8 +31,8 @@ PMSP_HD std::size_t checkerboard_index(int width, int x, int y) {
   return ring_index(width, y, (x + y) & 1) + static_cast<std::size_t>(x / 2);
 }
 
-/// Beyond a pole an image goes on along the opposite meridian. Column and row of a pixel (dx, dy) from another one;
-/// |dx| < width, |dy| < height.
+/// Column and row of the pixel at offset (dx, dy); beyond a pole the image continues on the opposite meridian. |dx| <
+/// width, |dy| < height.
 template <class F>
 struct Beside {
   IntOf<F> column, row;

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-// The one place that knows which compiler is at work. PMSP_HD marks a function that runs on the host and on a device;
-// it is always inlined, so that a function compiled with wide vector instructions never becomes the copy that a
-// narrower machine calls. PMSP_UNROLL stands before loops whose arrays a GPU keeps in registers only if it unrolls
-// them.
+// All compiler-specific code. PMSP_HD marks functions for host and device; always inlined, so that code for wide vector
+// instructions is never linked into code for other machines. PMSP_UNROLL precedes loops whose arrays a GPU keeps in
+// registers only if they are unrolled; PMSP_ROLL prevents unrolling.
 #if defined(__CUDACC__)
 #define PMSP_HD __host__ __device__ __forceinline__
 #define PMSP_UNROLL _Pragma("unroll")
@@ -19,7 +18,7 @@
 
 namespace pmsp::kernels {
 
-/// Adds bits to a word that other threads may add theirs to.
+/// Sets bits of a word, atomically.
 PMSP_HD void set_bits(std::uint32_t* word, std::uint32_t bits) {
 #if defined(__CUDA_ARCH__)
   atomicOr(word, bits);

@@ -5,9 +5,9 @@
 
 #include "stage.h"
 
-// Planes to start from: those of landmarks, and those of the keyframe before, moved. Where several meet in a pixel the
-// smallest key wins: distance first, then the index, whatever the order of the threads. `offer(keys, pixel, key)`
-// keeps the smaller one.
+// Initial planes: those of landmarks, and those of the previous keyframe, warped. If several compete for a pixel the
+// smallest key wins: distance first, then index, independent of the order of threads. `offer(keys, pixel, key)` keeps
+// the smaller key.
 namespace pmsp::kernels {
 
 constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
@@ -16,21 +16,21 @@ PMSP_HD std::uint64_t init_key(float distance, std::uint32_t index) {
   return static_cast<std::uint64_t>(bits_of(distance)) << 32U | index;
 }
 
-/// A landmark that a keyframe observes: where it is seen [px], and the plane through it that faces the camera.
+/// Observed landmark: image point [px], and the plane through it that faces the camera.
 struct SparsePoint {
   float x, y;
   Vec3<float> plane;
 };
 
-/// Spreads landmarks over the pixels within `radius_px` of them.
+/// Splats landmarks over the pixels within `radius_px`.
 template <class Keys>
 struct SplatLandmarks {
   const SparsePoint* points;
   GridView grid;
   float radius_px;
-  Keys keys;  ///< of each pixel, kNoKey before
+  Keys keys;  ///< per pixel, initially kNoKey
 
-  /// Landmark i, the part `part` of `parts` of its columns.
+  /// Landmark i; part `part` of `parts` of its columns.
   PMSP_HD void operator()(int i, int part, int parts) const {
     const SparsePoint point = points[i];
     const int y0 = static_cast<int>(max(0.0F, ::floorf(point.y - radius_px)));
@@ -51,7 +51,7 @@ struct SplatLandmarks {
   }
 };
 
-/// Moves a map's pixels into another keyframe; a stage over the map.
+/// Warps the pixels of a map into another keyframe; a stage over the map.
 template <class Machine, class Keys>
 struct WarpPixels {
   static constexpr int kCounts = 0;
@@ -60,7 +60,7 @@ struct WarpPixels {
   GridView grid;  ///< of the map
   Rigid other_from_map;
   int other_width, other_height;
-  Keys keys;  ///< of each pixel of the other one, kNoKey before
+  Keys keys;  ///< per pixel of the other keyframe, initially kNoKey
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
@@ -75,7 +75,7 @@ struct WarpPixels {
   }
 };
 
-/// The planes that keys stand for; to be read as a map is.
+/// Planes selected by keys, readable as a map.
 struct LandmarkPlanes {
   const std::uint64_t* keys;  ///< nullptr = none
   const SparsePoint* points;
@@ -104,7 +104,7 @@ PMSP_HD Vec3<F> plane_at(const WarpedPlanes<Map>& planes, int pixel) {
   return moved_plane(plane_at<F>(planes.map, static_cast<int>(static_cast<std::uint32_t>(key))), planes.map_from_other);
 }
 
-/// Makes a map of the planes that keys stand for; a stage. Scores are 0.
+/// Writes the planes selected by keys to a map; a stage. Scores are 0.
 template <class Machine, class Source>
 struct PlanesOfKeys {
   static constexpr int kCounts = 0;

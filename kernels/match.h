@@ -5,17 +5,16 @@
 #include "patch.h"
 #include "stage.h"
 
-// One pixel's share of red-black PatchMatch (Barnes 2009; Galliani 2015; Surmann 2022). A pixel's state is its best
-// plane and that plane's score. Every step proposes planes; a proposal that is allowed and scores higher replaces the
-// state.
+// Red-black PatchMatch (Barnes 2009; Galliani 2015; Surmann 2022) for one pixel. Its state is the best hypothesis so
+// far. Every step proposes planes; an allowed plane with a higher score replaces the state.
 namespace pmsp::kernels {
 
-/// What a plane scores more because it agrees with the prior. Without texture photometric scores are noise, which finds
-/// a better plane than the true one somewhere; with it, this is too little to hide that a prior is wrong.
+/// Score bonus for agreement with a prior plane. Without texture, photometric scores are noise and highest for an
+/// arbitrary plane; with texture, the bonus is too small to hide a wrong prior.
 struct PriorBonus {
-  float most;       ///< where they agree exactly
-  float far;        ///< the same where the prior is far
-  float tolerance;  ///< relative depth from which on there is none
+  float most;       ///< for exact agreement
+  float far;        ///< for exact agreement with a far prior
+  float tolerance;  ///< relative depth difference from which on the bonus is 0
 };
 template <class F>
 PMSP_HD F prior_score(const F& prior, const F& inverse_depth, const PriorBonus& bonus) {
@@ -24,7 +23,7 @@ PMSP_HD F prior_score(const F& prior, const F& inverse_depth, const PriorBonus& 
   return select(known, select(is_far(prior), F(bonus.far), F(bonus.most)) * max(F(1) - off, F(0)), F(0));
 }
 
-/// What is fixed for a whole keyframe.
+/// Input common to all pixels of a keyframe.
 template <class Cube>
 struct Matching {
   Cube reference;
@@ -34,21 +33,20 @@ struct Matching {
   PlaneLimits limits;
   float log_depth_span;  ///< ln(largest depth / smallest depth)
   RandomKey random;
-  int refinements;  ///< random draws per visit
+  int refinements;  ///< random proposals per visit
   PriorBonus bonus;
 };
 
-/// What is fixed for one visit to a pixel: computed once, used by all proposals.
+/// Data of one visit to a pixel, computed once for all proposals.
 template <class F, class Patch = ReferencePatch<F>>
 struct Visit {
   PatchFrame<F> frame;
   Patch patch;
   ViewWeights<F> weights;
-  F prior;  ///< inverse depth of the plane that a surface without texture is thought to have; 0 = none
+  F prior;  ///< inverse depth of the prior plane; 0 = none
 };
 
-/// A fine patch keeps edges where they are; a coarse one is needed where there is little texture. Each pixel gets the
-/// fine one if that varies enough.
+/// Chooses the fine patch, which keeps edges in place, if its variance suffices, else the coarse one.
 template <class F, class Patch, class Cube>
 PMSP_HD void begin_visit(Visit<F, Patch>& visit, const Matching<Cube>& m, const F& sin_lon, const F& cos_lon,
                          const F& sin_lat, const F& cos_lat) {
@@ -63,8 +61,8 @@ PMSP_HD void begin_visit(Visit<F, Patch>& visit, const Matching<Cube>& m, const 
   }
 }
 
-/// Scores a plane and keeps it where it is allowed and better. `weigh`: it is the one that the pixel has, which weighs
-/// the views.
+/// Scores a plane and keeps it if it is allowed and better. `weigh`: it is the pixel's current plane, which determines
+/// the weights of the views.
 template <class F, class Patch, class Cube>
 PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, Visit<F, Patch>& visit, const Matching<Cube>& m,
                      bool weigh) {
@@ -78,17 +76,17 @@ PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, Visit<F, Patch>&
   best.score = select(better, score, best.score);
 }
 
-/// Number of draws that one proposal of random numbers takes.
+/// Number of random numbers per proposal.
 constexpr std::uint32_t kDrawsPerProposal = 4;
 
-/// The random plane that a pixel starts with, whatever it scores.
+/// Random initial plane of a pixel.
 template <class F, class Cube>
 PMSP_HD Vec3<F> random_start(const UIntOf<F>& pixel, const Vec3<F>& bearing, const Matching<Cube>& m) {
   return random_plane<F>(m.random, pixel, 0, bearing, m.limits, m.log_depth_span);
 }
 
-/// Random search around the present plane: proposal number `draw` (0 to m.refinements - 1) of an iteration. The steps
-/// shrink from draw to draw; the first iterations reach further.
+/// Random search around the current plane: proposal number `draw` (0 to m.refinements - 1) of an iteration. Steps
+/// shrink from draw to draw, and over the first iterations.
 template <class F, class Cube>
 PMSP_HD Vec3<F> refined(const Hypothesis<F>& best, const UIntOf<F>& pixel, int iteration, int draw,
                         const Vec3<F>& bearing, const Matching<Cube>& m) {
@@ -104,8 +102,8 @@ PMSP_HD Vec3<F> refined(const Hypothesis<F>& best, const UIntOf<F>& pixel, int i
   return perturbed(from, m.random, pixel, first, bearing, F(depth_step), F(normal_step));
 }
 
-/// Distances 1 and 3 along the four directions, opposite ones after one another. Their sum of coordinates is odd, so
-/// they all have the other colour.
+/// Offsets of distance 1 and 3 in four directions, opposite ones consecutive. Their sum of coordinates is odd, so that
+/// all have the other colour.
 struct NeighbourOffset {
   int dx, dy;
 };
@@ -117,11 +115,11 @@ PMSP_HD NeighbourOffset neighbour_offset(int i) {
   return {dx, dy};
 }
 
-/// Planes of neighbours that a pixel tries: of each two that face each other the better one (Xu and Tao 2019 choose
-/// among many in this way). All four of the nearest ones find no more than these two; more iterations do.
+/// Number of neighbours' planes per visit: of each opposite pair the better one (after Xu and Tao 2019). Testing more
+/// of them gains less than more iterations.
 constexpr int kNeighbours = kNeighbourOffsets / 2;
 
-/// Number i of them. `at(offset)`: the hypothesis of the neighbour there.
+/// Candidate i. `at(offset)`: hypothesis of the neighbour.
 template <class F, class At>
 PMSP_HD Vec3<F> neighbour_plane(int i, const At& at) {
   const Hypothesis<F> one = at(neighbour_offset(2 * i));
@@ -129,10 +127,9 @@ PMSP_HD Vec3<F> neighbour_plane(int i, const At& at) {
   return select(other.score > one.score, other.plane, one.plane);
 }
 
-/// Where the neighbour (dx, dy) of a pixel lies in checkerboard order (grid_view.h): its row, and how many places
-/// to the right of the pixel's own among that row's pixels of the other colour, which close to a ring. Beyond a pole
-/// the row comes back on the opposite meridian; there one column more or less is no angle to speak of, and is chosen so
-/// that the neighbour has the other colour.
+/// Position of the neighbour (dx, dy) in checkerboard order (grid_view.h): row, and shift to the right in the ring of
+/// that row's pixels of the other colour. Beyond a pole the row is continued on the opposite meridian; there one column
+/// more is a negligible angle, and is added if needed for the other colour.
 struct NeighbourRing {
   int y;
   int shift;
@@ -150,7 +147,7 @@ PMSP_HD NeighbourRing neighbour_ring(int width, int height, int y, int colour, i
   return {row, (parity + columns - other_parity) / 2};
 }
 
-/// Brings planes from row order into checkerboard order (grid_view.h), or back; a stage.
+/// Reorders planes from row order to checkerboard order (grid_view.h), or back; a stage.
 template <class Machine>
 struct ReorderPlanes {
   static constexpr int kCounts = 0;
@@ -171,9 +168,8 @@ struct ReorderPlanes {
   }
 };
 
-/// Takes what the priors added off the scores (pmsp::scores_without_priors): maps that agree with a prior are off by
-/// what it is off, all of them, and their scores must not hide that the picture does not tell. A stage; `to` may be
-/// `map`.
+/// Subtracts the bonus of priors from the scores (pmsp::scores_without_priors): maps that agree with a prior share its
+/// error, and their scores must not hide a lack of image evidence. A stage; `to` may be `map`.
 template <class Machine>
 struct ScoresWithoutPriors {
   static constexpr int kCounts = 0;
@@ -197,27 +193,27 @@ struct ScoresWithoutPriors {
   }
 };
 
-/// A pixel of one colour on its turn; of a batch, the first of as many that follow one another in the row's ring.
+/// Pixel of one colour in a visit; for a batch, the first of consecutive pixels of the row's ring.
 template <class F>
 struct Turn {
   int y, colour, k;
   int count;               ///< pixels from k to the end of the ring
-  std::size_t ring;        ///< index of its first pixel, in checkerboard order
-  IntOf<F> column, index;  ///< in row order; lanes beyond the end hold the last pixel
+  std::size_t ring;        ///< index of the ring's first pixel, in checkerboard order
+  IntOf<F> column, index;  ///< in row order; lanes beyond the end repeat the last pixel
 };
 
-/// A keyframe's pass of PatchMatch. `State` keeps its pixels in checkerboard order (grid_view.h).
+/// Pass of PatchMatch over a keyframe. `State`: its pixels in checkerboard order (grid_view.h).
 template <class Machine>
 struct PatchMatchPass {
   Matching<typename Machine::Cube> matching;
   GridView grid;
   typename Machine::State state;
   typename Machine::Mask mask;
-  typename Machine::Map priors;           ///< planes that pixels without texture prefer; empty = none
-  typename Machine::Landmarks landmarks;  ///< planes to start with; empty = none
+  typename Machine::Map priors;           ///< prior planes; empty = none
+  typename Machine::Landmarks landmarks;  ///< initial planes; empty = none
   typename Machine::Warped warped;
 
-  /// The first planes: a random one and what landmarks and the keyframe before propose.
+  /// Initial planes: random ones, those of landmarks, and those of the previous keyframe.
   template <class F, class Patch>
   PMSP_HD void start(Visit<F, Patch>& visit, const Turn<F>& turn) const {
     Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
@@ -237,8 +233,8 @@ struct PatchMatchPass {
     keep(best, usable, turn);
   }
 
-  /// Propagation and refinement. A pixel's own plane comes first, since it weighs the views. `rescore`: planes are
-  /// there, but not their scores.
+  /// Propagation and refinement. The pixel's current plane comes first, since it determines the weights of the views.
+  /// `rescore`: the planes have no valid scores yet.
   template <class F, class Patch>
   PMSP_HD void iterate(Visit<F, Patch>& visit, const Turn<F>& turn, int iteration, bool rescore) const {
     const MaskOf<F> usable = is_usable<F>(mask, turn.index);
@@ -270,7 +266,7 @@ struct PatchMatchPass {
   }
 
  private:
-  /// The zero plane proposes nothing.
+  /// The zero plane is no proposal.
   template <class F, class Planes>
   PMSP_HD static Vec3<F> proposed(const Planes& planes, const Turn<F>& turn) {
     if (is_empty(planes)) return {F(0), F(0), F(0)};

@@ -12,7 +12,7 @@ PMSP_HD void order(F& a, F& b) {
   a = low;
 }
 
-/// Median of nine values, by the 19 exchanges of the smallest known network (Paeth 1990). Changes `v`.
+/// Median of nine values, by the 19 exchanges of the smallest known network (Paeth 1990). Modifies `v`.
 template <class F>
 PMSP_HD F median9(F* v) {
   order(v[1], v[2]);
@@ -37,8 +37,8 @@ PMSP_HD F median9(F* v) {
   return v[4];
 }
 
-/// The depth if it lies close to the median of its neighbourhood and its score is good enough, else 0. `around`: the 3
-/// x 3 depths, the pixel's own in the middle; those without an estimate (0) count as the pixel's own. Changes `around`.
+/// Returns the depth if it is close to the median of its neighbourhood and its score suffices, else 0. `around`: 3 x 3
+/// depths, the pixel's in the middle; missing ones (0) count as the pixel's. Modifies `around`.
 template <class F>
 PMSP_HD F median_filtered(F* around, const F& score, const F& max_relative_deviation, const F& min_score) {
   const F depth = around[4];
@@ -48,7 +48,7 @@ PMSP_HD F median_filtered(F* around, const F& score, const F& max_relative_devia
   return select(kept, depth, F(0));
 }
 
-/// The median filter (pmsp::median_filter); a stage. Counts pixels that are wanted, that have a plane, that keep it.
+/// Median filter (pmsp::median_filter); a stage. Counts unmasked pixels, pixels with a plane, kept ones.
 template <class Machine>
 struct MedianFilter {
   static constexpr int kCounts = 3;

@@ -9,25 +9,24 @@
 #include "surfel.h"
 #include "wide_plane.h"
 
-// Mirrors: planes that a keyframe has seen through where others confirm a surface. A polished floor shows the room
-// upside down, and keyframes agree on the depths of what it shows. Such a plane gives itself away by two things: some
-// of what a keyframe sees behind it lies behind what other keyframes have on that very plane, and much of it is the
-// mirror image of what others have before the plane. A window or a door has the second one at most (rooms are alike),
-// a fence the first one. Nor is a plane a mirror that a camera has been behind. Behind a mirror, what is a mirror image
-// goes, and what lies next to where others have the mirror's own surface.
+// Mirrors: planes that a keyframe sees through where others confirm a surface. A polished floor shows the room upside
+// down, and keyframes agree on the depths of the mirror image. Two properties reveal such a plane: some of a keyframe's
+// points behind it lie behind points of other keyframes on the plane, and many are mirror images of points of others in
+// front of it. A window or a door has the second one at most (rooms are alike), a fence the first one. A plane with a
+// camera behind it is no mirror. Behind a mirror, mirror images are removed, and points next to confirmed parts of the
+// mirror's surface.
 //
-// Evidence is gathered for every other pixel of every other row, a cell of the range maps.
+// Evidence is gathered for every other pixel of every other row: per cell of the range maps.
 namespace pmsp::kernels {
 
-constexpr float kBehindMirror = 1.1F;           ///< depth over the plane's depth from which on a point lies behind it
-constexpr float kOnMirror = 0.02F;              ///< relative deviation up to which others have the plane's surface
-constexpr float kLeastMirrored = 0.2F;          ///< share of what lies behind a mirror that is a mirror image, ...
-constexpr float kLeastConfirmed = 0.1F;         ///< and of that again, where others have the mirror's surface: at least
-constexpr float kLeastMirror = 1.0F / 4000.0F;  ///< of the sphere, likewise
-constexpr int kBesideConfirmed = 4;             ///< cells up to which a point is next to such a place
+constexpr float kBehindMirror = 1.1F;           ///< minimum depth over the plane's depth for a point behind it
+constexpr float kOnMirror = 0.02F;              ///< maximum relative deviation for a point on it
+constexpr float kLeastMirrored = 0.2F;          ///< minimum share of mirror images among the points behind a mirror
+constexpr float kLeastConfirmed = 0.1F;         ///< minimum share of these with a confirmed mirror surface in front
+constexpr float kLeastMirror = 1.0F / 4000.0F;  ///< minimum share of the sphere of the latter
+constexpr int kBesideConfirmed = 4;  ///< distance from a confirmed cell up to which points are removed [cells]
 
-/// What is known of a cell, for each plane a bit: its point lies behind the plane; it is the mirror image of what
-/// others see.
+/// Evidence of a cell, two bits per plane: its point lies behind the plane; it is a mirror image.
 PMSP_HD std::uint32_t behind_bit(int plane) { return 1U << static_cast<unsigned>(plane); }
 PMSP_HD std::uint32_t mirrored_bit(int plane) { return 1U << static_cast<unsigned>(kWidePlanes + plane); }
 
@@ -36,7 +35,7 @@ PMSP_HD MaskOf<F> has_bit(const UIntOf<F>& word, std::uint32_t bit) {
   return from_uint<F>(UIntOf<F>(word & UIntOf<F>(bit))) > F(0);
 }
 
-/// Which cells' points lie behind a plane, and are mirror images; a stage over the cells.
+/// Finds cells with points behind planes, and mirror images among them; a stage over the cells.
 struct FindMirrored {
   static constexpr int kCounts = 0;
 
@@ -47,7 +46,7 @@ struct FindMirrored {
   FreeSpaceLimits limits;
   const WidePlane* planes;
   std::uint32_t* evidence;
-  std::uint32_t* confirmed;  ///< becomes 0
+  std::uint32_t* confirmed;  ///< set to 0
 
   PMSP_HD int width() const { return grid.width / kRangeCell; }
   PMSP_HD int height() const { return grid.height / kRangeCell; }
@@ -82,7 +81,7 @@ struct FindMirrored {
   }
 };
 
-/// Where others have a plane's surface in front of what lies behind it; a stage over the cells of all viewers.
+/// Finds points of others on a plane, in front of points behind it; a stage over the cells of all viewers.
 struct ConfirmMirrors {
   static constexpr int kCounts = 0;
 
@@ -95,7 +94,7 @@ struct ConfirmMirrors {
   int count;
   const WidePlane* planes;
   const std::uint32_t* evidence;
-  std::uint32_t* confirmed;  ///< of a plane the bit that it has in `evidence` where something lies behind it
+  std::uint32_t* confirmed;  ///< `behind_bit` of each plane with a confirmed surface in front of the cell's point
 
   PMSP_HD int cell_rows() const { return grid.height / kRangeCell; }
   PMSP_HD int width() const { return grid.width / kRangeCell; }
@@ -103,7 +102,7 @@ struct ConfirmMirrors {
 
   template <class F>
   PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
-    constexpr float kOneSurface = 1.1F;  // depths of a cell, at most
+    constexpr float kOneSurface = 1.1F;  // maximum ratio of depths in a cell
     using U = UIntOf<F>;
     using I = IntOf<F>;
     const Witness& viewer = viewers[at.row / cell_rows()];
@@ -113,7 +112,7 @@ struct ConfirmMirrors {
     const F farthest = gather<F>(viewer.ranges.farthest, cell);
     const MaskOf<F> known = (nearest > F(0)) & (farthest <= F(kOneSurface) * nearest);
     if (!any(known)) return;
-    // In the middle of the cell; as good as a unit vector.
+    // Centre of the cell; approximately a unit vector.
     const I column = at.column * I(kRangeCell);
     const I row(cell_row * kRangeCell);
     const Vec3<F> bearing =
@@ -139,14 +138,13 @@ struct ConfirmMirrors {
   }
 };
 
-/// How much lies behind each plane, is a mirror image, and is one behind the mirror's surface; by solid angle, in whole
-/// numbers.
+/// Solid angles of the points behind each plane, of mirror images, and of those behind a confirmed surface; integers.
 struct MirrorCounts {
   int behind[kWidePlanes], mirrored[kWidePlanes], confirmed[kWidePlanes];
 };
 
-constexpr int kCountColumns = 16;  ///< parts of a row of cells that are counted apart
-constexpr int kMirrorSums = 128;   ///< that the counts are summed to
+constexpr int kCountColumns = 16;  ///< parts of a row of cells, counted separately
+constexpr int kMirrorSums = 128;   ///< number of partial sums of the counts
 
 /// Counts each part of each row of cells; a stage over the parts.
 struct CountMirrored {
@@ -206,13 +204,13 @@ struct SumMirrored {
   }
 };
 
-/// Leaves the planes that are mirrors; a stage over the planes. Behind a mirror no camera has been.
+/// Removes planes that are no mirrors, including those with a camera behind them; a stage over the planes.
 struct ChooseMirrors {
   static constexpr int kCounts = 0;
 
   const MirrorCounts* sums;          ///< of SumMirrored
-  int cells;                         ///< of the sphere
-  Vec3<float> viewers[kMaxViewers];  ///< where they are, in the keyframe's frame
+  int cells;                         ///< number on the sphere
+  Vec3<float> viewers[kMaxViewers];  ///< positions in the keyframe's frame
   int viewer_count;
   WidePlane* planes;
 
@@ -237,14 +235,15 @@ struct ChooseMirrors {
   }
 };
 
-/// What is known of a keyframe's mirrors in the end.
+/// Result of the search for mirrors in a keyframe.
 struct MirrorView {
-  const WidePlane* mirrors;  ///< kWidePlanes; nullptr = none are looked for
+  const WidePlane* mirrors;  ///< kWidePlanes; nullptr = disabled
   const std::uint32_t* evidence;
   const std::uint32_t* confirmed;
 };
 
-/// Whether a keyframe's point is what a mirror shows. `at`: the pixel.
+/// Whether a keyframe's point is a mirror image, or lies behind a mirror next to its confirmed surface. `at`: the
+/// pixel.
 template <class F>
 PMSP_HD MaskOf<F> is_mirrored(const MirrorView& view, const GridView& grid, const Place<F>& at, const Vec3<F>& point) {
   const GridView cells{grid.width / kRangeCell, grid.height / kRangeCell, nullptr, nullptr, nullptr, nullptr};

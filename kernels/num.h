@@ -7,14 +7,14 @@
 
 #include "hd.h"
 
-// Kernels are templates over their number type F: float (one pixel; also a CUDA thread), double (the reference of the
-// tests) or a SIMD batch of floats (one pixel a lane; src/cpu/batch.h). What they need of F besides + - * / and
-// comparisons stands here for the scalars; for batches the same names are found by argument-dependent look-up. All
-// round correctly, so that a lane gives the scalar's bits wherever both fuse multiply-adds, or neither does.
+// Kernels are templates over their number type F: float (one pixel; also a CUDA thread), double (reference of the
+// tests) or a SIMD batch of floats (one pixel per lane; src/cpu/batch.h). Operations besides + - * / and comparisons
+// are defined here for scalars; for batches the same names are found by argument-dependent lookup. All round correctly,
+// so that a lane has the bits of the scalar if both fuse multiply-adds, or neither does.
 namespace pmsp::kernels {
 
-/// What goes with a number type: Int (signed, 32 bits a lane), UInt, Mask (result of a comparison), kLanes, and the
-/// operations whose result has another type.
+/// Types and operations of a number type: Int (signed, 32 bits per lane), UInt, Mask (result of a comparison), kLanes,
+/// and operations whose result has another type.
 template <class F>
 struct Num;
 
@@ -91,7 +91,7 @@ PMSP_HD double select(bool mask, double a, double b) { return mask ? a : b; }
 PMSP_HD bool any(bool mask) { return mask; }
 PMSP_HD bool all(bool mask) { return mask; }
 
-/// As SIMD instructions have them: `b` where neither is the smaller (larger) one, as with NaN.
+/// As SIMD instructions: `b` if neither is smaller (larger), as with NaN.
 PMSP_HD float min(float a, float b) { return a < b ? a : b; }
 PMSP_HD double min(double a, double b) { return a < b ? a : b; }
 PMSP_HD float max(float a, float b) { return a > b ? a : b; }
@@ -102,8 +102,9 @@ PMSP_HD double abs(double a) { return ::fabs(a); }
 PMSP_HD float sqrt(float a) { return ::sqrtf(a); }
 PMSP_HD double sqrt(double a) { return ::sqrt(a); }
 
-/// a * b + c. Fused (rounded once) where the machine that the compiler aims at has that for F; elsewhere it would be a
-/// library call, so that a plain x86-64 build rounds host floats twice. Always plain for doubles, the tests' reference.
+/// a * b + c. Fused (rounded once) if the target of the compiler has an instruction for it; otherwise it would be a
+/// library call, so that a plain x86-64 build rounds host floats twice. Never fused for doubles, the reference of the
+/// tests.
 #if defined(__FMA__) || defined(__ARM_FEATURE_FMA)
 PMSP_HD float fma(float a, float b, float c) { return ::fmaf(a, b, c); }
 #else
@@ -111,7 +112,7 @@ PMSP_HD float fma(float a, float b, float c) { return a * b + c; }
 #endif
 PMSP_HD double fma(double a, double b, double c) { return a * b + c; }
 
-/// Whole part of a number >= 0 (or above -1, which gives 0) that fits an Int.
+/// Integer part of a number >= 0 (or above -1, which gives 0) that fits an Int.
 template <class F>
 PMSP_HD F whole(const F& a) {
   return Num<F>::whole(a);
@@ -121,7 +122,7 @@ PMSP_HD IntOf<F> to_int(const F& a) {
   return Num<F>::to_int(a);
 }
 
-/// Lanes of Int or UInt as F. Values of UInt stay below 2^31.
+/// Converts Int or UInt to F. UInt must be below 2^31.
 template <class F>
 PMSP_HD F from_int(const IntOf<F>& a) {
   return Num<F>::from_int(a);
@@ -131,19 +132,19 @@ PMSP_HD F from_uint(const UIntOf<F>& a) {
   return Num<F>::from_uint(a);
 }
 
-/// The same number; of numbers >= 0.
+/// Converts an Int >= 0 to UInt.
 template <class F>
 PMSP_HD UIntOf<F> as_uint(const IntOf<F>& a) {
   return Num<F>::as_uint(a);
 }
 
-/// The other way round, of numbers >= 0.
+/// Converts a number >= 0 to UInt.
 template <class F>
 PMSP_HD UIntOf<F> to_uint(const F& a) {
   return Num<F>::to_uint(a);
 }
 
-/// The 32 bits that stand for a number, and the number that they stand for.
+/// Bit pattern of a number, and number of a bit pattern.
 template <class F>
 PMSP_HD UIntOf<F> bits_of(const F& a) {
   return Num<F>::bits(a);
@@ -158,7 +159,7 @@ PMSP_HD UIntOf<F> select_bits(const MaskOf<F>& mask, const UIntOf<F>& bits) {
   return bits_of<F>(select(mask, of_bits<F>(bits), F(0)));
 }
 
-/// One element per lane from an array in memory.
+/// One element per lane from an array.
 template <class F>
 PMSP_HD F gather(const float* data, const IntOf<F>& index) {
   return Num<F>::gather(data, index);
@@ -176,13 +177,13 @@ PMSP_HD Halves<UIntOf<F>> gather_halves(const std::uint64_t* data, const IntOf<F
   return Num<F>::gather(data, index);
 }
 
-/// As many elements as there are lanes, from element k (any number > -count) of a ring of `count` on.
+/// Consecutive elements of a ring of `count`, one per lane, from element k (any number > -count).
 template <class F>
 PMSP_HD F load_ring(const float* ring, int k, int count) {
   return Num<F>::load_ring(ring, k, count);
 }
 
-/// Writes the first `count` lanes, or all of them. `value`: an F or a UInt; bytes are `stride` apart.
+/// Writes the first `count` lanes, or all if there are fewer. `value`: an F or a UInt; bytes are `stride` apart.
 template <class F, class V, class T>
 PMSP_HD void store(const V& value, T* to, int count) {
   Num<F>::store(value, to, count);
@@ -192,7 +193,7 @@ PMSP_HD void store_bytes(const UIntOf<F>& value, std::uint8_t* to, int stride, i
   Num<F>::store_bytes(value, to, stride, count);
 }
 
-/// 2 to the power of a whole number between -126 and 127.
+/// 2 to the power of an integer between -126 and 127.
 template <class F>
 PMSP_HD F pow2(const IntOf<F>& exponent) {
   return Num<F>::pow2(exponent);

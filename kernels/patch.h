@@ -6,44 +6,44 @@
 #include "elementary.h"
 #include "plane.h"
 
-// The photometric score of a plane: bilaterally weighted normalised cross-correlation (NCC) between a patch on the
-// tangent plane of the reference pixel and what the plane makes of it in a neighbouring view. The patch is a regular
-// grid on the tangent plane, so it has one angular size everywhere on the sphere, and a plane maps it to the neighbour
-// by a homography: three multiply-adds a sample, no trigonometry.
+// Photometric score of a plane: bilaterally weighted normalised cross-correlation (NCC) between a patch on the tangent
+// plane of the reference pixel and its warp into a source view. The patch is a regular grid on the tangent plane: it
+// has one angular size everywhere on the sphere, and a plane maps it to the source view by a homography with three
+// multiply-adds per sample, without trigonometry.
 namespace pmsp::kernels {
 
 constexpr int kPatchSide = 6;  ///< samples along one side
 constexpr int kPatchSamples = kPatchSide * kPatchSide;
-constexpr int kMaxViews = 8;  ///< neighbour views of one depth map
+constexpr int kMaxViews = 8;  ///< source views of one depth map
 
-/// How patches are taken. All of it is the same for all pixels.
+/// Parameters of patches, common to all pixels.
 struct PatchLayout {
   float spacing;                           ///< distance of samples on the tangent plane (tangent of the angle)
-  float fine_spacing;                      ///< the same where the fine patch has texture enough to be told from others
-  float fine_variance;                     ///< that much: variance [gray levels squared]
+  float fine_spacing;                      ///< the same for the fine patch
+  float fine_variance;                     ///< minimum variance of the fine patch [gray levels squared]
   float min_sigma_color;                   ///< bilateral weights: smallest and largest standard deviation
   float max_sigma_color;                   ///< [gray levels]
   float space_weight[kPatchSamples];       ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
-  float fine_space_weight[kPatchSamples];  ///< those of the fine patch
-  float min_variance;                      ///< variance (gray levels squared) that is noise rather than texture
-  float disagreement_cost;       ///< what leaving a neighbour's surface by the tolerance or more takes off a score
-  float disagreement_tolerance;  ///< relative depth
+  float fine_space_weight[kPatchSamples];  ///< of the fine patch
+  float min_variance;            ///< variance of noise [gray levels squared]; patches with no more texture score low
+  float disagreement_cost;       ///< maximum penalty for deviation from a source view's surface
+  float disagreement_tolerance;  ///< relative depth difference from which on the penalty is maximal
 };
 
 /// Offset of sample i (0 to kPatchSide - 1) from the centre, in steps of `spacing`.
 PMSP_HD float patch_offset(int i) { return static_cast<float>(i) - 0.5F * static_cast<float>(kPatchSide - 1); }
 
-/// What a reference pixel's patch contributes to all scores at this pixel: computed once for all planes and views.
-/// Whatever holds a patch more tightly (src/cuda/shared_patch.h) has the same members and rounds what it is given.
+/// Contribution of a reference pixel's patch to all its scores: computed once for all planes and views. More compact
+/// types (src/cuda/shared_patch.h) have the same members and round the values.
 template <class F>
 struct ReferencePatch {
   F weights[kPatchSamples];
   F contrasts[kPatchSamples];
-  F center;        ///< gray value; scores are made of differences from it, which are small, so that rounding is too
+  F center;        ///< gray value; scores use differences from it, which are small, as is their rounding error
   F variance;      ///< of the patch [gray levels squared]
-  F weight_sum;    ///< 1 but for rounding
-  F contrast_sum;  ///< 0 but for rounding
-  MaskOf<F> fine;  ///< whether it is the fine one, which varies enough
+  F weight_sum;    ///< 1 except for rounding
+  F contrast_sum;  ///< 0 except for rounding
+  MaskOf<F> fine;  ///< whether it is the fine patch
 
   PMSP_HD F weight(int k) const { return weights[k]; }      ///< bilateral weight
   PMSP_HD F contrast(int k) const { return contrasts[k]; }  ///< weight * (gray - mean) / standard deviation
@@ -53,13 +53,13 @@ struct ReferencePatch {
   }
 };
 
-/// The frame of a pixel: its bearing and the two tangent vectors, scaled to the patch's spacing.
+/// Frame of a pixel: bearing, and two tangent vectors of the length of the sample spacing.
 template <class F>
 struct PatchFrame {
   Vec3<F> bearing, right, down;
 };
 
-/// The frame of a pixel, of the sines and cosines of its longitude and latitude.
+/// Frame from the sines and cosines of a pixel's longitude and latitude.
 template <class F>
 PMSP_HD PatchFrame<F> patch_frame(const F& sin_lon, const F& cos_lon, const F& sin_lat, const F& cos_lat,
                                   const F& spacing) {
@@ -67,14 +67,15 @@ PMSP_HD PatchFrame<F> patch_frame(const F& sin_lon, const F& cos_lon, const F& s
           spacing * tangent_down(sin_lon, cos_lon, sin_lat, cos_lat)};
 }
 
-/// Standard deviation of the bilateral weights over how far the patch's gray values spread around the centre's. Spread
-/// is what 15 of the 36 samples keep within: half a patch of plaster beside a silhouette has little of it, and then the
-/// silhouette's edge has no say; a patch that is textured all over keeps all its samples. Where there is texture, fewer
-/// of them tell enough, and tighter weights keep edges better; without it, the weak edges around are all that there is.
+/// Standard deviation of the bilateral weights over the spread of the patch's gray values around the centre's. Spread
+/// is the deviation of 15 of the 36 samples: half a patch of plaster beside a silhouette has a small one, which
+/// excludes the silhouette's edge; a patch with texture all over keeps all samples. Fine patches have enough texture
+/// for tighter weights, which keep edges better; without texture, weak edges in the surroundings are the only
+/// information.
 constexpr float kSigmaPerSpread = 3.0F;
 constexpr float kFineSigmaPerSpread = 1.5F;
 
-/// `per_spread`: one of the two.
+/// `per_spread`: kSigmaPerSpread or kFineSigmaPerSpread.
 template <class F, class Patch>
 PMSP_HD F sigma_color(const Patch& patch, const PatchLayout& layout, const F& per_spread) {
   F low(0);
@@ -91,11 +92,11 @@ PMSP_HD F sigma_color(const Patch& patch, const PatchLayout& layout, const F& pe
   return min(max(per_spread * high, F(layout.min_sigma_color)), F(layout.max_sigma_color));
 }
 
-/// Logarithm of a sample's least weight: half precision, in which a GPU keeps weights, still holds all 36 of them.
+/// Minimum logarithm of a sample's weight: representable for all 36 in half precision, in which a GPU keeps weights.
 constexpr float kLeastLogWeight = -9.0F;
 
-/// `Cube`: CubeView, or any other type for which `sample` and `is_empty` are there. `Patch`: ReferencePatch<F> or
-/// alike. `fine`: whether the frame is that of the fine patch.
+/// `Cube`: CubeView, or another type with `sample` and `is_empty`. `Patch`: ReferencePatch<F> or compatible. `fine`:
+/// whether the frame is that of the fine patch.
 template <class Patch, class F, class Cube>
 PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& frame, const PatchLayout& layout,
                         const MaskOf<F>& fine) {
@@ -137,23 +138,24 @@ PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& fr
   }
 }
 
-/// The type of a depth map's planes that goes with that of an image.
+/// Type of plane maps that belongs to a type of images.
 template <class Cube>
 struct SurfaceOf {
   using Type = PlaneMapView;
 };
 
-/// One neighbour view: its image and `view_from_ref`.
+/// Source view: image and `view_from_ref`.
 template <class Cube>
 struct SourceView {
   Cube image;
-  Cube usable;  ///< 255 where a patch may be matched, 0 where the mask forbids it; empty = everywhere
+  Cube usable;  ///< 255 where a patch may be matched, 0 near masked pixels; empty = no mask
   Rigid view_from_ref;
-  typename SurfaceOf<Cube>::Type surface;  ///< its depth map so far; empty = not known
+  typename SurfaceOf<Cube>::Type surface;  ///< its plane map so far; empty = unknown
 };
 
-/// NCC of the reference patch with one neighbour under a plane, in [-1, 1]. A direction x of the reference meets the
-/// plane at x / (plane . x); up to that length the neighbour sees it along R x + t (plane . x), which is linear in x.
+/// NCC of the reference patch with a source view under a plane, in [-1, 1]. A direction x of the reference meets the
+/// plane at x / (plane . x); the direction in the source view is R x + t (plane . x), up to its length, which is linear
+/// in x.
 template <class Patch, class F, class Cube>
 PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view, const Vec3<F>& plane,
                      const PatchLayout& layout) {
@@ -190,16 +192,16 @@ PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const Sourc
   return select(sample(view.usable, center) > F(127), score, F(-1));
 }
 
-/// What a neighbour says of a plane.
+/// Result of a source view for a plane.
 template <class F>
 struct Opinion {
-  F score;  ///< view_score, less what its own depth map has against the plane
-  F seen;   ///< 0 where that has a surface in front of the plane, 1 where it has not, and in between
+  F score;  ///< view_score, less the penalty by its own depth map
+  F seen;   ///< visibility: 0 = its surface hides the plane, 1 = it does not, and in between
 };
 
-/// A wrong depth that looks alike in one pair of images rarely does in another: leaving the neighbour's surface costs
-/// (Schoenberger et al. 2016; Xu and Tao 2019). Behind the surface there may be another one that the neighbour cannot
-/// see; where there is no texture, nothing speaks for that.
+/// Penalty for deviation from the source view's surface: a wrong depth that looks alike in one pair of images rarely
+/// does in another (Schoenberger et al. 2016; Xu and Tao 2019). A plane behind that surface may be hidden from the
+/// source view; without texture there is no evidence for that.
 template <class Patch, class F, class Cube>
 PMSP_HD Opinion<F> opinion(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view,
                            const Vec3<F>& plane, const PatchLayout& layout) {
@@ -211,17 +213,18 @@ PMSP_HD Opinion<F> opinion(const Patch& patch, const PatchFrame<F>& frame, const
           select(patch.fine, min(max(F(2) - off, F(0)), F(1)), F(1))};
 }
 
-/// What each view has to say about a pixel's planes. A view that does not see the surface finds every plane poor, the
-/// one that the pixel has, too; by that it is known (Zheng et al. 2014; Xu and Tao 2019 ask several planes).
+/// Weights of the source views at a pixel. A view that does not see the surface gives low scores to every plane, the
+/// current one included, which reveals it (Zheng et al. 2014; Xu and Tao 2019 use several planes).
 template <class F>
 struct ViewWeights {
   F of[kMaxViews];
 };
 
-/// Standard deviation of a view's score, from 1, over which its weight falls. Measured: .1 and .3 find less.
+/// Standard deviation for the weight of a view: difference of its score from 1.
 constexpr float kSigmaOfViewScore = 0.15F;
 
-/// Fewer views are all heard alike. Of two, the better half is one already; weights would leave only that.
+/// Minimum number of views for weights. With two, the better half is a single view already, and weights would leave
+/// only that.
 constexpr int kLeastWeighedViews = 3;
 
 template <class F>
@@ -229,14 +232,13 @@ PMSP_HD void weigh_alike(ViewWeights<F>& weights) {
   for (F& weight : weights.of) weight = F(1);
 }
 
-/// All views are heard alike where not `where`.
+/// Makes weights equal, except for pixels of `where`.
 template <class F>
 PMSP_HD void weigh_only(ViewWeights<F>& weights, const MaskOf<F>& where) {
   for (F& weight : weights.of) weight = select(where, weight, F(1));
 }
 
-/// Weight of a view, of its opinion of the plane that the pixel has. It stays above 0: where no view finds that plane
-/// good, all are heard.
+/// Weight of a view from its score of the current plane. Above 0: if no view gives a good score, all count.
 template <class F>
 PMSP_HD F view_weight(const F& score) {
   constexpr float kFactor = -0.5F / (kSigmaOfViewScore * kSigmaOfViewScore);
@@ -244,11 +246,10 @@ PMSP_HD F view_weight(const F& score) {
   return kernels::exp(max(F(kFactor) * off * off, F(-30)));
 }
 
-/// Score of a plane over all views: half the mean over the better half of them, half the weighted mean over all (two
-/// views: 0.75 and 0.25). In the better half, a view that does not see the surface has no say; all together are less
-/// noisy. Half of each measured best. In the weighted mean, views from which this plane is hidden have no say, unless
-/// it is hidden from all. The order of the views does not matter. `weigh`: the plane is the one that the pixel has; the
-/// weights are made from what the views say of it, and used.
+/// Score of a plane over all views: half the mean over their better half, half the weighted mean over all (two views:
+/// 0.75 and 0.25). The better half excludes views that do not see the surface; the mean over all has less noise. The
+/// weighted mean excludes views from which this plane is hidden, unless it is hidden from all. Independent of the order
+/// of views. `weigh`: the plane is the pixel's current one; the weights are computed from its scores.
 template <class Patch, class F, class Cube>
 PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>* views, int num_views,
                       const Vec3<F>& plane, const PatchLayout& layout, ViewWeights<F>& weights, bool weigh) {

@@ -6,19 +6,19 @@
 #include "rigid.h"
 #include "vec3.h"
 
-// A hypothesis is a plane, written as the vector v with v . X = 1 for all its points X (camera frame). The range along
-// a unit bearing b is 1 / (v . b); the unit normal that faces the camera is -v / |v|. One vector per pixel therefore
-// holds depth and normal, and a neighbour's plane is a candidate as it stands. The zero vector means "no plane". What
-// is too far for any parallax, such as the sky, has a plane whose inverse depth lies below kFarLimit; it makes no
-// point, and stands behind everything else.
+// A hypothesis is a plane, stored as the vector v with v . X = 1 for all its points X (camera frame). The range along a
+// unit bearing b is 1 / (v . b); the unit normal that faces the camera is -v / |v|. One vector per pixel thus holds
+// depth and normal, and a neighbour's plane can be used without conversion. The zero vector means "no plane". Surfaces
+// too far for parallax, such as the sky, have far planes with an inverse depth below kFarLimit; they yield no points,
+// and lie behind everything else.
 namespace pmsp::kernels {
 
-/// Inverse depth of far pixels, in any unit: their planes still turn and scale without underflow.
+/// Inverse depth of far planes, in any unit: rotation and scaling do not underflow.
 constexpr float kFarInverseDepth = 1e-12F;
-/// Far planes lie below, all others above.
+/// Upper limit for far planes, lower limit for others.
 constexpr float kFarLimit = 1e-9F;
 
-/// The plane of a far pixel.
+/// Far plane of a pixel.
 template <class F>
 PMSP_HD Vec3<F> far_plane(const Vec3<F>& bearing) {
   return F(kFarInverseDepth) * bearing;
@@ -29,7 +29,7 @@ PMSP_HD MaskOf<F> is_far(const F& inverse_depth) {
   return (inverse_depth > F(0)) & (inverse_depth < F(kFarLimit));
 }
 
-/// What a plane must satisfy at a pixel.
+/// Limits of a pixel's planes.
 struct PlaneLimits {
   float min_inverse_depth;  ///< 1 / largest depth
   float max_inverse_depth;  ///< 1 / smallest depth
@@ -44,8 +44,7 @@ PMSP_HD MaskOf<F> is_allowed(const Vec3<F>& plane, const Vec3<F>& bearing, const
          (inverse_depth * inverse_depth >= F(limits.min_cos2_slant) * dot(plane, plane));
 }
 
-/// The plane through depth * bearing with the (unit or not) normal `normal`, which faces the camera: normal . bearing <
-/// 0.
+/// Plane through the point of this inverse depth. `normal`: of any length, facing the camera: normal . bearing < 0.
 template <class F>
 PMSP_HD Vec3<F> plane_from(const F& inverse_depth, const Vec3<F>& normal, const Vec3<F>& bearing) {
   return (inverse_depth / dot(normal, bearing)) * normal;
@@ -57,7 +56,7 @@ PMSP_HD Vec3<F> random_offset(const RandomKey& key, const UIntOf<F>& pixel, std:
           uniform_signed<F>(key, pixel, draw + 2)};
 }
 
-/// A random plane: depth log-uniform between the limits, normal within about 60 degrees of the ray. Draws 0 to 3.
+/// Random plane: depth log-uniform between the limits, normal within about 60 degrees of the ray. Draws 0 to 3.
 template <class F>
 PMSP_HD Vec3<F> random_plane(const RandomKey& key, const UIntOf<F>& pixel, std::uint32_t draw, const Vec3<F>& bearing,
                              const PlaneLimits& limits, float log_depth_span) {
@@ -67,7 +66,7 @@ PMSP_HD Vec3<F> random_plane(const RandomKey& key, const UIntOf<F>& pixel, std::
   return plane_from(inverse_depth, select(facing, normal, F(-1) * bearing), bearing);
 }
 
-/// The plane moved at random: inverse depth by a relative step of at most `depth_step`, unit normal by at most
+/// Random change of a plane: inverse depth by a relative step of at most `depth_step`, unit normal by at most
 /// `normal_step` along each axis. Draws 0 to 3.
 template <class F>
 PMSP_HD Vec3<F> perturbed(const Vec3<F>& plane, const RandomKey& key, const UIntOf<F>& pixel, std::uint32_t draw,
@@ -78,8 +77,8 @@ PMSP_HD Vec3<F> perturbed(const Vec3<F>& plane, const RandomKey& key, const UInt
   return plane_from(inverse_depth, select(facing, normal, F(-1) * bearing), bearing);
 }
 
-/// The plane of another camera's frame in this one: v . (R X + t) = 1 becomes (R^T v) . X = 1 - v . t. Zero when the
-/// camera lies on the plane or behind it. From centre to centre: good enough for a plane to begin with.
+/// Plane of another camera's frame in this one: v . (R X + t) = 1 becomes (R^T v) . X = 1 - v . t. Zero if the camera
+/// lies on the plane or behind it. From centre to centre, without lenses: accurate enough for initial planes.
 template <class F>
 PMSP_HD Vec3<F> moved_plane(const Vec3<F>& plane, const Rigid& from_here) {
   const F rest = F(1) - dot(plane, translation<F>(from_here));

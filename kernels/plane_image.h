@@ -5,7 +5,7 @@
 
 namespace pmsp::kernels {
 
-/// A map's planes as a user receives them (pmsp::PlaneMap); a stage.
+/// Planes of a map for the user (pmsp::PlaneMap); a stage.
 template <class Machine>
 struct PlaneImage {
   static constexpr int kCounts = 0;

@@ -7,55 +7,55 @@
 #include "plane.h"
 #include "stage.h"
 
-// Planes for surfaces without texture, through the reliable surface around them (what ACMP's planar prior is for, Xu
-// and Tao 2020, but without a triangulation). The sphere is divided into cells. A cell's support is the point of the
-// depth map in it that the picture tells best. From cells that have unsure pixels one looks along great circles in all
-// directions for the first support; the plane that explains best what one finds is the cell's prior, its own or that of
-// another cell. Three supports that surround a cell define its own: priors fill in between what is known, they do not
-// extend it. A cell's functions are branchy and therefore in plain floats; there are few cells. Where no plane is
-// found, a depth image from elsewhere may give one (Keyframe::prior_depth), if the reliable surface around agrees with
-// it.
+// Prior planes for surfaces without texture, from the reliable surface around them (after ACMP's planar prior, Xu and
+// Tao 2020, but without a triangulation). The sphere is divided into cells. A cell's support is the point of its depth
+// map with the best image evidence. For cells with unsure pixels, the first support is searched along great circles in
+// all directions; the plane that explains these supports best, fitted to them or adopted from another cell, is the
+// cell's prior plane. Three supports that surround a cell define a fitted plane: priors interpolate between known
+// surfaces, they do not extrapolate. Functions of cells branch, and therefore use plain floats; cells are few. If no
+// plane is found, an external depth image may provide one (Keyframe::prior_depth), provided that it agrees with the
+// reliable surface around.
 namespace pmsp::kernels {
 
-constexpr int kPriorColumns = 160;        ///< of cells, at most
-constexpr int kPriorDirections = 16;      ///< in which supports are looked for
-constexpr float kPriorReach = 1.4F;       ///< how far [rad]: to the ends of a room's ceiling
-constexpr int kPriorMinSupports = 5;      ///< that must lie on the plane
-constexpr float kPriorTolerance = 0.02F;  ///< relative distance up to which they do, beside twice their own error ...
-constexpr float kMaxPriorTolerance = 0.06F;  ///< ... but no more than that
-/// What a support in front of the plane costs, beside one behind it: the edge of what stands in front of a wall belongs
-/// to that; nothing behind a wall is seen beside it but where it ends.
+constexpr int kPriorColumns = 160;           ///< maximum number of columns of cells
+constexpr int kPriorDirections = 16;         ///< directions of the search for supports
+constexpr float kPriorReach = 1.4F;          ///< distance of the search [rad]: to the ends of a room's ceiling
+constexpr int kPriorMinSupports = 5;         ///< minimum number of supports on the plane
+constexpr float kPriorTolerance = 0.02F;     ///< maximum relative distance of these, plus twice their own error ...
+constexpr float kMaxPriorTolerance = 0.06F;  ///< ... up to this maximum
+/// Cost of a support in front of the plane, relative to one behind it: the edge of an object in front of a wall is a
+/// support of the object; surfaces behind a wall are visible beside it only at its ends.
 constexpr float kOccluderCost = 0.6F;
-constexpr float kSupportMinScore = 0.7F;      ///< of a support's pixel
-constexpr float kSupportMaxError = 0.04F;     ///< relative, of its depth (matching_error) ...
-constexpr float kSupportSure = 0.01F;         ///< ... and less than that counts as that
-constexpr float kSupportTexture = 0.75F;      ///< variance that its patches share, of what makes a patch textured
-constexpr float kLeastSupportError = 0.003F;  ///< relative: what supports have in common
-constexpr float kSureError = 0.02F;           ///< relative, above which a pixel is unsure
-constexpr int kSupportMinNeighbours = 3;      ///< of the eight around it that must lie on its plane ...
-constexpr float kSupportTolerance = 0.01F;    ///< ... up to this relative distance: along an edge they do
-constexpr float kTexturePixels = 1.2F;        ///< distance of the samples by which texture is judged
-constexpr int kExternalMinSupports = 3;       ///< around a cell whose given plane is to be corrected
-constexpr float kExternalTolerance = 0.1F;    ///< relative distance up to which corrected planes agree with supports
-constexpr float kExternalMinShare = 0.6F;     ///< of the supports, the near ones counting more, that must agree
-constexpr int kAgreeingMinSupports = 4;       ///< that must lie on a plane which agrees with the given one
-constexpr float kAgreeingTolerance = 0.08F;   ///< relative distance up to which it does
-constexpr float kAgreeingMinCos = 0.9F;       ///< of the angle between their normals
-constexpr float kExternalCoplanar = 0.05F;    ///< relative distance up to which a support lies on the cell's plane
+constexpr float kSupportMinScore = 0.7F;      ///< minimum score of a support's pixel
+constexpr float kSupportMaxError = 0.04F;     ///< maximum relative error of its depth (matching_error)
+constexpr float kSupportSure = 0.01F;         ///< minimum error in comparisons
+constexpr float kSupportTexture = 0.75F;      ///< minimum common variance of its patches, over that of a textured patch
+constexpr float kLeastSupportError = 0.003F;  ///< relative error that supports have in common
+constexpr float kSureError = 0.02F;           ///< relative error above which a pixel is unsure
+constexpr int kSupportMinNeighbours = 3;      ///< minimum number of the eight pixels around a support on its plane ...
+constexpr float kSupportTolerance = 0.01F;    ///< ... up to this relative distance; fulfilled along an edge
+constexpr float kTexturePixels = 1.2F;        ///< distance of the samples that measure texture [px]
+constexpr int kExternalMinSupports = 3;     ///< minimum number of supports around a cell to correct its external plane
+constexpr float kExternalTolerance = 0.1F;  ///< maximum relative deviation of corrected external planes at supports
+constexpr float kExternalMinShare = 0.6F;   ///< minimum share of agreeing supports, weighted by proximity
+constexpr int kAgreeingMinSupports = 4;     ///< minimum number of supports on a plane that agrees with the external one
+constexpr float kAgreeingTolerance = 0.08F;  ///< maximum relative distance of such a plane from the external one
+constexpr float kAgreeingMinCos = 0.9F;      ///< minimum cosine between their normals
+constexpr float kExternalCoplanar = 0.05F;   ///< maximum relative distance of a support on the cell's plane
 
-// What may be sky (plane.h: far), in errors of the inverse depth that the picture tells:
-constexpr float kFarErrors = 2.5F;     ///< inverse depth up to which a pixel is far ...
-constexpr float kFarSure = 0.4F;       ///< ... if the error is at most this share of the least finite inverse depth
-constexpr float kFiniteErrors = 4.0F;  ///< inverse depth from which on a pixel is not far
-constexpr int kFarMinSupports = 3;     ///< that are far, around a cell that may be
-constexpr float kWhite = 250.0F;       ///< gray level from which on a bare surface may be overexposed sky
-constexpr float kWhiteCost = 0.3F;     ///< kOccluderCost, where nothing but whiteness speaks for sky
+// Sky (plane.h: far), in errors of the inverse depth that follow from the image:
+constexpr float kFarErrors = 2.5F;     ///< maximum inverse depth of a far pixel ...
+constexpr float kFarSure = 0.4F;       ///< ... with an error of at most this share of the minimum finite inverse depth
+constexpr float kFiniteErrors = 4.0F;  ///< minimum inverse depth of a finite pixel
+constexpr int kFarMinSupports = 3;     ///< minimum number of far supports around a far cell
+constexpr float kWhite = 250.0F;       ///< minimum gray level of bare surfaces that may be overexposed sky
+constexpr float kWhiteCost = 0.3F;     ///< kOccluderCost, if whiteness is the only evidence for sky
 
-/// The first support in each direction; (0, 0, 0) where there is none within reach.
+/// First support in each direction; (0, 0, 0) = none within reach.
 struct Surroundings {
   float x[kPriorDirections], y[kPriorDirections], z[kPriorDirections];
-  float errors[kPriorDirections];     ///< theirs, relative
-  float tightness[kPriorDirections];  ///< 1 / relative distance up to which they lie on a plane; 0 where there is none
+  float errors[kPriorDirections];     ///< of the supports, relative
+  float tightness[kPriorDirections];  ///< 1 / maximum relative distance of a support on a plane; 0 = no support
   int count;
 
   PMSP_HD Vec3<float> point(int d) const { return {x[d], y[d], z[d]}; }
@@ -68,63 +68,63 @@ struct Surroundings {
   }
 };
 
-/// A cell's prior; the zero plane = none.
+/// Prior plane of a cell; zero = none.
 struct PriorPlane {
   Vec3<float> plane;
-  int supports;  ///< that lie on it
-  float cost;    ///< how far all are off: sum of distances, in tolerances, each at most 1
+  int supports;  ///< number on the plane
+  float cost;    ///< sum of the distances of all supports [tolerances], each at most 1
 };
 
-/// No plane: what any other one is better than.
+/// No plane, with the maximum cost.
 PMSP_HD PriorPlane no_plane() { return {{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(kPriorDirections)}; }
 
-/// Of a share of a cell's pixels, the one that matches best among those that are sure enough.
+/// Best support in a share of a cell's pixels.
 struct SupportPixel {
   float cost;
-  int index;    ///< of the map; -1 = there is none
-  bool unsure;  ///< whether the share has unsure pixels
-  int pixels;   ///< of the share
-  int far;      ///< those of them that are far
+  int index;    ///< of the map; -1 = none
+  bool unsure;  ///< whether there are unsure pixels
+  int pixels;   ///< number
+  int far;      ///< number of far ones
 };
 
-/// All cells, in row order, and what they are made from.
+/// All cells, in row order, with input and intermediate results.
 template <class Machine>
 struct PriorCells {
-  typename Machine::Map map;  ///< so far
+  typename Machine::Map map;  ///< current planes
   typename Machine::Cube image;
   GridView grid;           ///< of the map
-  Baselines baselines;     ///< of the map's matching
+  Baselines baselines;     ///< to the source views
   float spacing;           ///< of samples (tangent of the angle)
   const float* variance;   ///< of the map's pixels, see DepthEvidence
   const float* certainty;  ///< likewise
-  float min_variance;      ///< less is no texture
-  float far_variance;      ///< less does not tell that something is far
+  float min_variance;      ///< minimum of textured patches
+  float far_variance;      ///< minimum as evidence for a far pixel
   PlaneLimits limits;
   int columns, rows;
-  const int* great_circles;     ///< where one gets from a row's first cell: index of the cell, [row][direction][step]
-  const Vec3<float>* external;  ///< planes of the cells that are known from elsewhere, 0 = none; nullptr = of no cell
+  const int* great_circles;     ///< cells along great circles from the first cell of a row: [row][direction][step]
+  const Vec3<float>* external;  ///< planes of the cells from an external depth image, 0 = none; nullptr = no image
   Vec3<float>* supports;        ///< points of the surface; (0, 0, 0) = none
-  float* errors;                ///< theirs, relative
+  float* errors;                ///< of the supports, relative
   unsigned char* unsure;        ///< whether a cell has unsure pixels
   Surroundings* around;
-  const PriorPlane* before;  ///< planes so far, of which those are chosen that are to be written
-  PriorPlane* found;         ///< to be written
-  SupportPixel* pixels;      ///< the best of each share: [cell][share]
-  PriorPlane* candidates;    ///< of the planes that a cell may take, the best of each share: [cell][share]
-  int shares;                ///< that a cell's pixels and planes are looked at in, for as many threads
-  int stride;                ///< from a cell to those whose planes it may choose
+  const PriorPlane* before;  ///< planes of the previous step
+  PriorPlane* found;         ///< output
+  SupportPixel* pixels;      ///< best of each share: [cell][share]
+  PriorPlane* candidates;    ///< best plane of each share: [cell][share]
+  int shares;                ///< number of parts of a cell's work, one per thread
+  int stride;                ///< distance to the cells with planes to adopt [cells]
 
   PMSP_HD Vec3<float> bearing_at(int x, int y) const { return kernels::bearing_at<float>(grid, x, y); }
 };
 
 PMSP_HD bool is_point(const Vec3<float>& p) { return dot(p, p) > 0.0F; }
 
-/// Whether a support is the direction of something far.
+/// Whether a support is the direction of a far surface.
 PMSP_HD bool is_far_point(const Vec3<float>& p) { return dot(p, p) > 1.0F / (kFarLimit * kFarLimit); }
-/// Whether it is a point that planes may go through.
+/// Whether it is a point that planes may contain.
 PMSP_HD bool is_finite_point(const Vec3<float>& p) { return is_point(p) && !is_far_point(p); }
 
-/// How many pixels two steps around lie on the plane of pixel (x, y).
+/// Number of the pixels two steps around pixel (x, y) on its plane.
 template <class Machine>
 PMSP_HD int neighbours_on_plane(const PriorCells<Machine>& cells, int x, int y, const Vec3<float>& plane) {
   int count = 0;
@@ -139,20 +139,20 @@ PMSP_HD int neighbours_on_plane(const PriorCells<Machine>& cells, int x, int y, 
   return count;
 }
 
-/// Relative error of a pixel's depth, as far as it follows from the picture.
+/// Relative error of a pixel's depth, as far as it follows from the image.
 template <class Machine>
 PMSP_HD float matching_error(const PriorCells<Machine>& cells, int index, float inverse_depth) {
   return matching_error(cells.variance[index], cells.certainty[index], score_at<float>(cells.map, index), cells.spacing,
                         inverse_depth);
 }
 
-/// Whether the picture alone does not tell a pixel's depth.
+/// Whether the image evidence for a pixel's depth is insufficient.
 template <class Machine>
 PMSP_HD bool is_unsure(const PriorCells<Machine>& cells, int index, float inverse_depth) {
   return cells.variance[index] < cells.min_variance || matching_error(cells, index, inverse_depth) > kSureError;
 }
 
-/// Error of a pixel's inverse depth, as far as it follows from the picture; huge where there is no texture.
+/// Error of a pixel's inverse depth, as far as it follows from the image; huge without texture.
 template <class Machine>
 PMSP_HD float inverse_error(const PriorCells<Machine>& cells, int index) {
   const float score = score_at<float>(cells.map, index);
@@ -160,8 +160,8 @@ PMSP_HD float inverse_error(const PriorCells<Machine>& cells, int index) {
   return matching_noise(cells.variance[index], score, cells.spacing) / (sqrt(cells.certainty[index]) + 1e-9F);
 }
 
-/// Whether the picture shows that a pixel is far: its parallax lies within the error, that of the largest finite depth
-/// would not.
+/// Whether the image shows that a pixel is far: its parallax lies within the error, which that of the largest finite
+/// depth does not.
 template <class Machine>
 PMSP_HD bool looks_far(const PriorCells<Machine>& cells, int index, float inverse_depth) {
   const float error = inverse_error(cells, index);
@@ -169,7 +169,7 @@ PMSP_HD bool looks_far(const PriorCells<Machine>& cells, int index, float invers
          inverse_depth < max(kFarErrors * error, cells.limits.min_inverse_depth + error);
 }
 
-/// The point of a pixel's plane that the picture tells best: on an edge beside the pixel, say.
+/// Point of a pixel's plane with the best image evidence, for instance on an edge beside the pixel.
 template <class Machine>
 PMSP_HD Vec3<float> best_known(const PriorCells<Machine>& cells, int x, int y) {
   const PatchFrame<float> frame = patch_frame(cells.grid.sin_lon[x], cells.grid.cos_lon[x], cells.grid.sin_lat[y],
@@ -179,7 +179,7 @@ PMSP_HD Vec3<float> best_known(const PriorCells<Machine>& cells, int x, int y) {
   return inverse > 0.0F ? (1.0F / inverse) * ray : Vec3<float>{0.0F, 0.0F, 0.0F};
 }
 
-/// Writes `pixels` of a cell: of a share of its pixels, in row order.
+/// Writes `pixels` of a cell, for a share of its pixels in row order.
 template <class Machine>
 PMSP_HD void examine_pixels(const PriorCells<Machine>& cells, int column, int row, int share) {
   SupportPixel best{2.0F * kSupportMaxError, -1, false, 0, 0};
@@ -212,7 +212,7 @@ PMSP_HD void examine_pixels(const PriorCells<Machine>& cells, int column, int ro
   cells.pixels[(row * cells.columns + column) * cells.shares + share] = best;
 }
 
-/// Bearing of the centre of a cell.
+/// Bearing of a cell's centre.
 PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
   const float pi = static_cast<float>(kPi);
   const float lon = ((static_cast<float>(column) + 0.5F) / static_cast<float>(columns) - 0.5F) * 2.0F * pi;
@@ -220,8 +220,7 @@ PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
   return bearing(sinf(lon), cosf(lon), sinf(lat), cosf(lat));
 }
 
-/// Writes `supports`, `errors` and `unsure` of a cell. The best of the pixels gives the support; of equal ones the
-/// first.
+/// Writes `supports`, `errors` and `unsure` of a cell. The best pixel becomes the support; of equal ones the first.
 template <class Machine>
 PMSP_HD void find_support(const PriorCells<Machine>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
@@ -253,12 +252,12 @@ PMSP_HD void find_support(const PriorCells<Machine>& cells, int column, int row)
   cells.supports[cell] = best_known(cells, x, y);
 }
 
-/// How many steps of one row of cells one looks along a great circle.
+/// Number of steps along a great circle, each of the height of a cell.
 PMSP_HD int great_circle_steps(int rows) {
   return static_cast<int>(kPriorReach / static_cast<float>(kPi) * static_cast<float>(rows));
 }
 
-/// Writes the first support in a direction from a cell that has unsure pixels.
+/// Writes the first support in a direction from a cell with unsure pixels.
 template <class Machine>
 PMSP_HD void find_surroundings(const PriorCells<Machine>& cells, int column, int row, int direction) {
   const int cell = row * cells.columns + column;
@@ -277,8 +276,8 @@ PMSP_HD void find_surroundings(const PriorCells<Machine>& cells, int column, int
   }
 }
 
-/// Whether directions, a bit each, leave no gap of more than half a turn: a cell in a wider one lies beyond what they
-/// tell.
+/// Whether directions, a bit each, leave no gap of more than half a turn. With a wider one, the cell lies outside the
+/// supports.
 PMSP_HD bool surround(std::uint32_t directions) {
   int gap = 0;
   for (int d = 0; d < 2 * kPriorDirections; ++d) {
@@ -288,8 +287,8 @@ PMSP_HD bool surround(std::uint32_t directions) {
   return true;
 }
 
-/// Takes the plane if it explains the surroundings better. `anywhere`: even where the supports on it do not surround
-/// the cell.
+/// Replaces `best` by a plane that explains the surroundings better. `anywhere`: also if the supports on it do not
+/// surround the cell.
 PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const Surroundings& around,
                       const Vec3<float>& bearing, const PlaneLimits& limits, int min_supports = kPriorMinSupports,
                       bool anywhere = false) {
@@ -298,7 +297,7 @@ PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const Surround
   float offs[kPriorDirections];
   float costs[kPriorDirections];
   PMSP_UNROLL
-  for (int d = 0; d < kPriorDirections; ++d) {  // without branches: compilers take several directions at a time
+  for (int d = 0; d < kPriorDirections; ++d) {  // without branches, so that compilers vectorise
     const float behind = (dot(plane, around.point(d)) - 1.0F) * around.tightness[d];
     const float off = min(abs(behind), 1.0F);
     offs[d] = around.tightness[d] > 0.0F ? off : 1.0F;
@@ -321,7 +320,7 @@ PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const Surround
   if (candidate.supports >= min_supports && (anywhere || surround(on_it))) best = candidate;
 }
 
-/// The plane through three points; zero where they lie on one with the camera.
+/// Plane through three points; zero if they are coplanar with the camera.
 PMSP_HD Vec3<float> plane_through(const Vec3<float>& a, const Vec3<float>& b, const Vec3<float>& c) {
   const Vec3<float> bc = cross(b, c);
   const float volume = dot(a, bc);
@@ -329,8 +328,7 @@ PMSP_HD Vec3<float> plane_through(const Vec3<float>& a, const Vec3<float>& b, co
   return (1.0F / volume) * (cross(a, b) + bc + cross(c, a));
 }
 
-/// Least squares over those of the surroundings that lie on the plane; the nearer to it and the more certain, the more
-/// they count.
+/// Least-squares plane of the supports that lie on `plane`, weighted by proximity to it and by certainty.
 PMSP_HD Vec3<float> refitted(const Surroundings& around, const Vec3<float>& plane) {
   Vec3<float> rows[3] = {};
   Vec3<float> sum{};
@@ -361,15 +359,15 @@ PMSP_HD int supports_around(const Surroundings& around) {
   return count;
 }
 
-/// Whether a cell looks for a plane of its own. Every other one takes over what its neighbours find (choose_plane):
-/// half the work, and no worse.
+/// Whether planes are fitted for a cell. Every other cell adopts those of its neighbours (choose_plane): half the work,
+/// with equal results.
 PMSP_HD bool has_candidates(int column, int row) { return ((column + row) & 1) == 0; }
 
-/// Writes `candidates` of a cell that has some: of a share of the planes through three supports that surround it, the
-/// one that explains the surroundings best.
+/// Writes `candidates` of a cell with has_candidates: the plane that explains the surroundings best, of a share of the
+/// planes through three supports that surround the cell.
 template <class Machine>
 PMSP_HD void try_planes(const PriorCells<Machine>& cells, int column, int row, int share) {
-  constexpr int kWide = kPriorDirections / 2;  // a wider gap, and the cell would lie outside the triangle
+  constexpr int kWide = kPriorDirections / 2;  // with a wider gap, the cell would lie outside the triangle
   constexpr int kNarrow = 3;                   // a narrower one makes no good triangle
   constexpr int kGaps = kWide - kNarrow + 1;
   const int cell = row * cells.columns + column;
@@ -393,7 +391,7 @@ PMSP_HD void try_planes(const PriorCells<Machine>& cells, int column, int row, i
   cells.candidates[cell * cells.shares + share] = best;
 }
 
-/// Takes the best of a cell's candidates if it explains the surroundings better, and refits what is the best then.
+/// Replaces `best` by the best candidate of a cell if that explains the surroundings better, and refits the result.
 template <class Machine>
 PMSP_HD void take_candidate(const PriorCells<Machine>& cells, int column, int row, PriorPlane& best) {
   const int cell = row * cells.columns + column;
@@ -407,8 +405,8 @@ PMSP_HD void take_candidate(const PriorCells<Machine>& cells, int column, int ro
   consider(best, refitted(around, best.plane), around, center, cells.limits);
 }
 
-/// Takes the far plane where it explains the surroundings better than `best`: all that is finite stands in front of it.
-/// Where too few supports around are far, only a white cell may be.
+/// Replaces `best` by the far plane if that explains the surroundings better: all finite supports lie in front of it.
+/// With too few far supports around, only white cells may be far.
 template <class Machine>
 PMSP_HD void consider_far(const PriorCells<Machine>& cells, int column, int row, PriorPlane& best) {
   const int cell = row * cells.columns + column;
@@ -439,19 +437,19 @@ PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
   cells.found[cell] = best;
 }
 
-/// How much a support says about a cell: the nearer, the more.
+/// Weight of a support for a cell: higher if nearer.
 PMSP_HD float support_weight(const Vec3<float>& p, const Vec3<float>& center) {
   return 1.0F / (max(1.0F - dot(center, p) / sqrt(dot(p, p)), 0.0F) + 0.002F);
 }
 
-/// By what the given plane at a support must be multiplied to reach it; 0 = there is none.
+/// Factor that moves the external plane at a support to the support; 0 = no external plane.
 template <class Machine>
 PMSP_HD float external_ratio(const PriorCells<Machine>& cells, const Vec3<float>& p) {
   const float external_plane = dot(cells.external[pixel_index(p, cells.columns, cells.rows)], p);
   return external_plane > 0.0F ? 1.0F / external_plane : 0.0F;
 }
 
-/// Mean of the ratios around a cell that differ from `from` by less than `tolerance`, and the share of those.
+/// Weighted mean of the factors around a cell that differ from `from` by less than `tolerance`, and their share of all.
 struct ExternalRatio {
   float ratio;
   float share;
@@ -479,7 +477,7 @@ PMSP_HD ExternalRatio mean_ratio(const PriorCells<Machine>& cells, const Surroun
   return mean;
 }
 
-/// Moves a plane so that it passes through the supports that nearly lie on it, by no more than they can tell.
+/// Moves a plane through the supports that nearly lie on it, as far as they determine it.
 PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surroundings& around) {
   Vec3<float> rows[3] = {};
   Vec3<float> sum{};
@@ -495,7 +493,7 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surrounding
     sum = fma(off, p, sum);
     squares += dot(p, p);
   }
-  const float hold = 0.02F * squares;  // against turning where supports lie in a line
+  const float hold = 0.02F * squares;  // against rotation if supports are collinear
   rows[0].x += hold;
   rows[1].y += hold;
   rows[2].z += hold;
@@ -506,8 +504,7 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surrounding
   return fma(1.0F / determinant, move, plane);
 }
 
-/// A cell's given plane, corrected by what the reliable surface around says of the given planes there. Zero where that
-/// does not agree with them.
+/// External plane of a cell, corrected by the factors of the reliable surface around. Zero if these do not agree.
 template <class Machine>
 PMSP_HD Vec3<float> corrected_external(const PriorCells<Machine>& cells, int column, int row) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
@@ -524,9 +521,9 @@ PMSP_HD Vec3<float> corrected_external(const PriorCells<Machine>& cells, int col
   return is_allowed(plane, center, cells.limits) ? plane : none;
 }
 
-/// The plane that four or more of the supports lie on, wherever they are, and that agrees with what is given: the given
-/// plane tells which supports belong to the cell's surface, these tell where that is. Zero where there is none.
-/// `told`: corrected_external, not zero.
+/// Plane of at least four supports, anywhere around the cell, that agrees with the external plane. The external plane
+/// selects the supports of the cell's surface, these determine its position. Zero if there is none. `external_plane`:
+/// corrected_external, not zero.
 template <class Machine>
 PMSP_HD Vec3<float> agreeing_plane(const PriorCells<Machine>& cells, int column, int row,
                                    const Vec3<float>& external_plane) {
@@ -556,14 +553,14 @@ PMSP_HD Vec3<float> agreeing_plane(const PriorCells<Machine>& cells, int column,
   return agrees(plane) && is_allowed(plane, center, cells.limits) ? plane : best.plane;
 }
 
-/// Whether a cell asks others for their planes.
+/// Whether a cell may adopt planes of other cells.
 template <class Machine>
 PMSP_HD bool queries_others(const PriorCells<Machine>& cells, int cell) {
   return cells.around[cell].count >= kPriorMinSupports;
 }
 
-/// Writes `candidates` of a cell: of a share of the planes of cells `stride` away, the one that explains the
-/// surroundings best.
+/// Writes `candidates` of a cell: the plane that explains the surroundings best, of a share of the planes of cells
+/// `stride` away.
 template <class Machine>
 PMSP_HD void query_others(const PriorCells<Machine>& cells, int column, int row, int share) {
   const int cell = row * cells.columns + column;
@@ -581,8 +578,8 @@ PMSP_HD void query_others(const PriorCells<Machine>& cells, int column, int row,
   cells.candidates[cell * cells.shares + share] = best;
 }
 
-/// Writes `found` of a cell: its plane of before, or that of another cell if that explains the surroundings better.
-/// Where there is none in the end: one that agrees with the given one, or else that.
+/// Writes `found` of a cell: its previous plane, or that of another cell if that explains the surroundings better.
+/// Without either after the last step: a plane that agrees with the external one, or else the external one.
 template <class Machine>
 PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
@@ -596,10 +593,10 @@ PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row)
   cells.found[cell] = best;
 }
 
-/// What is found for all cells, one after the other.
+/// Steps over all cells, one after the other.
 enum class PriorStep { kPixels, kSupports, kSurroundings, kCandidates, kPlanes, kOffers, kChoice };
 
-/// One of the steps; a stage over the cells, over the directions from each of them, or over the shares of each.
+/// A step; a stage over the cells, over the directions of each cell, or over its shares.
 template <class Machine, PriorStep step>
 struct PriorCellStep {
   static constexpr int kCounts = 0;
@@ -633,8 +630,9 @@ struct PriorCellStep {
   }
 };
 
-/// The prior of a pixel of the map; zero = none. That of a far cell is not for pixels whose finite depth the picture
-/// shows, unless they are white: what outshines an edge has the edge's depth in its patch.
+/// Prior plane of a pixel of the map; zero = none. Far planes of cells are not used for pixels with a finite depth
+/// according to the image, unless these are white: the patch of an overexposed pixel has the depth of the edge beside
+/// it.
 template <class Machine>
 PMSP_HD Vec3<float> prior_at(const PriorCells<Machine>& cells, int x, int y) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
@@ -650,7 +648,7 @@ PMSP_HD Vec3<float> prior_at(const PriorCells<Machine>& cells, int x, int y) {
   return may_be_far || sample(cells.image, bearing) >= kWhite ? plane : none;
 }
 
-/// What the picture tells of each pixel's depth; a stage.
+/// Image evidence of each pixel's depth; a stage.
 template <class Machine>
 struct FindEvidence {
   static constexpr int kCounts = 0;
@@ -675,13 +673,13 @@ struct FindEvidence {
   }
 };
 
-/// The priors of the pixels; a stage.
+/// Prior planes of the pixels; a stage.
 template <class Machine>
 struct PixelPriors {
   static constexpr int kCounts = 0;
 
   PriorCells<Machine> cells;
-  typename Machine::Planes to;  ///< without scores
+  typename Machine::Planes to;  ///< scores are 0
 
   PMSP_HD int width() const { return cells.map.width; }
   PMSP_HD int height() const { return cells.map.height; }

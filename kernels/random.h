@@ -3,8 +3,8 @@
 
 #include "num.h"
 
-// Counter-based random numbers: a draw is a pure function of (seed, keyframe, stage, pixel, draw), so that neither the
-// number of threads nor the order of work nor the machine changes it.
+// Counter-based random numbers: a draw is a pure function of (seed, keyframe, stage, pixel, draw), independent of the
+// number of threads, the order of work and the backend.
 namespace pmsp::kernels {
 
 /// Bijective mix of 32 bits: two rounds of multiply and xor-shift. Constants: Chris Wellons, "Prospecting for Hash

@@ -6,31 +6,31 @@
 #include "stage.h"
 #include "vec3.h"
 
-// What a keyframe's depth map says of a point of another one: it has the point on its surface, it has looked through
-// the point at something farther away, or it says nothing (the point is hidden, or the direction has no depth).
+// Evidence of a keyframe's depth map on a point of another keyframe: on the surface; seen through (the surface is
+// farther); or none (the point is hidden, or there is no depth in its direction).
 namespace pmsp::kernels {
 
-/// How far a keyframe has seen, in cells of several pixels, in row order.
+/// Range map of a keyframe: cells of several pixels, in row order.
 struct RangeMapView {
-  const float* nearest;   ///< smallest depth in the cell, 0 = none known
+  const float* nearest;   ///< smallest depth in the cell, 0 = none
   const float* farthest;  ///< largest depth
   int width, height;
 };
 
 struct FreeSpaceLimits {
-  float min_through;  ///< range over nearest depth below which a point has been looked through, below min_near
-  float min_near;     ///< from here on it lies on the surface,
-  float max_far;      ///< up to this range over farthest depth
+  float min_through;  ///< maximum range over nearest depth of a point that is seen through; below min_near
+  float min_near;     ///< minimum range over nearest depth of a point on the surface
+  float max_far;      ///< maximum range over farthest depth of a point on the surface
 };
 
-/// What a keyframe says of a point; at most one of the two.
+/// Evidence of a keyframe on a point; at most one of the two masks is set.
 template <class F>
 struct RangeVote {
   MaskOf<F> on_surface, through;
-  F square;  ///< of its distance from the point, in its unit
+  F square;  ///< squared distance of its camera from the point, in its unit
 };
 
-/// `point` in the first keyframe, not the place of the other camera.
+/// `point`: in the first keyframe, not at the other camera.
 template <class F>
 PMSP_HD RangeVote<F> range_vote(const Vec3<F>& point, const RangeMapView& other, const Rigid& other_from_first,
                                 const FreeSpaceLimits& limits) {
@@ -41,24 +41,24 @@ PMSP_HD RangeVote<F> range_vote(const Vec3<F>& point, const RangeMapView& other,
   const F nearest = gather<F>(other.nearest, index);
   const F farthest = gather<F>(other.farthest, index);
   const MaskOf<F> on_surface = (range >= nearest * F(limits.min_near)) & (range <= farthest * F(limits.max_far));
-  const MaskOf<F> through = range < nearest * F(limits.min_through);  // false where nothing is known
+  const MaskOf<F> through = range < nearest * F(limits.min_through);  // false without a depth
   return {on_surface, through, square};
 }
 
-/// Keyframes that can be asked: one bit each.
+/// Maximum number of viewers: one bit each.
 constexpr int kMaxViewers = 32;
 
-/// A keyframe that may have looked through a point.
+/// Viewer of the free-space test.
 struct Viewer {
   RangeMapView ranges;
-  Rigid other_from_first;  ///< from the first keyframe's unit of length into the other's: the rotation times `zoom`
-  float zoom;              ///< the first keyframe's scale over the other's
+  Rigid other_from_first;  ///< from the first keyframe's unit into the other's: the rotation times `zoom`
+  float zoom;              ///< first keyframe's scale / the other's
 };
 
 /// Side of a cell [px].
 constexpr int kRangeCell = 2;
 
-/// How far a keyframe has seen (pmsp::range_map), cell by cell; a stage.
+/// Range map of a keyframe (pmsp::range_map); a stage over its cells.
 template <class Machine>
 struct FindRanges {
   static constexpr int kCounts = 0;
@@ -82,7 +82,7 @@ struct FindRanges {
           surface_of(plane_at<F>(map, row * IntOf<F>(grid.width) + column), bearing_at<F>(grid, column, row));
       const F depth = select(surface.known, surface.depth, F(0));
       low = select((low > F(0)) & (min(low, depth) > F(0)), min(low, depth), max(low, depth));
-      high = max(high, select(depth < F(1.0F / kFarLimit), depth, F(0)));  // a far pixel is no surface to lie on
+      high = max(high, select(depth < F(1.0F / kFarLimit), depth, F(0)));  // a far pixel is no surface
     }
     store<F>(low, nearest + at.first, at.count);
     store<F>(high, farthest + at.first, at.count);

@@ -3,7 +3,7 @@
 
 #include "equirect.h"
 
-// From an equirectangular image to the faces of a cube, one direction at a time.
+// Resampling of an equirectangular image to the faces of a cube.
 namespace pmsp::kernels {
 
 /// Equirectangular gray values, row-major, without padding.
@@ -12,7 +12,7 @@ struct GrayView {
   int width, height;
 };
 
-/// Pixel (x, y); columns beyond the seam come from the other side, rows beyond a pole from the opposite meridian.
+/// Pixel (x, y); columns beyond the seam wrap around, rows beyond a pole are those of the opposite meridian.
 PMSP_HD float pixel_around(const GrayView& image, int x, int y) {
   if (y < 0 || y >= image.height) {
     y = y < 0 ? -1 - y : 2 * image.height - 1 - y;
@@ -23,7 +23,7 @@ PMSP_HD float pixel_around(const GrayView& image, int x, int y) {
                     static_cast<std::size_t>(x < 0 ? x + image.width : x)];
 }
 
-/// Weights of the four values around a place `t` (0 to 1) between the second and the third (Catmull-Rom; Keys 1981).
+/// Weights of four values for position `t` (0 to 1) between the second and the third (Catmull-Rom; Keys 1981).
 PMSP_HD void cubic_weights(float t, float* weights) {
   weights[0] = ((-0.5F * t + 1.0F) * t - 0.5F) * t;
   weights[1] = (1.5F * t - 2.5F) * t * t + 1.0F;
@@ -31,7 +31,7 @@ PMSP_HD void cubic_weights(float t, float* weights) {
   weights[3] = (0.5F * t - 0.5F) * t * t;
 }
 
-/// Value at an image point by cubic convolution.
+/// Value at an image point, by cubic convolution.
 PMSP_HD float sample_cubic(const GrayView& image, const Pixel<float>& at) {
   const float x = at.x - 0.5F;
   const float y = at.y - 0.5F;

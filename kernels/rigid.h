@@ -3,20 +3,20 @@
 
 #include "vec3.h"
 
-// From one camera's frame into another's. Many 360-degree cameras have two lenses, back to back and a finger apart, and
-// their panorama is stitched as if both were in one place: the forward half of it (z > 0) is seen from a little in
-// front of the camera's centre, the other half from as much behind it. Bearings, depths and planes of a pixel are
-// therefore those of its lens: the frame of a pixel has the camera's axes and its lens for an origin. Whatever goes
-// from one keyframe to another goes from lens to lens; where the direction points tells which lenses these are.
+// Transformations between camera frames. Many 360-degree cameras have two lenses, back to back and some centimetres
+// apart, and their panorama is stitched as if both had one centre: its forward half (z > 0) is seen from slightly in
+// front of the camera's centre, the other half from as far behind it. Bearings, depths and planes of a pixel therefore
+// refer to its lens: its frame has the camera's axes, and the lens as origin. Transformations between keyframes are
+// from lens to lens; the direction of the point selects the lenses.
 namespace pmsp::kernels {
 
-/// `target_from_source` in single precision: the same for all pixels of a keyframe. Rotation row-major.
+/// `target_from_source` in single precision, common to all pixels of a keyframe. Rotation row-major.
 struct Rigid {
   float r[9];
   float t[3];  ///< from centre to centre
-  /// Place of the source's forward lens, turned into the target's frame and unit; 0 = one centre.
+  /// Position of the source's forward lens, rotated into the target's frame and unit; 0 = one centre.
   float source_lens[3];
-  float target_lens;  ///< how far in front of its centre the target's forward lens lies
+  float target_lens;  ///< distance of the target's forward lens in front of its centre
 };
 
 template <class F>
@@ -37,13 +37,13 @@ PMSP_HD Vec3<F> translation(const Rigid& m) {
   return {F(m.t[0]), F(m.t[1]), F(m.t[2])};
 }
 
-/// What the lens that looks in a direction of that z has of what the forward one has.
+/// Value for the lens of a direction with this z: `forward`, or its negative for the rear lens.
 template <class F>
 PMSP_HD F of_lens(const F& z, const F& forward) {
   return select(z < F(0), F(0) - forward, forward);
 }
 
-/// From lens to lens, for what the source sees along `bearing`, `inverse_depth` away. `turned`: `bearing`, rotated.
+/// Translation from lens to lens, for the source's point `bearing` / `inverse_depth`. `turned`: `bearing`, rotated.
 template <class F>
 PMSP_HD Vec3<F> translation(const Rigid& m, const Vec3<F>& bearing, const Vec3<F>& turned, const F& inverse_depth) {
   const Vec3<F> t{F(m.t[0]) + of_lens(bearing.z, F(m.source_lens[0])),
@@ -52,7 +52,7 @@ PMSP_HD Vec3<F> translation(const Rigid& m, const Vec3<F>& bearing, const Vec3<F
   return {t.x, t.y, t.z - of_lens(fma(inverse_depth, t.z, turned.z), F(m.target_lens))};
 }
 
-/// A point as its lens in the source sees it, as its lens in the target sees it.
+/// Transforms a point from its lens in the source to its lens in the target.
 template <class F>
 PMSP_HD Vec3<F> transform(const Rigid& m, const Vec3<F>& a) {
   const Vec3<F> turned = rotate(m, a);

@@ -8,22 +8,22 @@
 #include "cube.h"
 #include "grid_view.h"
 
-// A stage is a functor that does one step of the pipeline for one pixel, or for as many of a row side by side as a
-// number has lanes. It holds plain views of what it reads and writes, so that the rows of a CPU and the threads of a
-// GPU run the same text:
+// A stage is a functor that computes one step of the pipeline for one pixel, or for as many consecutive pixels of a row
+// as its number type has lanes. It holds plain views of its input and output, so that CPU rows and GPU threads run the
+// same code:
 //
-//   static constexpr int kCounts;                  // of pixels that are counted
-//   int width() const; int height() const;         // of the image that it goes over
+//   static constexpr int kCounts;                  // number of counters
+//   int width() const; int height() const;         // of the image
 //   template <class F> void operator()(const Place<F>& at, MaskOf<F>* counted) const;
 //
-// `Machine` names the types of a machine's views: Map (planes to read), Planes (planes to write), State (planes in
-// checkerboard order), Cube (images), Mask (which pixels want a depth), Landmarks and Warped (first planes).
+// `Machine` names the view types of a processor: Map (planes to read), Planes (planes to write), State (planes in
+// checkerboard order), Cube (images), Mask (unmasked pixels), Landmarks and Warped (initial planes).
 namespace pmsp::kernels {
 
-/// Where a stage is at work.
+/// Current pixel or pixels of a stage.
 template <class F>
 struct Place {
-  IntOf<F> column, index;  ///< of each lane, in row order; lanes beyond the last column hold that one again
+  IntOf<F> column, index;  ///< of each lane, in row order; lanes beyond the last column repeat it
   int row;
   int first;  ///< index of the first lane
   int count;  ///< lanes up to the last column
@@ -41,28 +41,28 @@ PMSP_HD Vec3<F> bearing_at(const GridView& grid, const Place<F>& at) {
                  F(grid.cos_lat[at.row]));
 }
 
-/// Index of the pixel (dx, dy) from another one, around the seam and over the poles.
+/// Index of the pixel at offset (dx, dy), across seam and poles.
 template <class F>
 PMSP_HD IntOf<F> index_beside(const GridView& grid, const Place<F>& at, int dx, int dy) {
   const Beside<F> there = beside<F>(grid, at.column, at.row, dx, dy);
   return there.row * IntOf<F>(grid.width) + there.column;
 }
 
-/// Columns crowd towards the poles: by how much column offsets of up to `reach` pixels grow in a row to span what they
-/// do at the equator, up to an eighth of the width.
+/// Factor for column offsets of up to `reach` pixels, so that they span the same angle in this row as at the equator;
+/// limited to offsets of an eighth of the width.
 PMSP_HD float column_stretch(const GridView& grid, int row, int reach) {
   constexpr float kWidest = 0.125F;
   return min(1.0F / grid.cos_lat[row], kWidest * static_cast<float>(grid.width) / static_cast<float>(reach));
 }
 
-/// What a plane says of a pixel.
+/// Plane and score of a pixel.
 template <class F>
 struct Hypothesis {
   Vec3<F> plane;
   F score;
 };
 
-/// Planes and scores in host memory, one array a coordinate, to be written.
+/// Writable planes and scores in host memory, one array per coordinate.
 struct PlaneArrays {
   float* x;
   float* y;
@@ -77,7 +77,7 @@ PMSP_HD void put(const PlaneArrays& to, std::size_t first, int count, const Hypo
   store<F>(found.score, to.score + first, count);
 }
 
-/// The hypotheses of a ring of `count` pixels that starts at `first`, from its element k (any number > -count) on.
+/// Hypotheses of a ring of `count` pixels that starts at `first`, from its element k (any number > -count).
 template <class F>
 PMSP_HD Hypothesis<F> in_ring(const PlaneArrays& from, std::size_t first, int k, int count) {
   return {{load_ring<F>(from.x + first, k, count), load_ring<F>(from.y + first, k, count),
@@ -85,7 +85,7 @@ PMSP_HD Hypothesis<F> in_ring(const PlaneArrays& from, std::size_t first, int k,
           load_ring<F>(from.score + first, k, count)};
 }
 
-/// A mask: 0 = no depth is wanted; nullptr = everywhere.
+/// Mask: 0 = ignored; nullptr = none.
 struct ByteMask {
   const std::uint8_t* usable;
 };
@@ -95,7 +95,7 @@ PMSP_HD MaskOf<F> is_usable(const ByteMask& mask, const IntOf<F>& index) {
   return from_uint<F>(gather_bytes<F>(mask.usable, index)) > F(0);
 }
 
-/// The CPU's views.
+/// View types of the CPU.
 struct HostMachine {
   using Map = PlaneMapView;
   using Planes = PlaneArrays;
@@ -106,7 +106,7 @@ struct HostMachine {
   using Warped = PlaneMapView;
 };
 
-/// A map after the consistency filter: planes of the pixels whose confidence is above 0.
+/// Map after the consistency filter: planes of the pixels with a confidence above 0.
 template <class Map>
 struct FilteredMap {
   Map planes;
@@ -118,7 +118,7 @@ PMSP_HD Vec3<F> plane_at(const FilteredMap<Map>& map, const IntOf<F>& index) {
   return select(gather<F>(map.confidence, index) > F(0), plane_at<F>(map.planes, index), Vec3<F>{F(0), F(0), F(0)});
 }
 
-/// Depth along a unit bearing; 1 where there is none.
+/// Depth along a unit bearing; 1 if there is none.
 template <class F>
 struct Surface {
   MaskOf<F> known;

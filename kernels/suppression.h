@@ -4,17 +4,16 @@
 #include "confidence.h"
 #include "stage.h"
 
-// Non-maximum suppression of confidence. A depth that may be off by more than the distance to a clearly more exact one
-// tells nothing: it is a blurred edge of a near thing, or roughens a bare wall.
+// Non-maximum suppression of confidence. A depth with an expected error above its distance to a clearly more accurate
+// one adds no information: it belongs to the blurred edge of a near object, or roughens a bare wall.
 namespace pmsp::kernels {
 
-/// Around a pixel, at 1 and 2 pixels. Farther ones are too far to stand for it: rings at 4 and 8 pixels cost more in
-/// completeness than they give in accuracy.
+/// Rings of pixels, at distances of 1 and 2 pixels. Larger ones would remove points that nearby points do not replace.
 constexpr int kSuppressionRings = 2;
-constexpr float kClearlyMoreExact = 0.75F;  ///< expected error over that of the pixel that gives way, at most
+constexpr float kClearlyMoreExact = 0.75F;  ///< maximum expected error, over that of the suppressed pixel
 
-/// Whether a pixel of the map makes a point although there are others around. It gives way to one that is clearly more
-/// exact and whose surface lies within `radius` of the pixel's own expected error, across its ray as along it.
+/// Whether a pixel is not suppressed. It is suppressed by a clearly more accurate one with a surface within `radius`
+/// times the pixel's own expected error, both across its ray and along it.
 template <class F, class Map>
 PMSP_HD MaskOf<F> is_best_around(const FilteredMap<Map>& map, const GridView& grid, const Place<F>& at,
                                  const Vec3<F>& bearing, const F& depth, const F& confidence, float radius) {
@@ -32,7 +31,7 @@ PMSP_HD MaskOf<F> is_best_around(const FilteredMap<Map>& map, const GridView& gr
       const int dx = static_cast<int>(stretch * static_cast<float>((k % 3 - 1) * distance));
       const IntOf<F> there = index_beside(grid, at, dx, (k / 3 - 1) * distance);
       const MaskOf<F> exact = error_of_confidence(gather<F>(map.confidence, there)) <=
-                              F(kClearlyMoreExact) * error;  // without a depth it is the largest
+                              F(kClearlyMoreExact) * error;  // largest without a depth
       const F off = abs(depth * dot(plane_at<F>(map, there), bearing) - F(1));
       found = select(open & exact & (off <= reach), F(1), found);
     }

@@ -5,19 +5,18 @@
 
 #include "vec3.h"
 
-// How the point of a pixel is kept: 32 bits that other keyframes ask for, 32 bits that only the point itself needs, and
-// 8 bits for what is decided of it.
+// Encoding of a pixel's point: 32 bits for other keyframes, 32 bits for the point itself, and 8 bits for its status.
 namespace pmsp::kernels {
 
-/// Of a pixel's point.
+/// Status of a pixel's point.
 enum class PointStatus : std::uint8_t {
-  kNone = 0,     ///< no depth, too little confidence, or looked through: makes no point, stands for none
-  kOpen = 1,     ///< eligible, not yet decided
-  kKept = 2,     ///< makes the point of its place
-  kDropped = 3,  ///< an owner stands for it
+  kNone = 0,     ///< no point: no depth, confidence too low, or removed by the free-space test
+  kOpen = 1,     ///< undecided in duplicate removal
+  kKept = 2,     ///< point of the cloud
+  kDropped = 3,  ///< a duplicate is kept
 };
 
-/// Upper 6 bits: the confidence, 0 to 1, in steps. Lower 2 bits: the standing.
+/// Upper 6 bits: confidence, 0 to 1, in steps of 1/63. Lower 2 bits: status.
 template <class F>
 PMSP_HD UIntOf<F> confidence_level(const F& confidence) {
   return to_uint(fma(F(63), min(max(confidence, F(0)), F(1)), F(0.5F)));
@@ -35,19 +34,19 @@ PMSP_HD std::uint8_t with_standing(std::uint8_t packed, PointStatus status) {
   return static_cast<std::uint8_t>((packed & 0xfcU) | static_cast<unsigned>(status));
 }
 
-/// Whether a pixel makes a point after the last round.
+/// Whether a pixel has a point after the last round: kept or open.
 PMSP_HD bool makes_point(std::uint8_t packed) {
   return status_of(packed) == PointStatus::kKept || status_of(packed) == PointStatus::kOpen;
 }
 
-/// A pixel's point. All bits are 0 where there is none.
+/// Point of a pixel. All bits are 0 if there is none.
 template <class U>
 struct PackedPoint {
-  /// Upper 20 bits: the depth as a float, rounded to 12 bits of mantissa (0.013 %), without its sign. Lower 12 bits:
-  /// the normal on an octahedron, 6 bits an axis (2 degrees).
+  /// Upper 20 bits: depth as a float without its sign, rounded to 12 bits of mantissa (0.013 %). Lower 12 bits: normal
+  /// on an octahedron, 6 bits per axis (2 degrees).
   U surfel;
-  /// From the lowest bit on: red, green, blue of 8 bits; the confidence in the keyframe's own map, 6 bits; one more bit
-  /// for each of the normal's two axes.
+  /// From the lowest bit: red, green, blue of 8 bits; confidence of the depth map, 6 bits; one more bit for each of the
+  /// normal's two axes.
   U detail;
 };
 
@@ -79,7 +78,7 @@ PMSP_HD F depth_of_surfel(const UIntOf<F>& surfel) {
   return of_bits<F>(UIntOf<F>((surfel & UIntOf<F>(~kNormalBits)) >> 1));
 }
 
-/// Unit; of places on the octahedron, in whole steps.
+/// Unit normal from octahedron coordinates [steps].
 template <class F>
 PMSP_HD Vec3<F> normal_of_steps(const F& column, const F& row) {
   const F u = fma(column, F(1.0F / kHalfSteps), F(-1));
@@ -89,7 +88,7 @@ PMSP_HD Vec3<F> normal_of_steps(const F& column, const F& row) {
   return normalized(Vec3<F>{u + select(u < F(0), fold, F(0) - fold), v + select(v < F(0), fold, F(0) - fold), z});
 }
 
-/// What other keyframes know of the normal.
+/// Normal in the precision for other keyframes.
 template <class F>
 PMSP_HD Vec3<F> normal_of_surfel(const UIntOf<F>& surfel) {
   using U = UIntOf<F>;
@@ -104,7 +103,7 @@ PMSP_HD Vec3<float> normal_of(const PackedPoint<std::uint32_t>& point) {
   return normal_of_steps<float>(static_cast<float>(column), static_cast<float>(row));
 }
 
-/// In the keyframe's own map.
+/// Confidence of the depth map.
 template <class F>
 PMSP_HD F own_confidence(const UIntOf<F>& detail) {
   return confidence_of_level<F>(UIntOf<F>((detail >> 24) & UIntOf<F>(63U)));

@@ -4,43 +4,42 @@
 #include "fused_point.h"
 #include "stage.h"
 
-// The weighted median filter of stereo (Ma et al. 2013, "Constant time weighted median filtering for stereo matching
-// and beyond"), on planes. At the edge of a near thing a patch sees both surfaces, and the near one grows by a part of
-// the patch; but the image shows where it ends. Of the planes around, those count that belong to pixels of a similar
-// colour, that are near, and that match well. Each is drawn on to the pixel's ray, and the one that gives the weighted
-// median of inverse depth becomes the pixel's own.
+// Weighted median filter of stereo (Ma et al. 2013, "Constant time weighted median filtering for stereo matching and
+// beyond"), on planes. At the edge of a near object a patch sees both surfaces, and the object grows by part of the
+// patch; but the image shows its edge. Surrounding planes are weighted by similarity of colour, distance and score.
+// Each is extended to the pixel's ray, and the one at the weighted median of inverse depth becomes the pixel's plane.
 namespace pmsp::kernels {
 
-constexpr int kMedianSide = 7;  ///< planes looked at along one side of the window
+constexpr int kMedianSide = 7;  ///< samples along one side of the window
 constexpr int kMedianSamples = kMedianSide * kMedianSide;
-constexpr int kMedianStep = 2;                                 ///< from one to the next [px]
+constexpr int kMedianStep = 2;                                 ///< distance of samples [px]
 constexpr int kMedianReach = kMedianStep * (kMedianSide / 2);  ///< from the middle to the side [px]
 constexpr float kMedianSigmaSpace = 4.0F;                      ///< [px]
-/// Larger ones gain a little at edges (12: F at 1 % + 0.001), and lose thin things whose colour is much like the
-/// wall's.
-constexpr float kMedianSigmaColor = 8.0F;  ///< of the distance between colours [gray levels]
-constexpr float kMedianChange = 0.005F;    ///< relative change of depth below which a pixel keeps its plane
-constexpr int kMedianHalvings = 14;        ///< of the interval that holds the median
+/// Standard deviation of colour distances [gray levels]. Larger values improve edges a little, and lose thin structures
+/// of nearly the wall's colour.
+constexpr float kMedianSigmaColor = 8.0F;
+constexpr float kMedianChange = 0.005F;  ///< relative change of depth below which a pixel keeps its plane
+constexpr int kMedianHalvings = 14;      ///< bisections of the interval of the median
 
-// A pole or a cable holds few of the samples: its pixels would go to what lies behind it. They keep their planes where
-// what lies behind is seen on either side, and the thing itself goes on both ways. The band by which an edge grows is
-// as narrow, but has the near thing itself on one side.
-constexpr float kOnThinThing = 0.98F;      ///< least inverse depth of a sample, over the pixel's own
-constexpr float kThinThingBehind = 12.0F;  ///< pairs of opposite samples, of 24, that are both behind, at least
-constexpr float kThinThingAlong = 1.0F;    ///< pairs that are both on it
-constexpr float kThinThingShare = 0.05F;   ///< weight of the samples on it, of all
+// A pole or a cable covers few of the samples: its pixels would get planes of the background. They keep theirs if both
+// sides are background and the structure continues in both directions. The band by which an edge grows is as narrow,
+// but has the object itself on one side.
+constexpr float kOnThinThing = 0.98F;      ///< minimum inverse depth of a sample on the structure, over the pixel's own
+constexpr float kThinThingBehind = 12.0F;  ///< minimum pairs of opposite samples, of 24, in the background
+constexpr float kThinThingAlong = 1.0F;    ///< minimum pairs on the structure
+constexpr float kThinThingShare = 0.05F;   ///< minimum weight of the samples on the structure, of all
 
-/// Offset of the k-th sample of a side from the middle [px of the equator].
+/// Offset of the k-th sample of a side from the middle [px at the equator].
 PMSP_HD int median_offset(int k) { return kMedianStep * (k - kMedianSide / 2); }
 
-/// Moves planes to the weighted median around; a stage. Pixels without a plane get one, where a depth is wanted.
+/// Replaces planes by the weighted median of the surroundings; a stage. Unmasked pixels without a plane get one.
 template <class Machine>
 struct WeightedMedian {
   static constexpr int kCounts = 0;
 
   typename Machine::Map map;
   GridView grid;
-  const std::uint32_t* color;  ///< of each pixel red, green, blue, from the lowest byte on
+  const std::uint32_t* color;  ///< per pixel red, green, blue, from the lowest byte
   typename Machine::Mask mask;
   typename Machine::Planes to;
 
@@ -54,7 +53,7 @@ struct WeightedMedian {
     filter(at, inverse_depth, weight);
   }
 
-  /// `inverse_depth`, `weight`: room for kMedianSamples numbers, wherever the machine has it.
+  /// `inverse_depth`, `weight`: storage for kMedianSamples numbers.
   template <class F, class Room>
   PMSP_HD void filter(const Place<F>& at, Room inverse_depth, Room weight) const {
     const Vec3<F> bearing = bearing_at(grid, at);
@@ -88,7 +87,7 @@ struct WeightedMedian {
   }
 
  private:
-  /// Calls visit(number, index of the pixel, squared distance from the middle [px]).
+  /// Calls visit(sample number, pixel index, squared distance from the middle [px]).
   template <class F, class Visit>
   PMSP_HD void for_each_sample(const Place<F>& at, const Visit& visit) const {
     const F width(static_cast<float>(grid.width));
@@ -109,7 +108,7 @@ struct WeightedMedian {
     }
   }
 
-  /// Whether the pixel lies on something thin; see kOnThinThing.
+  /// Whether the pixel lies on a thin structure; see kOnThinThing.
   template <class F, class Room>
   PMSP_HD static MaskOf<F> is_thin(const F& own, const Room& inverse_depth, const Room& weight) {
     const F on = F(kOnThinThing) * own;
@@ -131,7 +130,7 @@ struct WeightedMedian {
            (share >= F(kThinThingShare) * total);
   }
 
-  /// The smallest of the values that has half of the weight at or below it; 0 where there is none.
+  /// Smallest value with half of the weight at or below it; 0 = none.
   template <class F, class Room>
   PMSP_HD F weighted_median(const Place<F>& at, const Room& inverse_depth, Room weight) const {
     constexpr float kInSpace = 0.5F / (kMedianSigmaSpace * kMedianSigmaSpace);
@@ -157,7 +156,7 @@ struct WeightedMedian {
     low = F(0.99F) * low;
     PMSP_ROLL
     for (int i = 0; i < kMedianHalvings; ++i) {
-      const F middle = sqrt(low * high);  // planes seen edge-on may have any depth
+      const F middle = sqrt(low * high);  // geometric mean: planes seen edge-on may have any depth
       F below(0);
       for (int k = 0; k < kMedianSamples; ++k) {
         below = below + select(inverse_depth[k] <= middle, F(weight[k]), F(0));

@@ -7,29 +7,29 @@
 #include "stage.h"
 #include "surfel.h"
 
-// The wide planes that a keyframe sees: floor, ceiling, walls. A plane is laid through the points of each field of the
-// sphere; those are kept that most of the sphere lies on.
+// Wide planes of a keyframe: floor, ceiling, walls. A plane is fitted to the points of each field of the sphere; those
+// with the largest share of the sphere are kept.
 namespace pmsp::kernels {
 
-constexpr int kFieldColumns = 16;  ///< of fields
+constexpr int kFieldColumns = 16;  ///< number of fields in a row
 constexpr int kFieldRows = 8;
 constexpr int kFields = kFieldColumns * kFieldRows;
-constexpr int kFieldSide = 20;             ///< points of a field that a plane is laid through, squared
-constexpr float kLeastOfField = 0.3F;      ///< share of them that there must be, and that must lie on it
-constexpr float kOnPlane = 0.01F;          ///< relative deviation up to which they do
-constexpr int kSphereRows = 32;            ///< of the lattice on which a plane's share of the sphere is counted
-constexpr float kLeastOfSphere = 0.02F;    ///< that share, at least
-constexpr float kOnePlaneCos = 0.97F;      ///< cosine of the normals up to which two planes are one ...
-constexpr float kOnePlaneDistance = 0.1F;  ///< ... and relative difference of their distances
-constexpr int kWidePlanes = 4;             ///< of a keyframe, at most
+constexpr int kFieldSide = 20;             ///< points along each side of a field, for the fit
+constexpr float kLeastOfField = 0.3F;      ///< minimum share of them with a depth, and on the plane
+constexpr float kOnPlane = 0.01F;          ///< maximum relative deviation of points on a plane
+constexpr int kSphereRows = 32;            ///< rows of the lattice that measures a plane's share of the sphere
+constexpr float kLeastOfSphere = 0.02F;    ///< minimum share
+constexpr float kOnePlaneCos = 0.97F;      ///< minimum cosine between normals of equal planes ...
+constexpr float kOnePlaneDistance = 0.1F;  ///< ... and maximum relative difference of their distances
+constexpr int kWidePlanes = 4;             ///< maximum number per keyframe
 
-/// A plane v: v · X = 1 for its points X. In the keyframe's frame; 0 = none.
+/// Plane v: v . X = 1 for its points X, in the keyframe's frame; 0 = none.
 struct WidePlane {
   Vec3<float> plane;
-  float support;  ///< share of the sphere that lies on it
+  float support;  ///< share of the sphere on it
 };
 
-/// The keyframe's point at a pixel; 0 = none.
+/// Point of a keyframe at a pixel; 0 = none.
 PMSP_HD Vec3<float> surfel_point(const std::uint32_t* surfels, const GridView& grid, int column, int row) {
   return depth_of_surfel<float>(surfels[row * grid.width + column]) * bearing_at<float>(grid, column, row);
 }
@@ -38,32 +38,32 @@ PMSP_HD float off_plane(const Vec3<float>& plane, const Vec3<float>& point) { re
 
 constexpr float kWantedOfField = kLeastOfField * kFieldSide * kFieldSide;
 
-/// Sums over points of a field. Many threads share a field's work: each takes a column of its lattice.
+/// Sums over points of a field. A field's work is divided among kFieldSide threads, one per column of its lattice.
 struct FieldSums {
-  float xx, xy, xz, yy, yz, zz;  ///< of the products of coordinates, in units of `unit`
-  Vec3<float> sum;               ///< likewise
+  float xx, xy, xz, yy, yz, zz;  ///< of products of coordinates [`unit` squared]
+  Vec3<float> sum;               ///< of points [`unit`]
   float count, unit;
 };
 
-/// A share of a field.
+/// Share of a field's work.
 struct FieldShare {
   int column, row;  ///< of the field
   int number;
 };
 
-/// Where a stage over all shares of all fields is at work.
+/// Field and share of a stage over all shares of all fields.
 PMSP_HD FieldShare field_share(const Place<float>& at) {
   return {at.column / kFieldSide, at.row, at.column % kFieldSide};
 }
 
-/// Point i of a share, of kFieldSide.
+/// Point i (below kFieldSide) of a share.
 PMSP_HD Vec3<float> field_point(const std::uint32_t* surfels, const GridView& grid, const FieldShare& share, int i) {
   const int column = (share.column * kFieldSide + share.number) * grid.width / (kFieldColumns * kFieldSide);
   const int row = (share.row * kFieldSide + i) * grid.height / (kFieldRows * kFieldSide);
   return surfel_point(surfels, grid, column, row);
 }
 
-/// The least-squares plane of a field by the sums of its shares; zero where there are too few points.
+/// Least-squares plane of a field from the sums of its shares; zero if there are too few points.
 PMSP_HD Vec3<float> plane_of_sums(const FieldSums* shares) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
   FieldSums all{};
@@ -92,16 +92,16 @@ PMSP_HD Vec3<float> plane_of_sums(const FieldSums* shares) {
   return (1.0F / determinant) * (all.sum.x * yz + all.sum.y * cross(z, x) + all.sum.z * cross(x, y));
 }
 
-/// How far points may be off the plane of the fit before, to take part in a fit; of the first one all do.
+/// Maximum deviation from the plane of the previous fit for points of a fit; the first fit uses all.
 constexpr float kFieldReach[] = {1e30F, 0.2F, 0.05F, 0.02F};
 
-/// One fit of the planes of the fields; a stage over the shares.
+/// Fit of the planes of all fields; a stage over the shares.
 struct FitFields {
   static constexpr int kCounts = 0;
 
   const std::uint32_t* surfels;
   GridView grid;
-  const FieldSums* before;  ///< of the fit before; nullptr = there is none
+  const FieldSums* before;  ///< of the previous fit; nullptr = none
   float reach;
   FieldSums* sums;
 
@@ -132,13 +132,13 @@ struct FitFields {
   }
 };
 
-/// What lies on a field's plane, by one of its shares.
+/// Support of a field's plane, from one of its shares.
 struct FieldSupport {
-  float points;  ///< of the share
-  float sphere;  ///< of a part of the lattice on the sphere, each point with its weight
+  float points;  ///< points of the share on the plane
+  float sphere;  ///< weight of the points on the plane, in a part of the lattice on the sphere
 };
 
-/// A stage over the shares.
+/// Measures the support of planes; a stage over the shares.
 struct MeasureFields {
   static constexpr int kCounts = 0;
 
@@ -169,7 +169,7 @@ struct MeasureFields {
   }
 };
 
-/// The plane of each field; a stage over the fields.
+/// Plane of each field; a stage over the fields.
 struct FindWidePlanes {
   static constexpr int kCounts = 0;
 
@@ -203,7 +203,7 @@ PMSP_HD bool is_one_plane(const Vec3<float>& a, const Vec3<float>& b) {
          abs(length_a - length_b) < kOnePlaneDistance * max(length_a, length_b);
 }
 
-/// The planes that most lies on, each once; a stage of one pixel.
+/// Distinct planes with the largest support; a stage of one pixel.
 struct ChooseWidePlanes {
   static constexpr int kCounts = 0;
 
