@@ -12,8 +12,8 @@
 #if defined(__AVX512F__)
 namespace xsimd {
 
-// xsimd (8.1) has no fused multiply-add for AVX-512 and would round twice where AVX2 rounds once. This one is no
-// template and therefore goes before xsimd's.
+// xsimd (8.1) has no fused multiply-add for AVX-512 and would round twice, unlike for AVX2. This one is no template and
+// therefore preferred to xsimd's.
 PMSP_HD batch<float, avx512bw> fma(const batch<float, avx512bw>& a, const batch<float, avx512bw>& b,
                                    const batch<float, avx512bw>& c) {
   return _mm512_fmadd_ps(a, b, c);
@@ -22,12 +22,12 @@ PMSP_HD batch<float, avx512bw> fma(const batch<float, avx512bw>& a, const batch<
 }  // namespace xsimd
 #endif
 
-// xsimd's batches as the number type of the kernels. Each lane must give the same bits whatever their width is: take
-// nothing approximate from xsimd (reciprocal, rsqrt) and no elementary functions (kernels/elementary.h).
+// xsimd's batches as the number type of the kernels. Lanes must have the same bits at any width: nothing approximate of
+// xsimd may be used (reciprocal, rsqrt), and no elementary functions (kernels/elementary.h).
 namespace pmsp::kernels {
 
-// Gathers use the machine's own instructions: xsimd's (8.1) reads lane by lane on all instruction sets, which makes it
-// a quarter to a half of PatchMatch's time.
+// Gathers use instructions of the CPU: xsimd's (8.1) reads lane by lane on all instruction sets, which slows down
+// PatchMatch.
 
 template <class F, class Int>
 PMSP_HD F gather_lanes(const float* data, const Int& index) {

@@ -8,7 +8,7 @@
 
 namespace pmsp::cpu {
 
-/// The stages on the CPU, one after the other; each hands its result out before it returns.
+/// Stages on the CPU, one after the other; each delivers its result before it returns.
 std::unique_ptr<Engine> make_engine(const EngineContext& context, Executor executor);
 
 }  // namespace pmsp::cpu

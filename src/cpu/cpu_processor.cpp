@@ -114,7 +114,7 @@ void CpuProcessor::start(const Pass& pass) const {
 void CpuProcessor::iterate(const Pass& pass, int colour, int iteration, bool rescore) const {
   auto& impl = inside(executor_);
   impl.pool.for_each(pass.grid.height, [&](int y) {
-    if (may_go_on()) impl.rows.iterate_row(pass, y, colour, iteration, rescore);  // at low priority a row takes long
+    if (may_go_on()) impl.rows.iterate_row(pass, y, colour, iteration, rescore);  // rows are slow at low priority
   });
 }
 
@@ -122,7 +122,7 @@ void CpuProcessor::remove_duplicates(const kernels::DuplicateRound& stage, Dupli
   auto& impl = inside(executor_);
   const std::size_t rows = static_cast<std::size_t>(stage.height());
   const std::ptrdiff_t width = stage.width();
-  std::vector<std::size_t> first(rows + 1);  // open pixels before each row
+  std::vector<std::size_t> first(rows + 1);  // number of open pixels before each row
   for (std::size_t y = 0; y < rows; ++y) {
     const std::uint8_t* const row = stage.map.statuses + static_cast<std::ptrdiff_t>(y) * width;
     first[y + 1] = first[y] + static_cast<std::size_t>(std::count_if(row, row + width, [](std::uint8_t packed) {

@@ -21,7 +21,7 @@
 
 namespace pmsp {
 
-/// Keys of pixels in host memory; threads may offer to one at the same time.
+/// Keys of pixels in host memory; threads may offer keys for one pixel concurrently.
 struct HostKeys {
   std::uint64_t* keys;
 };
@@ -32,18 +32,18 @@ inline void offer(const HostKeys& keys, int pixel, std::uint64_t key) {
   }
 }
 
-/// Colours as the kernels gather them.
+/// Colours in the format of the kernels.
 Array<std::uint32_t> color_words(const Image<Rgb>& color, const Executor& executor);
 
-/// The points of a keyframe that are its own, without the rest of the cloud.
+/// Appends the points of a keyframe to `cloud`; other members stay unchanged.
 void collect_points(const kernels::ConstSurfelArrays& map, const kernels::GridView& grid, KeyframeCloud& cloud);
 
-/// The host's cores: what is asked for is done when a call returns (see processor.h).
+/// CPU processor: calls return when their work is done (see processor.h).
 class CpuProcessor {
  public:
   using Views = kernels::HostMachine;
   using Keys = HostKeys;
-  using Planes = Array<float>;  ///< x, y, z and score of all pixels, one after the other
+  using Planes = Array<float>;  ///< x, y, z and score of all pixels, consecutively
   using Color = std::uint32_t;
   using Counts = std::int64_t;
   using Pass = kernels::PatchMatchPass<Views>;
@@ -68,7 +68,7 @@ class CpuProcessor {
   static int number_of(const EngineContext& /*context*/) { return 1; }
   CpuProcessor(const EngineContext& context, const Executor& executor, int /*number*/, Queue& /*queue*/)
       : cancel_(&context.cancel), image_scale_(context.options.advanced.patchmatch.image_scale), executor_(executor) {}
-  /// For stages alone.
+  /// For single stages, without an engine.
   CpuProcessor(const Executor& executor, int width, int height) : executor_(executor) { set_size(width, height); }
 
   std::size_t number() const { return 0; }
@@ -132,7 +132,7 @@ class CpuProcessor {
   }
   void start(const Pass& pass) const;
   void iterate(const Pass& pass, int colour, int iteration, bool rescore) const;
-  /// Asks only those of whom `asked` says so, and says who is still to be asked.
+  /// Searches only the candidates of each open pixel, and updates these.
   void remove_duplicates(const kernels::DuplicateRound& stage, DuplicateCandidates& candidates) const;
 
   template <class Work>

@@ -4,19 +4,19 @@
 #include "cpu/lanes.h"
 #include "duplicates.h"
 
-// Rounds of ownership over a row. Who is asked differs from pixel to pixel, so that pixels are packed into batches anew
-// for each keyframe, and once more for the few of its pixels that lie within reach.
+// Rounds of duplicate removal over a row. Candidates differ from pixel to pixel, so that pixels are packed into new
+// batches for each keyframe, and again for the few with points within the search radius.
 namespace pmsp::cpu {
 
 using kernels::any;
 
-/// Open pixels of a row, as many as are worked on at a time, for one array a number.
+/// Open pixels of a row, up to kSize at a time, as one array per number.
 template <class F>
 class DuplicateChunk {
  public:
   explicit DuplicateChunk(const kernels::DuplicateRound& stage) : stage_(stage) {}
 
-  /// Takes `count` open pixels of a row (kSize at most).
+  /// Loads `count` open pixels of a row (at most kSize).
   void start(int y, const std::int32_t* columns, const std::uint8_t* statuses, int count) {
     for (int i = 0; i < count; i += lanes<F>()) {
       std::int32_t xs[kLanes];
@@ -50,7 +50,7 @@ class DuplicateChunk {
     }
   }
 
-  /// Asks keyframe k for the `count` pixels of the list.
+  /// Searches keyframe k for duplicates of the `count` pixels in `list`.
   void ask(int k, const std::int32_t* list, int count) {
     const kernels::DuplicateView& other = stage_.others[k];
     int near = 0;
@@ -112,8 +112,8 @@ class DuplicateChunk {
 
   static constexpr int kSize = 256;
   static constexpr int kRoom = kSize + 16;  ///< whole batches are read and written
-  std::uint32_t open[kRoom];  ///< bits of the keyframes with pixels that would stand for this one if they were owners
-  std::uint32_t owned[kRoom] = {};  ///< 1: an owner stands for it
+  std::uint32_t open[kRoom];                ///< bits of the keyframes with kept or open duplicates
+  std::uint32_t owned[kRoom] = {};          ///< 1: a duplicate is kept
 
  private:
   static constexpr int kLanes = lanes<F>();
@@ -123,7 +123,7 @@ class DuplicateChunk {
             kernels::gather<F>(arrays[2], index)};
   }
 
-  /// Compares the first `count` pairs of a claim and a pixel. Returns 0, the number that is left.
+  /// Compares the first `count` pairs of claim and pixel. Returns 0, the number of remaining pairs.
   int compare(int k, int count) {
     const kernels::DuplicateView& other = stage_.others[k];
     const std::uint32_t bit = 1U << static_cast<unsigned>(k);
@@ -161,10 +161,10 @@ class DuplicateChunk {
   float point_[3][kRoom];
   float normal_[3][kRoom];
   float error_[kRoom], most_[kRoom], reach_[kRoom], rank_[kRoom];
-  std::int32_t near_[kRoom] = {};  ///< claims with pixels that may rank higher; lanes beyond the last one hold old ones
-  std::int32_t claim_[kRoom] = {}, column_[kRoom] = {}, row_[kRoom] = {};  ///< pairs that are to be compared
+  std::int32_t near_[kRoom] = {};  ///< claims with pixels that may rank higher; lanes beyond the last one are stale
+  std::int32_t claim_[kRoom] = {}, column_[kRoom] = {}, row_[kRoom] = {};  ///< pairs to compare
   std::uint32_t standing_[kRoom] = {};
-  std::int32_t several_[kRoom];  ///< claims with several pixels within reach
+  std::int32_t several_[kRoom];  ///< claims with several pixels within the search radius
   float x_[kRoom], y_[kRoom], spacing_[kRoom];
 };
 

@@ -15,8 +15,8 @@ namespace pmsp {
 struct Executor::Impl {
   Impl(int threads, Simd set, const cpu::RowKernels& kernels) : pool(threads), simd(set), rows(kernels) {}
 
-  /// Runs a stage over all its rows, in batches where the instruction sets have it, else pixel by pixel; returns what
-  /// it counts.
+  /// Runs a stage over all rows, in batches if it is compiled for each instruction set, else pixel by pixel. Returns
+  /// its counts.
   template <class Stage>
   std::array<std::int64_t, Stage::kCounts> run(const Stage& stage) {
     const auto row = [&] {
@@ -43,7 +43,7 @@ struct Executor::Impl {
   cpu::RowKernels rows;
 };
 
-/// Calls `task` with 0 to count - 1, by an executor's threads; nullptr: by this one alone.
+/// Calls `task` with 0 to count - 1, on an executor's threads, or on this thread if nullptr.
 template <class Task>
 void for_each(const Executor* executor, int count, const Task& task) {
   if (executor != nullptr) {

@@ -10,7 +10,7 @@
 namespace pmsp {
 namespace {
 
-constexpr double kPlanes = 16.0;  // bytes of a pixel: x, y, z and score
+constexpr double kPlanes = 16.0;  // bytes per pixel: x, y, z and score
 
 }  // namespace
 
@@ -18,19 +18,19 @@ HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used
   const double pixels = static_cast<double>(options.width) * options.height;
   const double side = cube_size_for(
       compared_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale).width);
-  const double texels = 6.0 * side * side;  // 8 bytes each in a cube map that is matched with, 2 in one put away
-  const double surfel = 2.0 * 4.0 + 2.0 + agree_bytes(options.advanced.fusion) + 4.0;  // and candidates of duplicates
+  const double texels = 6.0 * side * side;  // 8 bytes each in a cube map for matching, 2 in a packed one
+  const double surfel =
+      2.0 * 4.0 + 2.0 + agree_bytes(options.advanced.fusion) + 4.0;  // including candidates of duplicates
   const bool waits_in_file = !options.scratch_folder.empty();
 
   HostMemory needed;
-  // One stage's own: planes of a pass and keys, or what it looks at of others where that is in the file, and points on
-  // their way out.
+  // Temporary memory of a stage: planes of a pass and keys, or data read from the file, and points for output.
   const double matching = (4.0 * kPlanes + 2.0 * 8.0) * pixels;
   const double asking = (waits_in_file ? 5.0 * options.advanced.free_space.views : 0.0) * pixels;
-  constexpr double kMirrors = 2.0;         // two words for each cell of four pixels
+  constexpr double kMirrors = 2.0;         // two words per cell of four pixels
   const double cube_nodes = 8.0 * texels;  // of the last image
   needed.memory = std::max(matching, asking + (20.0 + kMirrors) * pixels) + cube_nodes;
-  if (options.unordered) {  // all wait for all
+  if (options.unordered) {  // all results wait for all keyframes
     const double each = pixels * (4.0 + 2.0 * kPlanes + kPlanes + 4.0 + 2.0 + surfel);
     (waits_in_file ? needed.scratch : needed.memory) += static_cast<double>(used) * (each + 2.0 * texels);
     return needed;

@@ -6,7 +6,7 @@
 #include "batch.h"
 #include "num.h"
 
-// Moves rows of memory into lanes and back, for scalars and batches alike.
+// Loads and stores of lanes, for scalars and batches alike.
 namespace pmsp::cpu {
 
 using kernels::IntOf;
@@ -14,7 +14,7 @@ using kernels::Num;
 using kernels::select;
 using kernels::UIntOf;
 
-/// Elements that a value of a type stands for: 1 for scalars.
+/// Number of elements of a value: 1 for scalars.
 template <class V>
 struct LaneCount {
   static constexpr int kValue = 1;
@@ -42,8 +42,8 @@ template <class T, class A>
 PMSP_HD void store(const xsimd::batch<T, A>& value, T* to) {
   value.store_unaligned(to);
 }
-/// Writes the lanes that the mask holds for one after the other, and returns their number. Writes as many elements more
-/// as there are lanes.
+/// Writes the lanes selected by the mask consecutively, and returns their number. May overwrite as many elements as
+/// there are lanes.
 PMSP_HD int append(bool mask, float value, float* to) {
   *to = value;
   return mask ? 1 : 0;
@@ -88,7 +88,7 @@ PMSP_HD F lane_numbers() {
   return value;
 }
 
-/// Numbers of a row's columns from `first` on; the last one again for lanes beyond it.
+/// Columns of a row from `first` on; lanes beyond the last column repeat it.
 template <class F>
 PMSP_HD IntOf<F> columns_from(int first, int width) {
   const F last(static_cast<float>(width - 1));

@@ -15,19 +15,19 @@
 #include "stage.h"
 #include "weighted_median.h"
 
-// The CPU backend: the stages over one row of pixels, once for each instruction set. This header is included by code of
-// every instruction set and therefore holds plain data only.
+// CPU backend: stages over one row of pixels, compiled for each instruction set. This header is included by code of all
+// instruction sets and therefore contains plain data only.
 namespace pmsp::cpu {
 
 using kernels::HostMachine;
 
-/// A stage's row y; adds to `counts` what it counts.
+/// Function for row y of a stage; adds to its counts.
 template <class Stage>
 struct RowOf {
   void (*row)(const Stage& stage, int y, std::int64_t* counts);
 };
 
-/// The stages that instruction sets differ in.
+/// Stages that are compiled for each instruction set.
 template <class... Stages>
 struct StageList {
   using Rows = std::tuple<RowOf<Stages>...>;
@@ -44,15 +44,15 @@ constexpr bool has_rows(StageList<Stages...> /*list*/) {
 
 using PatchMatchPass = kernels::PatchMatchPass<HostMachine>;
 
-/// One instruction set's functions.
+/// Functions of one instruction set.
 struct RowKernels {
   RowStages::Rows stages;
-  /// The first planes of row y.
+  /// Initial planes of row y.
   void (*start_row)(const PatchMatchPass& pass, int y);
   /// Propagation and refinement of the pixels of one colour in row y.
   void (*iterate_row)(const PatchMatchPass& pass, int y, int colour, int iteration, bool rescore);
-  /// A round for the open pixels of row y. `ask`: for each of them, in order, bits of the keyframes whose say still
-  /// matters; nullptr: that of all in `there`. `still`: the bits for those that are open then; returns their number.
+  /// Round of duplicate removal for the open pixels of row y. `ask`: bits of the candidates of each, in order; nullptr
+  /// = all keyframes in `there`. `still`: receives the bits of the pixels that stay open. Returns their number.
   int (*duplicate_row)(const kernels::DuplicateRound& stage, int y, const std::uint32_t* ask, std::uint32_t there,
                        std::uint32_t* still);
 };

@@ -7,10 +7,10 @@
 #include "cpu/lanes.h"
 #include "cpu/row_kernels.h"
 
-// The row functions over a number type; each instruction set's file instantiates them with its own batch.
+// Row functions for a number type; each instruction set's file instantiates them with its batch.
 namespace pmsp::cpu {
 
-/// Lanes of a mask that hold, of the first `count`.
+/// Number of set lanes of a mask among the first `count`.
 template <class F>
 PMSP_HD int count_lanes(const kernels::MaskOf<F>& mask, int count) {
   float held[lanes<F>()];
@@ -33,7 +33,7 @@ void stage_row(const Stage& stage, int y, std::int64_t* counts) {
   }
 }
 
-/// Pixels of a colour from the k-th on.
+/// Pixels of a colour from the k-th on, one per lane.
 template <class F>
 PMSP_HD kernels::Turn<F> turn_of(const PatchMatchPass& pass, int y, int colour, int k) {
   const int half = pass.grid.width / 2;

@@ -10,7 +10,7 @@
 #include "engine.h"
 #include "pmsp/stages.h"
 
-// What the rest of the library knows of CUDA. Builds without a toolkit have it too (not_built.cpp).
+// CUDA backend for the rest of the library. Also available in builds without a toolkit (not_built.cpp).
 namespace pmsp::cuda {
 
 #if defined(PMSP_HAVE_CUDA)
@@ -23,22 +23,22 @@ struct Device {
   std::string name;
   std::string why_not;         ///< empty = usable
   std::size_t free_bytes = 0;  ///< of its memory, now
-  double texture_rate = 0.0;   ///< bilinear samples that its texture units filter in a second, at most
+  double texture_rate = 0.0;   ///< maximum rate of bilinear samples [1/s]
 };
 
-/// Looks at one device, and lets go of it again.
+/// Describes a device, and releases it again.
 Device find_device(int number);
 
-/// Number of devices that answer.
+/// Number of available devices.
 int device_count();
 
-/// Devices read each other's memory without the host between them, where they can.
+/// Lets devices read each other's memory without the host, if they can.
 void connect(const std::vector<int>& devices);
 
 /// See close_devices.
 void close(const std::vector<int>& devices) noexcept;
 
-/// The stages on the CUDA devices `context.options.devices`. `executor`: for what little the host does.
+/// Stages on the CUDA devices `context.options.devices`. `executor`: for the host's part.
 std::unique_ptr<Engine> make_engine(const EngineContext& context, Executor executor);
 
 }  // namespace pmsp::cuda

@@ -13,12 +13,11 @@
 namespace pmsp::cuda {
 namespace {
 
-constexpr int kGrayBits =
-    16;  ///< of the cube maps' texels, as the CPU's: finer than the camera's, since resampling averages
+constexpr int kGrayBits = 16;  ///< of texels, as on the CPU: finer than the camera's, since resampling averages
 constexpr int kUsableBits = 8;
-constexpr std::size_t kDownloads = 2;     ///< depth maps on their way down at once, planes, and clouds
-constexpr std::size_t kMostPending = 64;  ///< how far the host may run ahead, so that it can stop when told to
-/// Room for a keyframe's; where it does not do, the host waits for all devices to exchange page-locked memory.
+constexpr std::size_t kDownloads = 2;     ///< maximum depth maps, plane maps and clouds in transfer, each
+constexpr std::size_t kMostPending = 64;  ///< maximum results in flight per device; bounds the delay of cancellation
+/// Initial capacity for a keyframe; for more, the host waits for all devices to replace page-locked memory.
 constexpr std::size_t kUsualLandmarks = 8192;
 
 static_assert(sizeof(DevicePoint) == sizeof(CloudPoint) &&
@@ -92,7 +91,7 @@ void CudaProcessor::set_image_size(int width, int height) {
   image_height_ = height;
 }
 
-/// DuplicateCandidates before each pass, while not too much is queued.
+/// Called before each pass; limits the number of results in flight.
 bool CudaProcessor::may_go_on() {
   while (!cancelled() && queue_.size() > kMostPending * context_.options.devices.size()) queue_.emit_first();
   return !cancelled();
@@ -157,7 +156,7 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
   return prepared;
 }
 
-/// Two bytes a texel of the image, one of the mask.
+/// Two bytes per texel of the image, one of the mask.
 CubePacking CudaProcessor::packing(const Cubes& cubes) const {
   const std::size_t texels = cubes.gray->texels();
   if (!cubes.usable) return {texels, cubes.gray->side(), 0};
@@ -182,7 +181,7 @@ CudaProcessor::Cubes CudaProcessor::unpack(const Array<std::uint16_t>& packed, c
 
 std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyframe& keyframe, double lens) {
   const std::size_t most = keyframe.landmarks.size();
-  points_arrived_.wait();  // the previous keyframe's
+  points_arrived_.wait();  // those of the previous keyframe
   if (points_host_.size() < most) points_host_ = PinnedArray<kernels::SparsePoint>(std::max(2 * most, kUsualLandmarks));
   const std::size_t count = sparse_points(keyframe, lens, grid().width, grid().height, points_host_.get());
   const auto points = array<kernels::SparsePoint>(points_host_.size());
@@ -192,7 +191,6 @@ std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyfr
   return {points, static_cast<int>(count)};
 }
 
-/// Depths, normals and confidences of the planes.
 void CudaProcessor::emit_depths(std::int64_t id, const KeyframePose& pose, const DevicePlanes& map,
                                 const float* confidence, std::function<void(const DepthMap&)> to) {
   MapDownload<DepthMap>& download = free_one(depths_);
@@ -211,7 +209,7 @@ void CudaProcessor::emit_planes(std::int64_t id, const KeyframePose& pose, const
   emit(download, id, pose, std::move(to));
 }
 
-/// What kernels have been told to fill.
+/// Queues the download of a map that kernels have been queued to write.
 template <class Map>
 void CudaProcessor::emit(MapDownload<Map>& download, std::int64_t id, const KeyframePose& pose,
                          std::function<void(const Map&)> to) {
@@ -219,7 +217,7 @@ void CudaProcessor::emit(MapDownload<Map>& download, std::int64_t id, const Keyf
   download.start(compute_, down_);
   expect([this, &download, id, pose, to = std::move(to)] {
     const Map& arrived = download.finish(id, pose);
-    download.busy = false;  // nobody else can ask for it before `to` returns or throws
+    download.busy = false;  // not used again before `to` returns or throws
     if (!cancelled()) to(arrived);
   });
 }
@@ -258,7 +256,7 @@ void CudaProcessor::copy_bytes(void* to, const void* from, std::size_t bytes, cu
   PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));
 }
 
-/// While a round goes on, there is one before on each of the devices.
+/// Results of the latest rounds, one per device, stay in flight.
 void ResultQueue::deliver(bool all) {
   const std::int64_t behind = static_cast<std::int64_t>(context_.options.devices.size());
   const std::int64_t until = all || !context_.options.advanced.pipelined ? round_ : round_ - behind;

@@ -21,12 +21,12 @@
 
 namespace pmsp::cuda {
 
-/// What was asked of an engine's devices and is to be handed out, in the order in which it was asked for.
+/// FIFO of results in flight on all devices of an engine, delivered in submission order.
 class ResultQueue {
  public:
   explicit ResultQueue(const EngineContext& context) : context_(context) {}
 
-  /// `emit`: waits for what it needs.
+  /// `emit`: waits for its result and delivers it.
   void push(int device, std::function<void()> emit) { pending_.push_back({device, std::move(emit), round_}); }
   void emit_first();
   std::size_t size() const { return pending_.size(); }
@@ -36,7 +36,7 @@ class ResultQueue {
   struct Pending {
     int device;
     std::function<void()> emit;
-    std::int64_t round;  ///< Densifier::add or flush during which it was asked for
+    std::int64_t round;  ///< call of Densifier::add or flush that submitted it
   };
 
   const EngineContext& context_;
@@ -44,24 +44,24 @@ class ResultQueue {
   std::int64_t round_ = 0;
 };
 
-/// A CUDA device (see processor.h). All work is queued on one stream, in the order of the calls; only copies run beside
-/// it. So whatever a kernel reads was written by an earlier one, or the stream waits for it, and memory that goes back
-/// to its pool may be used again at once: CopyPool sees to it for copies from other devices. What is to be called when
-/// work is done is called in that order, too, by `deliver` or before.
+/// CUDA device (see processor.h). All work is queued on one stream in the order of the calls; only copies run beside
+/// it, and the stream waits for those that its kernels read. Memory returned to its pool may therefore be used again at
+/// once; CopyPool ensures this for copies from other devices. Callbacks for completed work are called in the same
+/// order, by `deliver` or earlier.
 class CudaProcessor {
  public:
   using Views = DeviceMachine;
   using Keys = DeviceKeys;
   using Planes = Array<float4>;
   using Counts = cuda::Counts;
-  using Color = uchar4;  ///< w = 255 where a depth is wanted, else 0
+  using Color = uchar4;  ///< w = 255 for unmasked pixels, else 0
   struct Cubes {
     std::shared_ptr<CubeTexture> gray, usable;
   };
   struct Prepared {
     Cubes cubes;
     Array<Color> color;
-    Array<std::uint8_t> mask;  ///< none
+    Array<std::uint8_t> mask;  ///< unused: the mask is in `color`
   };
   static constexpr int kPriorShares = 16;
   static constexpr bool kMaskInColor = true;
@@ -76,7 +76,7 @@ class CudaProcessor {
   CudaProcessor& operator=(const CudaProcessor&) = delete;
 
   std::size_t number() const { return number_; }
-  Mark mark();  ///< none where there is nobody else
+  Mark mark();  ///< nullptr with a single device
   template <class T>
   Array<T> bring(const Array<T>& from, std::size_t count, const CudaProcessor& home, const Mark& made) {
     const Array<T> copy = copies_.get<T>(count);
@@ -118,7 +118,7 @@ class CudaProcessor {
   ColorMask mask(const Array<Color>& color, const Array<std::uint8_t>& /*mask*/) const { return {color.get()}; }
 
   std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe, double lens);
-  /// Kernels look keys up.
+  /// No conversion: kernels read planes by their keys.
   template <class Source>
   Source first_planes(const Source& source, Planes& /*planes*/) const {
     return source;
@@ -190,7 +190,7 @@ class CudaProcessor {
   }
 
  private:
-  /// How long work took and what it counted, on its way to the host.
+  /// Duration and counts of work, with their transfer to the host.
   struct Record {
     DeviceArray<Counts> device = DeviceArray<Counts>(1);
     PinnedArray<Counts> host = PinnedArray<Counts>(1);
@@ -201,7 +201,7 @@ class CudaProcessor {
       return end.seconds_since(start);
     }
   };
-  /// Points and their keys, on their way down.
+  /// Points and their keys, for transfer to the host.
   struct PointsDownload {
     explicit PointsDownload(std::size_t size) : points(size), pixels(size), agree(size) {}
 
@@ -221,7 +221,7 @@ class CudaProcessor {
   MapDownload<Map>& free_one(Downloads<Map>& downloads);
   template <class Map>
   void emit(MapDownload<Map>& download, std::int64_t id, const KeyframePose& pose, std::function<void(const Map&)> to);
-  /// After what is queued; waits.
+  /// Copies after all queued work; blocks.
   void copy_bytes(void* to, const void* from, std::size_t bytes, cudaMemcpyKind kind) const;
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
   std::size_t pixels() const {
@@ -233,15 +233,15 @@ class CudaProcessor {
   Queue& queue_;
   std::size_t number_;
   int device_number_;
-  std::optional<DeviceScope> making_;  ///< while the members that follow are made
-  LastScope device_;                   ///< before all that lies on the device
+  std::optional<DeviceScope> making_;  ///< current during construction of the following members
+  LastScope device_;                   ///< declared before all members on the device
   Stream compute_, up_, down_;
   Stream across_;  ///< from other devices
   DevicePool memory_;
   CopyPool copies_{across_, compute_, memory_};
   int image_width_ = 0;
   int image_height_ = 0;
-  ImageSize compared_{};  ///< what images of that size are compared at
+  ImageSize compared_{};  ///< size at which images of that size are matched
   Uploader images_, masks_;
   DeviceArray<float> gray_, equalized_;
   DeviceArray<unsigned char> eroded_;
@@ -249,7 +249,7 @@ class CudaProcessor {
   Event points_arrived_;
   std::optional<DeviceGrid> grid_;
   std::optional<DeviceSpanTable> columns_, rows_;            ///< from the images' size to that of the depth maps,
-  std::optional<DeviceSpanTable> gray_columns_, gray_rows_;  ///< and to that at which they are compared
+  std::optional<DeviceSpanTable> gray_columns_, gray_rows_;  ///< and to that for matching
   std::map<int, Pool<CubeTexture>> grays_;                   ///< by size
   Pool<CubeTexture> usables_;
   Pool<PointsDownload> clouds_;
@@ -258,10 +258,10 @@ class CudaProcessor {
   Downloads<DepthMap> depths_;
   Downloads<PlaneMap> planes_;
   Pool<Event> marks_;
-  /// What others have, until the copies of it are made.
+  /// Arrays of other devices, until they are copied.
   std::deque<std::pair<std::shared_ptr<Event>, std::shared_ptr<const void>>> borrowed_;
-  std::vector<unsigned char> host_;  ///< on its way to or from a scratch file
-  CloudDownload cloud_;              ///< handed out last
+  std::vector<unsigned char> host_;  ///< buffer for transfers to and from scratch files
+  CloudDownload cloud_;              ///< last delivered
   std::size_t clouds_out_ = 0;
 };
 

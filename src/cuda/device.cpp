@@ -11,7 +11,7 @@ namespace pmsp::cuda {
 int device_count() {
   int count = 0;
   if (cudaGetDeviceCount(&count) == cudaSuccess) return count;
-  cudaGetLastError();  // clears it
+  cudaGetLastError();  // clears the error
   return 0;
 }
 
@@ -24,7 +24,7 @@ void connect(const std::vector<int>& devices) {
       cudaDeviceEnablePeerAccess(to, 0);
     }
   }
-  cudaGetLastError();  // that they are connected already is no error; without it copies take longer
+  cudaGetLastError();  // that they are connected already is no error; without a connection copies are slower
 }
 
 void close(const std::vector<int>& devices) noexcept {
@@ -32,7 +32,7 @@ void close(const std::vector<int>& devices) noexcept {
     const bool is_closed = std::find(devices.begin(), device, *device) != device;
     if (!is_closed && cudaSetDevice(*device) == cudaSuccess) cudaDeviceReset();
   }
-  cudaGetLastError();  // clears it
+  cudaGetLastError();  // clears the error
 }
 
 Device find_device(int number) {
@@ -44,7 +44,7 @@ Device find_device(int number) {
     device.why_not = no_driver               ? "no NVIDIA driver, or one that is too old for this build"
                      : result == cudaSuccess ? "no device answers"
                                              : cudaGetErrorString(result);
-    cudaGetLastError();  // clears it
+    cudaGetLastError();  // clears the error
     return device;
   }
   if (number >= count) {
@@ -58,7 +58,7 @@ Device find_device(int number) {
     device.name = properties.name;
     int clock_khz = 0;
     PMSP_CUDA_CHECK(cudaDeviceGetAttribute(&clock_khz, cudaDevAttrClockRate, number));
-    constexpr double kSamplesPerClock = 4.0;  // of a multiprocessor, from Turing to Blackwell
+    constexpr double kSamplesPerClock = 4.0;  // of a multiprocessor, Turing to Blackwell
     device.texture_rate = kSamplesPerClock * properties.multiProcessorCount * 1e3 * clock_khz;
     std::size_t total = 0;
     PMSP_CUDA_CHECK(cudaMemGetInfo(&device.free_bytes, &total));

@@ -7,21 +7,21 @@
 #include "cuda/device_types.h"
 #include "cuda/memory.h"
 
-// What the device's source files share.
+// Shared by the device's source files.
 namespace pmsp::cuda {
 
 using kernels::Vec3;
 
 inline int blocks(int count, int block) { return (count + block - 1) / block; }
 
-/// Launch shape of kernels with a thread for each pixel of an image, or of `depth` images.
+/// Launch shape of kernels with one thread per pixel of an image, or of `depth` images.
 const dim3 kImageBlock(32, 8);
 inline dim3 image_grid(int width, int height, int depth = 1, dim3 block = kImageBlock) {
   return dim3(static_cast<unsigned>(blocks(width, static_cast<int>(block.x))),
               static_cast<unsigned>(blocks(height, static_cast<int>(block.y))), static_cast<unsigned>(depth));
 }
 
-/// After a launch: throws if it was refused.
+/// After a launch: throws if it failed.
 #define PMSP_CUDA_LAUNCHED() PMSP_CUDA_CHECK(cudaGetLastError())
 
 PMSP_HD bool is_empty(const TextureCube& cube) { return cube.texture == 0; }
@@ -34,7 +34,7 @@ PMSP_HD float sample(const TextureCube& cube, const Vec3<float>& p) {
   return 255.0F * texCubemap<float>(cube.texture, p.x, p.y, p.z);
 #else
   (void)cube;
-  return p.x;              // never called: there is no texture unit
+  return p.x;              // never called on the host
 #endif
 }
 
@@ -67,11 +67,11 @@ PMSP_HD void offer(const DeviceKeys& keys, int pixel, std::uint64_t key) {
 #if defined(__CUDA_ARCH__)
   atomicMin(reinterpret_cast<unsigned long long*>(keys.keys) + pixel, static_cast<unsigned long long>(key));
 #else
-  keys.keys[pixel] = key;  // never called: threads of the device share keys
+  keys.keys[pixel] = key;  // never called on the host
 #endif
 }
 
-/// Adds the number of a block's threads for which `holds` is true; all threads of the warp call it.
+/// Adds the number of a warp's threads for which `holds` is true; called by all of its threads.
 __device__ inline void count_if(bool holds, unsigned int* counter) {
   const unsigned int mask = __ballot_sync(0xffffffffU, holds);
   const unsigned int thread = threadIdx.x + blockDim.x * threadIdx.y;

@@ -17,22 +17,21 @@
 #include "ranges.h"
 #include "weighted_median.h"
 
-// What kernels are called with. Pointers are device pointers. Images are row-major without padding unless it says
-// otherwise.
+// Arguments of kernels. Pointers are device pointers. Images are row-major without padding unless stated otherwise.
 namespace pmsp::cuda {
 
-/// A panorama's gray values as the texture units see them; 0 = none.
+/// Gray values of a panorama for the texture units; 0 = none.
 struct TextureCube {
   cudaTextureObject_t texture;
 };
 
-/// A depth map's planes: x, y, z and the photometric score; zero plane = no estimate.
+/// Plane map: x, y, z and score; zero plane = no estimate.
 struct DevicePlanes {
   const float4* planes;
   int width, height;
 };
 
-/// The same, to be written, in row or checkerboard order.
+/// Writable plane map, in row or checkerboard order.
 struct DevicePlaneArray {
   float4* planes;
 };
@@ -42,12 +41,12 @@ struct DeviceKeys {
   std::uint64_t* keys;
 };
 
-/// Colours, with 0 as the fourth byte where no depth is wanted.
+/// Colours with a mask: the fourth byte of masked pixels is 0.
 struct ColorMask {
   const uchar4* color;
 };
 
-/// The device's views (kernels/stage.h).
+/// View types of the device (kernels/stage.h).
 struct DeviceMachine {
   using Map = DevicePlanes;
   using Planes = DevicePlaneArray;
@@ -67,7 +66,7 @@ struct pmsp::kernels::SurfaceOf<pmsp::cuda::TextureCube> {
 
 namespace pmsp::cuda {
 
-/// Weights of the source pixels of each target column or row: `count` of them from first[i] on, the rest 0.
+/// Weights of the source pixels of each target column or row: `count` of them from first[i] on, padded with 0.
 struct DeviceSpans {
   const int* first;
   const float* weights;  ///< [target][count]
@@ -80,8 +79,8 @@ struct ResizeArgs {
   int source_width, source_height;
   int width, height;
   DeviceSpans columns, rows;
-  uchar4* color;  ///< w = 255 where a depth is wanted, else 0; nullptr = not asked for
-  float* gray;    ///< nullptr = not asked for
+  uchar4* color;  ///< w = 255 for unmasked pixels, else 0; nullptr = not needed
+  float* gray;    ///< nullptr = not needed
 };
 
 struct CubeArgs {
@@ -89,7 +88,7 @@ struct CubeArgs {
   cudaSurfaceObject_t surface;
 };
 
-/// Numbers of pixels that a stage counts.
+/// Counts of pixels by a stage.
 struct Counts {
   static constexpr int kMost = 3;
   unsigned int of[kMost];
@@ -104,19 +103,18 @@ struct DevicePoint {
   float confidence;
 };
 
-/// A round of ownership.
+/// Round of duplicate removal.
 struct DuplicateArgs {
   kernels::DuplicateRound round;
-  std::uint32_t*
-      candidates;  ///< of open pixels a bit for each keyframe whose say matters, before the round and after it
-  bool first;      ///< `asked` holds nothing yet
+  std::uint32_t* candidates;  ///< bits of each open pixel's candidate keyframes, before and after the round
+  bool first;                 ///< `candidates` is not initialised yet
 };
 
-/// The points that a keyframe makes.
+/// Kept points of a keyframe.
 struct OwnedArgs {
   kernels::GridView grid;
   kernels::ConstSurfelArrays map;
-  DevicePoint* points;    ///< room for all pixels, as the next two have
+  DevicePoint* points;    ///< storage for all pixels, as `indices` and `agree`
   unsigned int* indices;  ///< of the points' pixels
   std::uint32_t* agree;
   unsigned int* count;

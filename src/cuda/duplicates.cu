@@ -2,17 +2,17 @@
 #include "cuda/device_code.h"
 #include "cuda/launch.h"
 
-// Rounds of ownership, a pixel a thread. What src/cpu/duplicate_row.h does for a row.
+// Rounds of duplicate removal, one thread per pixel; counterpart of src/cpu/duplicate_row.h.
 namespace pmsp::cuda {
 namespace {
 
 using kernels::PointStatus;
 
 constexpr int kWarp = 32;
-constexpr unsigned int kAll = 0xffffffffU;  ///< threads of a warp
-constexpr float kMany = 8.0F;               ///< pixels in half of a row from which on a warp searches together
+constexpr unsigned int kAll = 0xffffffffU;  ///< all threads of a warp
+constexpr float kMany = 8.0F;  ///< half width of the search in a row [px] from which on a warp searches together
 
-/// What a thread asks of another keyframe, in its frame.
+/// Search of a thread in another keyframe, in its frame.
 struct Search {
   Vec3<float> point, normal;
   kernels::OffSurface<float> off;
@@ -20,7 +20,7 @@ struct Search {
   kernels::Approach<float> there;
 };
 
-/// Whether pixels of the other map stand for a point, and whether one of them is an owner.
+/// Whether the other map has a duplicate of a point, and whether one is kept.
 struct Answer {
   bool stands, owned;
 };
@@ -39,7 +39,7 @@ __device__ void ask_pixel(const DuplicateArgs& args, const kernels::DuplicateVie
   answer.owned = answer.owned || kernels::status_of(status) == PointStatus::kKept;
 }
 
-/// Asks the pixels within reach, until it is clear what the answer is: nobody is an owner before the first round.
+/// Compares the pixels within the search radius until the answer is known: before the first round none is kept.
 __device__ Answer ask_within(const DuplicateArgs& args, const kernels::DuplicateView& other, const Search& search,
                              int thread, int threads) {
   Answer answer{false, false};
@@ -65,9 +65,8 @@ __device__ Search of_thread(const Search& search, int thread) {
            __shfl_sync(kAll, search.there.spacing, thread)}};
 }
 
-/// Each thread asks keyframe `k` if it has something to ask. Pixels crowd near keyframes' poles: the few points that
-/// lie there would keep their warps waiting, so that all threads search for each of them. Called by all threads of a
-/// warp.
+/// Searches keyframe `k` for duplicates of each thread's claim, if `asks`. Pixels crowd near the poles: instead of
+/// waiting for the few threads with points there, all threads search for each of them. Called by all threads of a warp.
 __device__ Answer ask(const DuplicateArgs& args, bool asks, int k, const kernels::Claim<float>& claim) {
   const int thread = static_cast<int>(threadIdx.x);
   const kernels::DuplicateView& other = args.round.others[k];

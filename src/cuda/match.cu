@@ -3,19 +3,18 @@
 #include "cuda/launch.h"
 #include "cuda/shared_patch.h"
 
-// PatchMatch, one pixel a thread. Pixels of a colour are neighbours in memory, so that a warp's accesses are
-// contiguous.
+// PatchMatch, one thread per pixel. Pixels of a colour are contiguous in memory, and so are a warp's accesses.
 namespace pmsp::cuda {
 namespace {
 
 using Visit = kernels::Visit<float, SharedPatch>;
 
-// Small blocks: a pass over the pixels of one colour of a small depth map is hardly more than one wave of blocks.
+// Small blocks: the pixels of one colour of a small depth map fill hardly more than one wave of blocks.
 constexpr int kBlockWidth = 32;
 constexpr int kBlockHeight = kPatchThreads / kBlockWidth;
-constexpr int kMinBlocks = 12;  ///< a multiprocessor: 768 threads with 80 registers each
+constexpr int kMinBlocks = 12;  ///< per multiprocessor: 768 threads with 80 registers each
 
-/// A thread's pixel. False beyond the image.
+/// Pixel of a thread. Returns false outside the image.
 __device__ bool turn_of_thread(const PatchMatchPass& pass, int colour, kernels::Turn<float>& turn) {
   const int half = pass.grid.width / 2;
   const int k = static_cast<int>(blockIdx.x * kBlockWidth + threadIdx.x);
@@ -52,7 +51,7 @@ dim3 colour_grid(const kernels::GridView& grid, int colours) {
 bool runs_here() {
   cudaFuncAttributes attributes{};
   const cudaError_t result = cudaFuncGetAttributes(&attributes, iterate_kernel);
-  cudaGetLastError();  // clears it
+  cudaGetLastError();  // clears the error
   return result == cudaSuccess;
 }
 

@@ -15,7 +15,7 @@ void check(cudaError_t result, const char* call, const char* file, int line) {
                      (name != nullptr ? name + 1 : file) + ":" + std::to_string(line) + ")";
   if (result == cudaErrorMemoryAllocation) {
     text += "; ask for smaller depth maps or a smaller window, close what else uses the GPU, or use backend cpu";
-    cudaGetLastError();  // an allocation that failed does not break the device
+    cudaGetLastError();  // a failed allocation does not break the device
   }
   throw DeviceError(text);
 }
@@ -23,7 +23,7 @@ void check(cudaError_t result, const char* call, const char* file, int line) {
 DeviceScope::DeviceScope(int device) {
   PMSP_CUDA_CHECK(cudaGetDevice(&before_));
   PMSP_CUDA_CHECK(cudaSetDevice(device));
-  cudaGetLastError();  // what calls of others have left behind is not ours
+  cudaGetLastError();  // ignores errors of earlier, unrelated calls
 }
 DeviceScope::~DeviceScope() { cudaSetDevice(before_); }
 
@@ -42,7 +42,7 @@ Event::~Event() { cudaEventDestroy(event_); }
 void Event::record(const Stream& stream) { PMSP_CUDA_CHECK(cudaEventRecord(event_, stream.get())); }
 bool Event::has_come() const {
   const bool come = cudaEventQuery(event_) == cudaSuccess;
-  if (!come) cudaGetLastError();  // "not ready" counts as one
+  if (!come) cudaGetLastError();  // clears "not ready", which counts as an error
   return come;
 }
 
@@ -71,8 +71,8 @@ void* DevicePool::take(std::size_t bytes) {
 void* DevicePool::allocate(std::size_t bytes) {
   void* data = nullptr;
   if (cudaMalloc(&data, bytes) == cudaSuccess) return data;
-  cudaGetLastError();  // clears it
-  release();           // what lies idle in other sizes may do
+  cudaGetLastError();  // clears the error
+  release();           // idle memory of other sizes may suffice
   if (copies_ != nullptr) copies_->release();
   return DeviceMemory::allocate(bytes);
 }

@@ -11,15 +11,15 @@
 #include <utility>
 #include <vector>
 
-// Owners of what CUDA hands out. They throw DeviceError, with the call and its place, when a call fails; destructors
-// ignore errors, since the failure that leads to them has been thrown already.
+// Owners of CUDA resources. They throw DeviceError, with the call and its line, if a call fails; destructors ignore
+// errors, since the original failure has been thrown.
 namespace pmsp::cuda {
 
 /// Throws DeviceError unless `result` is cudaSuccess.
 void check(cudaError_t result, const char* call, const char* file, int line);
 #define PMSP_CUDA_CHECK(call) ::pmsp::cuda::check((call), #call, __FILE__, __LINE__)
 
-/// Makes a device the thread's current one for as long as it lives.
+/// Makes a device the thread's current one during its lifetime.
 class DeviceScope {
  public:
   explicit DeviceScope(int device);
@@ -31,7 +31,7 @@ class DeviceScope {
   int before_ = 0;
 };
 
-/// As the first member of a class: its device is current from `enter` on, while the other members are destroyed.
+/// To be declared first: from `enter` on, its device is current during destruction of the members declared after it.
 class LastScope {
  public:
   explicit LastScope(int device) : device_(device) {}
@@ -65,16 +65,16 @@ class Event {
   Event& operator=(const Event&) = delete;
   cudaEvent_t get() const { return event_; }
   void record(const Stream& stream);
-  bool has_come() const;                     ///< also if nothing was recorded
+  bool has_come() const;                     ///< also true if nothing was recorded
   void wait() const;                         ///< on the host; returns at once if nothing was recorded
-  void wait_on(const Stream& stream) const;  ///< lets the stream wait
+  void wait_on(const Stream& stream) const;  ///< makes the stream wait
   double seconds_since(const Event& start) const;
 
  private:
   cudaEvent_t event_ = nullptr;
 };
 
-/// Memory of one kind, uninitialised.
+/// Uninitialised memory of one kind.
 template <class T, class Memory>
 class Owned {
  public:
@@ -88,7 +88,7 @@ class Owned {
     return *this;
   }
   T* get() const { return data_; }
-  T& operator[](std::size_t i) const { return data_[i]; }  ///< where the host can read it
+  T& operator[](std::size_t i) const { return data_[i]; }  ///< if the host can read it
   std::size_t size() const { return size_; }
   bool empty() const { return size_ == 0; }
 
@@ -102,7 +102,7 @@ struct DeviceMemory {
   static void free(void* data) { cudaFree(data); }
 };
 
-/// Host memory that copies run to and from without the processor.
+/// Page-locked host memory, for copies without the CPU.
 struct PinnedMemory {
   static void* allocate(std::size_t bytes);
   static void free(void* data) { cudaFreeHost(data); }
@@ -113,7 +113,7 @@ using DeviceArray = Owned<T, DeviceMemory>;
 template <class T>
 using PinnedArray = Owned<T, PinnedMemory>;
 
-/// Page-locks memory that someone else owns, for as long as it lives.
+/// Page-locks memory of another owner during its lifetime.
 class PinnedRange {
  public:
   PinnedRange(void* data, std::size_t bytes);
@@ -126,7 +126,7 @@ class PinnedRange {
   void* data_ = nullptr;
 };
 
-/// A cube map in texture memory, filtered by the texture units, seamless; and the surface through which it is written.
+/// Cube map in texture memory with seamless filtering, and the surface for writing.
 class CubeTexture {
  public:
   /// Faces of `size` x `size` texels of `bits` bits (8 or 16), read as numbers from 0 to 1.
@@ -139,7 +139,7 @@ class CubeTexture {
   int side() const { return static_cast<int>(side_); }
   std::size_t texels() const { return 6 * side_ * side_; }
 
-  /// All texels, row by row and face by face, to or from other device memory.
+  /// Copies all texels, row by row and face by face, to or from other device memory.
   void copy_to(void* data, const Stream& stream) const;
   void copy_from(const void* data, const Stream& stream);
 
@@ -153,8 +153,8 @@ class CubeTexture {
 
 class CopyPool;
 
-/// Device memory that is used again: whoever gets some may overwrite it at once, since all work on one stream. The pool
-/// must outlive what it lends.
+/// Pool of device memory. A new user may overwrite it at once, since all users work on one stream. The pool must
+/// outlive its blocks.
 class DevicePool {
  public:
   DevicePool() = default;
@@ -173,14 +173,14 @@ class DevicePool {
   friend class CopyPool;
   void* take(std::size_t bytes);
   void* allocate(std::size_t bytes);
-  void release();  ///< what nobody has
+  void release();  ///< frees idle blocks
 
   std::map<std::size_t, std::vector<void*>> free_;  ///< by size
-  CopyPool* copies_ = nullptr;                      ///< whose idle memory may be given back, too
+  CopyPool* copies_ = nullptr;                      ///< whose idle blocks may be freed, too
 };
 
-/// Device memory for copies that are made on a stream of their own, beside kernels: a copy waits for those that read
-/// what it overwrites. The pool must outlive what it lends; the other pool of the device, and the streams, it.
+/// Pool of device memory for copies on a separate stream, beside kernels: a copy waits for the kernels that read the
+/// memory which it overwrites. The pool must outlive its blocks, and the streams and the other pool must outlive it.
 class CopyPool {
  public:
   CopyPool(const Stream& copies, const Stream& compute, DevicePool& other);
@@ -200,22 +200,21 @@ class CopyPool {
   friend class DevicePool;
   struct Block {
     void* data;
-    std::shared_ptr<Event> read;  ///< by all kernels that were queued when it was given back
+    std::shared_ptr<Event> read;  ///< recorded after all kernels that were queued when the block was returned
   };
 
   Block take(std::size_t bytes);
   void give_back(std::size_t bytes, Block block);
-  void release();  ///< what nobody has
+  void release();  ///< frees idle blocks
 
   const Stream& copies_;
   const Stream& compute_;
   DevicePool& other_;
-  std::map<std::size_t, std::deque<Block>> free_;  ///< by size; the first one has waited longest
+  std::map<std::size_t, std::deque<Block>> free_;  ///< by size, longest idle first
 };
 
-/// Objects that are made once and used again. All their users work on one stream, so that whoever gets one may
-/// overwrite it at once; events, too, for what waits for one already waits for what it was. The pool must outlive what
-/// it lends.
+/// Pool of reusable objects. A new user may overwrite an object at once, since all users work on one stream; events,
+/// too, since waits that are queued already refer to the previous record. The pool must outlive its objects.
 template <class T>
 class Pool {
  public:

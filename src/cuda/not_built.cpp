@@ -2,7 +2,7 @@
 #include "cuda/cuda_engine.h"
 #include "pmsp/error.h"
 
-// Stands for the other files of this folder in builds without CUDA.
+// Replaces the other files of this folder in builds without CUDA.
 namespace pmsp::cuda {
 
 Device find_device(int /*number*/) {

@@ -4,13 +4,13 @@
 #include "cuda/launch.h"
 #include "resample.h"
 
-// From a camera's image to colours and cube maps.
+// Conversion of camera images to colours and cube maps.
 namespace pmsp::cuda {
 namespace {
 
 __device__ unsigned char to_byte(float value) { return static_cast<unsigned char>(fminf(value + 0.5F, 255.0F)); }
 
-/// Whether the mask allows all source pixels that a target pixel covers.
+/// Whether all source pixels covered by a target pixel are unmasked.
 __device__ bool is_usable(const ResizeArgs& args, int x, int y) {
   const int y0 = static_cast<int>(static_cast<long long>(y) * args.source_height / args.height);
   const int y1 = static_cast<int>((static_cast<long long>(y + 1) * args.source_height + args.height - 1) / args.height);
@@ -86,7 +86,7 @@ __global__ void fill_cube_kernel(kernels::GrayView gray, CubeArgs cube) {
                    face);
 }
 
-/// 0 wherever a pixel within the radius (pixels at the equator) is masked, 255 elsewhere.
+/// 0 within `radius` (pixels at the equator) of a masked pixel, 255 elsewhere.
 __global__ void erode_kernel(const uchar4* color, unsigned char* eroded, int width, int height, float radius) {
   const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   const int y = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);

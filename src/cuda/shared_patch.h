@@ -7,13 +7,13 @@
 
 namespace pmsp::cuda {
 
-constexpr int kPatchThreads = 64;  ///< of a block
+constexpr int kPatchThreads = 64;  ///< per block
 
-/// A reference patch in shared memory, in half precision. The sums of the rounded numbers, which view_score takes into
-/// account, keep the rounding from acting like texture.
+/// Reference patch in shared memory, in half precision. view_score uses the sums of the rounded values, which prevents
+/// rounding from acting like texture.
 class SharedPatch {
  public:
-  /// `block`: room for the patches of all threads of the block.
+  /// `block`: storage for the patches of all threads of the block.
   __device__ explicit SharedPatch(__half2* block) : samples_(block + threadIdx.x + blockDim.x * threadIdx.y) {}
 
   PMSP_HD float weight(int k) const { return __low2float(samples_[k * kPatchThreads]); }
@@ -29,7 +29,7 @@ class SharedPatch {
   bool fine = false;
 
  private:
-  __half2* samples_;  ///< this thread's, those of the other threads between them
+  __half2* samples_;  ///< of this thread, interleaved with those of the other threads
 };
 
 }  // namespace pmsp::cuda

@@ -2,7 +2,7 @@
 #include "cuda/device_code.h"
 #include "cuda/launch.h"
 
-// Launches stages, a thread for each pixel.
+// Launches of stages, one thread per pixel.
 namespace pmsp::cuda {
 namespace {
 
@@ -10,12 +10,11 @@ constexpr unsigned int kBlockWidth = 32;
 constexpr unsigned int kBlockHeight = 2;
 constexpr int kBlockThreads = kBlockWidth * kBlockHeight;
 
-/// Small blocks: some stages need many registers. Even smaller ones where there are few pixels, so that all
-/// multiprocessors have some.
+/// Small blocks, since some stages need many registers; even smaller ones for few pixels, so that all multiprocessors
+/// get some.
 dim3 block_for(int width, int height) { return dim3(kBlockWidth, width * height < 1 << 17 ? 1 : kBlockHeight); }
 
-/// A thread's pixel. The poles' rows of blocks come first: pixels crowd there, so that some stages have most to do
-/// with them.
+/// Pixel of a thread. Blocks near the poles come first: pixels crowd there, so that some stages take longest for them.
 __device__ void pixel_of_thread(int& x, int& y) {
   const unsigned int row = (blockIdx.y & 1U) == 0 ? blockIdx.y / 2 : gridDim.y - 1 - blockIdx.y / 2;
   x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
@@ -35,7 +34,7 @@ __global__ void stage_kernel(const __grid_constant__ Stage stage, unsigned int* 
 
 using WeightedMedian = kernels::WeightedMedian<DeviceMachine>;
 
-/// Numbers of a thread in shared memory, those of its block's other threads between them.
+/// Numbers of a thread in shared memory, interleaved with those of its block's other threads.
 struct SharedNumbers {
   float* first;
   PMSP_HD float& operator[](int k) const { return first[k * kBlockThreads]; }
@@ -53,7 +52,7 @@ __global__ void weighted_median_kernel(const __grid_constant__ WeightedMedian st
                SharedNumbers{weight + thread});
 }
 
-/// A block a landmark; the threads share its rows' pixels.
+/// One block per landmark; its threads divide the pixels of each row.
 __global__ void splat_kernel(const __grid_constant__ kernels::SplatLandmarks<DeviceKeys> splat) {
   splat(static_cast<int>(blockIdx.x), static_cast<int>(threadIdx.x), static_cast<int>(blockDim.x));
 }
@@ -69,8 +68,8 @@ void launch(const Stage& stage, Counts* counts, cudaStream_t stream) {
   PMSP_CUDA_LAUNCHED();
 }
 
-/// Its numbers would not fit into registers but in a loop that is written out, which is longer than what a
-/// multiprocessor keeps of a program.
+/// Its arrays would fit into registers only with unrolled loops, whose code exceeds the instruction cache of a
+/// multiprocessor.
 template <>
 void launch(const WeightedMedian& stage, Counts* /*counts*/, cudaStream_t stream) {
   const dim3 block(kBlockWidth, kBlockHeight);

@@ -13,15 +13,15 @@
 namespace pmsp::cuda {
 namespace {
 
-/// Queued on the stream whose kernels will read it: cudaMemcpy would return, and no other stream would wait, before all
-/// has arrived. The source must stay until the stream has got there.
+/// Queues a copy on the stream of the kernels that read it: cudaMemcpy may return before the data have arrived, and
+/// other streams would not wait. The source must stay valid until the stream has completed the copy.
 template <class T>
 void copy_up(T* to, const T* from, std::size_t count, const Stream& stream) {
   PMSP_CUDA_CHECK(cudaMemcpyAsync(to, from, count * sizeof(T), cudaMemcpyHostToDevice, stream.get()));
 }
 
-/// `pinned`: the memory of `to`. It grows to twice what is asked for: to exchange page-locked memory, the host waits
-/// for all devices. Where the host refuses to lock it, the copy takes longer.
+/// `pinned`: memory of `to`. Grows to twice `count`, since the host waits for all devices to replace page-locked
+/// memory. If page-locking fails, the copy is slower.
 template <class T, class From>
 void copy_down(std::vector<T>& to, const From* from, std::size_t count, std::optional<PinnedRange>& pinned,
                const Stream& stream) {
@@ -33,7 +33,7 @@ void copy_down(std::vector<T>& to, const From* from, std::size_t count, std::opt
     try {
       pinned.emplace(to.data(), to.capacity() * sizeof(T));
     } catch (const DeviceError&) {
-      cudaGetLastError();  // clears it
+      cudaGetLastError();  // clears the error
     }
   }
   to.resize(count);
@@ -41,7 +41,7 @@ void copy_down(std::vector<T>& to, const From* from, std::size_t count, std::opt
   PMSP_CUDA_CHECK(cudaMemcpyAsync(to.data(), from, count * sizeof(T), cudaMemcpyDeviceToHost, stream.get()));
 }
 
-/// Without depths.
+/// Map without depths.
 template <class Map>
 Map blank(int width, int height);
 

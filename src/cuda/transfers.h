@@ -12,11 +12,11 @@
 #include "pmsp/types.h"
 #include "util/thread_pool.h"
 
-// What lies in device memory for a whole flight, and what travels between host and device. `stream`: of the kernels
-// that read it.
+// Data in device memory for a whole sequence, and transfers between host and device. `stream`: of the kernels that read
+// them.
 namespace pmsp::cuda {
 
-/// The tables of a SphereGrid.
+/// Tables of a SphereGrid.
 class DeviceGrid {
  public:
   DeviceGrid(int width, int height, const Stream& stream);
@@ -39,11 +39,11 @@ class DeviceSpanTable {
   DeviceSpans view_{};
 };
 
-/// Images on their way up, through page-locked memory. While the device works on one, the next can arrive.
+/// Uploads of images through page-locked memory. While the device works on one, the next can arrive.
 class Uploader {
  public:
-  /// Copies bytes row by row into page-locked memory and starts their way to the device. `compute` waits for their
-  /// arrival. The result is valid until the call after the next; call `consumed` when the kernels that read it are
+  /// Copies rows into page-locked memory and starts their transfer to the device; `compute` waits for their arrival.
+  /// The result is valid until the call after the next; `consumed` must be called when the kernels that read it are
   /// queued.
   const unsigned char* upload(const void* data, std::size_t row_bytes, std::size_t row_pitch, int rows,
                               const Stream& copies, const Stream& compute, ThreadPool& pool);
@@ -60,11 +60,10 @@ class Uploader {
   std::size_t current_ = 0;
 };
 
-/// Clouds on their way down, one at a time. Their memory is page-locked, so that copies go straight into it, and used
-/// again for the next one.
+/// Downloads of clouds, one at a time, directly into page-locked memory, which is used again for the next one.
 class CloudDownload {
  public:
-  /// `head`: all but the points. Copies these on `copies`, and waits. What it returns stays until the next call.
+  /// `head`: all but the points. Copies the points on `copies`; blocks. The result is valid until the next call.
   const KeyframeCloud& fetch(KeyframeCloud head, const DevicePoint* points, const unsigned int* pixels,
                              const std::uint32_t* agree, std::size_t count, const Stream& copies);
 
@@ -74,14 +73,16 @@ class CloudDownload {
   Event arrived_;
 };
 
-/// A DepthMap or a PlaneMap on its way down. The host's images are page-locked, so that copies go straight into them.
+/// Download of a DepthMap or a PlaneMap, directly into page-locked images.
 template <class Map>
 class MapDownload {
  public:
   MapDownload(int width, int height);
-  float* part(std::size_t k) const { return parts_[k].device.get(); }  ///< of the map's k-th image: what kernels fill
-  void start(const Stream& compute, const Stream& copies);             ///< after the kernels queued so far
-  const Map& finish(std::int64_t id, const KeyframePose& pose);        ///< waits
+  float* part(std::size_t k) const {
+    return parts_[k].device.get();
+  }                                                              ///< k-th image of the map, to be written by kernels
+  void start(const Stream& compute, const Stream& copies);       ///< after the kernels queued so far
+  const Map& finish(std::int64_t id, const KeyframePose& pose);  ///< blocks
 
   bool busy = false;
 
