@@ -9,7 +9,7 @@
 #include "median.h"
 #include "pmsp/options.h"
 
-// The filters' stages, on every machine.
+// Stages of the filters, for all backends.
 namespace pmsp {
 
 template <class Machine>
@@ -25,14 +25,15 @@ kernels::MedianFilter<Machine> median_stage(const typename Machine::Map& map, co
           to};
 }
 
-/// How many of the other maps must agree: where fewer are at hand than the window holds, in proportion.
+/// Number of other maps that must agree; in proportion if there are fewer than in a full window.
 inline int agreeing_maps_wanted(const ConsistencyFilterOptions& options, std::size_t others) {
   const double share = static_cast<double>(others) / (options.window - 1);
   const int full = options.min_views - 1;
   return std::min(full, std::max(1, static_cast<int>(std::lround(full * std::min(share, 1.0)))));
 }
 
-/// Without the other maps, `count` of them. `pose_error`: Keyframe::pose_error; `told`: the confidences with it.
+/// Consistency filter without the other maps, `count` of them. `pose_error`: Keyframe::pose_error; `reported`:
+/// confidences that include it.
 template <class Machine>
 kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Map& map, const kernels::GridView& grid,
                                                       std::size_t count, const ConsistencyFilterOptions& options,
@@ -43,7 +44,8 @@ kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Ma
   stage.count = options.enabled ? static_cast<int>(count) : 0;
   stage.wanted = agreeing_maps_wanted(options, count);
   const float pixel_angle = static_cast<float>(2.0 * kernels::kPi / grid.width);
-  stage.tolerance = std::max(static_cast<float>(options.max_relative_depth), pixel_angle);  // no map knows better
+  stage.tolerance =
+      std::max(static_cast<float>(options.max_relative_depth), pixel_angle);  // at least the resolution of a map
   stage.share = kernels::share_of_coarse_map(grid.width);
   stage.pose_error = static_cast<float>(pose_error);
   stage.confidence = confidence;

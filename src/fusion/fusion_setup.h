@@ -7,10 +7,10 @@
 #include "pmsp/stages.h"
 #include "ranges.h"
 
-// What the kernels of fusion are given, on every machine.
+// Parameters of the fusion kernels, for all backends.
 namespace pmsp {
 
-/// Bytes for each pixel that say which other maps of a whole window agree.
+/// Bytes per pixel for the agreement of all other maps of a window.
 inline int agree_bytes(const FusionOptions& options) { return (options.window - 1 + 7) / 8; }
 
 kernels::FusionLimits fusion_limits(const FusionOptions& options);

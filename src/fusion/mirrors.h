@@ -11,13 +11,13 @@
 
 namespace pmsp {
 
-/// What a keyframe's mirrors are kept in while points are judged.
+/// Mirrors of a keyframe during the free-space test.
 struct Mirrors {
   Array<kernels::WidePlane> planes;
   Array<std::uint32_t> evidence, confirmed;
 };
 
-/// The plane of each field of a keyframe's points (kernels/wide_plane.h).
+/// Plane of each field of a keyframe's points (kernels/wide_plane.h).
 template <class Processor>
 Array<kernels::WidePlane> wide_planes(Processor& on, const std::uint32_t* surfels) {
   constexpr std::size_t kShares = std::size_t{kernels::kFields} * kernels::kFieldSide;
@@ -36,11 +36,11 @@ Array<kernels::WidePlane> wide_planes(Processor& on, const std::uint32_t* surfel
   return found;
 }
 
-/// Finds the mirrors that a keyframe sees (kernels/mirror.h), and lets `judge` know of them, which has the keyframe's
-/// points and its viewers by now. `from_viewers`: from each viewer's frame into the keyframe's.
+/// Finds the mirrors of a keyframe (kernels/mirror.h) and adds them to `test`, which has the keyframe's points and
+/// viewers already. `from_viewers`: from each viewer's frame into the keyframe's.
 template <class Processor>
 Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_viewers, kernels::Eligibility& test) {
-  if (test.count < 2) return {};  // a mirror image wants two witnesses
+  if (test.count < 2) return {};  // a mirror image needs two witnesses
   const kernels::GridView grid = on.grid();
   const int cells = grid.width / kernels::kRangeCell * (grid.height / kernels::kRangeCell);
   const int parts = kernels::kCountColumns * (grid.height / kernels::kRangeCell);

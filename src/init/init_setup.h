@@ -10,8 +10,8 @@
 
 namespace pmsp {
 
-/// The landmarks that make planes, as the kernels take them. Writes at most as many as there are; returns their number.
-/// `lens`: how far in front of the camera's centre its forward lens lies [keyframe's unit].
+/// Landmarks at usable depths, in the format of the kernels. `to`: storage for all landmarks; returns the number
+/// written. `lens`: distance of the forward lens in front of the camera's centre [keyframe's unit].
 inline std::size_t sparse_points(const Keyframe& keyframe, double lens, int width, int height,
                                  kernels::SparsePoint* to) {
   std::size_t count = 0;

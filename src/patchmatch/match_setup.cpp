@@ -13,31 +13,30 @@ namespace {
 /// Stages of a keyframe that draw random numbers.
 constexpr std::uint32_t kPatchMatchStage = 1;
 
-/// Variance of gray levels that rounding to bytes makes (1 / 12). Patches that vary no more than that score low. More
-/// would cost plaster and bare roofs their depth: noise of the camera itself is averaged away by the resampling.
+/// Variance of gray levels by rounding to bytes (1 / 12). Patches with no more of it score low. A larger value would
+/// remove depths of plaster and bare roofs; noise of the camera is averaged by resampling.
 constexpr float kNoiseVariance = 0.1F;
 
-// What follows is the same in all qualities; all of it was measured together, and none of it is worth a choice.
+// Common to all presets.
 
-/// Distance of a patch's samples at the equator [px of the depth map]: samples must be closer than a patch is wide, and
-/// farther apart than a pixel, or they say the same.
+/// Distance of a patch's samples at the equator [px of the depth map]: above a pixel, below which they are redundant.
 constexpr double kPatchSpacing_px = 2.0;
 
-/// Variance from which on a patch has texture: that of a standard deviation of 1.5 in clean images. In noisy ones, more
-/// than noise makes: patches of noise alone vary by up to 2.6 times what the barest have. An image that is textured all
-/// over is taken for noisy, too; so a standard deviation of 3 is texture in any image.
+/// Minimum variance of a patch with texture: that of a standard deviation of 1.5 in clean images; in noisy ones, more
+/// than that of patches of noise, which varies by up to 2.6 times that of the barest ones. An image with texture all
+/// over seems noisy, too; therefore a standard deviation of 3 is texture in any image.
 constexpr float kTexturedVariance = 1.5F * 1.5F;
 constexpr float kTexturedPerNoise = 2.6F;
 constexpr float kMaxTexturedVariance = 3.0F * 3.0F;
 constexpr float kFarVariance = 0.5F * 0.5F;
 
-/// Bilateral weight: distance [px of the depth map], about half a coarse patch.
+/// Standard deviation of the spatial weight [px of the depth map]: about half a coarse patch.
 constexpr double kSigmaSpace_px = 5.0;
 
-/// Largest angle between a plane's normal and the ray [deg]: beyond it a pixel's patch covers many times its own area.
+/// Maximum angle between a plane's normal and the ray [deg]: beyond it, a pixel's patch covers many times its own area.
 constexpr double kMaxSlant_deg = 80.0;
 
-/// Score that full disagreement with one neighbour's depth map costs, of the 2 that a photometric score spans.
+/// Score penalty for full disagreement with one source view's depth map; photometric scores span 2.
 constexpr float kDisagreementCost = 0.5F;
 
 }  // namespace

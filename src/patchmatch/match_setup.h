@@ -8,22 +8,22 @@
 #include "pmsp/options.h"
 #include "pmsp/stages.h"
 
-// What the backends' PatchMatch starts from: the kernels' form of the options.
+// Input of PatchMatch, for all backends: the options in the format of the kernels.
 namespace pmsp {
 
-/// Variance of gray levels from which on a patch counts as textured, in an image with this noise (image_noise).
+/// Minimum variance of gray levels of a textured patch, in an image with this noise (image_noise).
 float textured_variance(float noise);
 
-/// The same for what the sky shows: faint clouds, which no surface is near enough to show as one.
+/// As textured_variance, as evidence for far pixels: lower, so that faint clouds suffice.
 float far_variance(float noise);
 
-/// Relative difference of depths from which on disagreement with a neighbour's depth map, or with a prior, is full.
+/// Relative depth difference of full disagreement with a source view's depth map, or with a prior.
 constexpr float kDisagreementTolerance = 0.03F;
 
-/// What agreement with a prior's plane is worth: what texture tells outweighs it.
+/// Bonus for agreement with a prior plane; texture outweighs it.
 constexpr kernels::PriorBonus kPriorBonus{0.3F, 1.0F, kDisagreementTolerance};
 
-/// Of each geometric pass: another pass, which looks at newer maps, is worth more than another iteration.
+/// Iterations per geometric pass: another pass, with newer maps, gains more than another iteration.
 constexpr int kGeometricIterations = 1;
 
 /// `noise`: of the keyframe's image, see image_noise.
@@ -31,14 +31,14 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width, f
 kernels::PlaneLimits plane_limits(const DepthRange& range);
 kernels::RandomKey patchmatch_key(std::uint64_t seed, std::int64_t keyframe_id);
 
-/// Those of one pass; they are counted on from pass to pass.
+/// Iterations of one pass, numbered across passes.
 struct Iterations {
   int first;
   int count;
 };
 Iterations iterations_of(const PatchMatchOptions& options, int pass);
 
-/// All but the views. `noise`: of the reference's image, see image_noise.
+/// Input of a pass, without the views. `noise`: of the reference image, see image_noise.
 template <class Cube>
 kernels::Matching<Cube> make_matching(const Cube& reference, float noise, const PatchMatchOptions& options, int width,
                                       const DepthRange& range, std::uint64_t seed, std::int64_t keyframe_id) {
@@ -53,8 +53,8 @@ kernels::Matching<Cube> make_matching(const Cube& reference, float noise, const 
   return matching;
 }
 
-/// Propagation and refinement of both colours, as often as a pass wants. `started`: planes are there, but not their
-/// scores. Returns early once `cancelled()`.
+/// Propagation and refinement of both colours, for all iterations of a pass. `started`: the planes have no valid scores
+/// yet. Returns early once `cancelled()`.
 template <class Processor, class Pass, class Cancelled>
 void run_iterations(Processor& on, const Pass& pass, const Iterations& iterations, bool started,
                     const Cancelled& cancelled) {

@@ -9,18 +9,18 @@
 namespace pmsp {
 namespace {
 
-/// Parallax that gives accuracy without changing what patches look like too much.
+/// Parallax for the best accuracy without too different patches [deg].
 constexpr double kBestParallaxDeg = 10.0;
 
-/// Of the landmarks that the best candidate shares: views that share fewer, such as those of other rooms, make matching
-/// worse, unless there are not even kFewest others.
+/// Minimum number of landmarks in common, over that of the best candidate: views with fewer, such as those of other
+/// rooms, impair matching; they are used only if there are fewer than kFewest others.
 constexpr double kMinShared = 0.25;
 constexpr std::size_t kFewest = 2;
 
 struct Candidate {
   std::size_t index;
   bool after;
-  int landmarks;  ///< that it shares with the reference
+  int landmarks;  ///< in common with the reference
   double usefulness;
 };
 
@@ -66,7 +66,7 @@ std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& s
   std::vector<std::size_t> chosen;
   std::size_t per_side[2] = {0, 0};
   const std::size_t wanted = static_cast<std::size_t>(count);
-  for (int round = 0; round < 2; ++round) {  // first the best of each side, then whatever is left
+  for (int round = 0; round < 2; ++round) {  // first the best of each side, then the best of the rest
     for (const Candidate& candidate : candidates) {
       const bool known = std::find(chosen.begin(), chosen.end(), candidate.index) != chosen.end();
       if (known || chosen.size() >= wanted) continue;

@@ -8,19 +8,19 @@
 
 namespace pmsp {
 
-/// Chooses source keyframes for a depth map among `sequence` (in the order of flight): those whose parallax with the
-/// reference is most useful for matching, from both sides of it where both exist. `count` at most; none from the same
-/// place. Returns indices into `sequence`, the most useful first. Only poses and landmarks are read.
+/// Chooses source views for a depth map from `sequence` (in temporal order): those with the most useful parallax to the
+/// reference, from both sides of it if possible; at most `count`, none at the same position. Returns indices into
+/// `sequence`, the most useful first. Reads poses and landmarks only.
 std::vector<std::size_t> choose_neighbours(const std::vector<const Keyframe*>& sequence, std::size_t reference,
                                            int count);
 
-/// How useful one keyframe is for matching with the other, 0 to 1: by the parallax of the landmarks in common.
+/// Usefulness of a keyframe as source view of another, 0 to 1, from the parallax of common landmarks.
 double neighbour_usefulness(const Keyframe& reference, const Keyframe& other);
 
-/// How much a parallax [deg] helps matching, 0 to 1: too little tells nothing, with too much patches look different.
+/// Usefulness of a parallax [deg] for matching, 0 to 1: a small one is inaccurate, with a large one patches differ.
 double parallax_usefulness(double parallax_deg);
 
-/// How far from the reference, in accepted keyframes, neighbours are looked for.
+/// Search range for source views [accepted keyframes from the reference].
 int neighbour_reach(int count);
 
 }  // namespace pmsp

@@ -75,7 +75,7 @@ kernels::PlaneMapView view_of_given(const PlaneMap* map) {
   return map == nullptr ? kernels::PlaneMapView{} : view_of(*map);
 }
 
-/// All but the state.
+/// Pass without its state.
 Pass pass_for(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
               const kernels::GridView& grid) {
   const Panorama& reference = *input.reference.panorama;

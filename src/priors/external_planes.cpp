@@ -18,20 +18,20 @@
 namespace pmsp {
 namespace {
 
-constexpr int kSide = 9;              ///< samples along each side of a window around a cell
-constexpr double kWindow = 3.0;       ///< its side [cells]
-constexpr int kMinSamples = 20;       ///< of one surface
-constexpr double kSurface = 0.2;      ///< relative distance from the cell's own depth up to which that is one
-constexpr double kOnPlane = 0.1;      ///< the same from a first plane
-constexpr double kSteadiness = 1e-4;  ///< against turning where samples lie in a line; relative to the spread
+constexpr int kSide = 9;              ///< samples along each side of the window around a cell
+constexpr double kWindow = 3.0;       ///< side of the window [cells]
+constexpr int kMinSamples = 20;       ///< minimum number on one surface
+constexpr double kSurface = 0.2;      ///< maximum relative distance of one surface from the cell's own inverse depth
+constexpr double kOnPlane = 0.1;      ///< maximum relative distance from a first plane
+constexpr double kSteadiness = 1e-4;  ///< against rotation if samples are collinear; relative to their spread
 
 struct Sample {
   Eigen::Vector3d bearing;
   double inverse_depth;
 };
 
-/// The plane v with v . bearing = inverse depth of most samples, least squares; those farther than `tolerance` from
-/// what `expected(bearing)` says are left out. False where too few are left.
+/// Least-squares plane v with v . bearing = inverse depth, of the samples within the relative `tolerance` of
+/// `expected(bearing)`. Returns false if these are too few.
 template <class Expected>
 bool fit(const std::vector<Sample>& samples, double tolerance, const Expected& expected, Eigen::Vector3d& plane) {
   PlaneFit on_surface;

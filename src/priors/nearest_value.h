@@ -9,7 +9,7 @@
 
 namespace pmsp {
 
-/// What a depth image says in a direction [camera frame]: its nearest pixel.
+/// Value of a depth image's nearest pixel in a direction [camera frame].
 inline double nearest_value(ImageView<const float> image, const Eigen::Vector3d& direction) {
   const Eigen::Vector2d at = pixel_from_bearing(direction, image.width, image.height);
   const int x = (static_cast<int>(std::floor(at.x())) % image.width + image.width) % image.width;

@@ -15,10 +15,10 @@
 namespace pmsp {
 namespace {
 
-constexpr double kAgrees = 0.15;  ///< relative error of a depth
+constexpr double kAgrees = 0.15;  ///< maximum relative error of a depth that agrees
 constexpr std::size_t kMinLandmarks = 12;
 constexpr double kMinShare = 0.6;
-constexpr double kBetterThanFlat = 0.6;  ///< of the errors of one depth everywhere, at most
+constexpr double kBetterThanFlat = 0.6;  ///< maximum sum of errors, over that of a constant depth
 constexpr double kHardlyWorse = 1.1;
 constexpr std::size_t kMostLandmarks = 400;
 constexpr int kPairs = 200;
@@ -33,7 +33,7 @@ struct Pair {
 double x_of(DepthModel model, double value) { return model == DepthModel::kWarped ? 1.0 / value : value; }
 bool is_of_depth(DepthModel model) { return model == DepthModel::kScaled || model == DepthModel::kDepth; }
 
-/// What value v stands for; 0 = nothing.
+/// Depth of value v; 0 = none.
 double depth_of(DepthModel model, double scale, double shift, double value) {
   if (model == DepthModel::kWarped && !(value > 0.0)) return 0.0;
   const double t = scale * x_of(model, value) + shift;
@@ -52,7 +52,7 @@ double sum_of_errors(const DepthAlignment& fit, const std::vector<Pair>& pairs) 
   return sum;
 }
 
-/// Keeps the better one.
+/// Keeps the fit with the smaller sum of errors.
 void consider(DepthAlignment& best, double& least, const DepthAlignment& fit, const std::vector<Pair>& pairs) {
   if (!(fit.scale > 0.0) || !std::isfinite(fit.scale) || !std::isfinite(fit.shift)) return;
   const double sum = sum_of_errors(fit, pairs);
@@ -87,7 +87,7 @@ DepthAlignment refined(const DepthAlignment& fit, const std::vector<Pair>& pairs
   return better;
 }
 
-/// The best fit of one model; scale 0 where there is none.
+/// Best fit of one model; scale 0 = none.
 DepthAlignment best_of(DepthModel model, const std::vector<Pair>& all, double& least) {
   std::vector<Pair> pairs;
   for (const Pair& pair : all) {

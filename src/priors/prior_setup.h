@@ -10,10 +10,10 @@
 #include "pmsp/types.h"
 #include "processor.h"
 
-// What the backends' plane priors start from.
+// Input of the plane priors, for all backends.
 namespace pmsp {
 
-/// Number of cells that the sphere is divided into.
+/// Number of cells on the sphere.
 struct PriorGrid {
   PriorGrid(int width, int height);
 
@@ -22,21 +22,21 @@ struct PriorGrid {
   int columns, rows;
 };
 
-/// Where one gets from the first cell of each row along great circles: in all directions, one step of a row of cells
-/// after the other (see kernels::PriorCells). From the row's other cells it is as many columns further on.
+/// Cells along great circles from the first cell of each row, in all directions, one step per height of a cell (see
+/// kernels::PriorCells). From other cells of the row, columns are shifted.
 std::vector<int> great_circle_table(const PriorGrid& grid);
 
-/// Distance of the samples by which texture is judged (tangent of the angle).
+/// Distance of the samples that measure texture (tangent of the angle).
 float texture_spacing(int width);
 
-/// The cells' planes by a depth image (Keyframe::prior_depth), 0 = none: each through the depths of one surface in and
-/// around the cell. `unit`: of the planes [the depths' unit].
+/// Planes of the cells from a depth image (Keyframe::prior_depth), 0 = none: each fitted to one surface in and around
+/// its cell. `unit`: of the planes [the depths' unit].
 std::vector<kernels::Vec3<float>> external_planes(ImageView<const float> depth, double unit, const PriorGrid& grid);
 
-/// From a camera to another one, in the frame of the first.
+/// Vector from a camera to another one, in the frame of the first.
 kernels::Vec3<float> baseline(const kernels::Rigid& other_from_first);
 
-/// From a keyframe's camera to those that it is matched with.
+/// Baselines of a keyframe's source views.
 template <class Cube>
 kernels::Baselines baselines_of(const kernels::Matching<Cube>& matching) {
   kernels::Baselines baselines{};
@@ -46,8 +46,7 @@ kernels::Baselines baselines_of(const kernels::Matching<Cube>& matching) {
   return baselines;
 }
 
-/// What the picture tells of each pixel's depth (kernels/depth_evidence.h): the same in all passes that a keyframe is
-/// matched in with the same others.
+/// Image evidence of each pixel's depth (kernels/depth_evidence.h), common to all passes with the same source views.
 struct PictureEvidence {
   Array<float> variance, certainty;
   kernels::Baselines baselines{};
@@ -74,11 +73,11 @@ PictureEvidence find_evidence(Processor& on, const Cube& image, const kernels::B
   return evidence;
 }
 
-/// Distances in cells over which planes are handed on, one after the other: far first, so that a plane gets everywhere.
+/// Distances at which cells adopt planes [cells], in this order: long ones first, so that a plane reaches all cells.
 constexpr int kPriorStrides[] = {16, 8, 4, 2, 1};
 
-/// The priors of a map's pixels. `image`: gray values; `looks`, `given`: the great_circle_table and external_planes (or
-/// nullptr), where the processor (processor.h) keeps its arrays. `noise`: see image_noise.
+/// Prior planes of a map's pixels. `image`: gray values; `great_circles`, `external`: great_circle_table and
+/// external_planes (or nullptr), in memory of the processor (processor.h). `noise`: see image_noise.
 template <class Processor, class Map, class Cube, class Planes>
 void find_plane_priors(Processor& on, const Array<int>& great_circles, const Array<kernels::Vec3<float>>& external,
                        const Map& map, const Cube& image, float noise, const PictureEvidence& evidence,

@@ -10,7 +10,7 @@
 namespace pmsp {
 namespace {
 
-/// One target row before its columns are joined: the weighted sum of source rows.
+/// Weighted sum of source rows, for one target row.
 void join_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::vector<Eigen::Vector3f>& sum) {
   std::fill(sum.begin(), sum.end(), Eigen::Vector3f::Zero());
   float* const channels = sum[0].data();
@@ -22,7 +22,7 @@ void join_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::vector
   }
 }
 
-/// The same of gray values.
+/// The same for gray values.
 void join_rows(ImageView<const Rgb> image, const ResampleSpan& rows, std::vector<float>& sum) {
   std::fill(sum.begin(), sum.end(), 0.0F);
   for (std::size_t i = 0; i < rows.weights.size(); ++i) {

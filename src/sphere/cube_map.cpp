@@ -22,13 +22,13 @@ Vec3<float> face_direction(int face, float a, float b) {
 
 float node_coordinate(int k, int size) { return static_cast<float>(2 * k - 1) / static_cast<float>(size) - 1.0F; }
 
-/// Direction of a node that is no corner. Those outside the face are the nearest texels of its neighbours.
+/// Direction of a node that is no corner. Nodes outside the face are the nearest texels of adjacent faces.
 Vec3<float> node_direction(int face, int i, int j, int size) {
   const Vec3<float> direction = face_direction(face, node_coordinate(i, size), node_coordinate(j, size));
   if (i >= 1 && i <= size && j >= 1 && j <= size) return direction;
   kernels::CubeView cube{};
   cube.half_size = 0.5F * static_cast<float>(size);
-  cube.face_elements = 1;  // so that the address holds the face's number
+  cube.face_elements = 1;  // so that the address is the number of the face
   const kernels::CubePoint<float> at = kernels::cube_point(direction, cube);
   const auto snapped = [&](float u) { return std::clamp(static_cast<int>(std::lround(u)), 1, size); };
   return face_direction(at.face_start, node_coordinate(snapped(at.u), size), node_coordinate(snapped(at.v), size));
@@ -59,7 +59,7 @@ CubeMap fill_cube(const CubeNodes& nodes, ThreadPool& pool, const Function& valu
   return cube_of_nodes(values.data(), nodes.size, pool);
 }
 
-/// 0 wherever a pixel of the image is 0 within `radius_px` (pixels at the equator), 255 elsewhere.
+/// 0 within `radius_px` (pixels at the equator) of a pixel that is 0, 255 elsewhere.
 Image<std::uint8_t> eroded(const Image<std::uint8_t>& usable, double radius_px) {
   const int width = usable.width();
   const int height = usable.height();

@@ -20,12 +20,12 @@ namespace pmsp {
 namespace {
 
 constexpr int kReach = 2;                 ///< samples on either side of a pixel
-constexpr double kSamplesAround = 640.0;  ///< of a circle
-constexpr int kMinSamples = 6;            ///< of one surface
-constexpr double kSurface = 0.1;          ///< relative deviation of the inverse depth up to which that is one
-constexpr double kOnPlane = 0.03;         ///< the same from a first plane
+constexpr double kSamplesAround = 640.0;  ///< samples per circle
+constexpr int kMinSamples = 6;            ///< minimum number on one surface
+constexpr double kSurface = 0.1;          ///< maximum relative deviation of the inverse depth on one surface
+constexpr double kOnPlane = 0.03;         ///< maximum relative deviation from a first plane
 constexpr double kSteadiness = 1e-8;
-constexpr double kLeastCosine = 0.17;  ///< of normal and ray; about 80 degrees
+constexpr double kLeastCosine = 0.17;  ///< minimum cosine of normal and ray; about 80 degrees
 
 struct Sample {
   Eigen::Vector3d bearing;
@@ -48,9 +48,8 @@ class NormalsOfDepth {
     const Eigen::Vector3d ray = bearing(x, y);
     Samples samples;
     const std::size_t count = collect(x, y, 1.0 / own, samples);
-    Eigen::Vector3d plane = ray / own;  // where there is too little surface to tell from
-    for (const bool is_first :
-         {true, false}) {  // slanted, all of it may lie further from the pixel's depth than from a plane
+    Eigen::Vector3d plane = ray / own;           // if there are too few samples
+    for (const bool is_first : {true, false}) {  // first all samples: slanted surfaces deviate from the initial plane
       PlaneFit fit;
       for (std::size_t i = 0; i < count; ++i) {
         const double there = plane.dot(samples[i].bearing);
@@ -77,7 +76,7 @@ class NormalsOfDepth {
     return is_usable_depth(depth) ? depth : 0.0;
   }
 
-  /// What lies on the pixel's own side of depth edges.
+  /// Samples on the pixel's side of depth edges.
   std::size_t collect(int x, int y, double own, Samples& samples) const {
     const int width = depth_.width();
     std::size_t count = 0;
@@ -94,7 +93,7 @@ class NormalsOfDepth {
     return count;
   }
 
-  /// The normal, or the one that lies on its side at the largest slant.
+  /// The normal, tilted to the maximum slant if beyond.
   static Eigen::Vector3d limited(const Eigen::Vector3d& normal, const Eigen::Vector3d& ray) {
     const double cosine = -normal.dot(ray);
     if (cosine >= kLeastCosine) return normal;
@@ -104,8 +103,8 @@ class NormalsOfDepth {
 
   const Image<float>& depth_;
   SphereGrid grid_;
-  int step_ = 1;              ///< rows from sample to sample
-  std::vector<int> columns_;  ///< likewise along each row
+  int step_ = 1;              ///< rows between samples
+  std::vector<int> columns_;  ///< columns between samples, in each row
 };
 
 }  // namespace

@@ -17,7 +17,7 @@ class SphereGrid {
   int height() const { return height_; }
   std::size_t size() const { return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_); }
 
-  /// Valid as long as the grid.
+  /// Valid during the lifetime of the grid.
   kernels::GridView view() const {
     return {width_, height_, sin_lon_.data(), cos_lon_.data(), sin_lat_.data(), cos_lat_.data()};
   }

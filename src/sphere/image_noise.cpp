@@ -15,14 +15,14 @@ namespace pmsp {
 namespace {
 
 constexpr int kPatches = 384;              // on the whole sphere
-constexpr std::size_t kLeastPatches = 64;  // fewer tell nothing
-constexpr double kMaxSinLat = 0.9;         // beyond it rows are averaged, and with them their noise
-constexpr double kDarkest = 8.0;           // mean gray value of a patch; sensors clip beyond
+constexpr std::size_t kLeastPatches = 64;  // minimum number for an estimate
+constexpr double kMaxSinLat = 0.9;         // maximum; beyond it, rows are averaged, which reduces noise
+constexpr double kDarkest = 8.0;           // limits of the mean gray value of a patch; sensors clip beyond
 constexpr double kBrightest = 245.0;
-constexpr int kMostRows = 16;     // of a square that are read: as many say what noise is left
+constexpr int kMostRows = 16;     // maximum rows that are read of a square; more would reduce noise little further
 constexpr double kBarest = 0.05;  // share of the patches
 
-/// Mean gray value of a square; none where the mask forbids a pixel of it. x wraps.
+/// Mean gray value of a square; none if a pixel is masked. x wraps.
 std::optional<float> mean_gray(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, double x, double y,
                                int side) {
   const int x0 = static_cast<int>(std::floor(x - 0.5 * side + 0.5)) % image.width;
@@ -50,7 +50,7 @@ std::optional<float> mean_gray(ImageView<const Rgb> image, ImageView<const std::
   return sum / static_cast<float>(count);
 }
 
-/// Variance around a linear ramp, of samples about the middle of the patch.
+/// Variance around a linear ramp, of the samples of a patch.
 std::optional<float> variance_in(const std::array<float, kernels::kPatchSamples>& grays) {
   float sum = 0.0F;
   float sum_x = 0.0F;
@@ -72,20 +72,20 @@ std::optional<float> variance_in(const std::array<float, kernels::kPatchSamples>
   return std::max(square - of_ramp, 0.0F) / static_cast<float>(kernels::kPatchSamples);
 }
 
-/// How patches of an image lie that is seen in pixels of another width.
+/// Layout of patches in an image, for pixels of another width.
 struct PatchGrid {
   PatchGrid(const ImageView<const Rgb>& image, int width) {
     const double ratio = static_cast<double>(image.width) / width;
     step = kernels::kTexturePixels * ratio;
-    // Samples are linear between those pixels: that averages over more than one of them.
+    // Samples are interpolated linearly between those pixels, which averages over more than one of them.
     side = std::clamp(static_cast<int>(std::lround(1.25 * ratio)), 1, std::min(image.width, image.height));
   }
 
   double step;  ///< between samples [px of the image]
-  int side;     ///< of a sample [px of the image]
+  int side;     ///< of the square of a sample [px of the image]
 };
 
-/// Of a patch, one of those on a Fibonacci lattice.
+/// Variance of patch i on a Fibonacci lattice.
 std::optional<float> variance_at(int i, const PatchGrid& grid, const ImageView<const Rgb>& image,
                                  const ImageView<const std::uint8_t>& mask) {
   const double sin_lat = 1.0 - (2.0 * i + 1.0) / kPatches;

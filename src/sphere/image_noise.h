@@ -8,13 +8,11 @@
 
 namespace pmsp {
 
-/// Noise of the gray values of an equirectangular image: their variance, less that of a linear ramp, in the barest
-/// twentieth of patches all over the sphere [gray levels squared]. Patches have the size by which texture
-/// is judged in a depth map of `width` (texture_spacing), and are averaged over its pixels as the engine does; or those
-/// of an image of `compared_width`, as images are compared (compared_size), where these have more: finer pixels average
-/// less of a camera's noise. Patches where the sensor clips, and masked ones, do not count. Few clean images have so
-/// much as 0.6; one that is textured all over has what its texture leaves there. 0 where there are too few patches to
-/// tell.
+/// Noise of the gray values of an equirectangular image: variance around a linear ramp in the barest twentieth of
+/// patches on the sphere [gray levels squared]. Patches have the size of those that measure texture in a depth map of
+/// `width` (texture_spacing), averaged over its pixels; or in an image of `compared_width` (compared_size), if these
+/// are noisier, since finer pixels average less of the camera's noise. Clipped and masked patches are ignored. Usually
+/// below 0.6 in clean images; texture all over the image adds to it. 0 if there are too few patches.
 float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int compared_width,
                   ThreadPool& pool);
 

@@ -9,11 +9,11 @@
 
 namespace pmsp {
 
-/// Smallest depth map.
+/// Minimum size of depth maps.
 constexpr int kMinPanoramaWidth = 16;
 constexpr int kMinPanoramaHeight = 8;
 
-/// Samples within this of a patch's centre carry most of its weight: so far a patch stays away from masked pixels.
+/// Minimum distance of patch centres from masked pixels [px]: samples within it carry most of a patch's weight.
 constexpr double kPatchReachPx = 3.0;
 
 struct PanoramaData {
@@ -23,10 +23,10 @@ struct PanoramaData {
   Image<std::uint8_t> usable;  ///< empty without a mask
   CubeMap gray;
   float noise = 0.0F;  ///< see image_noise
-  CubeMap matchable;   ///< where neighbours may be sampled; empty without a mask
+  CubeMap matchable;   ///< patch centres allowed in source views; empty without a mask
 };
 
-/// As Panorama's constructor, but for the noise. `nodes`: those of the last image; found anew where they don't fit.
+/// As Panorama's constructor, without the noise. `nodes`: of the last image; computed again if of another size.
 PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height,
                               double image_scale, const Executor& executor, std::optional<CubeNodes>& nodes);
 

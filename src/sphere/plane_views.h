@@ -6,14 +6,14 @@
 
 namespace pmsp {
 
-/// What the kernels read of a map; of an empty one, nothing.
+/// Readable view of a map; empty if the map is empty.
 inline kernels::PlaneMapView view_of(const PlaneMap& map) {
   if (map.empty()) return {};
   return {map.x.pixels().data(), map.y.pixels().data(), map.z.pixels().data(),
           map.width(),           map.height(),          map.score.pixels().data()};
 }
 
-/// And what they write.
+/// Writable view of a map.
 inline kernels::PlaneArrays arrays_of(PlaneMap& map) {
   return {map.x.pixels().data(), map.y.pixels().data(), map.z.pixels().data(), map.score.pixels().data()};
 }
