@@ -23,7 +23,7 @@ namespace {
 constexpr const char* kHelpAll = "--help-all";
 constexpr const char* kAboutHelp = "Common options; --help-all: every option";
 
-/// Leaves options that are not common out of the help: all of them, or those of the library alone.
+/// Hides uncommon options from the help: all of them, or only the library's.
 void shorten_help(CLI::App& verb, bool all) {
   std::vector<std::string> stages;
   for (const OptionEntry& entry : option_table()) stages.emplace_back(entry.stage);
@@ -235,7 +235,7 @@ void set_mask(Arguments& a, const std::string& text) {
   a.mask = text == kMaskAuto || text == kMaskNone ? "" : text;
 }
 
-/// Of the verbs that look at images.
+/// Options of verbs that read images.
 void add_image_inputs(CLI::App& app, Arguments& a) {
   add_inputs(app, a);
   app.add_option_function<std::string>(
@@ -317,7 +317,7 @@ void print_version() {
             << "; SIMD: " << name_of(widest_simd()) << ")\n";
 }
 
-/// A word without a file of that name that looks like a verb.
+/// Throws UsageError for a word that resembles a verb, unless a file of that name exists.
 void refuse_unknown_verb(const std::string& word) {
   std::error_code ignored;
   const std::string similar = suggestion(word, verbs());
@@ -345,7 +345,7 @@ void check_fuse(Arguments& a) {
     throw UsageError(std::string(a.given_depth.empty() ? "DIR and MAP are" : "MAP is") +
                      " missing: pmsp-densify fuse DIR MAP --images IMAGES; see fuse --help");
   }
-  a.calibrate_lenses = a.find_rig = false;  // for PatchMatch alone
+  a.calibrate_lenses = a.find_rig = false;  // used for PatchMatch only
 }
 
 void check_run(const Arguments& a) {
@@ -383,7 +383,7 @@ void spell_out_switches(std::vector<std::string>& words) {
 }
 
 const std::vector<RunOption>& run_options() {
-  static const std::vector<RunOption> options = [] {  // a manifest asks for each of its rows
+  static const std::vector<RunOption> options = [] {  // cached: used for each row of a manifest
     Arguments unused;
     CLI::App run;
     run.set_help_flag();

@@ -20,11 +20,11 @@ namespace pmsp::tool {
 enum class Verb { kRun, kFuse, kMerge, kInfo, kConfig };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 
-/// Words in place of a path after --mask.
+/// Values of --mask other than paths.
 constexpr const char* kMaskAuto = "auto";
 constexpr const char* kMaskNone = "none";
 
-/// The command line, understood but not yet acted upon.
+/// Parsed command line.
 struct Arguments {
   Verb verb = Verb::kRun;
 
@@ -35,14 +35,14 @@ struct Arguments {
   std::filesystem::path camera_from_body;
   std::filesystem::path images;
   std::filesystem::path video;
-  std::filesystem::path mask;  ///< empty: --mask auto or none
+  std::filesystem::path mask;  ///< empty = --mask auto or none
   double mask_nadir = 0.0;     ///< [deg]
   double mask_zenith = 0.0;    ///< [deg]
-  bool no_masks = false;       ///< none but those of --mask, --mask-nadir and --mask-zenith
+  bool no_masks = false;       ///< ignores all masks except --mask, --mask-nadir and --mask-zenith
   bool find_rig = true;        ///< --mask auto
   std::filesystem::path prior_depth;
-  std::filesystem::path given_depth;        ///< fuse
-  std::optional<double> depth_scale = 1.0;  ///< fuse [scene units of a value]; nullopt = by the landmarks
+  std::filesystem::path given_depth;        ///< of fuse
+  std::optional<double> depth_scale = 1.0;  ///< of fuse [map units per value]; nullopt = estimated from landmarks
   std::optional<std::int64_t> frame_offset;
   double fps = 0.0;
   bool presentation_times = false;
@@ -59,8 +59,8 @@ struct Arguments {
   std::filesystem::path preview;
   ReportArguments report;
   LiveArguments live;
-  std::filesystem::path scratch;  ///< empty = the folder of the output
-  std::filesystem::path plan;     ///< info
+  std::filesystem::path scratch;  ///< empty = folder of the output
+  std::filesystem::path plan;     ///< of info
   std::filesystem::path workspace;
   bool delete_workspace = false;
   bool growing = false;
@@ -72,42 +72,40 @@ struct Arguments {
   ProgressMode progress = ProgressMode::kAuto;
   bool quiet = false;
   bool verbose = false;
-  bool json = false;  ///< info
+  bool json = false;  ///< of info
   bool print_config = false;
   bool print_memory = false;
 
   std::optional<std::string> quality;
   std::filesystem::path config;
-  std::vector<std::pair<const OptionEntry*, std::string>> overrides;  ///< options given as flags
+  std::vector<std::pair<const OptionEntry*, std::string>> overrides;  ///< options set by flags
 };
 
-/// Reads the command line. nullopt when it asked for help or the version, which is then on stdout. Throws UsageError,
-/// InvalidOption.
+/// Parses the command line. Returns nullopt after printing help or version to stdout. Throws UsageError, InvalidOption.
 std::optional<Arguments> parse_arguments(int argc, const char* const* argv);
 
-/// An option of `run`, for a verb that hands options on to it.
+/// Option of `run`, for verbs that forward options.
 struct RunOption {
   std::string names;  ///< "-o,--output"
-  std::string name;   ///< the long one
+  std::string name;   ///< long name
   bool takes_value = false;
 };
 const std::vector<RunOption>& run_options();
 
-/// Switches take a value inside, so that the last of several wins: --x is --x=true, --no-x is --x=false.
+/// Rewrites switches as values, so that the last one wins: --x to --x=true, --no-x to --x=false.
 void spell_out_switches(std::vector<std::string>& words);
 
-/// The preset that flag or configuration file name. Throws as effective_options.
+/// Returns the preset selected by flag or configuration file. Throws as effective_options.
 Quality quality_of(const Arguments& arguments);
 
-/// Defaults, then the preset of the quality, then the configuration file, then flags; validated. Throws InvalidOption,
-/// IoError.
+/// Returns the validated options: defaults, overridden by the preset, the configuration file and flags, in this order.
+/// Throws InvalidOption, IoError.
 DensifierOptions effective_options(const Arguments& arguments);
 
-/// A warning where --quality was given in vain, because the configuration file and flags set all that it would; ""
-/// else.
+/// Returns a warning if --quality has no effect, because configuration file and flags set all of its options; else "".
 std::string quality_warning(const Arguments& arguments);
 
-/// "pmsp-densify 0.1.0"
+/// Returns "pmsp-densify 0.1.0".
 std::string version_text();
 
 }  // namespace pmsp::tool

@@ -24,33 +24,32 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kMiB = 1024.0 * 1024.0;
 
-// Fitted to nine missions (flights through rooms, a hall and a yard, photo sets of flats and of a garden), with
-// `online` and `normal`: pixels of a depth map that make a point before duplicates are removed, where all landmarks are
-// near.
+// Share of pixels with a point before duplicate removal if all landmarks are near; fitted to `online` and `normal`
+// runs.
 constexpr double kKept = 0.93;
-// Landmarks much farther than the others mean an open scene: little parallax, and sky, which has no landmarks.
-constexpr double kFar = 2.0;         // from so many times the median range on
-constexpr double kLostBehind = 4.0;  // pixels without a point for each landmark that is infinitely far
+// Distant landmarks indicate an open scene: little parallax, and sky, which has no landmarks.
+constexpr double kFar = 2.0;         // threshold [median range]
+constexpr double kLostBehind = 4.0;  // pixels without a point per landmark at infinity
 
-// Points that give way to one beside them with `fusion.suppression`; there 0.05 to 0.35 with maps of this width or
-// more, a third of it with maps of a third: errors must be wider than a pixel.
+// Points suppressed by adjacent ones (`fusion.suppression`), for maps of at least this width, proportionally fewer for
+// smaller ones, since errors must exceed a pixel.
 constexpr double kGiveWay = 0.24;
 constexpr double kGiveWayWidth = 1440.0;
-// Fitted there, to what duplicate removal leaves: points of another keyframe for each pixel of it that shows a place.
+// Points of another keyframe per pixel of it that shows the same surface, after duplicate removal; fitted likewise.
 constexpr double kShown = 1.5;
 
-constexpr double kPlanesBytes = 16.0;  // of a pixel
-constexpr double kPointBytes = 40.0;   // of a point in a workspace
-constexpr double kPlyBytes = 32.0;     // of one in the cloud
-constexpr double kRecordBytes = 12e3;  // of a keyframe in a workspace's record and looks
+constexpr double kPlanesBytes = 16.0;  // per pixel
+constexpr double kPointBytes = 40.0;   // per point, in a workspace
+constexpr double kPlyBytes = 32.0;     // per point, in the cloud
+constexpr double kRecordBytes = 12e3;  // per keyframe, in a workspace's record and sharpness files
 
-// Measured on one core: an image's pixel decoded, its sharpness looked at, its landmarks compared [s].
+// Per image pixel on one core: decoding, sharpness, pairing check [s].
 constexpr double kImagePixelSeconds = 14e-9;
-// What is not matching takes less a pixel the larger a map is. Measured on a drone's flight, a bare and a glossy room.
-constexpr double kRestFalls = 0.42;      // exponent of the width
-constexpr double kPointSeconds = 20e-9;  // encoded and written
+// Cost per pixel of the other stages falls with the width of the map.
+constexpr double kRestFalls = 0.42;      // exponent
+constexpr double kPointSeconds = 20e-9;  // encoding and writing
 
-/// Mean of what decides over places.
+/// Arithmetic mean.
 class Mean {
  public:
   void add(double value) {
@@ -64,13 +63,12 @@ class Mean {
   int count_ = 0;
 };
 
-/// Of a depth map's pixels those that make a point. A landmark of the map stands for what is around it: one for each
-/// cell of the panorama, since landmarks lie densely where there is texture.
+/// Share of a depth map's pixels that become points, estimated from landmarks: at most one per cell of the panorama,
+/// since their density follows texture.
 ///
-/// Duplicates: where other keyframes see a place twice as finely, or more, all of their points rank higher; of those
-/// that see it about as finely half do. A point with `m` higher ones around on a pixel's area is left with a
-/// probability of 1 / (1 + a m), `a` being the area from which they drive it out: the fewer there is room for, the
-/// fewer are there.
+/// Duplicates: all points of keyframes with at least twice the resolution rank higher, half of those with similar
+/// resolution. A point with `m` expected higher-ranked points per pixel area remains with a probability of 1 / (1 + a
+/// m), `a` being the area within which they suppress it: the fewer points there is room for, the fewer there are.
 class PointShare {
  public:
   PointShare(const SlamMap& map, const DensifierOptions& options)
@@ -121,14 +119,13 @@ class PointShare {
     Eigen::Vector3d center;
     std::vector<std::int64_t> landmarks;  ///< ascending
   };
-  /// Another keyframe that may have duplicates, and how much of this one's surface it sees.
+  /// Other keyframe with possible duplicates, and its share of common surface.
   struct Viewer {
     const View* view;
     double overlap;
   };
 
-  /// By the landmarks that both observe, of which a SLAM finds only some again: the most that any has in common count
-  /// as all.
+  /// Estimates overlap from common landmarks, normalised to the maximum, since a SLAM rediscovers only some.
   std::vector<Viewer> viewers_of(const PlanEntry& entry, const std::vector<const MapLandmark*>& places) const {
     std::vector<Viewer> viewers;
     double most = 1.0;
@@ -153,7 +150,7 @@ class PointShare {
     for (const Viewer& other : viewers) {
       const double ratio = own / std::max((place - other.view->center).norm(), 1e-9);
       const double density = area_ * kShown * other.overlap * std::min(ratio * ratio, 1.0 / area_);
-      // octaves of the distance: within a factor of two there is a border with the probability of its logarithm
+      // octaves of distance: within a factor of two, the probability of an octave boundary is the logarithm
       const double octaves = std::clamp(std::log2(ratio), -1.0, 1.0);
       if (octaves > 0.0) higher += octaves * density;
       even += (1.0 - std::abs(octaves)) * density;
@@ -191,14 +188,14 @@ MemoryBudget estimate_memory(const SlamMap& map, DensifierOptions options, std::
                              int image_height) {
   options.scratch_folder = options.advanced.free_space.whole_mission ? "beside the cloud" : "";
   const HostMemory densifier = host_memory_needed(options, used, image_width);
-  constexpr double kProcess = 72.0 * kMiB, kGpuProcess = 100.0 * kMiB;  // libraries, a driver's context, threads
+  constexpr double kProcess = 72.0 * kMiB, kGpuProcess = 100.0 * kMiB;  // libraries, driver context, threads
   const double image = 3.0 * image_width * image_height;
   const double of_map = map_bytes(map);
   const int ahead = io::images_ahead(map, threads_of(options));
   MemoryBudget memory;
   memory.scratch = densifier.scratch;
   memory.host = kProcess + of_map + image * (ahead + 3) + densifier.memory;
-  memory.gpu_host = kGpuProcess + of_map + 3.0 * image * ahead;  // twice while it is decoded, and in heaps
+  memory.gpu_host = kGpuProcess + of_map + 3.0 * image * ahead;  // two copies during decoding, and heap overhead
   return memory;
 }
 
@@ -248,9 +245,8 @@ Budget estimate_budget(const BudgetQuestion& question) {
   const double rest = pace.rest * std::pow(static_cast<double>(b.width) / kPaceWidth, -kRestFalls);
   b.cpu_seconds = all_pixels * (pace.matching * b.views + rest + pace.ownership * duplicate_views.value()) +
                   kImagePixelSeconds * image_pixels + kPointSeconds * b.points;
-  // Fits what whole runs take on that machine, from 5 keyframes to 1,080 and from 640 x 320 to 5760 x 2880, to 20 %;
-  // at first the start of the device and the map's, at last what the disk has still to take.
-  constexpr double kStartSeconds = 0.42, kLookSeconds = 1.6e-9;  // a pixel's that the lenses are told from
+  // Fitted to whole runs; constant part: start of device and map. The last term includes pending writes to disk.
+  constexpr double kStartSeconds = 0.42, kLookSeconds = 1.6e-9;  // per pixel of the images for the lens estimate
   const double looked_at = static_cast<double>(keyframes_for_lens_distance(ids).size());
   const double matching = planes_tried(options.advanced.patchmatch) * (1.15e-10 + 0.37e-10 * b.views);
   b.reference_seconds = kStartSeconds + all_pixels * (matching + 1.8e-9) + 0.8e-9 * image_pixels +

@@ -22,10 +22,10 @@ std::string time_text(double seconds) {
   return text;
 }
 
-constexpr double kWorthTelling = 30.0;   ///< [s]
-constexpr double kFastestPace = 1.5e-6;  ///< CPU time for a pixel and a view that it is matched with, of any CPU [s]
+constexpr double kWorthTelling = 30.0;   ///< minimum time for an announcement [s]
+constexpr double kFastestPace = 1.5e-6;  ///< CPU time per pixel and source view, below that of any CPU [s]
 
-/// 0 = clearly below kWorthTelling.
+/// Expected CPU time [s]; 0 = clearly below kWorthTelling.
 double expected_seconds(const SlamMap& map, const ImageSource& source, const DensifierOptions& options) {
   const Plan plan = make_plan(keyframes_without_image(map, &source, options), options);
   Budget budget = estimate_budget({map, plan, options, 0, 0, {kFastestPace, 0.0, 0.0}});

@@ -50,7 +50,7 @@ Calibration calibrate(const Arguments& arguments, const DensifierOptions& option
   const Executor executor(options.threads, options.simd);
   std::optional<CameraCalibration> found =
       calibrate_camera(map, all_images, &masks, {wants_lenses, wants_rig}, executor);
-  if (!found) return result;  // the run will meet that image or mask, and report it
+  if (!found) return result;  // reported by the run when it reads that image or mask
   result.lenses = found->lenses;
   if (wants_rig) result.rig = std::move(found->rig);
   result.images = now;

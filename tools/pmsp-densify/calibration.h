@@ -15,35 +15,34 @@
 
 namespace pmsp::tool {
 
-/// What some images of a mission tell of its camera.
+/// Camera calibration from some images of a mission.
 struct Calibration {
-  double lens_distance = 0.0;          ///< in force (DensifierOptions::lens_distance) [map units]
-  std::optional<LensDistance> lenses;  ///< estimate; none where the distance was given, recorded or not wanted
-  RigMask rig;                         ///< in force; empty mask = none
-  std::size_t images = 0;              ///< keyframes with an image when something was estimated; 0 = nothing was
+  double lens_distance = 0.0;          ///< effective DensifierOptions::lens_distance [map units]
+  std::optional<LensDistance> lenses;  ///< estimate; nullopt if the distance was set, recorded or disabled
+  RigMask rig;                         ///< effective; empty mask = none
+  std::size_t images = 0;              ///< number of keyframes with an image at the estimate; 0 = nothing was estimated
 };
 
-/// Estimates the lens distance and the rig mask from at most 24 images, as far as `arguments` want them. `images`: of
-/// all keyframes, before the first is read. `growing`: more will come. `recorded`: of a workspace, {} = none; what it
-/// holds stays in force, and nothing is estimated again until there are other images, or twice as many while growing.
-/// Estimates nothing where one of the images cannot be read.
+/// Estimates lens distance and rig mask from at most 24 images, as enabled by `arguments`. `images`: of all keyframes,
+/// before the first is read. `growing`: more will follow. `recorded`: of a workspace, {} = none; its values are reused
+/// until images have changed, or doubled while growing. Estimates nothing if one of the images is unreadable.
 Calibration calibrate(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
                       const ImageSource& images, MaskSource& masks, bool growing, const workspace::Record& recorded);
 
-/// The rig mask in a workspace's record; empty = none.
+/// Returns the rig mask of a workspace's record; empty = none.
 RigMask recorded_rig(const workspace::Record& record);
 
-/// Run lengths of the mask's pixels in row order, of hidden ones first, for the options in a record; null = no mask.
+/// Returns the run lengths of the mask's pixels in row order, beginning with hidden ones, for a record's options; null
+/// = no mask.
 nlohmann::ordered_json rig_json(const RigMask& rig);
 
-/// CLOUD.rig-mask.png, beside the first cloud.
+/// Returns CLOUD.rig-mask.png, beside the first cloud.
 std::filesystem::path rig_mask_path(const Arguments& arguments);
 
-/// Writes the mask there, for people to see and edit. Returns false where another mask lies there, which only --force
-/// replaces.
+/// Writes the mask for inspection and editing. Returns false if another mask exists and --force is not set.
 bool write_rig_mask(const Arguments& arguments, const RigMask& rig);
 
-/// Sentences for people.
+/// Returns sentences for people.
 std::vector<std::string> describe(const Calibration& calibration);
 
 }  // namespace pmsp::tool

@@ -162,7 +162,7 @@ std::vector<CloudOutput::Target> CloudArguments::targets() const {
   std::vector<CloudOutput::Target> targets;
   for (std::size_t i = 0; i < paths.size(); ++i) {
     const CloudFormat* format = i < formats.size() ? find_cloud_format(formats[i]) : cloud_format_of(paths[i]);
-    // Without an extension it is a PLY.
+    // PLY without an extension.
     targets.push_back({format != nullptr ? format : &cloud_formats().front(), paths[i]});
   }
   return targets;

@@ -15,13 +15,13 @@ class App;
 
 namespace pmsp::tool {
 
-/// What the command line says of the cloud that is written.
+/// Cloud options of the command line.
 struct CloudArguments {
   std::vector<std::filesystem::path> paths = {"cloud.ply"};
-  std::vector<std::string> formats;  ///< of the paths, in their order; empty = as their extensions say
+  std::vector<std::string> formats;  ///< parallel to `paths`; empty = by extension
   bool double_positions = false;
-  double resolution = 0.0;    ///< 0 = see CloudHeader
-  std::filesystem::path crs;  ///< file with WKT
+  double resolution = 0.0;    ///< see CloudHeader; 0 = default
+  std::filesystem::path crs;  ///< WKT file
   int year = 0, day_of_year = 0;
   FrameOptions frame;
   CloudAmount amount;
@@ -31,7 +31,7 @@ struct CloudArguments {
   std::vector<CloudOutput::Target> targets() const;
 };
 
-/// The options of the cloud; to be followed by check_cloud_arguments.
+/// Adds the cloud options; check_cloud_arguments must follow.
 void add_cloud_options(CLI::App& app, CloudArguments& arguments);
 
 /// Throws UsageError.

@@ -21,7 +21,7 @@ void set_up_verb(CLI::App& app, const char* more) {
 }
 
 bool parse_words(CLI::App& app, std::vector<std::string> words) {
-  std::reverse(words.begin(), words.end());  // as CLI11 takes them
+  std::reverse(words.begin(), words.end());  // order of CLI11
   try {
     app.parse(std::move(words));
   } catch (const CLI::CallForHelp&) {

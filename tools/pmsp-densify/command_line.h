@@ -10,15 +10,14 @@ class App;
 
 namespace pmsp::tool {
 
-/// For a verb that has a command line of its own: the last of several wins, words that nobody takes are kept, and
-/// `more` ends its help.
+/// Configures a verb with its own command line: the last of repeated options wins, unknown words are kept, and `more`
+/// is appended to the help.
 void set_up_verb(CLI::App& app, const char* more);
 
-/// Gives words to `app`. false where they asked for help, which is on stdout then. Throws UsageError.
+/// Parses words. Returns false after printing help to stdout. Throws UsageError.
 bool parse_words(CLI::App& app, std::vector<std::string> words);
 
-/// Throws UsageError where words are left. It names the option that an unknown one is most like, of those of `app` and
-/// of `more`.
+/// Throws UsageError for remaining words, with the most similar option of `app` or `more`.
 void refuse_extra_words(const CLI::App& app, const std::vector<std::string>& more = {});
 
 }  // namespace pmsp::tool

@@ -37,13 +37,13 @@ nlohmann::json config_of(const Arguments& arguments) {
   return arguments.config.empty() ? nlohmann::json::object() : read_config(arguments.config);
 }
 
-/// Where one side is given, the other one is no longer the preset's: it follows from the images' shape.
+/// If only one side is set, the other is derived from the images instead of the preset.
 void follow_given_side(DensifierOptions& options, bool has_width, bool has_height) {
   if (has_width && !has_height) options.height = 0;
   if (has_height && !has_width) options.width = 0;
 }
 
-/// The preset, over it the configuration file, over that flags.
+/// Preset, overridden by the configuration file, overridden by flags.
 DensifierOptions options_over(Quality quality, const Arguments& arguments, const nlohmann::json& file) {
   DensifierOptions options = preset(quality);
   if (arguments.verb == Verb::kFuse) set_fuse_defaults(options, arguments);

@@ -18,13 +18,13 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr int kWidth = kPaceWidth;
 constexpr int kHeight = kWidth / 2;
 constexpr int kKeyframes = 8;
-constexpr double kStep = 0.4;                   // between keyframes, of which each sees all of the box
-const Eigen::Vector3d kHalf = {4.0, 1.6, 3.0};  // of the box, around the middle of the flight
-constexpr int kRepetitions = 3;                 // the fastest counts: others may use the machine meanwhile
-constexpr double kLongEnough = 1.0;             // for all of them [s]
+constexpr double kStep = 0.4;                   // between keyframes, all of which see the whole box
+const Eigen::Vector3d kHalf = {4.0, 1.6, 3.0};  // half sides of the box, around the middle of the path
+constexpr int kRepetitions = 3;                 // the fastest one counts, since other processes may be running
+constexpr double kLongEnough = 1.0;             // total limit for repetitions [s]
 constexpr int kLandmarkColumns = 20, kLandmarkRows = 10;
 
-/// Where a ray from inside meets the box.
+/// Intersection of a ray from inside with the box.
 Eigen::Vector3d hit(const Eigen::Vector3d& from, const Eigen::Vector3d& bearing) {
   double nearest = 1e9;
   for (int axis = 0; axis < 3; ++axis) {
@@ -35,7 +35,7 @@ Eigen::Vector3d hit(const Eigen::Vector3d& from, const Eigen::Vector3d& bearing)
   return from + nearest * bearing;
 }
 
-/// Texture of a few sizes, the same from everywhere.
+/// View-independent texture of several scales.
 std::uint8_t gray_at(const Eigen::Vector3d& p) {
   double sum = 0.0;
   for (const double size : {0.15, 0.4, 1.1}) {
@@ -64,7 +64,7 @@ DensifierOptions small(DensifierOptions options) {
   options.scratch_folder.clear();
   options.unordered = false;
   options.advanced.view_filter.enabled = false;
-#ifdef PMSP_SANITIZED  // which make it so slow that its pace says nothing
+#ifdef PMSP_SANITIZED  // too slow to be representative
   options.simd = Simd::kScalar;
   options.advanced.patchmatch.iterations = 1;
   options.advanced.patchmatch.refinements = 1;
@@ -95,7 +95,7 @@ Image<Rgb> picture_from(const Eigen::Vector3d& center) {
   return image;
 }
 
-/// CPU time of a run.
+/// CPU time of a run [s].
 double seconds_of(const DensifierOptions& options, const std::vector<Keyframe>& keyframes, DensifierStats& stats) {
   DensifierCallbacks callbacks;
   callbacks.cloud = [](const KeyframeCloud&) {};
@@ -143,7 +143,7 @@ CpuPace measure_cpu_pace(const DensifierOptions& given) {
     fastest = took;
     const double others = s.seconds_prepare + s.seconds_init + s.seconds_median + s.seconds_consistency +
                           s.seconds_fusion + s.seconds_free_space;
-    // The stages' clock goes on while the thread waits for a CPU: it tells shares, the thread's own tells how much.
+    // Stage times include waiting for a CPU: they give shares, the thread's CPU time the total.
     const double scale = took / std::max(s.seconds_patchmatch + others + s.seconds_duplicates, 1e-9);
     pace.matching = scale * s.seconds_patchmatch / (pixels * std::max(views, 1.0));
     pace.rest = scale * others / (pixels * std::max(maps, 1.0));

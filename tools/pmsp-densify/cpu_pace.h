@@ -5,17 +5,17 @@
 
 namespace pmsp::tool {
 
-constexpr int kPaceWidth = 80;  ///< of the depth maps and images that the pace is measured with
+constexpr int kPaceWidth = 80;  ///< width of depth maps and images for the measurement [px]
 
-/// How fast one thread of this machine's CPU works with some options [s].
+/// Single-thread speed of this CPU with certain options [s].
 struct CpuPace {
-  double matching = 0.0;   ///< for a pixel and a view that it is matched with: PatchMatch, all passes
-  double rest = 0.0;       ///< for a pixel of a depth map: all other stages but ownership; larger maps take less
-  double ownership = 0.0;  ///< for a pixel and a keyframe that is asked who makes the point of a place
+  double matching = 0.0;   ///< per pixel and source view: all passes of PatchMatch
+  double rest = 0.0;       ///< per pixel of a depth map: other stages except duplicate removal; less for larger maps
+  double ownership = 0.0;  ///< duplicate removal, per pixel and viewer
 };
 
-/// Densifies a few small panoramas of an analytic box with all stages that `options` ask for, on one thread: about a
-/// second.
+/// Measures the speed: densifies some small panoramas of an analytic box on one thread, with all stages enabled in
+/// `options`. Takes about a second.
 CpuPace measure_cpu_pace(const DensifierOptions& options);
 
 }  // namespace pmsp::tool

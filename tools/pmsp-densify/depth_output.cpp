@@ -17,7 +17,7 @@
 namespace pmsp::tool {
 namespace {
 
-/// What `confidence` holds at each stage, see DepthMap.
+/// Meaning of confidence values at each stage, see DepthMap.
 const char* confidence_text(const std::string& kind) {
   return kind == "raw" ? "photometric score (NCC), 0 (none) to 1"
                        : "0 (none) to 1: c stands for an expected relative error of the depth (median) of "

@@ -12,24 +12,24 @@
 
 namespace pmsp::tool {
 
-/// Length of one gray level in the 16-bit PNGs of a mission [scene units]: one for all, so that its pictures compare,
-/// and large enough for the farthest depth that is kept.
+/// Returns the step of gray levels in the 16-bit PNGs of a mission [map units]: common to all images for comparison,
+/// and covering the maximum depth.
 double png_depth_scale(const SlamMap& map, double range_margin);
 
-/// In which formats depth, normals and confidence are written.
+/// File formats of depth, normals and confidence.
 struct DepthFormats {
   bool pfm = true, exr = false, png = false;
-  bool depth_png = true;  ///< of depth alone
+  bool depth_png = true;  ///< depth only
 };
 
-/// "pfm,exr,png" or some of them. Throws UsageError.
+/// Parses a subset of "pfm,exr,png". Throws UsageError.
 DepthFormats depth_formats_from(const std::string& list);
 
-/// Writes depth maps as files into a folder: depth_, normal_, confidence_%06d.pfm or .png, depth_%06d.exr, numbered by
-/// keyframe id, and index.json. Throws OutputError.
+/// Folder of depth maps: depth_, normal_, confidence_%06d.pfm or .png, depth_%06d.exr, numbered by keyframe id, and
+/// index.json. Throws OutputError.
 class DepthMapFolder {
  public:
-  /// What the index says of all maps.
+  /// Common metadata of the index.
   struct About {
     std::string kind;              ///< "raw" or "filtered"
     double png_scale = 1.0;        ///< see png_depth_scale
@@ -41,9 +41,9 @@ class DepthMapFolder {
 
   void write(const DepthMap& map);
 
-  /// After the last map.
+  /// To be called after the last map.
   void write_index() const;
-  /// Puts the folder in its place.
+  /// Moves the folder to its final name.
   void commit() { folder_.commit(); }
 
  private:
@@ -54,10 +54,10 @@ class DepthMapFolder {
   nlohmann::ordered_json index_;
 };
 
-/// Whether DepthMapFolder writes files of that name.
+/// True for file names of DepthMapFolder.
 bool is_depth_map_file(const std::string& name);
 
-/// `json`, indented, for people as well.
+/// Formats JSON with indentation.
 std::string json_text(const nlohmann::ordered_json& json);
 
 }  // namespace pmsp::tool

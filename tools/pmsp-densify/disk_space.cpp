@@ -16,15 +16,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kPlanesBytes = 16.0;  // of a pixel
+constexpr double kPlanesBytes = 16.0;  // per pixel
 
-/// Of a point in a file; in a dataset with its track. COLMAP's and Potree's need as much meanwhile.
+/// Per point in a file, in datasets with its track; for COLMAP and Potree the peak while writing.
 double bytes_of_point(const std::string& format) {
   constexpr double kPly = 32.0, kLas = 53.0, kPotree = 35.0 + 36.0, kDataset = 160.0;
   return format == "ply" ? kPly : format == "las" ? kLas : format == "potree" ? kPotree : kDataset;
 }
 
-/// Of a pixel of a depth map. PNGs are compressed: about half of 16 bits a channel.
+/// Per pixel of a depth map. PNGs are compressed to about half of 16 bits per channel.
 double bytes_of_pixel(const DepthFormats& formats) {
   constexpr double kChannels = 5.0;  // depth, normal, confidence
   return (formats.pfm ? 4.0 * kChannels : 0.0) + (formats.exr ? 4.0 * kChannels : 0.0) +
@@ -39,7 +39,7 @@ fs::path existing_folder(fs::path path) {
   return path;
 }
 
-/// Of all image files; frames of a video are none.
+/// Total size of the image files; 0 for videos.
 double bytes_of(const ImageSource& images) {
   double sum = 0.0;
   for (const std::int64_t id : images.keyframe_ids()) {
@@ -59,7 +59,7 @@ std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budge
   const CloudAmount& amount = arguments.cloud.amount;
   double points = budget.points;
   if (amount.thinning.max_points > 0) points = std::min(points, static_cast<double>(amount.thinning.max_points));
-  if (amount.crop || amount.thinning.voxel > 0.0) points = 0.0;  // of which nothing is known
+  if (amount.crop || amount.thinning.voxel > 0.0) points = 0.0;  // unpredictable
   std::vector<DiskNeed> needs;
   for (const CloudOutput::Target& target : arguments.cloud.targets()) {
     const std::string format = target.format->name;
@@ -71,7 +71,7 @@ std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budge
   for (const fs::path& folder : {arguments.depth_maps, arguments.raw_depth_maps}) {
     if (!folder.empty()) needs.push_back({folder, bytes_of_pixel(arguments.depth_formats) * pixels, 0.0});
   }
-  if (arguments.delete_workspace) {  // planes alone, and only those that come slowly enough
+  if (arguments.delete_workspace) {  // planes only, and only those worth keeping
     needs.push_back({arguments.workspace, 0.0, in_workspace * kPlanesBytes * pixels});
   } else if (!arguments.workspace.empty()) {
     const double planes = kPlanesBytes * pixels;
@@ -86,7 +86,7 @@ std::string compare_disk_space(const DiskNeed& need, double free) {
   if (expected <= free) return "";
   const std::string text = need.folder.string() + ": about " + bytes_text(expected) + " will be written there, " +
                            bytes_text(free) + " are free; ";
-  constexpr double kCertain = 0.5, kCertainPoints = 0.1;  // shares of forecasts
+  constexpr double kCertain = 0.5, kCertainPoints = 0.1;  // certain shares of the forecast
   if (kCertain * need.fixed + kCertainPoints * need.points <= free) return text + "the disk may become full";
   throw OutputError(text + "free some space, name outputs, --workspace and --scratch on another disk, or leave out " +
                     "some of them");
@@ -129,7 +129,7 @@ std::string disk_warning(const Arguments& arguments, const SlamMap& map, const I
   try {
     const Budget budget = estimate_budget({map, plan, options, 0, 0, {}});
     return check_disk_space(disk_needs(arguments, budget, images, in_workspace));
-  } catch (const InvalidInput&) {  // the densifier says so
+  } catch (const InvalidInput&) {  // reported by the densifier
     return "";
   }
 }

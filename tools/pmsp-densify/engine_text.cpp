@@ -15,7 +15,7 @@
 namespace pmsp::tool {
 namespace {
 
-/// What OpenCV says of a library that it was built with: "JPEG ver 62"; where it says nothing, the name.
+/// Version of a library from OpenCV's build information: "JPEG ver 62"; the name if missing.
 std::string library_text(const std::string& name) {
   std::istringstream lines(cv::getBuildInformation());
   for (std::string line; std::getline(lines, line);) {
@@ -28,7 +28,8 @@ std::string library_text(const std::string& name) {
   return name;
 }
 
-/// "NVIDIA H200" of "CUDA device 0, NVIDIA H200; device 1, NVIDIA H200": how many there are changes no result.
+/// Device models without duplicates: "NVIDIA H200" for "CUDA device 0, NVIDIA H200; device 1, NVIDIA H200"; their
+/// number does not affect results.
 std::string kinds_of_devices(const std::string& backend) {
   std::set<std::string> kinds;
   std::istringstream devices(backend);
@@ -59,7 +60,7 @@ std::string build_text() {
 #endif
   try {
     text += ", " + workspace::fingerprint_of_file("/proc/self/exe").substr(0, 16);
-  } catch (const IoError&) {  // a system without that name
+  } catch (const IoError&) {  // system without that file
   }
   return text;
 }

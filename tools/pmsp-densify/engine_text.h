@@ -9,15 +9,15 @@
 
 namespace pmsp::tool {
 
-/// Version, kind of processor and decoder: what makes the same bytes of the same input has the same text. `options`:
-/// with backend and simd in force, which `backend` has in words. A GPU's model stands for its architecture.
+/// Returns version, processor type and decoder: equal texts imply equal bytes for equal input. `options`: with
+/// effective backend and simd, described by `backend`. The GPU model identifies its architecture.
 std::string engine_text(const DensifierOptions& options, const std::string& backend, const Arguments& arguments);
 
-/// This very program: version, kind of build, compiler, fingerprint of its bytes where these can be read.
+/// Returns version, build type, compiler and, if readable, fingerprint of this program.
 std::string build_text();
 
-/// Starts a CUDA device, if there is one to be used, while the map is being read, and says what it took [s]. What
-/// stands in the way is told by the Densifier that is made later.
+/// Starts the CUDA device, if one is used, while the map is being read; returns the time taken [s]. Errors are reported
+/// later by the Densifier.
 std::future<double> start_device(const DensifierOptions& options);
 
 }  // namespace pmsp::tool

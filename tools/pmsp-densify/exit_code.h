@@ -7,7 +7,7 @@
 
 namespace pmsp::tool {
 
-/// What the process returns; part of the interface, never renumbered. 128 + n: stopped by signal n (130: Ctrl-C).
+/// Exit codes; part of the interface, never renumbered. 128 + n: ended by signal n (130: Ctrl-C).
 enum ExitCode {
   kExitOk = 0,
   kExitUnexpected = 1,
@@ -21,19 +21,19 @@ enum ExitCode {
   kExitSignal = 128
 };
 
-/// The command line cannot be understood or contradicts itself.
+/// Invalid or contradictory command line.
 class UsageError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// The run ended without a single point.
+/// Run without a single point.
 class EmptyResult : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// A signal asked for the end.
+/// Run ended by a signal.
 class Interrupted : public std::runtime_error {
  public:
   explicit Interrupted(int signal)

@@ -13,7 +13,7 @@ std::string state_of(const fs::path& file) {
   std::error_code error;
   const auto time = fs::last_write_time(file, error).time_since_epoch().count();
   const bool is_there = !error;
-  const auto size = is_there ? fs::file_size(file, error) : 0;  // of a folder: unknown
+  const auto size = is_there ? fs::file_size(file, error) : 0;  // unknown for folders
   return (is_there ? std::to_string(time) : "missing") + " " + (error ? "-" : std::to_string(size)) + "\n";
 }
 

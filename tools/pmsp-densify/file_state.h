@@ -6,13 +6,13 @@
 
 namespace pmsp::tool {
 
-/// A line: time and size, or that there is no such file.
+/// Returns time and size of a file as a line, or that it is missing.
 std::string state_of(const std::filesystem::path& file);
 
-/// Names and states of all files in a folder, in order.
+/// Returns names and states of all files in a folder, sorted.
 std::string state_of_files_in(const std::filesystem::path& folder);
 
-/// The same of a map: a file, or a folder with its files.
+/// As above for a map: a file, or the files of a folder.
 std::string state_of_map(const std::filesystem::path& map);
 
 }  // namespace pmsp::tool

@@ -16,17 +16,17 @@
 namespace pmsp::tool {
 namespace {
 
-/// Stands in for how well patches match, where nothing is known of that: errors count about twice.
+/// Substitute for the unknown photometric score; approximately doubles expected errors.
 constexpr float kUnknownScore = 0.5F;
-/// Ratio of depths to landmarks' ones, or its inverse, from which on their unit is another one.
+/// Ratio of depths to those of landmarks, or its inverse, above which units are considered different.
 constexpr double kOtherUnit = 1.15;
-constexpr double kLeastCosine = 0.01;  ///< of the angle between a given normal and its ray
+constexpr double kLeastCosine = 0.01;  ///< between a given normal and the ray
 
 bool is_filtered(const DepthFolder& folder) { return folder.kind() == "filtered"; }
 
 std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
-/// The nearest of the image's pixels.
+/// Nearest-neighbour resampling.
 template <class T>
 Image<T> resampled(Image<T> image, int width, int height) {
   if (image.empty() || (image.width() == width && image.height() == height)) return image;
@@ -49,7 +49,7 @@ void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments) {
   options.lens_distance = folder.lens_distance();
   options.advanced.view_filter.enabled = false;
   options.advanced.median.enabled = options.advanced.median.enabled && !is_filtered(folder);
-  options.advanced.median.weighted = false;  // whoever made the depth maps has set their edges
+  options.advanced.median.weighted = false;  // edges were set by the source of the depth maps
   options.advanced.consistency.enabled = options.advanced.consistency.enabled && !is_filtered(folder);
 }
 
@@ -98,7 +98,7 @@ std::vector<SkippedKeyframe> GivenDepths::look(const SlamMap& map, const ImageSo
   return skipped;
 }
 
-/// Its scale, and whether it can be used at all.
+/// Determines scale and usability of a depth image.
 GivenDepths::Found GivenDepths::look_at(const Keyframe& keyframe, const std::filesystem::path& file,
                                         DensifierOptions& options, std::vector<double>& ratios) {
   Found found;
@@ -191,7 +191,7 @@ PlaneMap GivenDepths::planes_of(std::int64_t keyframe_id) {
   return planes;
 }
 
-/// In the size of the run.
+/// Reads a depth map in the size of the run.
 DepthMap GivenDepths::read(std::int64_t keyframe_id, const Found& found) const {
   const Image<float> values = folder_.read(found.file);
   const std::int64_t across = std::int64_t{values.width()} * found.height;
@@ -221,7 +221,7 @@ DepthMap GivenDepths::read(std::int64_t keyframe_id, const Found& found) const {
   return map;
 }
 
-/// Where none are given that face the camera.
+/// Estimates normals where none is given that faces the camera.
 void GivenDepths::find_normals(DepthMap& map) const {
   const Image<Eigen::Vector3f> given = std::move(map.normal);
   map.normal = estimate_normals(map.depth, *executor_);
@@ -235,7 +235,7 @@ void GivenDepths::find_normals(DepthMap& map) const {
   }
 }
 
-/// Counts pixels that are not.
+/// Removes masked pixels and counts unmasked ones.
 void GivenDepths::leave_out_masked(DepthMap& map, const Found& found) {
   const ImageView<const std::uint8_t> mask = masks_->mask_for(found.image, found.width, found.height);
   stats_.pixels += static_cast<std::int64_t>(map.depth.size());

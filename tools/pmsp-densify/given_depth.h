@@ -21,43 +21,43 @@
 
 namespace pmsp::tool {
 
-/// What `fuse` has in place of a preset's values: all depth images are used, in their own size; what their index says
-/// has been filtered is not filtered again. Throws as DepthFolder.
+/// Sets the defaults of `fuse`: all depth images are used, in their own size; those marked as filtered in their index
+/// are not filtered again. Throws as DepthFolder.
 void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments);
 
-/// The depth images of `fuse`, in place of depth maps that PatchMatch would make. In the order of the members.
+/// Depth images of `fuse`, which replace the depth maps of PatchMatch. Members are to be called in order.
 class GivenDepths {
  public:
   /// Throws as DepthFolder.
   explicit GivenDepths(const Arguments& arguments);
 
-  /// Looks at the depth images of the keyframes that have an image, and plans. `options`: of the run; a size of 0
-  /// becomes that of the first depth image. Returns those that cannot be used. Throws InvalidInput where none can, and
-  /// where they are clearly of another unit than the landmarks; and as MaskSource.
+  /// Checks the depth images of keyframes with an image and makes the plan. `options`: of the run; sizes of 0 are set
+  /// to that of the first depth image. Returns keyframes with unusable depth. Throws InvalidInput if none is usable or
+  /// their unit clearly differs from the landmarks'; as MaskSource.
   std::vector<SkippedKeyframe> look(const SlamMap& map, const ImageSource& source, DensifierOptions& options);
   std::size_t count() const { return found_.size(); }
   const Plan& plan() const { return plan_; }
 
-  /// A sentence for people, and for --stats.
+  /// A sentence for people, and the same for --stats.
   std::string summary() const;
   nlohmann::ordered_json report() const;
 
-  /// `this` must outlive it.
+  /// `this` must outlive the densifier.
   std::unique_ptr<PlannedDensifier> densifier(PlannedCallbacks callbacks);
 
-  /// To be told before the keyframe is added.
+  /// To be called before the keyframe is added.
   void set_image_size(std::int64_t keyframe_id, int width, int height);
-  /// What to add for a keyframe whose image cannot be read after all: it has no depth then.
+  /// Returns a substitute for a keyframe with an unreadable image, without depth.
   Keyframe without_image(std::int64_t keyframe_id);
 
-  /// What the densifier does not count: pixels before the consistency filter.
+  /// Adds pixel counts before the consistency filter, which the densifier does not know.
   void count_pixels(DensifierStats& stats) const;
 
  private:
   struct Found {
     std::filesystem::path file, image;
-    DepthAlignment alignment;   ///< scale, shift and model to go by
-    int width = 0, height = 0;  ///< of the image; 0 = none can be read
+    DepthAlignment alignment;   ///< scale, shift and model
+    int width = 0, height = 0;  ///< of the image; 0 = unreadable
   };
 
   bool is_aligned() const { return !arguments_.depth_scale; }

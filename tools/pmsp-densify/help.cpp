@@ -74,7 +74,7 @@ std::size_t columns() {
   return kDefaultColumns;
 }
 
-/// `text` in lines of at most `width`, all but the first behind `indent` spaces.
+/// Wraps text at `width`; lines after the first are indented by `indent`.
 std::string wrapped(const std::string& text, std::size_t width, std::size_t indent) {
   std::string result;
   std::size_t used = 0;
@@ -111,7 +111,7 @@ class WrappedHelp : public CLI::Formatter {
   std::string wrap(const std::string& text) const {
     const std::size_t width = columns();
     const std::size_t indent = get_column_width();
-    return wrapped(text, width > indent + 20 ? width - indent : 20, 0);  // CLI11 indents lines itself
+    return wrapped(text, width > indent + 20 ? width - indent : 20, 0);  // CLI11 indents by itself
   }
 };
 

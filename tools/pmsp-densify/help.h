@@ -12,13 +12,13 @@ class Option;
 
 namespace pmsp::tool {
 
-/// Whether --help shows an option; --help-all shows every one.
+/// True for options shown by --help; --help-all shows all.
 bool is_common(const CLI::Option& option);
 
-/// The page of --help: verbs, and the common options of `run` in a line each; 40 lines of 100 columns.
+/// Returns the page of --help: verbs, and common options of `run`, one line each; 40 lines of 100 columns.
 std::string short_help();
 
-/// Wraps descriptions of options and verbs at the width of the terminal.
+/// Wraps descriptions of options and verbs at the terminal's width.
 void wrap_help(CLI::App& app, std::size_t column_width);
 
 /// Verbs of the program.

@@ -12,7 +12,7 @@ namespace pmsp::tool {
 ImageSize first_size(ImageSource& source) {
   try {
     if (const auto item = source.next()) return {item->image.width(), item->image.height()};
-  } catch (const std::exception&) {  // a run will tell
+  } catch (const std::exception&) {  // reported by the run
   }
   return {};
 }
@@ -41,7 +41,7 @@ std::string masks_text(const Arguments& arguments, workspace::Workspace& workspa
 }
 
 std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamMap& map) {
-  const bool allow_missing = arguments.allow_missing || arguments.growing || arguments.follow;  // more will come
+  const bool allow_missing = arguments.allow_missing || arguments.growing || arguments.follow;  // more will follow
   if (!arguments.images.empty()) {
     ImageFolderOptions options;
     options.fps = arguments.fps;

@@ -11,20 +11,20 @@
 
 namespace pmsp::tool {
 
-/// What --images or --video names; nullptr without either.
+/// Opens --images or --video; nullptr without either.
 std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamMap& map);
 
 struct ImageSize {
   int width = 0;
   int height = 0;
 };
-/// Of the first image that is left, which is decoded; none where it cannot be read.
+/// Decodes the first remaining image; {} if unreadable.
 ImageSize first_size(ImageSource& source);
 
-/// What --mask, --mask-nadir, --mask-zenith and --no-masks say, and which masks the map names.
+/// Returns the options --mask, --mask-nadir, --mask-zenith and --no-masks, and the masks named in the map.
 MaskOptions mask_options(const Arguments& arguments, const SlamMap& map, const ImageSource& source);
 
-/// Masks that are the same for all images, as text that changes with them. "" = there is none.
+/// Returns the common masks of all images as text that changes with them. "" = none.
 std::string masks_text(const Arguments& arguments, workspace::Workspace& workspace);
 
 }  // namespace pmsp::tool

@@ -85,7 +85,7 @@ Json images_json(const ImageSource& source, const std::vector<SkippedKeyframe>& 
   return images;
 }
 
-/// Keyframes with an image that can be decoded, for a plan. `check`: receives the others.
+/// Keyframes with a decodable image, for a plan. `check`: receives the others.
 std::vector<PlanKeyframe> keyframes_with_image(const SlamMap& map, ImageSource& source, const DensifierOptions& options,
                                                MissionInput::ImageCheck& check) {
   std::vector<PlanKeyframe> keyframes;
@@ -174,8 +174,7 @@ void print(const Json& j) {
   if (j.contains("plan")) print_plan(j["plan"]);
 }
 
-/// Returns the workspace of the arguments, nullptr where a run would begin one. Throws where a run refuses it, or its
-/// outputs.
+/// Returns the workspace; nullptr if a run would create one. Throws if a run would reject it or its outputs.
 std::unique_ptr<workspace::Workspace> check_places(const Arguments& arguments) {
   std::unique_ptr<workspace::Workspace> workspace;
   std::error_code ignored;
@@ -188,7 +187,7 @@ std::unique_ptr<workspace::Workspace> check_places(const Arguments& arguments) {
   return workspace;
 }
 
-/// Throws OutputError where a run refuses to replace the depth maps of the workspace.
+/// Throws OutputError if a run would refuse to replace the workspace's depth maps.
 void check_losses(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
                   const SlamMap& map, const ImageSource& images) {
   const RigMask rig = arguments.find_rig ? recorded_rig(workspace.record()) : RigMask{};
@@ -209,7 +208,7 @@ void info(const Arguments& given) {
   arguments = with_images(given, input.map);
   const SlamMap& map = input.map;
   const bool is_dry_run = !given.images.empty() || !given.video.empty();
-  // The first refusal of a run is that of info, after all that is known has been printed.
+  // The first error of a run is thrown after everything known has been printed.
   std::exception_ptr refusal;
   const auto attempt = [&refusal](const auto& step) {
     try {
@@ -223,7 +222,7 @@ void info(const Arguments& given) {
   if (!is_dry_run && !arguments.images.empty()) {
     try {
       input.open_images();
-    } catch (const Error& error) {  // a folder that only the map names may be elsewhere
+    } catch (const Error& error) {  // a folder named only by the map may be elsewhere
       input.remarks.push_back(std::string("no images: ") + error.what());
     }
   }
@@ -275,7 +274,7 @@ void info(const Arguments& given) {
     json["budget"] = to_json(forecast);
     budget = budget_text(forecast);
     if (is_dry_run && input.images) {
-      const double in_workspace = workspace ? 0.0 : 1.0;  // what of it is to be made is not known
+      const double in_workspace = workspace ? 0.0 : 1.0;  // share to be computed is unknown
       attempt([&] {
         const std::string warning = check_disk_space(disk_needs(arguments, forecast, *input.images, in_workspace));
         if (!warning.empty()) progress.warning(warning);

@@ -5,11 +5,11 @@
 
 namespace pmsp::tool {
 
-/// While it lives, the first SIGINT or SIGTERM cancels the densifier, the second one ends the process at once. One may
-/// live inside another, which then waits.
+/// During its lifetime, the first SIGINT or SIGTERM cancels the densifier, the second one ends the process at once. May
+/// be nested; the outer guard is then inactive.
 class InterruptGuard {
  public:
-  /// `densifier`: nullptr = there is nothing to cancel.
+  /// `densifier`: nullptr = none to cancel.
   explicit InterruptGuard(Densifier* densifier);
   ~InterruptGuard();
   InterruptGuard(const InterruptGuard&) = delete;

@@ -47,12 +47,11 @@ int guarded_main(int argc, char** argv) {
 
 int main(int argc, char** argv) {
 #if defined(__GLIBC__)
-  // Arrays come and go in all sizes, taken by one thread and given back by another. Few heaps for all threads take less
-  // memory than one for each. Pages of their own for each array would cost a fourth more time on the CPU.
+  // Arrays of all sizes are allocated and freed by different threads: few arenas need less memory than one per thread,
+  // and less time than mmap for each array.
   mallopt(M_ARENA_MAX, 4);
 #endif
-  // All kernels at the start: CUDA would load each at its first launch, and wait for what the device is at. With
-  // several devices, the others run dry meanwhile.
+  // Loads all kernels at the start: lazy loading at the first launch would synchronise the device, and starve others.
   setenv("CUDA_MODULE_LOADING", "EAGER", 0);
   try {
     return guarded_main(argc, argv);

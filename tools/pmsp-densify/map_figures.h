@@ -7,13 +7,13 @@
 
 namespace pmsp::tool {
 
-/// `percent` from 0 to 100; the nearest value, 0 for none. Reorders `values`.
+/// Returns the nearest-rank percentile, `percent` from 0 to 100; 0 if empty. Reorders `values`.
 double percentile(std::vector<double>& values, double percent);
 
-/// Distances from a keyframe to the landmarks that it observes.
+/// Returns the distances from a keyframe to its observed landmarks.
 std::vector<double> landmark_depths(const SlamMap& map, const MapKeyframe& keyframe);
 
-/// Keyframes in the order of flight: by timestamp, then id.
+/// Returns keyframes by timestamp, then id.
 std::vector<const MapKeyframe*> in_order_of_flight(const SlamMap& map);
 
 }  // namespace pmsp::tool

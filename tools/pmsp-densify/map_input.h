@@ -9,16 +9,16 @@
 
 namespace pmsp::tool {
 
-/// The map that the arguments name. Throws as pmsp::read_map.
+/// Reads the map of the arguments. Throws as pmsp::read_map.
 SlamMap read_map(const Arguments& arguments);
 
-/// Where neither --images nor --video is given: the same with the folder that the map names, if that is there.
+/// Without --images and --video: adds the image folder named in the map, if it exists.
 Arguments with_images(const Arguments& arguments, const SlamMap& map);
 
-/// Where neither is given: the same with the folder that the map names. Throws UsageError where it names none.
+/// As above. Throws UsageError if the map names no folder.
 Arguments with_needed_images(const Arguments& arguments);
 
-/// Sentences about what was read, for people: components, what was left out, what is presumed.
+/// Returns sentences about the map for people: components, dropped parts, assumptions.
 std::vector<std::string> remarks(const SlamMap& map);
 
 }  // namespace pmsp::tool

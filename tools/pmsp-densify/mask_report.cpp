@@ -12,7 +12,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kHidesMost = 0.6;  ///< of the sphere
+constexpr double kHidesMost = 0.6;  ///< share of the sphere that causes a warning
 
 std::string percent(double share) {
   char text[32];
@@ -28,7 +28,7 @@ std::string number(double value) {
 
 bool has_files(const MaskSummary& it) { return !it.first.empty(); }
 
-/// "mask.png and a cap of 20 degrees at the nadir"
+/// Returns "mask.png and a cap of 20 degrees at the nadir".
 std::string sources(const Arguments& arguments, const SlamMap& map, const MaskSummary& it) {
   std::vector<std::string> all;
   const auto some = [&it](std::size_t count) {
@@ -88,7 +88,7 @@ void warn_of_share(const MaskSummary& it, std::vector<std::string>& warnings) {
   }
 }
 
-/// Masks that seem meant but are not used.
+/// Warns of files that look like masks but are unused.
 void warn_of_unused(const Arguments& arguments, const SlamMap& map, const MaskSummary& it,
                     std::vector<std::string>& warnings) {
   if (arguments.no_masks || !arguments.mask.empty() || arguments.images.empty()) return;
@@ -114,7 +114,7 @@ MaskReport look_at_masks(const Arguments& arguments, const SlamMap& map, const I
   if (images.empty()) return report;
   const MapKeyframe* first = map.find_keyframe(source.keyframe_ids().front());
   const MapCamera& camera = map.cameras[static_cast<std::size_t>(first != nullptr ? first->camera : 0)];
-  constexpr int kEnough = 2048;  // columns
+  constexpr int kEnough = 2048;  // width [columns]
   int width = camera.width, height = camera.height;
   for (; width > kEnough && width % 2 == 0 && height % 2 == 0; height /= 2) width /= 2;
   const MaskSummary it = masks.look(images, width, height);

@@ -12,14 +12,14 @@
 
 namespace pmsp::tool {
 
-/// Where the masks of a mission come from, and what they hide.
+/// Sources and hidden share of a mission's masks.
 struct MaskReport {                   // NOLINT(bugprone-exception-escape): a JSON value is assigned by value
   std::string text;                   ///< for people; "" = no mask
-  std::vector<std::string> warnings;  ///< what is wrong with them, probably
+  std::vector<std::string> warnings;  ///< probable mistakes
   nlohmann::ordered_json json;        ///< for --stats; null = no mask
 };
 
-/// Looks at the masks of all images, or at some, evenly spread. Throws as MaskSource::look.
+/// Evaluates the masks of all images, or of an evenly spread sample. Throws as MaskSource::look.
 MaskReport look_at_masks(const Arguments& arguments, const SlamMap& map, const ImageSource& source, MaskSource& masks);
 
 }  // namespace pmsp::tool

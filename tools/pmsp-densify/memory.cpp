@@ -20,12 +20,12 @@
 namespace pmsp::tool {
 namespace {
 
-// What a run with a workspace holds besides.
-constexpr double kWorkspaceKeyframe = 60e3;            // of each
-constexpr double kWorkspacePixel = 16 + 40;            // of depth maps: planes and points on their way to their files
-constexpr double kWorkspaceGpu = 128.0 * 1024 * 1024;  // these, where they come faster than the disk takes them
+// Additional memory of a run with a workspace.
+constexpr double kWorkspaceKeyframe = 60e3;  // per keyframe
+constexpr double kWorkspacePixel = 16 + 40;  // per pixel of depth maps: planes and points in flight to their files
+constexpr double kWorkspaceGpu = 128.0 * 1024 * 1024;  // data in flight, if produced faster than written
 
-/// CUDA devices that the run would use.
+/// CUDA devices of the run.
 std::vector<int> devices_of(const DensifierOptions& options) {
   if (options.backend == Backend::kCpu) return {};
   if (!options.devices.empty()) return options.devices;
@@ -34,7 +34,7 @@ std::vector<int> devices_of(const DensifierOptions& options) {
   return all;
 }
 
-/// Of the one that has least; 0 = one of them cannot be used, or there is none.
+/// Minimum over the devices; 0 = one is unusable, or there is none.
 std::size_t free_on(const std::vector<int>& devices) {
   std::size_t least = devices.empty() ? 0 : std::numeric_limits<std::size_t>::max();
   for (const int device : devices) least = std::min(least, free_device_memory(device));

@@ -9,7 +9,7 @@ namespace {
 
 using Spent = TimeAccount::Scope;
 
-/// Conventions of a map whose shards are merged were checked by these.
+/// When merging, the shards have checked the conventions.
 io::MissionOptions mission_options(const Arguments& arguments, int threads) {
   return {!arguments.no_verify && arguments.verb != Verb::kMerge, !arguments.no_verify, threads};
 }

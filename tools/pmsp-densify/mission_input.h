@@ -13,7 +13,7 @@
 
 namespace pmsp::tool {
 
-/// The mission that arguments name. Warnings go to the progress.
+/// Mission selected by the arguments. Warnings go to `progress`.
 class MissionInput : public io::Mission {
  public:
   /// `arguments` and `progress` must outlive it. `threads`: 0 = one for each CPU. `time`: account of the calling

@@ -9,7 +9,7 @@
 
 namespace pmsp::tool {
 
-/// A number of an option, from `low` to `high`. Throws UsageError, which says what was expected.
+/// Parses a number of an option, `low` to `high`. Throws UsageError with the expectation.
 template <class T>
 T number_in(const char* option, const std::string& text, T low, T high, const std::string& expected) {
   const auto value = number_from<T>(text);

@@ -8,7 +8,7 @@
 namespace pmsp::tool {
 namespace {
 
-constexpr std::size_t kSuggestedLetters = 2;  ///< differences of a suggested word at most
+constexpr std::size_t kSuggestedLetters = 2;  ///< maximum edit distance of a suggestion
 
 std::string with_hyphens(std::string name) {
   std::replace_if(
@@ -18,7 +18,7 @@ std::string with_hyphens(std::string name) {
 
 /// Levenshtein distance.
 std::size_t distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);  // of Levenshtein's table, one at a time
+  std::vector<std::size_t> row(b.size() + 1);  // one row of the table
   std::iota(row.begin(), row.end(), std::size_t{0});
   for (std::size_t i = 0; i < a.size(); ++i) {
     std::size_t diagonal = row[0];

@@ -6,20 +6,20 @@
 
 #include "option_table.h"
 
-// The library's options (pmsp/option_table.h) on a command line.
+// Command-line flags of the library's options (option_table.h).
 namespace pmsp::tool {
 
-/// "--patchmatch-iterations"
+/// Returns "--patchmatch-iterations".
 std::string flag_of(const OptionEntry& entry);
-/// "--no-view-filter-enabled", for switches
+/// Returns "--no-view-filter-enabled", for switches.
 std::string negative_flag_of(const OptionEntry& entry);
-/// All names, with commas between them: "--min-confidence,--fusion-min-confidence"
+/// Returns all names: "--min-confidence,--fusion-min-confidence".
 std::string flags_of(const OptionEntry& entry);
 
-/// Help, expected values and default, with the defaults of other presets where they differ.
+/// Returns help, expected values and default, with those of other presets if different.
 std::string description_of(const OptionEntry& entry);
 
-/// "; did you mean --fps?" for the candidate nearest to `word`; "" where none is within two letters.
+/// Returns "; did you mean --fps?" for the candidate nearest to `word`; "" if none is within two edits.
 std::string suggestion(const std::string& word, const std::vector<std::string>& candidates);
 
 }  // namespace pmsp::tool

@@ -14,7 +14,7 @@ namespace {
 using Json = nlohmann::json;
 using Devices = std::vector<int>;
 
-/// What of `value` OptionEntry::set takes as text. Throws InvalidOption where JSON has another type.
+/// Text of `value` for OptionEntry::set. Throws InvalidOption for a wrong JSON type.
 template <class Field>
 std::string text_in(const Json& value, const OptionEntry& entry, const std::string& where) {
   std::string text = value.dump();
@@ -100,7 +100,7 @@ nlohmann::ordered_json options_of_results(const DensifierOptions& options) {
 void apply_json(DensifierOptions& options, const Json& json, const std::string& source) {
   if (!json.is_object()) throw InvalidOption(source + ": holds no JSON object");
   Json rest = json;
-  rest.erase("quality");  // chooses the preset below these values; whoever reads the file looks at it first
+  rest.erase("quality");  // the preset below these values, applied by the caller
   apply_level(options, rest, "", source);
 }
 

@@ -7,17 +7,17 @@
 
 #include "pmsp/options.h"
 
-// The library's options (pmsp/option_table.h) as JSON: configuration files, statistics, records of workspaces.
+// The library's options (option_table.h) as JSON: configuration files, statistics, workspace records.
 namespace pmsp::tool {
 
-/// All options, nested by stage, in the order of the table.
+/// Returns all options, nested by stage, in the order of the table.
 nlohmann::ordered_json to_json(const DensifierOptions& options);
 
-/// Without those that are a matter of the machine, and change no result but by the kind of processor.
+/// Returns the options without those of the machine, which do not affect results except through the processor type.
 nlohmann::ordered_json options_of_results(const DensifierOptions& options);
 
-/// Sets what `json` holds. Throws InvalidOption naming `source` (the file) and the key; for an unknown one, the
-/// nearest.
+/// Sets the options in `json`. Throws InvalidOption with `source` (the file) and key; for unknown keys, with the most
+/// similar one.
 void apply_json(DensifierOptions& options, const nlohmann::json& json, const std::string& source);
 
 }  // namespace pmsp::tool

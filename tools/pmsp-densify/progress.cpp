@@ -17,7 +17,7 @@ std::size_t terminal_columns() {
   return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
 }
 
-/// `seconds_left` < 0: not known yet.
+/// `seconds_left` < 0: unknown.
 nlohmann::ordered_json standing_json(const Standing& standing, double seconds_left) {
   nlohmann::ordered_json json{{"share", standing.share},
                               {"depth_maps", standing.depth_maps},
@@ -88,7 +88,7 @@ void Progress::stage(const std::string& name) {
   bar_shown_ = true;
 }
 
-/// Work that was done before the first call says nothing: it had other things to wait for.
+/// Work before the first call is ignored: its time includes other activities.
 double Progress::seconds_left(double share) {
   const Clock::time_point now = Clock::now();
   if (!started_) {
@@ -127,7 +127,7 @@ void Progress::step(const ProgressStep& step) {
   }
   bar_name_ = step.stage;
   const std::string count = std::to_string(step.index) + "/" + std::to_string(step.count);
-  bar_count_ = step.index < step.count ? count : "";  // the last one has come, and the work goes on
+  bar_count_ = step.index < step.count ? count : "";  // all keyframes were added, work continues
   if (mode_ == ProgressMode::kBar && !verbose_) return draw_bar(step.standing, left);
   if (mode_ == ProgressMode::kNone) return;
   tell(step.stage + ": keyframe " + count + " (id " + std::to_string(step.keyframe_id) + ", " +
@@ -161,7 +161,7 @@ void Progress::done(const nlohmann::ordered_json& result) {
   emit(event);
 }
 
-/// As one piece: each goes to the system alone.
+/// In one write, since stderr is unbuffered.
 void Progress::tell(const std::string& line) {
   clear_bar();
   std::cerr << line + "\n";

@@ -14,17 +14,17 @@
 
 namespace pmsp::tool {
 
-/// Where a run stands after one keyframe.
+/// State of a run after a keyframe.
 struct ProgressStep {
   std::string stage;      ///< "densify", ...
-  std::size_t index = 0;  ///< keyframes that have come
-  std::size_t count = 0;  ///< keyframes in all
+  std::size_t index = 0;  ///< keyframes so far
+  std::size_t count = 0;  ///< total number of keyframes
   std::int64_t keyframe_id = 0;
   bool accepted = false;  ///< by the view filter
   Standing standing;
 };
 
-/// Tells people on stderr, or programs on stdout (JSON lines), how far a run is.
+/// Reports progress to people on stderr, or to programs on stdout (JSON lines).
 class Progress {
  public:
   Progress(ProgressMode mode, bool quiet, bool verbose);
@@ -33,24 +33,23 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
 
   void message(const std::string& text);
-  /// Something that may make the result wrong; recorded once for summary, report and statistics.
+  /// Possible cause of a wrong result; recorded once for summary, report and statistics.
   void warning(const std::string& text);
   const std::vector<std::string>& warnings() const { return warnings_; }
-  /// A keyframe without a usable image; not recorded.
+  /// Keyframe without a usable image; not recorded.
   void skipped(const SkippedKeyframe& keyframe);
   void step(const ProgressStep& step);
 
-  /// Between two steps, or after the last one: tells now and then, however often it is called. Programs are told at the
-  /// end in any case.
+  /// Between steps or after the last one; output is rate-limited, except the last one for programs.
   void standing(const Standing& standing, bool is_end = false);
 
-  /// A stage that takes a moment and has no steps: "writing cloud.ply".
+  /// Stage of some duration without steps: "writing cloud.ply".
   void stage(const std::string& name);
 
-  /// For programs only; people are told by `message`.
+  /// For programs only.
   void event(const nlohmann::ordered_json& event);
 
-  /// Last event for programs; `summary` lines go through `message`.
+  /// Final event for programs; `summary` lines go through `message`.
   void done(const nlohmann::ordered_json& result);
 
  private:
@@ -67,18 +66,18 @@ class Progress {
   bool verbose_;
   std::vector<std::string> warnings_;
   bool bar_shown_ = false;
-  std::string bar_name_;   ///< what the bar is of
-  std::string bar_count_;  ///< keyframes that have come; "" when all have
+  std::string bar_name_;   ///< stage shown by the bar
+  std::string bar_count_;  ///< keyframes so far; "" = all
   using Clock = std::chrono::steady_clock;
   bool started_ = false;
   double share_at_start_ = 0.0;
   Clock::time_point start_, told_;
 };
 
-/// "1 h 02 min", "3 min 05 s", "12 s"
+/// Returns "1 h 02 min", "3 min 05 s", "12 s".
 std::string duration_text(double seconds);
 
-/// 1234567 as "1 234 567"
+/// Returns "1 234 567".
 std::string count_text(std::int64_t count);
 
 }  // namespace pmsp::tool

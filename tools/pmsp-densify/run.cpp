@@ -43,11 +43,11 @@ namespace {
 
 using Spent = TimeAccount::Scope;
 
-/// One mission from images to files.
+/// Run of one mission, from images to files.
 class Run {
  public:
-  /// `workspace`: nullptr = none. `growing`: more keyframes will come. `merge`: what shards have made is all there is.
-  /// `live`: nullptr = nobody looks. `given`: depth maps in place of PatchMatch's.
+  /// `workspace`: nullptr = none. `growing`: more keyframes will follow. `merge`: results of shards, instead of new
+  /// ones. `live`: nullptr = no live view. `given`: depth maps instead of PatchMatch's.
   Run(const Arguments& arguments, DensifierOptions options, workspace::Workspace* workspace, bool growing,
       const Merge* merge = nullptr, LiveView* live = nullptr, GivenDepths* given = nullptr)
       : arguments_(arguments),
@@ -80,7 +80,7 @@ class Run {
       live_->begin(map_, {map_.path.filename().string() + ": live", unit_of_lengths(arguments.report.unit, frame_.unit),
                           frame_.file_from_map});
     }
-    if (merge == nullptr && given == nullptr) {  // shards have done so, and given depth needs it not
+    if (merge == nullptr && given == nullptr) {  // done by the shards, or not needed
       progress_.stage("calibrating the camera");
       const Spent spent(report_.time, Busy::kImages);
       report_.calibration = calibrate(arguments, options, map_, *input_.images, *input_.masks, growing_,
@@ -97,7 +97,7 @@ class Run {
     check_disk(options);
     open_results(options);
     const bool all_images = !step_ && given_ == nullptr;
-    // While the device starts. A video would be read up to its first keyframe before an error is told.
+    // While the device starts; not for videos, which are read up to the first keyframe before an error is reported.
     if (all_images && device.valid() && arguments.video.empty()) begin_reading();
     {
       const Spent spent(report_.time, Busy::kStart);
@@ -111,14 +111,14 @@ class Run {
     if (all_images && report_.options.backend == Backend::kCpu) announce_time(options);
   }
 
-  /// Skipped where cached results make the time unknown.
+  /// Not called if cached results make the time unknown.
   void announce_time(const DensifierOptions& options) {
     Arguments faster = arguments_;
     faster.quality = "online";
     try {
       const std::string text = cpu_time_text(map_, *input_.images, options, effective_options(faster));
       if (!text.empty()) progress_.message(text);
-    } catch (const InvalidInput&) {  // images of any size: no forecast before the first one
+    } catch (const InvalidInput&) {  // image size unknown: no forecast
     }
   }
 
@@ -162,38 +162,38 @@ class Run {
         workspace_->remove();
       }
     } else {
-      results_->commit_depth_maps();  // they may show why there are no points
+      results_->commit_depth_maps();  // may explain the missing points
     }
     if (!arguments_.stats.empty()) write_file(arguments_.stats, json_text(to_json(report_)));
     tell_end();
   }
 
  private:
-  /// While the disk takes what has been written.
+  /// In the background, while files are being written.
   void close_device() {
-    if (report_.options.backend != Backend::kCuda || arguments_.follow) return;  // the next round will need it
+    if (report_.options.backend != Backend::kCuda || arguments_.follow) return;  // needed by the next round
     try {
       closing_ = std::async(std::launch::async, [this, devices = report_.options.devices] {
         densifier_.reset();
         close_devices(devices);
       });
-    } catch (const std::system_error&) {  // no thread; the end of the process closes it
+    } catch (const std::system_error&) {  // no thread; closed at process exit
     }
   }
 
-  /// "" = there are points.
+  /// Reason for an empty result; "" = there are points.
   std::string why_empty() const {
     if (results_->points() > 0) return "";
     if (results_->points_in() > 0) {
       return "none of " + std::to_string(results_->points_in()) + " points lies in the box of --crop";
     }
-    const bool is_known = !step_ || report_.stats.depth_maps == 0;  // counts are of this run's work alone
+    const bool is_known = !step_ || report_.stats.depth_maps == 0;  // otherwise counts cover this run only
     return is_known ? explain_empty(report_.stats)
                     : "the filters left none of " + std::to_string(report_.stats.depth_maps) +
                           " depth maps; a run without --workspace says which one it was";
   }
 
-  /// Ten lines at most. Throws EmptyResult where nothing came of it.
+  /// At most ten lines. Throws EmptyResult without points.
   void tell_end() {
     if (step_) progress_.message(step_->summary());
     if (input_.prior_depths.wanted()) progress_.message(input_.prior_depths.summary());
@@ -211,12 +211,12 @@ class Run {
     progress_.done(result);
   }
 
-  /// "" = nothing to warn of.
+  /// "" = no warning.
   void warn(const std::string& text) {
     if (!text.empty()) progress_.warning(text);
   }
 
-  /// Commands that follow a run.
+  /// Suggested commands after a run.
   std::string next_steps() const {
     const std::string cloud = arguments_.cloud.paths.front().string();
     std::string text;
@@ -248,7 +248,7 @@ class Run {
     }
   }
 
-  /// Compares the forecast with what is free. Throws OutputError.
+  /// Compares the forecast with the free space. Throws OutputError.
   void check_disk(DensifierOptions options) {
     if (!knows_size(options, map_)) return;  // no forecast
     Plan plan = step_ ? step_->step().plan : given_ != nullptr ? given_->plan() : Plan{};
@@ -276,7 +276,7 @@ class Run {
     }
   }
 
-  /// What a workspace lacks. Images that it does not know are looked at first.
+  /// Determines what is missing in a workspace, after reading new images.
   void open_step(const DensifierOptions& options) {
     step_ = std::make_unique<WorkspaceStep>(*workspace_, arguments_, options, map_, report_.calibration.rig, growing_,
                                             &report_.time);
@@ -295,7 +295,7 @@ class Run {
           each_image(reader, guard, [&](std::size_t, const Keyframe& keyframe) { step_->look_at(keyframe); });
       if (!error.empty() && fresh.size() + unreadable.size() == input_.images->keyframe_ids().size())
         refuse_images(error);
-      verifier_.reset();  // once is enough
+      verifier_.reset();  // verified once only
     }
     step_->decide(merge_ != nullptr ? merge_->job.engine : "");
     if (merge_ != nullptr) merge_->join(*step_);
@@ -319,7 +319,7 @@ class Run {
     return callbacks;
   }
 
-  /// Images that are to come in all.
+  /// Total number of images.
   std::size_t expected() const { return step_ || given_ != nullptr ? steps_ : report_.with_image; }
 
   Standing standing() const {
@@ -341,7 +341,7 @@ class Run {
     guard.check();
   }
 
-  /// A keyframe that the plan of a step counts on.
+  /// The plan of a step depends on this keyframe.
   [[noreturn]] static void refuse_lost(const SkippedKeyframe& skipped) {
     throw IoError("the image of keyframe " + std::to_string(skipped.keyframe_id) +
                   ", which results depend on, can no longer be read: " + skipped.reason +
@@ -352,7 +352,7 @@ class Run {
     throw IoError("no image can be read; the first one: " + error);
   }
 
-  /// Returns why the first image cannot be read where none can; else "".
+  /// Returns the error of the first image if none is readable; else "".
   std::string each_image(io::ImageReader& images, const InterruptGuard& guard,
                          const decltype(io::ImageLoop::visit)& visit) {
     const auto lost = [this](const SkippedKeyframe& skipped) {
@@ -385,7 +385,7 @@ class Run {
       return densifier_->add(keyframe);
     }();
     results_->added(keyframe, accepted);
-    announce_backend();  // whether its memory suffices may turn out with the first image
+    announce_backend();  // may change at the first image, if device memory is insufficient
     progress_.step({"densify", index + 1, expected(), keyframe.id, accepted, standing()});
   }
 
@@ -393,7 +393,7 @@ class Run {
     results_->write(progress_);
     write_rig();
     if (results_->page() == nullptr) return;
-    if (step_ || given_ != nullptr) {  // others are told by the densifier
+    if (step_ || given_ != nullptr) {  // otherwise reported by the densifier
       const Plan& plan = step_ ? step_->step().plan : given_->plan();
       for (const PlanEntry& entry : plan.entries) results_->page()->set_use(entry);
     }
@@ -411,7 +411,7 @@ class Run {
     }
   }
 
-  RunReport report_;  ///< its clock runs
+  RunReport report_;  ///< first member: its clock starts
   const Arguments& arguments_;
   workspace::Workspace* const workspace_;
   const bool growing_;
@@ -426,13 +426,13 @@ class Run {
   std::unique_ptr<ViewImages> views_;
   std::unique_ptr<RunResults> results_;
   std::unique_ptr<PairingVerifier> verifier_;
-  std::unique_ptr<WorkspaceStep> step_;    ///< before the densifier, which calls it; or
-  std::unique_ptr<PlaneKeeper> keeper_;    ///< in its place
-  std::size_t steps_ = 0;                  ///< images that it needs
-  std::optional<io::ImageReader> images_;  ///< after all that it uses
+  std::unique_ptr<WorkspaceStep> step_;    ///< before the densifier, which calls it; alternative to keeper_
+  std::unique_ptr<PlaneKeeper> keeper_;    ///< before the densifier, which calls it
+  std::size_t steps_ = 0;                  ///< number of images needed by the step
+  std::optional<io::ImageReader> images_;  ///< after the members that it uses
   std::unique_ptr<PlannedDensifier> densifier_;
   std::string announced_backend_;
-  std::future<void> closing_;  ///< after all that it uses
+  std::future<void> closing_;  ///< last member, since it uses the others
 };
 
 }  // namespace

@@ -89,7 +89,7 @@ void RunResults::complete() {
 }
 
 void RunResults::write(Progress& progress) {
-  std::future<std::string> drawn;  // while the disk takes what it has still to take
+  std::future<std::string> drawn;  // drawn while pending data are written to disk
   if (preview_) {
     const auto draw = [this, points = output_->points_in()] { return preview_->finish(points); };
     drawn = std::async(std::launch::async, draw);

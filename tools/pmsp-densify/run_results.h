@@ -27,7 +27,7 @@
 
 namespace pmsp::tool {
 
-/// What a run leaves: clouds, depth maps, pictures, the page; each where it was asked for.
+/// Outputs of a run, as enabled: clouds, depth maps, pictures, page.
 class RunResults {
  public:
   struct Setup {
@@ -36,47 +36,47 @@ class RunResults {
     const SlamMap& map;
     const CloudFrame& frame;
     const nlohmann::ordered_json& cloud;  ///< see cloud_json
-    std::size_t keyframes;                ///< that images are expected of
+    std::size_t keyframes;                ///< expected number of images
     int threads;
-    LiveView* live;  ///< nullptr = nobody looks
+    LiveView* live;  ///< nullptr = no live view
     /// See CloudHeader.
     std::function<std::vector<OutputView>(const std::filesystem::path& folder)> export_views;
   };
 
-  /// Throws OutputError where something cannot be made. Time that it takes is counted there.
+  /// Throws OutputError if an output cannot be created. `time`: account for its work.
   RunResults(const Setup& setup, TimeAccount& time);
 
-  /// Callbacks that lead here; what only others need is not set.
+  /// Callbacks into this object; those not needed are not set.
   PlannedCallbacks callbacks();
 
-  /// Each image before the densifier gets it; sizes are those of depth maps. Then what became of it.
+  /// To be called for each image before the densifier, with the size of the depth map; then `added` with the result.
   void add_image(std::size_t index, const Keyframe& keyframe, int width, int height);
   void added(const Keyframe& keyframe, bool accepted);
 
-  /// Of the page, if there is one.
+  /// nullptr without page.
   ReportPage* page() { return page_ ? &*page_ : nullptr; }
 
-  /// Points that have come, and that are written.
+  /// Numbers of points received and written.
   std::int64_t points_in() const { return output_->points_in(); }
   std::int64_t points() const { return output_->points(); }
-  /// Of every 16th point that has come; 0 without points.
+  /// Mean of every 16th received point; 0 without points.
   double mean_confidence() const { return sampled_ > 0 ? confidence_sum_ / static_cast<double>(sampled_) : 0.0; }
 
-  /// After the last keyframe; of the folder of depth maps all is written then. Throws OutputError.
+  /// To be called after the last keyframe; completes the content of the depth map folder. Throws OutputError.
   void finish_depth_maps();
-  /// Held back points go to the writers.
+  /// Passes held-back points to the writers.
   void complete();
-  /// Puts depth maps in their place, which `write` does as well. Throws OutputError.
+  /// Moves the depth map folder to its final name, as `write` does. Throws OutputError.
   void commit_depth_maps();
-  /// Puts clouds and folders in their places, draws. Throws OutputError.
+  /// Moves clouds and folders to their final names, and draws. Throws OutputError.
   void write(Progress& progress);
   void write_page(Progress& progress, const nlohmann::ordered_json& stats);
 
-  /// "cloud.ply, cloud.las"
+  /// Returns "cloud.ply, cloud.las".
   std::string clouds_text() const;
-  /// All that was written for people to look at, in a line: "cloud.ply, report mission.html, pictures look".
+  /// Returns all outputs for people: "cloud.ply, report mission.html, pictures look".
   std::string text() const;
-  /// What the pictures leave out; "" = nothing, or there are none.
+  /// Description of what is outside of the pictures; "" = nothing, or no pictures.
   const std::string& left_out() const { return dropped_; }
 
  private:

@@ -23,7 +23,7 @@ std::string standing_text(const Standing& standing, double seconds_left) {
   if (standing.depth_maps > 0) {
     text += "; " + std::to_string(standing.depth_maps) + (standing.depth_maps == 1 ? " depth map" : " depth maps");
   }
-  // Pixels say that something happens while there are no points yet; both would not fit into a line.
+  // Pixels while there are no points yet; both do not fit into a line.
   if (standing.points > 0) {
     text += ", " + short_count(standing.points) + " points";
   } else if (standing.pixels > 0) {

@@ -9,22 +9,22 @@
 
 namespace pmsp::tool {
 
-/// How far a run is.
+/// Progress of a run.
 struct Standing {
-  double share = 0.0;           ///< of the work, as far as it can be told
+  double share = 0.0;           ///< of the expected work, 0 to 1
   std::int64_t depth_maps = 0;  ///< matched
-  std::int64_t pixels = 0;      ///< of these, with a depth
-  std::int64_t points = 0;      ///< in the cloud so far; many qualities hold them back
+  std::int64_t pixels = 0;      ///< with a depth, in these
+  std::int64_t points = 0;      ///< in the cloud so far; most presets hold them back
 };
 
-/// `keyframes`: that are expected in all; those to come are taken to be like those that have come.
+/// `keyframes`: expected total; future ones are assumed to be like previous ones.
 Standing standing_of(const DensifierStats& stats, std::size_t keyframes);
 
-/// 1234567 as "1.2 M"
+/// Returns "1.2 M" for 1234567.
 std::string short_count(std::int64_t count);
 
-/// "37 %, 1 min 05 s left; 8 depth maps, 6.1 M pixels, 210 k points"; what there is none of is left out. `seconds_left`
-/// < 0: not known yet.
+/// Returns "37 %, 1 min 05 s left; 8 depth maps, 6.1 M pixels, 210 k points", without zero counts. `seconds_left` < 0:
+/// unknown.
 std::string standing_text(const Standing& standing, double seconds_left);
 
 }  // namespace pmsp::tool

@@ -26,7 +26,7 @@ std::string blurred_keyframes(const DensifierStats& s) {
   return s.keyframes_blurred > 0 ? ", " + std::to_string(s.keyframes_blurred) + " left out as blurred" : "";
 }
 
-/// Why accepted keyframes have no depth map; "" when all have one.
+/// Reasons why accepted keyframes have no depth map; "" = all have one.
 std::string without_depth_map(const DensifierStats& s) {
   std::string text;
   const auto add = [&text](std::int64_t count, const char* why) {
@@ -43,13 +43,13 @@ std::string repeated_points(const DensifierStats& s) {
              : "";
 }
 
-/// What --crop, --voxel and --max-points have done.
+/// Effect of --crop, --voxel and --max-points.
 std::string left_out(const RunReport& report) {
   if (report.points_written == report.stats.points) return "";
   return "; " + count_text(report.points_written) + " of them written, as asked for";
 }
 
-/// A line; "" where counts are not of the whole mission.
+/// A line; "" if counts do not cover the whole mission.
 std::string pixels_kept(const RunReport& report) {
   const DensifierStats& s = report.stats;
   if (!report.workspace.is_null()) return "";
@@ -66,7 +66,7 @@ std::string seconds_text(double seconds) {
   return text;
 }
 
-/// By Busy.
+/// Indexed by Busy.
 constexpr struct {
   const char* key;
   const char* words;
@@ -82,7 +82,7 @@ constexpr struct {
                             {"preview", "drawing"},
                             {"finish", "waiting for the disk"}};
 
-/// In their order; what takes less than one percent of them all is left out.
+/// In order; stages below 1 % of the total are omitted.
 std::string stages_of(const DensifierStats& s) {
   const std::pair<const char*, double> stages[] = {
       {"prepare", s.seconds_prepare},         {"init", s.seconds_init},
@@ -98,7 +98,7 @@ std::string stages_of(const DensifierStats& s) {
   return text.empty() ? "none" : text;
 }
 
-/// "densifying 82 %, waiting for images 12 %, ...", the largest first; what is less than one percent is left out.
+/// Returns "densifying 82 %, waiting for images 12 %, ...", descending, without those below 1 %.
 std::string shares_of(const TimeAccount& time) {
   std::vector<std::pair<double, const char*>> shares;
   for (std::size_t i = 0; i < kBusyKinds; ++i) {

@@ -16,16 +16,16 @@
 
 namespace pmsp::tool {
 
-/// What a run did, for stats.json and for the summary.
+/// Results of a run for stats.json and summary.
 struct RunReport {
-  DensifierOptions options;  ///< in force
+  DensifierOptions options;  ///< effective
   DensifierStats stats;
   std::string map;
-  std::string images;                ///< how they were matched
-  std::vector<std::string> outputs;  ///< files and folders
-  nlohmann::ordered_json cloud;      ///< its frame and amount, see cloud_json
+  std::string images;                ///< description of their pairing
+  std::vector<std::string> outputs;  ///< paths
+  nlohmann::ordered_json cloud;      ///< frame and size, see cloud_json
   std::int64_t points_written = 0;
-  double confidence = 0.0;    ///< mean of the points
+  double confidence = 0.0;    ///< mean over the points
   std::size_t keyframes = 0;  ///< in the map
   std::size_t with_image = 0;
   std::vector<SkippedKeyframe> skipped;
@@ -34,27 +34,27 @@ struct RunReport {
   MaskReport masks;
   Calibration calibration;
   TimeAccount time;                    ///< of the main thread
-  std::optional<double> device_start;  ///< what starting a CUDA device took, beside all else [s]; none without one
+  std::optional<double> device_start;  ///< time to start a CUDA device, concurrent [s]; nullopt = none
   std::string empty_reason;            ///< of an empty result
-  nlohmann::ordered_json prior_depth;  ///< of each keyframe that was looked at; null without
-  nlohmann::ordered_json given_depth;  ///< of fuse; null else
-  nlohmann::ordered_json workspace;    ///< what was kept and what was made; null without one
+  nlohmann::ordered_json prior_depth;  ///< per keyframe; null = not used
+  nlohmann::ordered_json given_depth;  ///< of fuse, else null
+  nlohmann::ordered_json workspace;    ///< kept and new parts; null = none
 };
 
-/// Times up to now.
+/// Includes times up to now.
 nlohmann::ordered_json to_json(const RunReport& report);
 
-/// Counts of each stage and times up to now, a few lines for people.
+/// Returns counts of each stage and times up to now, a few lines for people.
 std::string summary(const RunReport& report);
 
-/// Which stage lost the points, and the option to try.
+/// Returns which stage lost the points, and an option to try.
 std::string explain_empty(const DensifierStats& stats);
 
-/// Warning that the consistency filter keeps less than a fifth of the pixels that reach it; "" = it keeps more, or
+/// Returns a warning if the consistency filter keeps less than a fifth of its input pixels; "" if it keeps more, or
 /// none.
 std::string consistency_warning(const DensifierStats& stats);
 
-/// Largest resident memory of this process so far [MiB].
+/// Peak resident memory of this process [MiB].
 double peak_memory_mib();
 
 }  // namespace pmsp::tool

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 struct Target {
   const char* option;
   fs::path path;
-  bool (*writes)(const std::string& name);  ///< files of a folder that the run writes; nullptr for a file
+  bool (*writes)(const std::string& name);  ///< output files of a folder; nullptr for files
 
   bool is_file() const { return writes == nullptr; }
 };
@@ -67,7 +67,7 @@ void check_folder(const Arguments& arguments, const Target& target, bool may_rep
   }
 }
 
-/// Whether writing `a`, a file, and `b` would destroy one of them.
+/// True if writing the file `a` and `b` would destroy one of them.
 bool file_collides(const Target& a, const Target& b) {
   const fs::path place = place_of(a.path);
   if (is_or_lies_in(place_of(b.path), place)) return true;
@@ -83,7 +83,7 @@ void check_pair(const Target& a, const Target& b) {
   }
 }
 
-/// `info` without images is about the map alone, and writes nothing but a plan.
+/// `info` without images concerns the map only, and writes nothing but a plan.
 bool is_of_other_verb(const Arguments& arguments, const Target& target) {
   const bool is_about_map = arguments.verb == Verb::kInfo && arguments.images.empty() && arguments.video.empty();
   return is_about_map && std::string(target.option) != "--plan";
@@ -111,7 +111,7 @@ std::vector<Target> targets_of(const Arguments& arguments) {
   return targets;
 }
 
-/// Its own files have names of a kind there, and the folders are its own.
+/// Rejects targets with file names of the workspace, or in its subfolders.
 void check_beside_workspace(const Arguments& arguments, const Target& target) {
   if (arguments.workspace.empty()) return;
   check_pair({"--workspace", arguments.workspace, is_workspace_file}, target);
@@ -127,7 +127,7 @@ void check_beside_workspace(const Arguments& arguments, const Target& target) {
 fs::path place_of(const fs::path& path) {
   std::error_code ignored;
   const fs::path place = fs::weakly_canonical(fs::absolute(end_of_links(path)), ignored);
-  return place.has_filename() ? place : place.parent_path();  // "folder/" is "folder"
+  return place.has_filename() ? place : place.parent_path();  // "folder/" to "folder"
 }
 
 std::vector<fs::path> target_paths(const Arguments& arguments) {

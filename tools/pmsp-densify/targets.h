@@ -9,21 +9,21 @@
 
 namespace pmsp::tool {
 
-/// Refuses what the run could not write, or would write over an input or over another of its outputs. To be called
-/// before any work: a run of hours must not end in front of a file that it may not replace. `own`: what runs with the
-/// same workspace have written, which may be replaced. Throws UsageError, OutputError.
+/// Rejects outputs that cannot be written, or would overwrite an input or each other. To be called before any work, so
+/// that a long run does not fail at its end. `own`: outputs of previous runs with the same workspace, which may be
+/// replaced. Throws UsageError, OutputError.
 void check_targets(const Arguments& arguments, const std::vector<std::filesystem::path>& own = {});
 
-/// The part of it that looks at names alone, not at what is there. Throws UsageError.
+/// The part of check_targets that depends on names only, not on existing files. Throws UsageError.
 void check_names(const Arguments& arguments);
 
-/// What a run writes besides its workspace.
+/// Outputs of a run besides its workspace.
 std::vector<std::filesystem::path> target_paths(const Arguments& arguments);
 
-/// Outputs of the last finished run with this workspace, which check_targets() lets a run replace.
+/// Outputs of the last finished run with this workspace, which check_targets() allows to replace.
 std::vector<std::filesystem::path> recorded_outputs(const Arguments& arguments, const workspace::Workspace& workspace);
 
-/// One spelling for each place, whether something is there or not.
+/// Canonical form of a path, existing or not.
 std::filesystem::path place_of(const std::filesystem::path& path);
 
 }  // namespace pmsp::tool

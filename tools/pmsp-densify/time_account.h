@@ -7,30 +7,29 @@
 
 namespace pmsp::tool {
 
-/// What the main thread of a run is busy with, or waits for. What other threads do meanwhile is not in it.
+/// Activity of a run's main thread, or reason of its waiting; other threads are not accounted.
 enum class Busy {
   kOther,
   kMap,        ///< reading the map
-  kImages,     ///< finding the images that belong to it
-  kStart,      ///< making a Densifier: threads, or a CUDA device's context
-  kWait,       ///< for images that are being read, and compared with the map
-  kDensify,    ///< stages on the CPU; waiting for them on a device
-  kPoints,     ///< encoding points, waiting for the thread that writes them
-  kDepthMaps,  ///< encoding and writing them
-  kWorkspace,  ///< what goes to a workspace, and what comes from it; waiting for the disk where it takes too long
+  kImages,     ///< finding the images of keyframes
+  kStart,      ///< creating a Densifier: threads, or CUDA context
+  kWait,       ///< for images being read and verified
+  kDensify,    ///< stages on the CPU, or waiting for a device
+  kPoints,     ///< encoding points, waiting for the writing thread
+  kDepthMaps,  ///< encoding and writing
+  kWorkspace,  ///< reading and writing a workspace, waiting for the disk
   kPreview,    ///< drawing
-  kFinish,     ///< until all is on the disk
+  kFinish,     ///< until all data are on disk
 };
 constexpr std::size_t kBusyKinds = static_cast<std::size_t>(Busy::kFinish) + 1;
 
-/// Where the time of a run goes: each moment counts for the innermost scope that is open, so that all add up to the
-/// whole. For one thread.
+/// Time of a run by activity: each moment counts for the innermost open scope, so the sum is the total. For one thread.
 class TimeAccount {
  public:
   class Scope {
    public:
     Scope(TimeAccount& account, Busy with) : Scope(&account, with) {}
-    /// nullptr = nobody asks.
+    /// nullptr = no account.
     Scope(TimeAccount* account, Busy with) : account_(account) {
       if (account_ == nullptr) return;
       before_ = account_->now_;
@@ -47,7 +46,7 @@ class TimeAccount {
     Busy before_ = Busy::kOther;
   };
 
-  /// Up to now.
+  /// Seconds up to now.
   double seconds(Busy with) const {
     const double before = seconds_[static_cast<std::size_t>(with)];
     return with == now_ ? before + since(since_) : before;

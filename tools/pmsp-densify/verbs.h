@@ -5,7 +5,7 @@
 
 namespace pmsp::tool {
 
-// Each throws what exit_code_of() knows.
+// Exceptions: see exit_code_of().
 void run(const Arguments& arguments);
 /// run --shard
 void run_shard(const Arguments& arguments);
@@ -16,16 +16,16 @@ void merge(const Arguments& arguments);
 void info(const Arguments& arguments);
 void config(const Arguments& arguments);
 
-/// Has a command line of its own, from which it makes those of `run`. Returns the exit code.
+/// Has its own command line, from which it makes those of `run`. Returns the exit code.
 int batch(int argc, const char* const* argv);
 
-/// Likewise: the page of a cloud or of a workspace.
+/// Likewise: page of a cloud or workspace.
 int report(int argc, const char* const* argv);
 
-/// Likewise: a cloud or a workspace in other formats, another frame or unit.
+/// Likewise: converts a cloud or workspace to other formats, frames or units.
 int convert(int argc, const char* const* argv);
 
-/// Likewise: a folder over HTTP until a signal comes.
+/// Likewise: serves a folder over HTTP until a signal.
 int serve(int argc, const char* const* argv);
 
 }  // namespace pmsp::tool

@@ -75,11 +75,11 @@ std::vector<OutputView> ViewImages::put(const fs::path& folder, const Similarity
     const bool is_turned = !is_frame && is_turned_by_exif(origin->second.file);
     std::string name = is_frame ? numbered_name("", id, ".jpg") : origin->second.file.filename().string();
     if (is_turned) name = fs::path(name).replace_extension(".jpg").string();
-    if (!names.insert(name).second) {  // from another subfolder
+    if (!names.insert(name).second) {  // same name in another subfolder
       name = numbered_name("", id, ("_" + name).c_str());
       names.insert(name);
     }
-    if (is_frame || is_turned) {  // trainers do not look at EXIF data
+    if (is_frame || is_turned) {  // trainers ignore EXIF data
       decoded[id] = name;
     } else {
       copy_image(origin->second.file, folder / "images" / name);

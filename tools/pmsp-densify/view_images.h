@@ -13,19 +13,19 @@
 
 namespace pmsp::tool {
 
-/// A mask as PNG of that size: white = use. `mask`: of that size; empty = use all. Throws OutputError.
+/// Encodes a mask as PNG: white = used. `mask`: of that size; empty = all used. Throws OutputError.
 std::vector<unsigned char> mask_png(ImageView<const std::uint8_t> mask, int width, int height);
 
-/// The mission's images, for datasets: copies of files, or frames of the video as JPEG; and their masks.
+/// Images of a mission for datasets, with masks: copies of files, or frames of the video as JPEG.
 class ViewImages {
  public:
-  /// All must outlive it but `source`, which is not restricted to some keyframes yet.
+  /// All except `source` must outlive it; `source` must not be restricted yet.
   ViewImages(const Arguments& arguments, const SlamMap& map, const ImageSource& source, MaskSource& masks);
 
-  /// Of an image that is used. Others are left out.
+  /// Marks an image as used. Others are not exported.
   void set_size(std::int64_t keyframe_id, int width, int height) { sizes_[keyframe_id] = {width, height}; }
 
-  /// Puts them into `images` and `masks` in a folder. Where some have a mask, all get one, as nerfstudio wants it.
+  /// Writes to `images` and `masks` in a folder. If some images have a mask, all get one, as nerfstudio requires.
   /// Throws IoError, InvalidInput, OutputError.
   std::vector<OutputView> put(const std::filesystem::path& folder, const Similarity& file_from_map) const;
 

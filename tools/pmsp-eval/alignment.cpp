@@ -60,7 +60,7 @@ void match_by_time(const std::vector<TimedPose>& keyframes, const std::vector<Ti
   for (const TimedPose& keyframe : keyframes) ++uses[keyframe.timestamp];
   result.truth_row.assign(keyframes.size(), -1);
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
-    // Some SLAM front ends repeat a timestamp: at most one of the keyframes can be right, and nobody knows which.
+    // Some SLAM front ends repeat a timestamp: at most one of these keyframes is right, which one is unknown.
     if (uses[keyframes[k].timestamp] > 1) {
       ++result.shared_timestamps;
       continue;

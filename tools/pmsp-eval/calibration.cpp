@@ -13,14 +13,14 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-/// A sample with what it counts.
+/// Weighted sample.
 struct Weighted {
   float confidence;
   float error;
   float weight;
 };
 
-/// The smallest value that at least `share` of the weight does not exceed. `samples` ascend by it and are not empty.
+/// Weighted quantile: smallest value not exceeded by at least `share` of the weight. `samples`: ascending, not empty.
 double quantile(const std::vector<Weighted>& samples, float Weighted::*value, double total, double share) {
   double sum = 0.0;
   for (const Weighted& sample : samples) {
@@ -30,10 +30,10 @@ double quantile(const std::vector<Weighted>& samples, float Weighted::*value, do
   return static_cast<double>(samples.back().*value);
 }
 
-/// What a confidence stands for (pmsp::DepthMap): a median of the relative error.
+/// Expected relative error of a confidence (median, see pmsp::DepthMap).
 double told_error(double confidence) { return 0.005 * (1.0 / confidence - 1.0); }
 
-/// Gathers what falls into one bin, in ascending confidence.
+/// Accumulates a bin, in ascending confidence.
 class BinBuilder {
  public:
   void add(const ConfidenceSample& sample, float weight) {
@@ -64,7 +64,7 @@ class BinBuilder {
   std::vector<Weighted> samples_;
 };
 
-/// The larger of the two relative rises, where there are any.
+/// Updates monotonicity and relative rise between adjacent bins.
 void compare(const CalibrationBin& lower, const CalibrationBin& higher, Monotone& monotone) {
   const auto rise = [&](double CalibrationBin::*error) {
     if (higher.*error <= lower.*error) return 0.0;
@@ -88,7 +88,7 @@ Monotone judge(const std::array<CalibrationBin, 10>& deciles) {
   return monotone;
 }
 
-/// `samples` ascend by confidence.
+/// `samples`: ascending by confidence.
 CalibrationCurve curve(const std::vector<ConfidenceSample>& samples, bool by_solid_angle, double threshold) {
   const auto weight_of = [by_solid_angle](const ConfidenceSample& sample) {
     return by_solid_angle ? sample.weight : 1.0F;

@@ -9,36 +9,36 @@
 
 namespace pmsp::eval {
 
-/// One pixel with an estimate and a truth.
+/// Pixel with estimate and truth.
 struct ConfidenceSample {
   float confidence = 0.0F;
   float error = 0.0F;   ///< relative
-  float weight = 0.0F;  ///< its solid angle, up to a constant factor
+  float weight = 0.0F;  ///< solid angle, up to a constant factor
 };
 
-/// Errors of the pixels of one decile of confidence; NaN where it holds none.
+/// Errors of a decile of confidence; NaN if empty.
 struct CalibrationBin {
-  double share = 0.0;  ///< of all pixels: 0.1, unless many have one confidence
+  double share = 0.0;  ///< of all pixels: 0.1, unless many have equal confidence
   double confidence_min = 0.0;
   double confidence_max = 0.0;
-  double error_told = 0.0;  ///< median of what the confidences stand for
+  double error_told = 0.0;  ///< median of the expected errors
   double error_median = 0.0;
   double error_p90 = 0.0;
   double within = 0.0;  ///< share with an error below Calibration::threshold
 };
 
-/// Whether errors fall (or stay) from each decile to the next. Deciles without pixels are passed over; with fewer than
-/// two left, confidence tells nothing apart, and all is false.
+/// Whether errors fall, or stay, from each decile to the next. Empty deciles are skipped; with fewer than two, all is
+/// false.
 struct Monotone {
   bool median = false;
   bool p90 = false;
-  bool within = false;        ///< this one rises
-  double largest_rise = 0.0;  ///< of median and p90 from one decile to the next, relative; 0 = both fall everywhere
+  bool within = false;        ///< rises
+  double largest_rise = 0.0;  ///< largest relative rise of median or p90 between deciles; 0 = monotone
 };
 
-/// How error goes with confidence when each pixel counts the same, or by its solid angle.
+/// Error over confidence, with pixels weighted equally or by solid angle.
 struct CalibrationCurve {
-  std::array<CalibrationBin, 10> deciles;  ///< ascending confidence; pixels of equal confidence share one
+  std::array<CalibrationBin, 10> deciles;  ///< ascending confidence; equal confidences are in one decile
   CalibrationBin confident_half;
   Monotone monotone;
 };
@@ -50,7 +50,7 @@ struct Calibration {
   CalibrationCurve solid_angle;
 };
 
-/// Every `stride`-th pixel that has an error (is not NaN) and a confidence. Both images have the same size.
+/// Returns every `stride`-th pixel with an error (not NaN) and a confidence. Both images have the same size.
 std::vector<ConfidenceSample> calibration_samples(const Image<float>& error, const Image<float>& confidence,
                                                   std::size_t stride = 1);
 

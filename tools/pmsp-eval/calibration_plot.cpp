@@ -27,7 +27,7 @@ const cv::Scalar kGray(225, 225, 225);
 
 using Error = double CalibrationBin::*;
 
-/// Blue, green, red, as OpenCV orders them.
+/// Colours in BGR order.
 struct Series {
   const char* name;
   const CalibrationCurve Calibration::*curve;
@@ -42,7 +42,7 @@ const Series kSeries[] = {
     {"by solid angle", &Calibration::solid_angle, &CalibrationBin::error_p90, {160, 160, 245}},
 };
 
-/// Exponents of ten that the errors lie between.
+/// Range of powers of ten on the error axis.
 struct Decades {
   int low = 0;
   int high = 0;

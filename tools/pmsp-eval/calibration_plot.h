@@ -7,8 +7,8 @@
 
 namespace pmsp::eval {
 
-/// Median and 90th percentile of the error for each decile of confidence, on a logarithmic scale. Written as PNG,
-/// beside the target first. Throws OutputError.
+/// Writes a PNG of median and 90th percentile of the error per decile of confidence, logarithmic. Atomic. Throws
+/// OutputError.
 void write_calibration_plot(const std::filesystem::path& path, const Calibration& calibration);
 
 }  // namespace pmsp::eval

@@ -18,22 +18,22 @@ namespace {
 constexpr std::size_t kChunk = 4096;
 constexpr float kMinCameraDistance = 1e-3F;
 
-/// Distances of one point, all [m].
+/// Distances of a point [m].
 struct PointError {
   float plane = 0.0F;
   float point = 0.0F;
   float camera = 0.0F;  ///< to the nearest keyframe
 };
 
-/// One surface sample, and how near the cloud comes to it.
+/// Surface sample with its distance to the cloud [m].
 struct Coverage {
-  float cloud = 0.0F;  ///< infinite where no cloud point lies inside the largest threshold
+  float cloud = 0.0F;  ///< infinite = no point within the largest threshold
   float camera = 0.0F;
   float weight = 0.0F;
 };
 
-/// `count` of `size` indices, ascending, each set equally likely; all for count 0 or >= size. Written out, because the
-/// standard library's distributions differ between its implementations.
+/// Returns a uniformly random subset of `count` indices below `size`, ascending; all for count 0 or >= size. Own
+/// implementation, since distributions differ between standard libraries.
 std::vector<std::uint32_t> draw(std::size_t size, std::size_t count, std::uint64_t seed) {
   if (count == 0 || count > size) count = size;
   std::vector<std::uint32_t> chosen;
@@ -62,7 +62,7 @@ std::vector<PointError> measure_points(const AlignedCloud& cloud, const Surface&
       const Eigen::Vector3f& point = cloud.points[chosen[i]];
       const auto hit = tree.find(point);
       const auto camera = cameras.find(point);
-      if (!hit || !camera) {  // so far away that the square of its distance is no float32
+      if (!hit || !camera) {  // squared distance exceeds float32
         errors[i] = {std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity(),
                      kMinCameraDistance};
         continue;
@@ -82,7 +82,7 @@ float largest_threshold(const CloudMeasureOptions& options) {
   double largest = 0.0;
   for (const double t : options.absolute_m) largest = std::max(largest, t);
   for (const double t : options.relative) largest = std::max(largest, t * options.max_range_m);
-  return static_cast<float>(largest * 1.001);  // so that a distance equal to the threshold is still found
+  return static_cast<float>(largest * 1.001);  // includes distances equal to the threshold
 }
 
 std::vector<Coverage> measure_coverage(const AlignedCloud& cloud, const Surface& surface, const NearestPoint& cameras,

@@ -28,7 +28,7 @@ std::vector<TimedPose> read_keyframes(const CommonArguments& common) {
   return common.map.empty() ? read_tum(common.trajectory) : trajectory_of(read_map(common.map));
 }
 
-/// Only the positions are kept of what the file holds: clouds are large.
+/// Reads positions only, to save memory.
 std::vector<Eigen::Vector3d> positions_of(CloudReader& cloud, const Similarity& target_from_cloud) {
   std::vector<Eigen::Vector3d> positions;
   positions.reserve(static_cast<std::size_t>(cloud.info().points));
@@ -40,14 +40,14 @@ std::vector<Eigen::Vector3d> positions_of(CloudReader& cloud, const Similarity& 
   return positions;
 }
 
-/// source_from_target of target_from_source.
+/// Inverse similarity.
 Similarity inverse_of(const Similarity& similarity) {
   const Eigen::Matrix3d back = similarity.rotation.transpose();
   return {1.0 / similarity.scale, back, -(back * similarity.translation) / similarity.scale};
 }
 
-/// How the frame of the keyframes follows from that of the cloud, and a line about it. Throws InvalidInput where the
-/// header names a transform and the keyframes are not those of its map.
+/// Returns the transform from the cloud's frame to the keyframes', and sets a line about it. Throws InvalidInput if the
+/// header contains a transform and the keyframes are not those of its map.
 Similarity keyframes_from_cloud(const CloudInfo& cloud, const CommonArguments& common, const CloudArguments& arguments,
                                 std::string& description) {
   description = "frame       that of the keyframes";
@@ -89,7 +89,7 @@ Json input_json(const CommonArguments& common) {
           {"keyframes", common.map.empty() ? common.trajectory.string() : common.map.string()}};
 }
 
-/// Table to standard output; it makes way for JSON that goes there.
+/// Prints the table to standard output, unless JSON goes there.
 void deliver(const CommonArguments& common, const Json& json, const std::string& table) {
   const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
   const bool json_to_stdout = common.json == "-";
@@ -105,7 +105,7 @@ fs::path picture_path(const fs::path& folder, const char* prefix, std::int64_t i
   return folder / name;
 }
 
-/// Ids of `count` keyframes, evenly spread; none where no pictures are wanted.
+/// Ids of `count` evenly spread keyframes; none without pictures.
 template <class Items, class Id>
 std::set<std::int64_t> pictured(const RenderArguments& render, const Items& items, const Id& id) {
   std::set<std::int64_t> ids;
@@ -130,7 +130,7 @@ ViewMeasures views_with_pictures(const AlignedCloud& cloud, const Alignment& ali
   return measure_views(cloud, alignment, truth, arguments.views, observe);
 }
 
-/// A depth map with the truth of its keyframe.
+/// Depth map with its truth.
 struct Pair {
   DepthFile file;
   const GroundTruth::RangeMap* truth = nullptr;
@@ -157,10 +157,10 @@ std::vector<Pair> pair_with_truth(const std::vector<DepthFile>& files, const std
   return pairs;
 }
 
-/// Pixels that are compared with their confidence at most, over all maps: about 400 MB.
+/// Maximum number of confidence samples over all maps: about 400 MB.
 constexpr std::size_t kMaxSamples = 16'000'000;
 
-/// What a map adds to the calibration: none without a confidence. Large missions are thinned evenly.
+/// Calibration samples of a map, evenly subsampled for large missions; none without confidence.
 std::vector<ConfidenceSample> samples_of(const Pair& pair, const Image<float>& error, std::size_t maps) {
   const Image<float> confidence = load_confidence(pair.file.path, error.width(), error.height());
   if (confidence.empty()) return {};

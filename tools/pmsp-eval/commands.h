@@ -16,15 +16,15 @@
 
 namespace pmsp::eval {
 
-/// What all commands need.
+/// Common arguments of all commands.
 struct CommonArguments {
   std::filesystem::path truth;       ///< folder
-  std::filesystem::path map;         ///< one of map and trajectory is set
+  std::filesystem::path map;         ///< either map or trajectory is set
   std::filesystem::path trajectory;  ///< TUM
   AlignmentOptions alignment;
   double truth_fps = 10.0;
   int threads = 0;
-  std::string json;  ///< path, "-" for standard output, empty for none
+  std::string json;  ///< path; "-" = standard output, "" = none
 };
 
 struct RenderArguments {
@@ -34,7 +34,7 @@ struct RenderArguments {
 
 struct CloudArguments {
   std::filesystem::path cloud;
-  bool as_is = false;  ///< the cloud is in the frame of the keyframes, whatever its header says
+  bool as_is = false;  ///< the cloud is in the frame of the keyframes, regardless of its header
   SurfaceOptions surface;
   CloudMeasureOptions measures;
   ViewOptions views;
@@ -44,20 +44,20 @@ struct CloudArguments {
 struct DepthArguments {
   std::vector<std::filesystem::path> inputs;
   std::optional<std::int64_t> keyframe;
-  double png_scale = 0.0;  ///< 0 = not given
+  double png_scale = 0.0;  ///< 0 = not set
   DepthMeasureOptions measures;
   LabelOptions labels;
   RenderArguments render;
-  bool own_scales = false;            ///< each map's scale by itself, see own_scale
+  bool own_scales = false;            ///< scales each map separately, see own_scale
   std::filesystem::path calibration;  ///< plot; empty = none
 };
 
 struct AlignArguments {
   std::filesystem::path write_trajectory;  ///< empty = none
-  bool aligned = false;                    ///< write it in the frame of the truth instead of the map's
+  bool aligned = false;                    ///< in the frame of the truth instead of the map's
 };
 
-/// Each measures, prints the table and writes JSON. Throws pmsp::Error.
+/// Each measures, prints a table and writes JSON. Throws pmsp::Error.
 void run_cloud(const CommonArguments& common, CloudArguments arguments);
 void run_depth(const CommonArguments& common, DepthArguments arguments);
 void run_align(const CommonArguments& common, const AlignArguments& arguments);

@@ -13,13 +13,13 @@ struct DepthMeasureOptions {
   int slack_px = 0;                                   ///< see relative_error
 };
 
-/// Shares, 0 to 1, are of all pixels with a true range, unless said otherwise.
+/// Shares, 0 to 1, of all pixels with a true range, unless stated otherwise.
 struct DepthMeasures {
   struct Within {
     double threshold = 0.0;
-    double share = 0.0;  ///< with an estimate whose relative error is below the threshold
+    double share = 0.0;  ///< with a relative error below the threshold
     double share_solid_angle = 0.0;
-    double of_valid = 0.0;  ///< the same, of the pixels with an estimate
+    double of_valid = 0.0;  ///< as `share`, of pixels with an estimate
   };
   double valid = 0.0;  ///< with an estimate
   double valid_solid_angle = 0.0;
@@ -28,16 +28,15 @@ struct DepthMeasures {
   double error_p90 = 0.0;
 };
 
-/// `depth` of any size, `truth` [m]. Where `error` is given it receives the relative error, NaN where depth or truth
-/// are unknown.
+/// `depth`: any size, `truth`: [m]. `error`: set to the relative error, NaN where depth or truth is unknown.
 DepthMeasures measure_depth(const Image<float>& depth, const Image<float>& truth,
                             const DepthMeasureOptions& options = {}, Image<float>* error = nullptr);
 
-/// Metres per unit of a depth map by itself: the median of its pixels' true ranges over their depths. Throws
-/// InvalidInput where no pixel has both.
+/// Returns the scale of a depth map by itself [m per unit]: median ratio of true range and depth. Throws InvalidInput
+/// without a pixel with both.
 double own_scale(const Image<float>& depth, const Image<float>& truth);
 
-/// Each figure's mean over all depth maps; medians without a value are left out. `maps` must not be empty.
+/// Returns the mean of each measure over all depth maps; undefined medians are skipped. `maps` must not be empty.
 DepthMeasures mean_of(const std::vector<DepthMeasures>& maps);
 
 }  // namespace pmsp::eval

@@ -23,7 +23,7 @@ using Entries = std::vector<std::pair<std::string, cv::Scalar>>;
 
 uchar channel(double value) { return static_cast<uchar>(std::clamp(value, 0.0, 255.0)); }
 
-/// Colours are blue, green, red, as OpenCV orders them.
+/// Colours in BGR order.
 cv::Vec3b view_color(bool hit, bool known, double error, double bound) {
   if (!hit) return {0, 0, 0};
   if (!known) return {200, 110, 40};
@@ -31,7 +31,7 @@ cv::Vec3b view_color(bool hit, bool known, double error, double bound) {
   return {40, 40, channel(130.0 + 25.0 * error / bound)};
 }
 
-/// 0 at kMinShownError to 255 at kMaxShownError, logarithmic.
+/// Logarithmic: 0 at kMinShownError to 255 at kMaxShownError.
 uchar shown_level(double error) {
   const double position = std::log(std::max(error, 1e-9) / kMinShownError) / std::log(kMaxShownError / kMinShownError);
   return channel(255.0 * position);

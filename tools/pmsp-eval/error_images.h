@@ -7,15 +7,15 @@
 
 namespace pmsp::eval {
 
-/// Pictures for eyes, each with a legend below it. Written as PNG, beside the target first. Throw OutputError.
+/// Images for visual inspection, with a legend. Written as PNG, atomically. Throw OutputError.
 
-/// A view of the cloud: green = hit and right, red = hit and wrong, blue = hit where the truth is unknown, black = no
-/// hit. Green darkens and red brightens with the error. `error` as from relative_error, or empty.
+/// View of the cloud: green = correct hit, red = wrong hit, blue = hit with unknown truth, black = no hit. Green
+/// darkens and red brightens with the error. `error`: of relative_error, or empty.
 void write_view_image(const std::filesystem::path& path, const Image<float>& range, const Image<float>& error,
                       double max_relative_error);
 
-/// Relative error of a depth map on a logarithmic scale from 0.1 % (blue) to 10 % (red); black = no estimate or no
-/// truth. Shown with `width` x `width / 2` pixels.
+/// Relative error of a depth map, logarithmic from 0.1 % (blue) to 10 % (red); black = no estimate or no truth. Size
+/// `width` x `width / 2`.
 void write_depth_error_image(const std::filesystem::path& path, const Image<float>& error, int width);
 
 }  // namespace pmsp::eval

@@ -27,7 +27,7 @@ float best_error(float estimate, const Image<float>& truth, int x, int y, int sl
 }  // namespace
 
 float range_at(const Image<float>& truth, double x, double y) {
-  constexpr float kOneSurface = 1.05F;  // ranges of four pixels, at most
+  constexpr float kOneSurface = 1.05F;  // maximum ratio of the ranges of four pixels
   const auto left = static_cast<int>(std::floor(x - 0.5));
   const auto above = static_cast<int>(std::floor(y - 0.5));
   const double right_share = x - 0.5 - left;

@@ -9,10 +9,10 @@
 
 namespace pmsp::eval {
 
-/// Index of the pixel of a row of `size` pixels that holds the centre of pixel i of a row of `of`.
+/// Index of the pixel in a row of `size` pixels that contains the centre of pixel i of a row of `of`.
 inline int centre_index(int i, int of, int size) { return std::min(static_cast<int>((i + 0.5) * size / of), size - 1); }
 
-/// The values at the pixels' centres of an image of another size.
+/// Nearest-neighbour resampling at pixel centres.
 template <class T>
 Image<T> resampled(const Image<T>& image, int width, int height) {
   Image<T> result(width, height);
@@ -23,27 +23,27 @@ Image<T> resampled(const Image<T>& image, int width, int height) {
   return result;
 }
 
-/// The true range at an image point, measured in pixels of `truth`: between pixels of one surface it is interpolated
-/// (linearly in inverse range, which is exact for planes up to second order; a pixel aside, a floor seen at a grazing
-/// angle is half a percent farther), elsewhere that of the nearest pixel.
+/// Returns the true range at an image point [px of `truth`]: interpolated between pixels of one surface, linearly in
+/// inverse range (exact for planes up to second order; at grazing angles adjacent pixels differ considerably), else
+/// that of the nearest pixel.
 float range_at(const Image<float>& truth, double x, double y);
 
-/// |estimate - truth| / truth of each pixel of `estimate`, NaN where the truth is unknown. Both images cover the whole
-/// sphere in any size; the truth of a pixel is range_at its centre. With `slack_px` > 0 the best of the
-/// (2 * slack_px + 1)^2 true values about the centre counts, so that half a pixel at an edge is no error.
-/// Unknown estimates (0) have error 1; the caller leaves them out.
+/// Returns |estimate - truth| / truth per pixel of `estimate`, NaN where the truth is unknown. Both images cover the
+/// whole sphere, in any size; truth is range_at of the pixel centre. With `slack_px` > 0 the best of (2 * slack_px +
+/// 1)^2 true values around the centre counts, to tolerate half a pixel at edges. Unknown estimates (0) have error 1, to
+/// be excluded by the caller.
 Image<float> relative_error(const Image<float>& estimate, const Image<float>& truth, int slack_px);
 
-/// Solid angle of a pixel of row y, up to a constant factor: cos(latitude).
+/// Solid angle of a pixel in row y, up to a constant factor: cos(latitude).
 double row_weight(int y, int height);
 
-/// Columns that are as far as `reach` rows: more towards the poles, at most a quarter of a row.
+/// Number of columns that span the same angle as `reach` rows: more towards the poles, at most a quarter of a row.
 int columns_within(int reach, int y, int width, int height);
 
-/// The pixel (column, row) that a point in the camera's frame falls into.
+/// Pixel (column, row) of a point in camera frame.
 Eigen::Vector2i pixel_of(const Eigen::Vector3d& in_cam, int width, int height);
 
-/// Adds up shares of pixels, plain and weighted by solid angle.
+/// Accumulates shares of pixels, plain and weighted by solid angle.
 class Share {
  public:
   void add(bool counted, bool of, double weight) {

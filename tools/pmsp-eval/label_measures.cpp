@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t kChunk = 4096;
 
-/// Pixels beside thin things and what the estimate makes of them.
+/// Pixels beside thin structures and their estimates.
 class Growth {
  public:
   Growth(const Image<float>& estimate, const Image<float>& error, const Image<float>& truth,
@@ -61,7 +61,7 @@ class Growth {
     found = std::max(found, static_cast<std::uint8_t>(kBeside));
     const double range = options_.scale * static_cast<double>(estimate_(x, y));
     const double thin_range = static_cast<double>(truth_(thin_x, thin_y));
-    const bool wrong = static_cast<double>(error_(x, y)) > options_.max_relative_error;  // false without an estimate
+    const bool wrong = static_cast<double>(error_(x, y)) > options_.max_relative_error;  // false without estimate
     if (wrong && range > 0.0 && std::abs(range - thin_range) <= options_.max_relative_error * thin_range) {
       found = kGrown;
     }
@@ -75,7 +75,7 @@ class Growth {
   Image<std::uint8_t> found_;
 };
 
-/// Label of the surface that the point lies least behind; nullopt where it is not behind from every view.
+/// Label of the surface that the point is least behind; nullopt if it is not behind in all views.
 std::optional<int> behind_which(const Eigen::Vector3d& point, const std::vector<TrueView>& views, double max_offset) {
   double least = std::numeric_limits<double>::infinity();
   std::uint8_t label = kOther;
@@ -96,7 +96,7 @@ std::optional<int> behind_which(const Eigen::Vector3d& point, const std::vector<
   return label;
 }
 
-/// Whether all of the pixels around have the label.
+/// True if all surrounding pixels have the label.
 bool is_inside(const Image<std::uint8_t>& labels, const Eigen::Vector2i& pixel, int label) {
   for (int y = std::max(pixel.y() - 1, 0); y <= std::min(pixel.y() + 1, labels.height() - 1); ++y) {
     for (int x = pixel.x() - 1; x <= pixel.x() + 1; ++x) {
@@ -106,7 +106,7 @@ bool is_inside(const Image<std::uint8_t>& labels, const Eigen::Vector2i& pixel, 
   return true;
 }
 
-/// The label of what the view sees the point in front of: kSky, kMover, or kOther where it is neither.
+/// Label of the background in front of which the view sees the point: kSky, kMover, or kOther for neither.
 int floats_before(const Eigen::Vector3d& point, const TrueView& view, double max_relative_error) {
   const Eigen::Vector3d in_cam = view.cam_from_world * point;
   const Eigen::Vector2i pixel = pixel_of(in_cam, view.range.width(), view.range.height());
@@ -117,7 +117,7 @@ int floats_before(const Eigen::Vector3d& point, const TrueView& view, double max
   return in_front ? label : kOther;
 }
 
-/// Number of points under each label that `labels_of(point, add)` adds.
+/// Numbers of points per label; `labels_of(point, add)` adds the labels of a point.
 template <class LabelsOf>
 std::map<int, std::size_t> count_points(const std::vector<Eigen::Vector3f>& points, int threads,
                                         const LabelsOf& labels_of) {

@@ -15,7 +15,7 @@ enum ExitCode { kOk = 0, kUsage = 2, kInput = 3, kOutput = 6 };
 
 constexpr double kLarge = 1e6;
 
-/// What the command line fills; percent and centimetres become shares and metres afterwards.
+/// Command line; percent and centimetres are converted to shares and metres afterwards.
 struct Arguments {
   CommonArguments common;
   CloudArguments cloud;
@@ -66,7 +66,7 @@ void add_number(CLI::App& app, const char* name, T& value, const char* help, dou
       ->type_name("N");
 }
 
-/// A list of thresholds, separated by commas, so that it does not swallow what follows.
+/// Comma-separated thresholds, so that the list does not consume the next argument.
 void add_thresholds(CLI::App& app, const char* name, std::vector<double>& values, const char* help) {
   app.add_option(name, values, help)
       ->capture_default_str()

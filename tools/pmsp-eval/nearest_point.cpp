@@ -22,7 +22,7 @@ struct PointSet {
 };
 
 /// nanoflann's result set for one neighbour inside a given radius.
-// NOLINTBEGIN(readability-identifier-naming): nanoflann calls these names
+// NOLINTBEGIN(readability-identifier-naming): names required by nanoflann
 class NearestOne {
  public:
   using DistanceType = float;

@@ -11,10 +11,10 @@
 
 namespace pmsp::eval {
 
-/// Finds the nearest one of a set of points. Queries may come from several threads at once.
+/// Nearest-neighbour search in a set of points. Thread-safe.
 class NearestPoint {
  public:
-  /// Keeps a reference to `points`, which must stay unchanged, be finite and number fewer than 2^32.
+  /// Keeps a reference to `points`, which must stay unchanged, be finite and fewer than 2^32.
   explicit NearestPoint(const std::vector<Eigen::Vector3f>& points);
   ~NearestPoint();
 
@@ -23,7 +23,7 @@ class NearestPoint {
     float distance = 0.0F;
   };
 
-  /// nullopt when no point lies nearer than `max_distance`.
+  /// Returns nullopt if no point is nearer than `max_distance`.
   std::optional<Hit> find(const Eigen::Vector3f& point,
                           float max_distance = std::numeric_limits<float>::infinity()) const;
 

@@ -14,11 +14,11 @@
 
 namespace pmsp::eval {
 
-/// `threads` itself, or for 0 one for each CPU that the process may use.
+/// Returns `threads`, or for 0 the number of CPUs available to the process.
 inline int resolve_threads(int threads) { return threads > 0 ? threads : usable_cpus(); }
 
-/// Calls `work(begin, end)` for pieces of [0, count) of at most `chunk`, spread over threads (0 = one for each CPU
-/// that the process may use). The first exception ends the work and is thrown again.
+/// Calls `work(begin, end)` for chunks of [0, count) of at most `chunk` on several threads (0 = one per available CPU).
+/// The first exception ends the work and is rethrown.
 template <class Work>
 void parallel_chunks(std::size_t count, std::size_t chunk, int threads, const Work& work) {
   std::atomic<std::size_t> next{0};

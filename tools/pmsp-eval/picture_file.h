@@ -8,10 +8,10 @@
 
 namespace pmsp::eval {
 
-/// Writes a whole PNG, beside the target first. Throws OutputError.
+/// Writes a PNG atomically. Throws OutputError.
 void write_png(const std::filesystem::path& path, const cv::Mat& image);
 
-/// 0.05 as "5 %".
+/// Returns "5 %" for 0.05.
 std::string percent(double share);
 
 }  // namespace pmsp::eval

@@ -102,7 +102,7 @@ std::string verdict(const char* name, const Monotone& m) {
   return text + "\n";
 }
 
-/// A line for each label.
+/// A line per label.
 std::string rows_of(const LabelCounts& counts) {
   std::string text;
   for (const auto& [label, count] : counts.counts) {

@@ -20,7 +20,7 @@ namespace pmsp::eval {
 
 using Json = nlohmann::ordered_json;
 
-/// A depth map's measures with its keyframe.
+/// Measures of a keyframe's depth map.
 struct KeyframeDepth {
   std::int64_t keyframe_id = 0;
   int width = 0;
@@ -29,13 +29,13 @@ struct KeyframeDepth {
   LabelTable labels;
 };
 
-/// Points of a cloud by label, see count_behind and count_floating.
+/// Numbers of points by label, see count_behind and count_floating.
 struct LabelCounts {
   std::size_t points = 0;  ///< of the cloud
   std::map<int, std::size_t> counts;
 };
 
-/// Shares are numbers from 0 to 1; lengths are metres; a figure that does not exist is null.
+/// Shares are 0 to 1, lengths in metres, undefined values null.
 Json to_json(const Alignment& alignment);
 Json to_json(const CloudMeasures& measures);
 Json to_json(const ViewMeasures& measures);
@@ -45,7 +45,7 @@ Json to_json(const Calibration& calibration);
 Json to_json(const LabelTable& labels);
 Json to_json(const LabelCounts& counts);
 
-/// The same for people, lines of at most 100 characters.
+/// The same for people, in lines of at most 100 characters.
 std::string to_table(const Alignment& alignment);
 std::string to_table(const CloudMeasures& measures);
 std::string to_table(const ViewMeasures& measures, const ViewOptions& options);
@@ -53,6 +53,6 @@ std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions&
 std::string to_table(const Calibration& calibration);
 std::string to_table(const LabelTable& labels, const LabelOptions& options);
 std::string table_of_behind(const LabelCounts& counts, const LabelOptions& options);
-std::string table_of_floating(const LabelCounts& counts);  ///< "" where none floats
+std::string table_of_floating(const LabelCounts& counts);  ///< "" without floating points
 
 }  // namespace pmsp::eval

@@ -8,7 +8,7 @@
 
 namespace pmsp::eval {
 
-/// Percentile (0 to 100) with linear interpolation between the two nearest ranks; reorders `values`. NaN when empty.
+/// Percentile (0 to 100) with linear interpolation between ranks; reorders `values`. NaN if empty.
 template <class T>
 double percentile(std::vector<T>& values, double percent) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
@@ -22,7 +22,8 @@ double percentile(std::vector<T>& values, double percent) {
   return low + (rank - static_cast<double>(below)) * (high - low);
 }
 
-/// `count` indices, ascending and evenly spread over [0, size), both ends included; all of them for count 0 or >= size.
+/// Returns `count` indices, ascending and evenly spread over [0, size), including both ends; all for count 0 or >=
+/// size.
 inline std::vector<std::size_t> spread_indices(std::size_t size, std::size_t count) {
   std::vector<std::size_t> indices;
   if (count == 0 || count >= size) count = size;

@@ -20,10 +20,10 @@ namespace pmsp::eval {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr int kNormalReachPx = 3;             // farther than one pixel, because ranges are rounded to millimetres
-constexpr double kMinCosIncidence = 0.05;     // bounds the spacing of samples that are seen edge-on
-constexpr double kMaxCell = 2e9;              // cells are numbered in 32 bits
-constexpr std::size_t kMergeEvery = 2000000;  // samples that may wait until they are merged; bounds the memory
+constexpr int kNormalReachPx = 3;             // more than one pixel, since ranges are rounded to millimetres
+constexpr double kMinCosIncidence = 0.05;     // bounds the spacing of samples at grazing angles
+constexpr double kMaxCell = 2e9;              // cell indices have 32 bits
+constexpr std::size_t kMergeEvery = 2000000;  // samples pending before a merge; bounds memory
 
 struct Sample {
   std::array<std::int32_t, 3> cell;
@@ -33,10 +33,10 @@ struct Sample {
   float spacing;
 };
 
-/// Sorted by cell, the sample that was seen from nearest first.
+/// By cell, then by spacing.
 bool before(const Sample& a, const Sample& b) { return a.cell != b.cell ? a.cell < b.cell : a.spacing < b.spacing; }
 
-/// Leaves one sample in each cell: the one with the finest spacing, with the weights of all.
+/// Keeps one sample per cell, that with the finest spacing, with the sum of weights.
 void merge_cells(std::vector<Sample>& samples) {
   if (samples.empty()) return;
   std::sort(samples.begin(), samples.end(), before);
@@ -51,7 +51,7 @@ void merge_cells(std::vector<Sample>& samples) {
   samples.resize(last + 1);
 }
 
-/// One range map with its points in the camera's frame.
+/// Range map with its points in camera frame.
 class RangeView {
  public:
   explicit RangeView(const Image<float>& range) : range_(range) {}
@@ -64,8 +64,8 @@ class RangeView {
   }
   Eigen::Vector3d point(int x, int y) const { return static_cast<double>(range(x, y)) * bearing(x, y); }
 
-  /// Along the surface from pixel (x, y), towards whichever of the two neighbours at (+-dx, +-dy) is nearer in range,
-  /// so that the difference does not reach across an edge.
+  /// Tangent at pixel (x, y) from that of the neighbours at (+-dx, +-dy) with the smaller range difference, so that it
+  /// does not cross an edge.
   std::optional<Eigen::Vector3d> tangent(int x, int y, int dx, int dy) const {
     const float ahead_step = step(x, y, x + dx, y + dy);
     const float behind_step = step(x, y, x - dx, y - dy);
@@ -85,7 +85,7 @@ class RangeView {
   }
 
  private:
-  /// Difference in range between two pixels; infinite where the second one is unknown or beyond a pole.
+  /// Range difference of two pixels; infinite if the second one is unknown or beyond a pole.
   float step(int x, int y, int other_x, int other_y) const {
     if (other_y < 0 || other_y >= height() || !is_range(range(other_x, other_y))) return INFINITY;
     return std::abs(range(other_x, other_y) - range(x, y));
@@ -148,7 +148,7 @@ Surface build_surface(const GroundTruth& truth, const SurfaceOptions& options) {
   const auto batch = static_cast<std::size_t>(resolve_threads(options.threads));
   std::vector<Sample> samples;
   std::size_t merged = 0;
-  // In batches and appended in order, so that the result does not depend on which thread is faster.
+  // In batches, appended in order, so that results do not depend on thread timing.
   for (std::size_t start = 0; start < chosen.size(); start += batch) {
     std::vector<std::vector<Sample>> parts(std::min(batch, chosen.size() - start));
     parallel_chunks(parts.size(), 1, options.threads, [&](std::size_t begin, std::size_t) {

@@ -10,20 +10,20 @@
 namespace pmsp::eval {
 
 struct SurfaceOptions {
-  double voxel_m = 0.01;      ///< one sample is kept in each cube of this size [m], > 0
+  double voxel_m = 0.01;      ///< cube with one sample each [m], > 0
   int max_frames = 60;        ///< range maps used, evenly spread, >= 1; 0 = all
-  int stride = 2;             ///< every n-th row and column is used, >= 1
-  double max_range_m = 25.0;  ///< farther surface is left out [m]
-  int threads = 0;            ///< 0 = one for each CPU
+  int stride = 2;             ///< subsampling of rows and columns, >= 1
+  double max_range_m = 25.0;  ///< farther surface is ignored [m]
+  int threads = 0;            ///< 0 = one per CPU
 };
 
-/// Samples of the true surface, as all range maps together see it. All columns have one length; positions are metres in
-/// the frame of the truth minus GroundTruth::origin.
+/// Samples of the true surface seen by all range maps. The vectors have the same length; positions are metres in the
+/// frame of the truth minus GroundTruth::origin.
 struct Surface {
   std::vector<Eigen::Vector3f> positions;
-  std::vector<Eigen::Vector3f> normals;  ///< unit; the sign means nothing
-  std::vector<float> weights;   ///< visibility: cos(latitude), i.e. solid angle, summed over all samples in the cube
-  std::vector<float> spacings;  ///< distance between neighbouring samples where the surface was seen from nearest [m]
+  std::vector<Eigen::Vector3f> normals;  ///< unit; of arbitrary sign
+  std::vector<float> weights;   ///< visibility: cos(latitude), i.e. solid angle, summed over the samples in the cube
+  std::vector<float> spacings;  ///< distance of adjacent samples in the nearest view [m]
 };
 
 /// Throws IoError, InvalidInput.

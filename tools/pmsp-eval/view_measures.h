@@ -13,27 +13,27 @@
 namespace pmsp::eval {
 
 struct ViewOptions {
-  int height = 360;                  ///< of the views [px]; the width is twice that
-  double max_relative_error = 0.05;  ///< a hit counts as correct up to here
+  int height = 360;                  ///< of the views [px]; the width is twice as large
+  double max_relative_error = 0.05;  ///< maximum error of a correct hit
   int slack_px = 1;                  ///< see relative_error
-  int max_keyframes = 60;            ///< views, evenly spread over the keyframes; 0 = all
-  int threads = 0;                   ///< 0 = one for each CPU
+  int max_keyframes = 60;            ///< evenly spread; 0 = all
+  int threads = 0;                   ///< 0 = one per CPU
 
   LabelOptions labels() const;
 };
 
-/// The cloud as one keyframe sees it.
+/// Cloud in the view of a keyframe.
 struct View {
   std::int64_t keyframe_id = 0;
   double timestamp = 0.0;
-  double hit = 0.0;  ///< share of all pixels that a point falls on: the completeness of Surmann et al. 2022
+  double hit = 0.0;  ///< share of pixels with a point: completeness of Surmann et al. 2022
   double hit_solid_angle = 0.0;
-  /// Only where the keyframe has a range map.
+  /// Only for keyframes with a range map.
   struct Correct {
-    double share = 0.0;  ///< of the pixels with a true range, those whose nearest point has the right range
+    double share = 0.0;  ///< of pixels with a true range: those whose nearest point has a correct range
     double share_solid_angle = 0.0;
-    double of_hit = 0.0;        ///< the same, of the pixels that were hit
-    double error_median = 0.0;  ///< relative, over pixels that were hit; NaN without any
+    double of_hit = 0.0;        ///< as `share`, of hit pixels
+    double error_median = 0.0;  ///< relative, over hit pixels; NaN without any
   };
   std::optional<Correct> correct;
   LabelTable labels;  ///< empty without a range map
@@ -41,18 +41,18 @@ struct View {
 
 struct ViewMeasures {
   std::vector<View> views;
-  std::vector<TrueView> truth;  ///< of the views' size, of those that have one
+  std::vector<TrueView> truth;  ///< in the size of the views, where available
   int with_truth = 0;
-  View mean;  ///< over all views; `correct` over those with truth, nullopt without any; `labels`: the sum
+  View mean;  ///< over all views; `correct`: over those with truth, nullopt = none; `labels`: sum
 };
 
-/// Range of the nearest point in each pixel of an equirectangular view, without any size of points; 0 = none.
+/// Returns the range of the nearest point per pixel of an equirectangular view, for points without size; 0 = none.
 Image<float> render_range(const std::vector<Eigen::Vector3f>& points, const RigidTransform& cam_from_world, int height);
 
-/// Looks at each view: estimated range and relative error (NaN where unknown; empty without truth).
+/// Receives a view, its range and relative error (NaN = unknown; empty without truth).
 using ViewObserver = std::function<void(const View&, const Image<float>& range, const Image<float>& error)>;
 
-/// `observe`, where set, is called from several threads, once for each view.
+/// `observe`, if set, is called once per view, from several threads.
 ViewMeasures measure_views(const AlignedCloud& cloud, const Alignment& alignment, const GroundTruth& truth,
                            const ViewOptions& options = {}, const ViewObserver& observe = {});
 

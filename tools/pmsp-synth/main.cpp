@@ -158,7 +158,7 @@ void add_map_options(CLI::App& app, Arguments& arguments) {
       ->group(group);
 }
 
-/// What such a camera does to images, where nothing else was asked for.
+/// Sets the image defects of a cheap camera, unless set by options.
 void make_cheap(Arguments& arguments) {
   synth::MissionOptions& mission = arguments.recipe.mission;
   synth::RenderOptions& render = mission.render;
@@ -169,7 +169,7 @@ void make_cheap(Arguments& arguments) {
   unless_given(render.noise_sigma, 0.0, 3.0);
   unless_given(mission.gain_drift, 0.0, 0.1);
   unless_given(arguments.files.jpeg_quality, 0, 75);
-  render.footprint_px = 2.8;  // as a Gaussian of 0.8 px
+  render.footprint_px = 2.8;  // Gaussian of 0.8 px
   render.samples = std::max(render.samples, 4);
   render.vignetting = 0.35;
   render.lens_gain = 0.08;

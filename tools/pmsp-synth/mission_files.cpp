@@ -62,7 +62,7 @@ std::string trajectory(const synth::Mission& mission) {
   return text;
 }
 
-/// Six digits or more and the ending of an image.
+/// At least six digits and an image extension.
 bool is_frame(const fs::path& path) {
   const std::string stem = path.stem().string();
   const std::string ending = path.extension().string();
@@ -70,7 +70,7 @@ bool is_frame(const fs::path& path) {
          std::all_of(stem.begin(), stem.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
 }
 
-/// Frames of an earlier, longer mission would be read as if they belonged to this one.
+/// Removes frames of an earlier, longer mission, which would be read as part of this one.
 void remove_frames(const fs::path& folder) {
   std::error_code error;
   std::vector<fs::path> frames;
@@ -93,7 +93,7 @@ void prepare_folder(const fs::path& folder) {
   }
   remove_frames(folder / "gt/label");
   std::error_code error;
-  fs::remove(folder / "gt/label", error);  // stays where it holds something else
+  fs::remove(folder / "gt/label", error);  // kept if it contains other files
   if (!fs::remove(folder / "mask.png", error) && error) {
     throw OutputError((folder / "mask.png").string() +
                       ": cannot remove this file of an earlier mission: " + error.message());

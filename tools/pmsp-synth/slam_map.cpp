@@ -18,7 +18,7 @@ using nlohmann::json;
 
 constexpr const char* kCamera = "pmsp-synth equirectangular";
 constexpr const char* kOrb = "default ORB feature extraction setting";
-/// What stella_vslam leaves in the file for "no parent".
+/// stella_vslam's value for "no parent".
 constexpr std::uint32_t kNoParent = 0xFFFFFFFFU;
 
 json array_of(const Eigen::Vector3d& v) { return json::array({v.x(), v.y(), v.z()}); }
@@ -29,13 +29,13 @@ json camera(const synth::Mission& mission, double fps) {
           {"focal_x_baseline", 0.0}};
 }
 
-/// Keypoints with what stella_vslam stores for each.
+/// Keypoints with the fields of stella_vslam.
 class Keypoints {
  public:
   explicit Keypoints(std::uint64_t seed) : seed_(seed) {}
 
-  /// `pixel` as in pmsp/camera.h; the file has the centre of the first pixel at 0. The same landmark always gets the
-  /// same descriptor.
+  /// `pixel`: see camera.h; in the file the centre of the first pixel is at 0. A landmark always has the same
+  /// descriptor.
   void add(const Eigen::Vector2d& pixel, std::int64_t landmark, std::uint64_t look) {
     points_.push_back({{"pt", {static_cast<float>(pixel.x() - 0.5), static_cast<float>(pixel.y() - 0.5)}},
                        {"ang", static_cast<float>(360.0 * synth::uniform(seed_ + 1, look))},
@@ -80,7 +80,7 @@ json keyframe(const synth::Mission& mission, std::size_t index, const SlamMapOpt
 
   Keypoints keypoints(options.seed);
   for (const Landmark& landmark : frame.landmarks) {
-    // The keypoint is where the surface point is seen; only its position in the map may carry noise.
+    // The keypoint is the true projection; only the position in the map may be noisy.
     const Eigen::Vector3d& seen = mission.points[static_cast<std::size_t>(landmark.id)].position_world;
     keypoints.add(pixel_from_bearing(frame.cam_from_world * seen, mission.width, mission.height), landmark.id,
                   static_cast<std::uint64_t>(landmark.id));

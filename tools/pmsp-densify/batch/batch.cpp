@@ -38,13 +38,13 @@ std::string host_name() {
   return gethostname(name, sizeof(name) - 1) == 0 ? name : "";
 }
 
-/// `now`: the given list and options; the recorded ones where they are not given.
+/// `now`: list and options of this call, recorded ones where omitted.
 struct Lists {
   std::optional<Manifest> before;
   Manifest now;
 };
 
-/// Throws UsageError where a given option differs from the recorded one, InvalidInput where there is no list.
+/// Throws UsageError if an option differs from the recorded one, InvalidInput without a list.
 Lists lists_of(const BatchArguments& arguments) {
   Lists lists{read_record(arguments.output), {}};
   const std::string folder = arguments.output.string();
@@ -94,14 +94,14 @@ class Batch {
     devices_ = devices();
   }
 
-  /// The missions as their folders have them. Writes nothing.
+  /// Reports the missions' recorded states. Read-only.
   int summarise() {
     missions_ = recorded(all_);
     report();
     return exit_code();
   }
 
-  /// `info` of each mission. Writes nothing.
+  /// Runs `info` for each mission. Read-only.
   int check() {
     std::vector<BatchMission*> to_check;
     for (BatchMission& mission : missions_) {
@@ -145,19 +145,19 @@ class Batch {
  private:
   struct Slot {
     enum class Step {
-      kQuery,  ///< a child process reports the memory need, or with --dry-run whether the mission can be run
+      kQuery,  ///< child process that reports the memory need, or with --dry-run whether the mission is valid
       kWaits,  ///< for memory
       kRuns
     };
 
-    BatchMission* mission = nullptr;  ///< nullptr: free
+    BatchMission* mission = nullptr;  ///< nullptr = idle
     Step step = Step::kRuns;
     pid_t process = -1;
     Clock::time_point start;
-    std::size_t log_begin = 0;  ///< of this run in the mission's log
+    std::size_t log_begin = 0;  ///< offset of this run in the mission's log
     MemoryNeed need;
     std::optional<MemoryShares::Share> share;
-    std::optional<FolderLock> lock;       ///< of the mission's folder; without it nothing is written there
+    std::optional<FolderLock> lock;       ///< on the mission's folder, required for writing there
     std::optional<TemporaryFile> answer;  ///< of kQuery
 
     bool waits() const { return mission != nullptr && step == Step::kWaits; }
@@ -194,7 +194,7 @@ class Batch {
     }
   }
 
-  /// To share among the jobs; none: those of each run.
+  /// Devices shared among the jobs; empty = each run uses its own option.
   std::vector<int> devices() const {
     if (arguments_.devices && !arguments_.devices->empty()) return *arguments_.devices;
     const bool is_for_gpus = arguments_.jobs > 1 && value_in(lists_.now.options, "--backend") != "cpu";
@@ -210,12 +210,12 @@ class Batch {
            (is_same || !has_inputs(mission.mission, lists_.now.folder));
   }
 
-  /// Leaves the mission waiting if so. Throws UsageError where a changed line would make results again.
+  /// True for pending missions, whose state becomes waiting. Throws UsageError if a changed line would replace results.
   bool is_to_do(BatchMission& mission) const {
     look_at(mission);
     const MissionStatus status = mission.status;
     const std::string before = text_in(status, kFingerprint);
-    if (has_state(status, kFailed) && before.empty()) return false;  // refused
+    if (has_state(status, kFailed) && before.empty()) return false;  // rejected
     const std::string fingerprint = fingerprint_of(mission.mission, mission.options, lists_.now.folder);
     if (is_settled(mission, status, fingerprint)) return false;
     const bool is_begun = has_state(status, kDone) || has_state(status, kInterrupted);
@@ -251,7 +251,7 @@ class Batch {
     }
   }
 
-  /// Returns the signal that stopped it, or 0.
+  /// Returns the signal that interrupted it, or 0.
   int work_through(const std::vector<BatchMission*>& waiting) {
     SignalQueue signals;
     std::size_t next = 0;
@@ -278,7 +278,7 @@ class Batch {
     return stopped;
   }
 
-  /// In the order of the list: no mission waits until all smaller ones are done.
+  /// In the order of the list, so that large missions are not starved by small ones.
   void share_out_memory() {
     std::vector<Slot*> waiting;
     for (Slot& slot : slots_) {
@@ -306,7 +306,7 @@ class Batch {
                         {"started", time_text()},
                         {kFingerprint, text_in(mission.status, kFingerprint)},
                         {"command", words}};
-      if (slot.lock) write_status(mission.folder, mission.status);  // first: it marks the folder as the mission's
+      if (slot.lock) write_status(mission.folder, mission.status);  // first: marks the folder as a mission's
       if (arguments_.dry_run) {
         words[1] = "info";
         query(slot, words);
@@ -321,7 +321,7 @@ class Batch {
     }
   }
 
-  /// In a process of its own: a map that cannot be read costs its mission, not the batch.
+  /// In a child process, so that a broken map fails its mission only.
   static void query(Slot& slot, const std::vector<std::string>& words) {
     slot.step = Slot::Step::kQuery;
     slot.answer.emplace();
@@ -329,7 +329,7 @@ class Batch {
     slot.process = start_child(words, slot.answer->path());
   }
 
-  /// An unknown need counts as none: the run will report the error.
+  /// An unknown need counts as 0: the run reports the error.
   static void take_need(Slot& slot) {
     slot.step = Slot::Step::kWaits;
     slot.need = memory_need_from(read_whole_file(slot.answer->path()));
@@ -349,11 +349,11 @@ class Batch {
     try {
       mission.status["process"] = slot.process;
       write_status(mission.folder, mission.status);
-    } catch (const std::exception&) {  // it runs; its end will be written
+    } catch (const std::exception&) {  // the run has started; its end will be recorded
     }
   }
 
-  /// Frees the slot.
+  /// Records the end of a mission and frees its slot.
   void end(Slot& slot, const char* state, const std::string& reason) {
     BatchMission& mission = *slot.mission;
     mission.status["state"] = state;
@@ -376,7 +376,7 @@ class Batch {
     progress_.message(slot.mission->mission.name + ": waits until others have given back memory");
   }
 
-  /// false: another process has made the mission meanwhile. Throws OutputError where it is making it.
+  /// False if another process has completed the mission in the meantime. Throws OutputError if one is running it.
   bool take_folder(Slot& slot, BatchMission& mission) const {
     make_folder(mission.folder);
     slot.lock.emplace(mission.folder, kLockedFolder, kPatience);
@@ -388,18 +388,18 @@ class Batch {
     return false;
   }
 
-  /// The run of a killed batch is killed as well, but may take a moment to end.
+  /// Runs of a killed batch are killed as well, possibly with some delay.
   static void wait_for_killed(const fs::path& workspace) {
     std::error_code error;
     if (!fs::is_directory(workspace, error)) return;
     try {
       const FolderLock lock(workspace, "workspace", kPatience);
     } catch (const OutputError&) {
-      return;  // its run will report it
+      return;  // reported by the run
     }
   }
 
-  /// Its share of CPUs and GPUs, unless its options have them.
+  /// Adds the job's share of CPUs and GPUs, unless set by its options.
   void share_out(std::size_t slot, std::vector<std::string>& words) const {
     if (cpus_ > 0 && value_in(words, "--threads").empty()) {
       const int jobs = arguments_.jobs;
@@ -436,7 +436,7 @@ class Batch {
     }
   }
 
-  /// Only after its status is done: a workspace that is deleted in part is of no use.
+  /// Only after the status is done: a partially deleted workspace is useless.
   static void drop_workspace(const BatchMission& mission) {
     std::error_code ignored;
     if (value_in(mission.options, kKeepWorkspaces) != "true") fs::remove_all(workspace_of(mission.folder), ignored);
@@ -458,8 +458,8 @@ class Batch {
     if (!reason.empty()) progress_.message(mission.mission.name + ": " + reason);
   }
 
-  /// Of all missions, also where this call has a share of them. Others may end meanwhile, and the last one must write
-  /// what all have done.
+  /// Covers all missions, also if this call processes a share of them. Repeated until stable, since the last of several
+  /// processes must write the states of all.
   void write_tables() const {
     for (std::string written;;) {
       const BatchMissions missions = recorded(all_);
@@ -490,7 +490,7 @@ class Batch {
 
   static constexpr const char* kFingerprint = "fingerprint";
   static constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
-  static constexpr std::chrono::seconds kPatience{20};  ///< with a process that has been killed
+  static constexpr std::chrono::seconds kPatience{20};  ///< for locks of a killed process
 
   const BatchArguments& arguments_;
   Clock::time_point start_ = Clock::now();
@@ -498,15 +498,15 @@ class Batch {
   Lists lists_;
   fs::path output_;
   BatchMissions all_;
-  BatchMissions missions_;  ///< those of this call
+  BatchMissions missions_;  ///< of this call
   std::vector<Slot> slots_;
   MemoryShares shares_;
   const std::string host_ = host_name();
   const BatchMission* printed_waiting_ = nullptr;
-  int cpus_ = 0;              ///< to share; 0 = each run takes all
-  std::vector<int> devices_;  ///< to share
+  int cpus_ = 0;              ///< to be shared; 0 = each run uses all
+  std::vector<int> devices_;  ///< to be shared
   std::size_t to_do_ = 0;
-  std::size_t ended_ = 0;  ///< of these
+  std::size_t ended_ = 0;  ///< out of to_do_
 };
 
 void scan(const fs::path& folder) {

@@ -120,7 +120,7 @@ void add_own(CLI::App& app, BatchArguments& a) {
   app.add_flag("-q,--quiet", a.quiet, "Failed missions, warnings and errors only");
 }
 
-/// Mistakes in the options of all missions end the batch before it begins.
+/// Throws for invalid options of all missions, before the first run.
 void check_options(const std::vector<std::string>& options) {
   std::vector<std::string> words{"", "run", "MAP", "--images=DIR"};
   const std::vector<std::string> of_run = run_options_in("", options);
@@ -150,7 +150,7 @@ void check(const BatchArguments& a) {
   check_options(a.options);
 }
 
-/// The words for jobs: without those about their submission.
+/// Command line for jobs: without the options of their submission.
 std::vector<std::string> words_for_jobs(const std::vector<std::string>& words) {
   std::vector<std::string> result;
   for (std::size_t i = 0; i < words.size(); ++i) {

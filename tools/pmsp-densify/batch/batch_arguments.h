@@ -11,21 +11,21 @@
 
 namespace pmsp::tool {
 
-/// The command line of `batch`.
+/// Command line of `batch`.
 struct BatchArguments {
-  std::string program;         ///< as it was called
-  std::string manifest;        ///< "" = the recorded one
-  std::filesystem::path scan;  ///< instead of a manifest
+  std::string program;         ///< argv[0]
+  std::string manifest;        ///< "" = recorded one
+  std::filesystem::path scan;  ///< used instead of a manifest
   std::filesystem::path output;
   int jobs = 1;
-  std::optional<double> memory;             ///< of the host for all jobs together [GiB]
-  std::optional<std::vector<int>> devices;  ///< nullopt = not given, {} = all
-  std::optional<workspace::Shard> only;     ///< every count-th mission, from number index on
-  bool summary = false;                     ///< no mission
-  bool dry_run = false;                     ///< no mission, a check of each
+  std::optional<double> memory;             ///< host memory of all jobs together [GiB]
+  std::optional<std::vector<int>> devices;  ///< nullopt = not set, {} = all
+  std::optional<workspace::Shard> only;     ///< share of the missions: every count-th one from number index on
+  bool summary = false;                     ///< reports states, runs nothing
+  bool dry_run = false;                     ///< checks the missions, runs nothing
   std::string slurm;                        ///< "", "print" or "submit"
-  std::vector<std::string> sbatch;          ///< words for it
-  std::vector<std::string> words;           ///< as it was called, without those two
+  std::vector<std::string> sbatch;          ///< arguments of sbatch
+  std::vector<std::string> words;           ///< command line without `slurm` and `sbatch`
   bool retry = false;
   bool force = false;
   std::vector<std::string> options;  ///< of all missions, see mission_options
@@ -33,7 +33,7 @@ struct BatchArguments {
   bool quiet = false;
 };
 
-/// nullopt after help, which is then on stdout. Throws UsageError, InvalidOption, IoError.
+/// Returns nullopt after printing help to stdout. Throws UsageError, InvalidOption, IoError.
 std::optional<BatchArguments> parse_batch_arguments(int argc, const char* const* argv);
 
 }  // namespace pmsp::tool

@@ -24,7 +24,7 @@ namespace pmsp::tool {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;  // options keep their order
+using Json = nlohmann::ordered_json;  // keeps the order of options
 
 constexpr std::array kColumns{"name", "map", "images", "video", "mask", "options"};
 constexpr const char* kNameCharacters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
@@ -41,7 +41,7 @@ std::string stripped(const std::string& text) {
   return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r") + 1 - first);
 }
 
-/// Lines that are neither blank nor comments.
+/// Lines without blank ones and comments.
 std::vector<Line> lines_of(std::string text) {
   if (text.rfind("\xEF\xBB\xBF", 0) == 0) text.erase(0, 3);
   std::vector<Line> lines;
@@ -86,7 +86,7 @@ std::string& column(Mission& mission, const std::string& key) {
 
 bool is_column(const std::string& key) { return std::find(kColumns.begin(), kColumns.end(), key) != kColumns.end(); }
 
-/// Options as --config has them become words of a command line: {"fusion": {"window": 7}} is --fusion-window=7.
+/// Converts options in the format of --config to arguments: {"fusion": {"window": 7}} to --fusion-window=7.
 void words_of_object(const Json& object, const std::string& prefix, std::vector<std::string>& words) {
   for (const auto& [key, value] : object.items()) {
     std::string name = prefix + key;
@@ -110,7 +110,7 @@ void check(const Mission& mission) {
   }
 }
 
-/// Fills in what the line says, as far as it makes sense; throws where it ceases to.
+/// Sets fields from a JSON line in order; throws at the first invalid one.
 void read_object(const std::string& line, const fs::path& folder, Mission& mission) {
   Json object;
   try {
@@ -197,7 +197,7 @@ std::string text_of_manifest(const std::string& path) {
   return {std::istreambuf_iterator<char>(std::cin), std::istreambuf_iterator<char>()};
 }
 
-/// The texts of a mission, by their keys.
+/// Text fields of a mission by key.
 constexpr std::pair<const char*, std::string Mission::*> kTexts[] = {
     {"name", &Mission::name},   {"map", &Mission::map},   {"images", &Mission::images},
     {"video", &Mission::video}, {"mask", &Mission::mask}, {"error", &Mission::error}};
@@ -220,7 +220,7 @@ Mission mission_from(const Json& json) {
   return mission;
 }
 
-/// As options, so that `difference` compares them.
+/// As options, for `difference`.
 std::vector<std::string> words_of(const Mission& mission) {
   std::vector<std::string> words;
   for (const auto& [key, text] : kTexts) {

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Set by batch for each mission, or columns of the list, or options of batch itself.
+/// Set by batch per mission, columns of the list, or options of batch itself.
 constexpr std::array kOfBatch{"--images",    "--video",          "--output",    "--force",        "--stats",
                               "--workspace", "--growing",        "--follow",    "--until-idle",   "--progress",
                               "--quiet",     "--raw-depth-maps", "--live-view", "--live-address", "--delete-workspace"};

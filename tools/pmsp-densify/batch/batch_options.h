@@ -13,50 +13,48 @@ class App;
 
 namespace pmsp::tool {
 
-/// Adds the options of `run` that missions may be given, except those that `app` has. Each is put into `result` in one
-/// spelling, "--name=value". Files to read are relative to `folder` ("" = the current one) and become absolute.
+/// Adds the options of `run` that missions support, except those that `app` has. Each is appended to `result` as
+/// "--name=value". Input files are relative to `folder` ("" = current one) and made absolute.
 void add_mission_options(CLI::App& app, const std::filesystem::path& folder, std::vector<std::string>& result);
 
-/// Throws UsageError where words are left: no options, or options that a batch sets itself.
+/// Throws UsageError for remaining words: no options, or options set by batch.
 void refuse_words_for_missions(const CLI::App& app);
 
-/// The options of a mission that these words are, as above. Throws UsageError.
+/// Parses a mission's options, normalised as above. Throws UsageError.
 std::vector<std::string> mission_options(std::vector<std::string> words, const std::filesystem::path& folder);
 
-/// Among such options: keeps the missions' workspaces when they are done. Of batch alone.
+/// Option of batch: keeps the missions' workspaces after completion.
 constexpr const char* kKeepWorkspaces = "--keep-workspaces";
 
-/// Whether such an option changes no result, but where or how fast it is computed.
+/// True for options that affect speed or location of the computation, but not the results.
 bool is_of_machine(const std::string& option);
-/// Whether its value is a file or folder that the run reads.
+/// True if the value is an input file or folder.
 bool is_file_to_read(const std::string& option);
 
-/// The two sides of "--name=value".
+/// Parts of "--name=value".
 std::string name_of_option(const std::string& option);
 std::string value_of(const std::string& option);
-/// The value of the last option of this name; "" without one.
+/// Returns the value of the last option of this name; "" = none.
 std::string value_in(const std::vector<std::string>& options, const std::string& name);
 
-/// The options for the run of a mission whose results lie in `folder`: without those of batch alone, with paths in
-/// `folder` for results.
+/// Returns the options of `run` for a mission with results in `folder`: without options of batch, with output paths in
+/// `folder`.
 std::vector<std::string> run_options_in(const std::filesystem::path& folder, const std::vector<std::string>& options);
 
-/// The formats of a mission's clouds: by the last --format among such options, which names them with commas between
-/// them; PLY without one. Throws UsageError.
+/// Returns the formats of a mission's clouds, from the last --format (comma-separated); default PLY. Throws UsageError.
 std::vector<const CloudFormat*> formats_in(const std::vector<std::string>& options);
 
-/// "recorded --quality=normal, given --quality=high" of the first given option that is not recorded and may change
-/// results; "" without one.
+/// Returns "recorded --quality=normal, given --quality=high" for the first given option that differs and may change
+/// results; "" = none.
 std::string difference(const std::vector<std::string>& recorded, const std::vector<std::string>& given);
 
-/// The recorded options, with the given ones instead of those of the same names.
+/// Returns the recorded options, overridden by the given ones.
 std::vector<std::string> merged(std::vector<std::string> recorded, const std::vector<std::string>& given);
 
-/// As a shell reads it.
+/// Quotes words for a shell.
 std::string command_text(const std::vector<std::string>& words);
 
-/// The words of one line, parted by blanks; quotes ("a b", 'a b') hold blanks together. Throws UsageError for an open
-/// quote.
+/// Splits a line at blanks outside of quotes ("a b", 'a b'). Throws UsageError for an open quote.
 std::vector<std::string> split_words(const std::string& line);
 
 }  // namespace pmsp::tool

@@ -46,7 +46,7 @@ bool is_locked(const fs::path& folder) {
   }
 }
 
-/// Besides the lock and a first status, of which a killed batch may have left no more.
+/// True if there are files besides the lock and a temporary status, which a killed batch may leave.
 bool holds_anything(const fs::path& folder) {
   std::error_code error;
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
@@ -132,7 +132,7 @@ std::string fingerprint_of(const Mission& mission, const std::vector<std::string
   }
   fingerprint.add(state_of_map(inputs / mission.map));
   if (!mission.images.empty()) fingerprint.add(state_of_files_in(inputs / mission.images));
-  std::map<std::string, std::string> in_force;  // whatever their order on the command line
+  std::map<std::string, std::string> in_force;  // independent of the order on the command line
   for (const std::string& option : options) in_force[name_of_option(option)] = option;
   for (const auto& [name, option] : in_force) add_option(fingerprint, option);
   return fingerprint.text();
@@ -192,7 +192,7 @@ void read_stats(const fs::path& stats, MissionStatus& status) {
     if (!json.value("warnings", nlohmann::json::array()).empty()) {
       status["reason"] = "warning: " + json["warnings"].front().get<std::string>();
     }
-  } catch (const std::exception&) {  // the cloud is there all the same
+  } catch (const std::exception&) {  // optional: the cloud exists
   }
 }
 

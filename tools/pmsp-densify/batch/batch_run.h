@@ -14,11 +14,11 @@
 
 namespace pmsp::tool {
 
-/// A mission of a batch and its state.
+/// Mission of a batch with its state.
 struct BatchMission {
   Mission mission;
   std::filesystem::path folder;
-  std::vector<std::string> options;  ///< in force: those of all missions, then its own
+  std::vector<std::string> options;  ///< effective: those of all missions, then its own
   MissionStatus status;
   bool has_run = false;  ///< in this call
 };
@@ -31,49 +31,49 @@ inline std::filesystem::path cloud_of(const std::filesystem::path& folder, const
 inline std::filesystem::path stats_of(const std::filesystem::path& folder) { return folder / "stats.json"; }
 inline std::filesystem::path log_of(const std::filesystem::path& folder) { return folder / "log.txt"; }
 std::vector<std::filesystem::path> clouds_of(const BatchMission& mission);
-/// nullopt without --report.
+/// Path of the report; nullopt without --report.
 std::optional<std::filesystem::path> report_of(const BatchMission& mission);
-/// Whether its clouds and its report exist.
+/// True if clouds and report exist.
 bool has_results(const BatchMission& mission);
 
-/// Name of the lock of such a folder in messages.
+/// Description of such a folder in lock messages.
 constexpr const char* kLockedFolder = "folder of a mission";
 
 bool has_state(const MissionStatus& status, const char* state);
 /// Sets the state to failed.
 void refuse(BatchMission& mission, const std::string& reason);
-/// Sets the status to that of the mission's folder: waiting where there is none, or no results any more; failed where
-/// the mission cannot be run, or where the folder is not of a batch.
+/// Sets the status from the mission's folder: waiting without results; failed if the mission is invalid or the folder
+/// does not belong to a batch.
 void look_at(BatchMission& mission);
 
-/// The command line of its run, but for its share of the machine. `inputs`: the manifest's folder.
+/// Returns the command line of its run, without CPU and GPU share. `inputs`: folder of the manifest.
 std::vector<std::string> run_words(const BatchMission& mission, const std::string& program,
                                    const std::filesystem::path& inputs);
 
-/// Throws as `run` does before it reads anything but a configuration file.
+/// Throws as `run` does before it reads files other than the configuration.
 void check_run_words(const std::vector<std::string>& words);
 
-/// Of the mission's options, and of the names, times and sizes of its files, wherever they are.
+/// Returns a fingerprint of the options, and of names, times and sizes of the files, independent of their location.
 std::string fingerprint_of(const Mission& mission, const std::vector<std::string>& options,
                            const std::filesystem::path& inputs);
 
-/// Whether its map and images exist.
+/// True if map and images exist.
 bool has_inputs(const Mission& mission, const std::filesystem::path& inputs);
 
-/// Appends the first lines of a run to the log: time, host, version, command. Returns the size of the log then. Throws
+/// Appends the header of a run to the log: time, host, version, command. Returns the size of the log after it. Throws
 /// OutputError.
 std::size_t begin_log(const std::filesystem::path& log, const MissionStatus& status);
 
-/// Why it has failed; its output begins at this byte of the log.
+/// Returns the reason of a failure; `begin`: offset of the run's output in the log.
 std::string reason_of(const ChildEnd& end, const std::filesystem::path& log, std::size_t begin);
 
-/// The first line "warning: ..." of a log that is not of a keyframe; "" without one.
+/// Returns the first "warning: ..." of a log that does not concern a keyframe; "" = none.
 std::string warning_in(const std::filesystem::path& log);
 
-/// Sets points, coverage, confidence, fit and as reason the first warning, as far as the statistics have them.
+/// Sets points, coverage, confidence, fit, and the first warning as reason, as available in the statistics.
 void read_stats(const std::filesystem::path& stats, MissionStatus& status);
 
-/// The devices of one of `jobs` jobs: round-robin, so that each device has a job where there are as many.
+/// Returns the devices of one of `jobs` jobs: round-robin, so that no device is idle if there are enough jobs.
 std::vector<int> devices_of_job(std::size_t job, std::size_t jobs, const std::vector<int>& devices);
 
 }  // namespace pmsp::tool

@@ -46,7 +46,7 @@ bool holds_image_folder(const fs::path& folder) {
   return false;
 }
 
-/// A model of COLMAP.
+/// COLMAP model.
 bool is_model(const fs::path& folder) {
   const auto has = [&](const char* name) {
     std::error_code ignored;
@@ -55,7 +55,7 @@ bool is_model(const fs::path& folder) {
   };
   return has("cameras") && has("images");
 }
-/// Of a folder of COLMAP's mapper, "sparse" with models 0, 1, ...: its only model, or else itself.
+/// The only model of a COLMAP folder "sparse" with models 0, 1, ...; the folder itself if there are several.
 fs::path map_in(const fs::path& sparse) {
   fs::path map;
   std::error_code error;
@@ -65,7 +65,7 @@ fs::path map_in(const fs::path& sparse) {
   return map;
 }
 
-/// Visible entries of one folder, by name.
+/// Visible entries of a folder, by name.
 struct Contents {
   std::vector<fs::path> maps, image_folders, videos, folders;
   fs::path mask;
@@ -87,7 +87,7 @@ Contents contents_of(const fs::path& folder) {
         contents.maps.push_back(map);
         continue;
       }
-      if (!fs::is_symlink(entry, error)) contents.folders.push_back(entry);  // links may lead in circles
+      if (!fs::is_symlink(entry, error)) contents.folders.push_back(entry);  // links may be circular
       if (entry.filename() != "masks" && holds_images(entry)) contents.image_folders.push_back(entry);
     } else if (fs::is_regular_file(entry, error)) {
       if (is_map(entry)) contents.maps.push_back(entry);
@@ -102,7 +102,7 @@ Contents contents_of(const fs::path& folder) {
   return contents;
 }
 
-/// A folder's whole name, a file's without its extension.
+/// Name of a folder; name of a file without extension.
 fs::path title_of(const fs::path& path) { return is_map(path) || is_video(path) ? path.stem() : path.filename(); }
 
 fs::path titled(const std::vector<fs::path>& paths, const fs::path& title) {
@@ -111,7 +111,7 @@ fs::path titled(const std::vector<fs::path>& paths, const fs::path& title) {
   return found != paths.end() ? *found : fs::path();
 }
 
-/// The only one that no map has by its name.
+/// The only path whose name matches no map.
 fs::path only_other(const std::vector<fs::path>& paths, const std::vector<fs::path>& maps) {
   fs::path other;
   for (const fs::path& path : paths) {
@@ -160,7 +160,7 @@ class Scanner {
     scan_.missions.push_back(mission);
   }
 
-  /// "site-flight" of "site/flight/map.msg", "site-old" of "site/old.msg".
+  /// Returns "site-flight" for "site/flight/map.msg", "site-old" for "site/old.msg".
   std::string unique_name(const fs::path& map) {
     std::string name = title_of_map(map.lexically_relative(root_)).string();
     if (name == ".") name = (fs::absolute(root_) / ".").lexically_normal().parent_path().filename().string();

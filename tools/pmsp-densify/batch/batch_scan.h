@@ -9,10 +9,10 @@
 
 namespace pmsp::tool {
 
-/// What lies in a folder tree, as lines of a manifest, by the rules in `batch --help`.
+/// Missions found in a folder tree, as manifest lines; rules: see `batch --help`.
 struct Scan {
   std::vector<nlohmann::ordered_json> missions;
-  std::vector<std::filesystem::path> without_images;  ///< maps
+  std::vector<std::filesystem::path> without_images;  ///< maps without images
 };
 
 /// Throws IoError.

@@ -13,7 +13,7 @@
 namespace pmsp::tool {
 namespace {
 
-constexpr std::size_t kMostTasks = 1000;  ///< what Slurm takes where MaxArraySize is not set
+constexpr std::size_t kMostTasks = 1000;  ///< Slurm's default of MaxArraySize
 
 }  // namespace
 

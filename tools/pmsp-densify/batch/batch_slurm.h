@@ -8,10 +8,10 @@
 
 namespace pmsp::tool {
 
-/// A script for bash: it submits tools/slurm/batch.sbatch, as an array over `missions` and for their table after it.
+/// Returns a bash script that submits tools/slurm/batch.sbatch as an array over `missions`, and for the table after it.
 std::string slurm_script(const BatchArguments& batch, std::size_t missions);
 
-/// Runs it. Throws OutputError where that fails.
+/// Runs the script. Throws OutputError if it fails.
 void submit(const std::string& script);
 
 }  // namespace pmsp::tool

@@ -43,7 +43,7 @@ void write_status(const fs::path& folder, const MissionStatus& status) {
 void write_if_changed(const fs::path& path, const std::string& text) {
   try {
     if (read_whole_file(path) == text) return;
-  } catch (const IoError&) {  // there is none
+  } catch (const IoError&) {  // no status
   }
   write_file(path, text);
 }

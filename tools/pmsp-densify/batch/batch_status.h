@@ -9,34 +9,34 @@
 
 namespace pmsp::tool {
 
-/// The file status.json in a mission's folder: state, reason (of a failure; of a mission that is done its first
-/// warning), fingerprint, command, host, version, started, finished ("2026-01-31T12:00:00Z"), and of what has ended
-/// seconds, peak_memory_mib, exit_code (128 + n after signal n), points, coverage, confidence, fit.
+/// status.json of a mission's folder: state, reason (of a failure; first warning if done), fingerprint, command, host,
+/// version, started, finished ("2026-01-31T12:00:00Z"); after the end also seconds, peak_memory_mib, exit_code (128 + n
+/// for signal n), points, coverage, confidence, fit.
 using MissionStatus = nlohmann::ordered_json;
 
 // States.
 constexpr const char* kWaiting = "waiting";          ///< never written
-constexpr const char* kRunning = "running";          ///< or the batch was killed while it ran
-constexpr const char* kInterrupted = "interrupted";  ///< a signal ended the batch
-constexpr const char* kDone = "done";                ///< of --dry-run: can be run
-constexpr const char* kFailed = "failed";            ///< of --dry-run: refused
+constexpr const char* kRunning = "running";          ///< also if the batch was killed meanwhile
+constexpr const char* kInterrupted = "interrupted";  ///< batch ended by a signal
+constexpr const char* kDone = "done";                ///< with --dry-run: valid
+constexpr const char* kFailed = "failed";            ///< with --dry-run: rejected
 
-/// A text of it; "" where it has none.
+/// Returns a text field; "" = missing.
 std::string text_in(const MissionStatus& status, const char* key);
 
-/// nullopt where the folder has none. Throws InvalidInput for one that cannot be read, IoError.
+/// Returns nullopt without status. Throws InvalidInput if malformed, IoError.
 std::optional<MissionStatus> read_status(const std::filesystem::path& folder);
 
-/// Whether a process that was killed in write_status may have left a file of this name.
+/// True for names of temporary files of write_status, which a killed process may leave.
 bool is_unfinished_status(const std::string& name);
 
 /// Throws OutputError.
 void write_status(const std::filesystem::path& folder, const MissionStatus& status);
 
-/// Leaves a file with these bytes as it is. Throws OutputError.
+/// Writes a file unless it has this content. Throws OutputError.
 void write_if_changed(const std::filesystem::path& path, const std::string& text);
 
-/// Now, as in `started`.
+/// Returns the current time, formatted as `started`.
 std::string time_text();
 
 }  // namespace pmsp::tool

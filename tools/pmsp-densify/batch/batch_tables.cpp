@@ -17,9 +17,9 @@ namespace fs = std::filesystem;
 
 struct Column {
   const char* name;
-  const char* key;       ///< of the status; nullptr: the mission's name
-  int decimals;          ///< -1: a text
-  bool is_brief = true;  ///< also in the tables for people
+  const char* key;       ///< of the status; nullptr = name of the mission
+  int decimals;          ///< -1 = text
+  bool is_brief = true;  ///< included in tables for people
 };
 constexpr std::array kColumns{Column{"mission", nullptr, -1},
                               Column{"state", "state", -1},
@@ -50,7 +50,7 @@ Row row_of(const BatchMission& mission) {
   return row;
 }
 
-/// As RFC 4180 has it.
+/// Quotes as RFC 4180.
 std::string csv_cell(const std::string& text) {
   if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
   std::string quoted = "\"";
@@ -91,7 +91,7 @@ std::string cell(const std::string& html, const char* kind = "") {
   return (*kind != '\0' ? "<td class=\"" + std::string(kind) + "\">" : "<td>") + html + "</td>";
 }
 
-/// "" where there is no such file.
+/// HTML link; "" if the file is missing.
 std::string link(const fs::path& from, const fs::path& to, const std::string& words) {
   std::error_code ignored;
   if (!fs::is_regular_file(to, ignored)) return "";

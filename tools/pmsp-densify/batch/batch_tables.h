@@ -12,23 +12,22 @@ namespace pmsp::tool {
 
 using BatchMissions = std::vector<BatchMission>;
 
-/// Those in this state.
+/// Number of missions in a state.
 std::size_t count(const BatchMissions& missions, const char* state);
 
-/// "95 of 100 missions done, 5 failed"
+/// Returns "95 of 100 missions done, 5 failed".
 std::string summary(const BatchMissions& missions);
 
-/// For a terminal.
+/// Table for a terminal.
 std::string table_text(const BatchMissions& missions);
 
-/// Of --dry-run: a line for each mission, "hall: ok", "cellar: refused: ...", and their numbers.
+/// Result of --dry-run: a line per mission, "hall: ok", "cellar: refused: ...", and totals.
 std::string checks_text(const BatchMissions& missions);
 
-/// The file missions.csv: a row for each mission, below a row with the names of the columns.
+/// Content of missions.csv: header and a row per mission.
 std::string csv_text(const BatchMissions& missions);
 
-/// The file index.html in `folder`: the table for a browser, with links to the files in the missions' folders. One
-/// file without scripts, which needs no network.
+/// Content of index.html in `folder`: table with links to the files of the missions. Self-contained, without scripts.
 std::string page_text(const BatchMissions& missions, const std::string& manifest, const std::filesystem::path& folder);
 
 }  // namespace pmsp::tool

@@ -19,18 +19,18 @@
 namespace pmsp::tool {
 namespace {
 
-constexpr int kNotStarted = 127;  ///< as of a shell
+constexpr int kNotStarted = 127;  ///< as a shell's
 
 void say(const char* text) {
   if (::write(STDERR_FILENO, text, std::strlen(text)) < 0) _exit(kNotStarted);
 }
 
-/// Between fork and exec, where only calls are allowed that a signal handler may make.
+/// Runs between fork and exec: async-signal-safe calls only.
 [[noreturn]] void become(char* const* argv, int log, pid_t parent) {
 #if defined(__linux__)
   prctl(PR_SET_PDEATHSIG, SIGKILL);
 #endif
-  if (getppid() != parent) _exit(kNotStarted);  // it has ended since
+  if (getppid() != parent) _exit(kNotStarted);  // parent has already ended
   setpgid(0, 0);
   sigset_t none;
   sigemptyset(&none);
@@ -40,7 +40,7 @@ void say(const char* text) {
   dup2(log, STDOUT_FILENO);
   dup2(log, STDERR_FILENO);
 #if defined(__linux__)
-  execv("/proc/self/exe", argv);  // also where the file has been replaced meanwhile
+  execv("/proc/self/exe", argv);  // also works if the file was replaced in the meantime
 #endif
   execvp(argv[0], argv);
   say("pmsp-densify: cannot be started: ");
@@ -113,7 +113,7 @@ std::optional<ChildEnd> end_of_child(pid_t child) {
 
 SignalQueue::SignalQueue() {
   struct sigaction action = {};
-  action.sa_handler = ignore_signal;  // some systems drop what is ignored by default even while it is blocked
+  action.sa_handler = ignore_signal;  // some systems discard default-ignored signals even if blocked
   sigemptyset(&action.sa_mask);
   sigaction(SIGCHLD, &action, &child_before_);
   sigemptyset(&signals_);

@@ -11,14 +11,14 @@
 
 namespace pmsp::tool {
 
-/// How a process ended: one of the first two.
+/// End of a process; exactly one of the first two is set.
 struct ChildEnd {
   std::optional<int> exit_code;
   std::optional<int> signal;
   double peak_memory_mib = 0.0;
 };
 
-/// A file that exists as long as this object. Throws OutputError.
+/// File that exists as long as this object. Throws OutputError.
 class TemporaryFile {
  public:
   TemporaryFile();
@@ -31,15 +31,15 @@ class TemporaryFile {
   std::filesystem::path path_;
 };
 
-/// Starts this very program with other words; `words[0]` is its name. Its output is appended to the file `log`. It is
-/// in a process group of its own, so that Ctrl-C does not reach it, and on Linux it is killed when its parent ends.
-/// Throws OutputError, std::system_error.
+/// Starts this program with other arguments; `words[0]` is its name. Output is appended to `log`. The child has its own
+/// process group, so that Ctrl-C does not reach it; on Linux it is killed when its parent ends. Throws OutputError,
+/// std::system_error.
 pid_t start_child(const std::vector<std::string>& words, const std::filesystem::path& log);
 
-/// nullopt while it runs.
+/// Returns nullopt while it runs.
 std::optional<ChildEnd> end_of_child(pid_t child);
 
-/// While it lives, SIGINT, SIGTERM and the ends of children are waited for, instead of acting by themselves.
+/// Blocks SIGINT, SIGTERM and SIGCHLD during its lifetime and queues them for `wait`.
 class SignalQueue {
  public:
   SignalQueue();
@@ -47,7 +47,7 @@ class SignalQueue {
   SignalQueue(const SignalQueue&) = delete;
   SignalQueue& operator=(const SignalQueue&) = delete;
 
-  /// The next one. SIGCHLD: some children may have ended.
+  /// Blocks until the next signal. SIGCHLD: some children may have ended.
   int wait();
 
  private:

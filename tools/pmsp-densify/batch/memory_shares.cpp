@@ -16,9 +16,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kContext = 600.0 * 1024 * 1024;  // of a GPU's memory, besides: CUDA, the kernels and their stacks
+constexpr double kContext = 600.0 * 1024 * 1024;  // additional GPU memory: CUDA context, kernels and their stacks
 
-/// The number after a name in lines such as "MemAvailable:  123 kB"; 0 where there is none.
+/// Number after a name in lines such as "MemAvailable:  123 kB"; 0 = none.
 double number_after(const fs::path& file, const std::string& name) {
   std::ifstream lines(file);
   for (std::string line; std::getline(lines, line);) {
@@ -30,26 +30,26 @@ double number_after(const fs::path& file, const std::string& name) {
   return 0.0;
 }
 
-/// The number that the file begins with; nullopt where there is none ("max").
+/// First number of a file; nullopt = none ("max").
 std::optional<double> number_in(const fs::path& file) {
   double number = 0.0;
   if (std::ifstream(file) >> number) return number;
   return std::nullopt;
 }
 
-/// Where a version of Linux's control groups says what they may take.
+/// Memory files of a version of Linux control groups.
 struct Groups {
   const char* controllers;  ///< in /proc/self/cgroup
   const char* root;
   const char* limit;
   const char* used;
-  const char* cached;  ///< in memory.stat: what the kernel gives up when it must
+  const char* cached;  ///< key in memory.stat: reclaimable memory
 };
 constexpr Groups kGroups[] = {
     {"", "/sys/fs/cgroup", "memory.max", "memory.current", "inactive_file"},
     {"memory", "/sys/fs/cgroup/memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"}};
 
-/// Of one group and of those around it the least that is left.
+/// Minimum of the memory left in a group and its ancestors [bytes].
 double left_in(const Groups& groups, const fs::path& path) {
   double left = std::numeric_limits<double>::infinity();
   for (fs::path group = path;; group = group.parent_path()) {
@@ -84,7 +84,7 @@ MemoryNeed memory_need_from(const std::string& log) {
 std::optional<MemoryShares::Share> MemoryShares::take(const MemoryNeed& need) {
   Share share{need.host, 0.0, {}};
   if (need.device_free > 0.0) {
-    double bytes = std::numeric_limits<double>::infinity();  // of the GPU that has least
+    double bytes = std::numeric_limits<double>::infinity();  // of the GPU with least memory
     for (const int number : need.devices) {
       Device& device = devices_[number];
       device.bytes = std::max(device.bytes, need.device_free);

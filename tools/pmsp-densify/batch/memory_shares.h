@@ -9,37 +9,37 @@
 
 namespace pmsp::tool {
 
-/// Maximum memory that a mission is expected to take [bytes]; all 0 = unknown.
+/// Expected peak memory of a mission [bytes]; all 0 = unknown.
 struct MemoryNeed {
   double host = 0.0;          ///< on the CPU
-  double gpu_host = 0.0;      ///< the host's, on a GPU
-  double device = 0.0;        ///< of each GPU
-  double device_least = 0.0;  ///< of each GPU, where the scratch folder has what waits
-  double device_free = 0.0;   ///< of the GPU that has least, at the time of the query; 0 = it takes none
-  std::vector<int> devices;   ///< those
+  double gpu_host = 0.0;      ///< host memory with a GPU
+  double device = 0.0;        ///< per GPU
+  double device_least = 0.0;  ///< per GPU, with pending data spilled to the scratch folder
+  double device_free = 0.0;   ///< minimum free memory of `devices` at the time of the query; 0 = no GPU is used
+  std::vector<int> devices;   ///< used by the mission
 };
 
-/// The object that `run --print-memory` has printed, after whatever libraries had to say. All 0 where there is none.
+/// Parses the output of `run --print-memory`, ignoring messages of libraries before it. All 0 if missing.
 MemoryNeed memory_need_from(const std::string& log);
 
-/// Shares the memory of the host and of its GPUs out among missions that run at once.
+/// Distributes memory of the host and its GPUs among concurrent missions.
 class MemoryShares {
  public:
-  /// `host`: what all of them together may take of the host's memory [bytes].
+  /// `host`: host memory of all missions together [bytes].
   explicit MemoryShares(double host) : host_(host) {}
 
   struct Share {
     double host = 0.0;
-    double device = 0.0;  ///< of each of these
+    double device = 0.0;  ///< per device
     std::vector<int> devices;
   };
-  /// nullopt: others must give theirs back first. Who is alone gets whatever it needs.
+  /// Returns nullopt if memory must be released first. A single mission always gets what it needs.
   std::optional<Share> take(const MemoryNeed& need);
   void give_back(const Share& share);
 
  private:
   struct Device {
-    double bytes = 0.0;  ///< free without shares, or the most since
+    double bytes = 0.0;  ///< free memory without shares, maximum seen
     double taken = 0.0;
     std::size_t users = 0;
   };
@@ -50,8 +50,8 @@ class MemoryShares {
   std::map<int, Device> devices_;
 };
 
-/// What this process and those that it starts may still take of the host's memory [bytes]: of the machine's, or of the
-/// limit that its control groups set (Linux: memory.max, memory.limit_in_bytes).
+/// Returns the host memory available to this process and its children [bytes]: of the machine, or within the limits of
+/// its control groups (Linux: memory.max, memory.limit_in_bytes).
 double free_host_memory();
 
 }  // namespace pmsp::tool

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// `convert`: a cloud or a workspace in other formats, another frame or unit, or less of it; point by point.
+// `convert`: streams a cloud or workspace to other formats, another frame or unit, or a subset.
 #include <cstdio>
 #include <limits>
 #include <memory>
@@ -90,7 +90,7 @@ class Conversion {
   }
 
  private:
-  /// Keyframes in the frame of the input.
+  /// Keyframes in the frame of the input cloud.
   SlamMap cameras() const {
     SlamMap map;
     if (!arguments_.map.empty()) {
@@ -119,7 +119,7 @@ class Conversion {
     return map;
   }
 
-  /// `frame_`: from the frame of the input.
+  /// Sets `frame_`, relative to the frame of the input.
   void find_frame() {
     FrameOptions options = arguments_.cloud.frame;
     const bool needs_cameras = options.up || !options.align.empty();
@@ -168,7 +168,7 @@ class Conversion {
     }
   }
 
-  /// Those of the input, with the new frame.
+  /// Comments of the input, with the new frame.
   std::vector<std::string> comments(const Similarity& file_from_map, bool is_same) const {
     const std::string frame_of_map = "frame of the SLAM map", normals = "normals face the camera", cloud = "cloud {";
     const CloudInfo& info = cloud_->info();
@@ -185,7 +185,7 @@ class Conversion {
     for (const std::string& comment : info.comments) {
       if (comment.rfind(cloud, 0) == 0) {
         const Json before = Json::parse(comment.substr(cloud.size() - 1), nullptr, false);
-        for (const char* key : {"crop", "voxel", "max_points"}) {  // in the frame of the input
+        for (const char* key : {"crop", "voxel", "max_points"}) {  // they refer to the frame of the input
           if (before.is_object() && before.contains(key)) json["from"][key] = before.at(key);
         }
       } else if (comment.rfind(frame_of_map, 0) == 0) {
@@ -198,7 +198,7 @@ class Conversion {
     return all;
   }
 
-  /// Coordinate system and day of a LAS.
+  /// Coordinate system and date of a LAS file.
   void set_labels() {
     const CloudInfo& info = cloud_->info();
     if (!arguments_.cloud.crs.empty()) {
@@ -214,7 +214,7 @@ class Conversion {
     header_.day_of_year = has_date ? arguments_.cloud.day_of_year : info.day_of_year;
   }
 
-  /// `center` and `reach`: of a workspace as the run had them, else by the points.
+  /// Sets `center` and `reach`: from the workspace's run, else from the points.
   void find_size(const InterruptGuard& guard) {
     Eigen::Vector3d center = Eigen::Vector3d::Zero();
     double reach = 0.0;
@@ -241,8 +241,8 @@ class Conversion {
   const ConvertArguments& arguments_;
   Progress progress_;
   const std::unique_ptr<CloudReader> cloud_;
-  const WorkspaceCloud* const workspace_;  ///< nullptr where it is none
-  CloudFrame frame_;                       ///< `file_from_map` is from the frame of the input here
+  const WorkspaceCloud* const workspace_;  ///< nullptr if the input is a cloud
+  CloudFrame frame_;                       ///< `file_from_map` is relative to the frame of the input
   CloudHeader header_;
 };
 

@@ -78,7 +78,7 @@ void check_frame(const ConvertArguments& a) {
   }
 }
 
-/// Refuses outputs that would destroy the input, or that exist.
+/// Throws if outputs would overwrite the input, or exist.
 void check_outputs(const ConvertArguments& a) {
   std::error_code ignored;
   const fs::path input = place_of(a.from);

@@ -10,19 +10,19 @@
 
 namespace pmsp::tool {
 
-/// A distance that is known.
+/// Known distance between two points.
 struct KnownLength {
   Eigen::Vector3d from, to;  ///< in the frame and unit of the input
   double metres = 0.0;
 };
 
-/// Of the verb `convert`.
+/// Command line of `convert`.
 struct ConvertArguments {
   std::filesystem::path from;  ///< cloud or workspace
   CloudArguments cloud;
   std::optional<KnownLength> length;
   std::filesystem::path map;      ///< for --up and --align; "" = none
-  std::filesystem::path scratch;  ///< "" = the folder of the first output
+  std::filesystem::path scratch;  ///< "" = folder of the first output
   bool force = false;
   bool quiet = false;
 };

@@ -19,21 +19,21 @@ namespace {
 
 constexpr int kWidth = 1600;
 constexpr int kHeight = 1000;
-constexpr int kTitle = 36;  // rows of the title bar
+constexpr int kTitle = 36;  // height of the title bar [rows]
 const cv::Scalar kBackground(24, 22, 20);
 const cv::Scalar kInk(235, 235, 235);
 const cv::Scalar kPath(0, 165, 255);
 const cv::Scalar kStart(80, 220, 80);
 const cv::Scalar kEnd(60, 60, 240);
 
-// Axes aligned with gravity and with the building: coordinates are (along, across, height).
+// Axes aligned with gravity and the building: coordinates are (along, across, height).
 struct Frame {
   Eigen::Matrix3d frame_from_world = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d low = Eigen::Vector3d::Zero();  // of what is drawn
+  Eigen::Vector3d low = Eigen::Vector3d::Zero();  // bounds of the drawing
   Eigen::Vector3d high = Eigen::Vector3d::Ones();
 };
 
-// Every so many points are enough for percentiles and axes.
+// Subsampling for percentiles and axes.
 std::size_t stride_of(const ViewScene& scene) { return std::max<std::size_t>(1, scene.points.size() / 50000); }
 
 Frame make_frame(const ViewScene& scene) {
@@ -43,7 +43,8 @@ Frame make_frame(const ViewScene& scene) {
   const Eigen::Vector3d e2 = up.cross(e1);
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
-  std::complex<double> walls;  // normals of walls, with the four directions of a room laid on one by the fourth power
+  // Sum of wall normals, raised to the fourth power so that the four directions of a room coincide.
+  std::complex<double> walls;
   double count = 0.0;
   for (std::size_t i = 0; i < scene.points.size(); i += stride_of(scene)) {
     const Eigen::Vector3d p = scene.points[i].position.cast<double>();
@@ -77,7 +78,7 @@ Frame make_frame(const ViewScene& scene) {
   return frame;
 }
 
-// Bounds of the building; what lies beyond them is left out.
+// Sets the bounds of the building; points outside are dropped.
 void bound(const ViewScene& scene, Frame& frame) {
   std::vector<Eigen::Vector3d> points, path;
   for (std::size_t i = 0; i < scene.points.size(); i += stride_of(scene)) {
@@ -90,7 +91,7 @@ void bound(const ViewScene& scene, Frame& frame) {
   frame.high = box.high + margin;
 }
 
-// Down to a bit above the camera's path.
+// Cuts at a height slightly above the camera's path.
 void cut_off_above(const ViewScene& scene, Frame& frame) {
   std::vector<double> heights;
   for (const Eigen::Vector3d& center : scene.path) heights.push_back((frame.frame_from_world * center).z());
@@ -108,7 +109,7 @@ bool inside(const Frame& frame, const Eigen::Vector3d& q) {
   return (q.array() >= frame.low.array()).all() && (q.array() <= frame.high.array()).all();
 }
 
-// A picture with a depth for each pixel; smaller wins.
+// Image with a depth buffer; smaller wins.
 struct Canvas {
   cv::Mat image{kHeight, kWidth, CV_8UC3, kBackground};
   cv::Mat nearness{kHeight, kWidth, CV_32FC1, cv::Scalar(std::numeric_limits<float>::max())};
@@ -151,7 +152,7 @@ struct Canvas {
   }
 };
 
-// So large that the points of one layer that are drawn close up, no larger.
+// Splat size at which the points of a surface close up.
 int splat_size(const ViewScene& scene, const Frame& frame, double px_per_unit) {
   const auto drawn = std::count_if(scene.points.begin(), scene.points.end(), [&frame](const ViewPoint& point) {
     return inside(frame, frame.frame_from_world * point.position.cast<double>());
@@ -227,7 +228,7 @@ cv::Mat draw_from_above(const ViewScene& scene) {
 
 namespace {
 
-// A camera outside one of the upper corners of the bounds, looking at their middle, which they fill.
+// Camera outside an upper corner of the bounds, which fill the image.
 struct CornerCamera {
   explicit CornerCamera(const Frame& frame) {
     const Eigen::Vector3d middle = 0.5 * (frame.low + frame.high);

@@ -12,32 +12,32 @@
 
 namespace pmsp::tool {
 
-/// A point as far as pictures need it, world frame.
+/// Point for drawing, in world frame.
 struct ViewPoint {
   Eigen::Vector3f position = Eigen::Vector3f::Zero();
-  Eigen::Matrix<std::int8_t, 3, 1> normal = Eigen::Matrix<std::int8_t, 3, 1>::Zero();  ///< times 127
+  Eigen::Matrix<std::int8_t, 3, 1> normal = Eigen::Matrix<std::int8_t, 3, 1>::Zero();  ///< unit normal * 127
   Rgb color;
 };
 
-/// What is drawn: points, the camera's path, and which way is up.
+/// Points, camera path and up direction.
 struct ViewScene {
   std::vector<ViewPoint> points;
   std::vector<Eigen::Vector3d> path;
   Eigen::Vector3d up = -Eigen::Vector3d::UnitY();
-  double spacing = 0.0;  ///< that the points were thinned to [scene units]; 0 = not thinned
+  double spacing = 0.0;  ///< of thinned points [map units]; 0 = not thinned
   std::string caption;
 };
 
-/// What the pictures leave out so that the building fills them: "3.1 % of the points lie outside, up to 212 scene units
-/// away"; "" where that is next to nothing. What is cut off above the camera is not counted.
+/// Returns what is outside of the pictures' bounds: "3.1 % of the points lie outside, up to 212 scene units away"; ""
+/// if negligible. Points cut off above the camera are not counted.
 std::string left_out_of(const ViewScene& scene);
 
-/// The scene straight from above, cut off a little above the camera's path: ceilings would hide the rooms. The longer
-/// side of the building lies along the picture, the start of the path on its left.
+/// Draws the scene from above, cut slightly above the camera's path, so that ceilings do not hide rooms. The building's
+/// longer side is horizontal, the start of the path at the left.
 cv::Mat draw_from_above(const ViewScene& scene);
 
-/// The scene in perspective from outside one of its upper corners. Surfaces seen from behind are left out, which opens
-/// the near walls and the ceiling.
+/// Draws the scene in perspective from outside an upper corner, with back-face culling, which opens near walls and the
+/// ceiling.
 cv::Mat draw_from_corner(const ViewScene& scene);
 
 }  // namespace pmsp::tool

@@ -17,7 +17,7 @@ cv::Mat view_of(const Image<float>& image) {
   return copy;
 }
 
-// Colours of `values` from `low` to `high`; black where there is no depth.
+// Colour-maps `values` from `low` to `high`; black without depth.
 cv::Mat colored(const cv::Mat& values, const cv::Mat& depth, double low, double high, int map) {
   cv::Mat gray;
   const double scale = high > low ? 255.0 / (high - low) : 0.0;
@@ -56,7 +56,7 @@ DepthPicture draw_depth(const DepthMap& map, int palette) {
 
 cv::Mat picture_of(ImageView<const Rgb> image, cv::Size size) {
   const cv::Mat rgb(image.height, image.width, CV_8UC3, const_cast<Rgb*>(image.data),
-                    static_cast<std::size_t>(image.stride) * sizeof(Rgb));  // is only read
+                    static_cast<std::size_t>(image.stride) * sizeof(Rgb));  // read-only
   cv::Mat small;
   cv::resize(rgb, small, size, 0, 0, cv::INTER_AREA);
   cv::Mat picture;

@@ -8,14 +8,14 @@
 namespace pmsp::tool {
 namespace {
 
-constexpr int kOutermost = 1;  ///< percent at either end that are never looked at
+constexpr int kOutermost = 1;  ///< percent dropped at either end in any case
 constexpr int kInnermost = 45;
 constexpr double kWorth = 8.0;
-constexpr std::size_t kMostDistances = 2'000, kMostPlaces = 500;  ///< that are compared with each other
+constexpr std::size_t kMostDistances = 2'000, kMostPlaces = 500;  ///< for pairwise distances
 
 std::size_t stride_for(std::size_t count, std::size_t most) { return std::max<std::size_t>(1, count / most); }
 
-/// Of the points that lie within the box on the other axes.
+/// Coordinates of the points that are inside the box on the other axes.
 std::vector<double> coordinates(const std::vector<Eigen::Vector3d>& points, int axis, const FramedBox& box) {
   std::vector<double> values;
   for (const Eigen::Vector3d& point : points) {
@@ -28,7 +28,7 @@ std::vector<double> coordinates(const std::vector<Eigen::Vector3d>& points, int 
   return values;
 }
 
-/// Half of the points lie nearer to the path, which is not empty.
+/// Median distance of the points from the path, which is not empty.
 double usual_distance(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector3d>& path) {
   std::vector<double> distances;
   for (std::size_t i = 0; i < points.size(); i += stride_for(points.size(), kMostDistances)) {
@@ -50,7 +50,7 @@ IdRange busy_stretch(std::vector<double> values) {
     return values[static_cast<std::size_t>(percent) * (values.size() - 1) / 100];
   };
   IdRange best{at(kOutermost), at(100 - kOutermost)};
-  const double least = 1e-6 * (best.high - best.low);  // many values may be the same
+  const double least = 1e-6 * (best.high - best.low);  // guards against equal values
   if (!(least > 0.0)) return best;
   double lowest = std::numeric_limits<double>::max();
   for (int low = kOutermost; low <= kInnermost; ++low) {

@@ -7,24 +7,23 @@
 
 namespace pmsp::tool {
 
-/// A stretch of a line.
+/// Interval of coordinates.
 struct IdRange {
   double low = 0.0, high = 0.0;
 };
 
-/// The stretch that a picture of these values should show: from a percentile to another, as short as can be for the
-/// share of the values in it. To leave out 1 % of them must shorten it by 8 %, 10 % of them by 57 %, 30 % by 94 %: a
-/// crowd far away, such as what is seen through a window, does not make the room small, and the far end of a hall
-/// stays. `values`: not empty.
+/// Returns the interval that a picture of the values should show, between two percentiles: the optimum of length
+/// against share of dropped values. Dropping 1 % must shorten it by 8 %, 10 % by 57 %, 30 % by 94 %: a distant cluster,
+/// such as the view through a window, does not shrink the room, and the far end of a hall is kept. `values`: not empty.
 IdRange busy_stretch(std::vector<double> values);
 
-/// A box along the axes.
+/// Axis-aligned box.
 struct FramedBox {
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();
 };
 
-/// The box that a picture of points should show: axis by axis as above, each time of the points within the other axes.
-/// The path and what lies about it, as near as half of the points do, are always in it.
+/// Returns the box that a picture of points should show: busy_stretch per axis, of the points inside the box on the
+/// other axes. The path with its surroundings, within the median distance of the points, is always inside.
 FramedBox busy_box(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector3d>& path);
 
 }  // namespace pmsp::tool

@@ -22,8 +22,8 @@ namespace pmsp::tool {
 namespace {
 
 constexpr std::size_t kStrips = 4;
-constexpr std::size_t kMaxPoints = 2400000;  // thinned to half of them when reached
-constexpr std::size_t kFewKeyframes = 8;     // as many give all points that can be drawn
+constexpr std::size_t kMaxPoints = 2400000;  // then thinned to half
+constexpr std::size_t kFewKeyframes = 8;     // their points are few enough to draw all
 constexpr double kCoarser = 1.2;
 constexpr int kMaxPanelWidth = 960;
 constexpr int kLabelRows = 30;
@@ -48,7 +48,7 @@ cv::Mat labelled(const cv::Mat& image, const std::string& words) {
   return panel;
 }
 
-/// What a strip shows of it.
+/// Copy with the data of a strip.
 DepthMap without_normals(const DepthMap& map) {
   DepthMap copy;
   copy.keyframe_id = map.keyframe_id;
@@ -96,14 +96,14 @@ void Preview::drop_keyframe(std::int64_t id) {
   if (!pending_.empty() && pending_.back().id == id) pending_.pop_back();
 }
 
-/// When what was begun before is done.
+/// Runs work in the background, after the previous one.
 void Preview::beside(std::function<void()> work) {
   if (working_.valid()) working_.get();
   working_ = std::async(std::launch::async, std::move(work));
 }
 
 void Preview::add_depth(const DepthMap& map) {
-  // Depth maps come in the order of the keyframes: what lies before this one has had its chance.
+  // Depth maps are in the order of keyframes: earlier pending keyframes have none.
   while (!pending_.empty() && pending_.front().id != map.keyframe_id) pending_.pop_front();
   if (pending_.empty()) return;
   const Pending pending = std::move(pending_.front());
@@ -115,17 +115,17 @@ void Preview::add_depth(const DepthMap& map) {
   if (strips_ == kStrips) pending_.clear();
 }
 
-/// Which cubes of a grid have been seen: a hash table with open addresses.
+/// Occupied cells of a grid: open-addressing hash table.
 class Preview::Cells {
  public:
   explicit Cells(double spacing) : spacing_(spacing), table_(std::size_t{1} << 22U, kEmpty) {}
 
   double spacing() const { return spacing_; }
 
-  /// Whether the point is the first one in its cube. For no more than kMaxPoints of these.
+  /// True if the cell was empty; then it is marked. At most kMaxPoints cells.
   bool take(const Eigen::Vector3f& position) {
     const Eigen::Array3d cell = (position.cast<double>() / spacing_).array().floor().max(-1e9).min(1e9);
-    std::uint64_t key = 0;  // cubes two million cubes apart count as one
+    std::uint64_t key = 0;  // cells two million apart coincide
     for (int axis = 0; axis < 3; ++axis) {
       key = key << 21U | (static_cast<std::uint64_t>(static_cast<std::int64_t>(cell[axis])) & 0x1fffffU);
     }
@@ -145,7 +145,7 @@ class Preview::Cells {
 
 Preview::~Preview() = default;
 
-/// Keeps one point in each of the smallest cubes that bring the points down to half of what may be kept.
+/// Keeps one point per cell, with the smallest cell size that halves the maximum number of points.
 void Preview::thin() {
   std::vector<ViewPoint>& points = scene_.points;
   double spacing = scene_.spacing * std::sqrt(2.0);
@@ -154,7 +154,7 @@ void Preview::thin() {
     for (std::size_t i = 0; i < points.size(); i += 97) {
       distances.push_back(static_cast<double>((points[i].position - points[0].position).norm()));
     }
-    // Of the median: a crowd far away must not make all others coarse.
+    // Median, robust to distant clusters.
     spacing = std::max(percentile(distances, 50.0), 1e-9) / 1000.0;
   }
   constexpr double kMost = 0.5 * static_cast<double>(kMaxPoints);
@@ -167,13 +167,13 @@ void Preview::thin() {
     points.resize(kept);
     const double share = static_cast<double>(points.size()) / kMost;
     if (share <= 1.0) break;
-    spacing *= std::clamp(std::sqrt(share), kCoarser, 2.0);  // surfaces: their cubes go with the square
+    // The number of cells on a surface is inversely proportional to the square of their size.
+    spacing *= std::clamp(std::sqrt(share), kCoarser, 2.0);
   }
   scene_.spacing = spacing;
 }
 
-/// Of a large cloud every so many points are looked at: where keyframes see a place again, most of them are thinned
-/// anyway.
+/// Large clouds are subsampled: where keyframes overlap, most points are thinned anyway.
 void Preview::add_points(const KeyframeCloud& cloud) {
   const RigidTransform world_from_cam = cloud.cam_from_world.inverse();
   const Eigen::Matrix3f rotation = world_from_cam.rotation.cast<float>();

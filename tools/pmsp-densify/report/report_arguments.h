@@ -10,19 +10,19 @@
 
 namespace pmsp::tool {
 
-/// Of the verb `report`.
+/// Command line of `report`.
 struct ReportVerbArguments {
   std::filesystem::path from;  ///< cloud or workspace
   ReportArguments report;
 };
 
-/// nullopt when help was asked for, which is then on stdout. Throws UsageError, IoError, OutputError.
+/// Returns nullopt after printing help to stdout. Throws UsageError, IoError, OutputError.
 std::optional<ReportVerbArguments> parse_report_arguments(int argc, const char* const* argv);
 
-/// --report and what belongs to it.
+/// Adds --report and related options.
 void add_report_options(CLI::App& app, ReportArguments& arguments);
 
-/// Throws UsageError where this build has no page.
+/// Throws UsageError if the build contains no page.
 void require_report_page(const char* option);
 
 }  // namespace pmsp::tool

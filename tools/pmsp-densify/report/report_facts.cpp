@@ -11,7 +11,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// The number at a path of keys; 0 where there is none.
+/// Number at a path of keys; 0 = missing.
 double number_at(const Json& json, const std::vector<const char*>& path) {
   const Json* at = &json;
   for (const char* key : path) {
@@ -109,7 +109,7 @@ std::vector<std::string> report_problems(const Json& stats) {
   const double unmasked = number_at(stats, {"pixels", "unmasked"});
   const double all = number_at(stats, {"options", "width"}) * number_at(stats, {"options", "height"}) *
                      number_at(stats, {"keyframes", "depth_maps"});
-  const bool is_whole = !stats.contains("workspace");  // else pixels are those of this run alone
+  const bool is_whole = !stats.contains("workspace");  // otherwise pixel counts are those of the last run only
   if (is_whole && all > 0.0 && unmasked > 0.0 && unmasked < 0.995 * all) {
     problems.push_back(percent(all - unmasked, all) + " of the views lie in the mask.");
   }

@@ -37,7 +37,7 @@ std::string jpeg(const cv::Mat& picture, int quality) {
   return {bytes.begin(), bytes.end()};
 }
 
-/// Whether number `index` of `count` is the first one of an even share.
+/// True if item `index` of `count` belongs to an even sample of size `share`.
 bool is_in_share(std::size_t index, std::size_t count, std::size_t share) {
   if (count <= share) return true;
   return index == 0 || index * share / count != (index - 1) * share / count;
@@ -60,7 +60,7 @@ std::vector<std::int64_t> ids_in_order(const SlamMap& map) {
 
 Json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-/// Why a keyframe is not used, for people.
+/// Reason for an unused keyframe, for people.
 const char* words_for(const std::string& use) {
   if (use == "no neighbour") return "no other used keyframe near it saw the same from another place";
   if (use == "no range") return "too few landmarks tell how far away things are";
@@ -118,7 +118,7 @@ void ReportPage::add_image(std::size_t index, const Keyframe& keyframe) {
   if (is_in_share(index, keyframes_, kMostStrips)) {
     it.image = jpeg(picture_of(keyframe.image, kStripWidth), kStripQuality);
   }
-  // The next keyframe that is used after each share of the flight.
+  // The next used keyframe after each equal part of the mission.
   const std::size_t due =
       1 + index * static_cast<std::size_t>(arguments_.panoramas) / std::max<std::size_t>(keyframes_, 1);
   if (panoramas_ < arguments_.panoramas && static_cast<std::size_t>(panoramas_) < due) {

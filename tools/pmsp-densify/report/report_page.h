@@ -25,45 +25,45 @@ struct ReportArguments {
   std::filesystem::path path;  ///< empty = no report
   std::int64_t points = 1'000'000;
   int panoramas = 12;
-  std::string unit;  ///< name of the cloud's unit; "" = as the cloud says
+  std::string unit;  ///< name of the cloud's unit; "" = from the cloud
 };
 
-/// The name of a cloud's unit: the given one, or else "m" where the cloud is in metres; "" = that of the map.
+/// Returns the name of a cloud's unit: the given one, else "m" for clouds in metres; "" = map units.
 std::string unit_of_lengths(const std::string& given, const CloudUnit& unit);
 
-/// Throws UsageError where `given`, the value of `option`, is a unit of length that the cloud is not in. Where the
-/// cloud does not say its unit, all are taken.
+/// Throws UsageError if `given`, the value of `option`, is a unit of length other than the cloud's. If that is unknown,
+/// all are accepted.
 void check_unit(const char* option, const std::string& given, const CloudUnit& unit);
 
-/// "metres, by --scale", "map units (no scale is known)", "not known"
+/// Returns "metres, by --scale", "map units (no scale is known)", "not known".
 std::string unit_text(const CloudUnit& unit);
 
-/// A mission as one page for a browser: what was run, what came of it, and the points. See docs/report.md. Memory: the
-/// points that it holds (15 bytes each), and JPEGs.
+/// Mission as one page for a browser: input, statistics and points. See docs/report.md. Memory: its points (15 bytes
+/// each) and JPEGs.
 class ReportPage {
  public:
-  /// `map` must outlive it. `keyframes`: that images are expected of. Throws OutputError.
+  /// `map` must outlive it. `keyframes`: expected number of images. Throws OutputError.
   ReportPage(const ReportArguments& arguments, const CloudHeader& header, const SlamMap& map, std::size_t keyframes);
 
-  /// To be given all points of the cloud.
+  /// Receives all points of the cloud.
   PageCloud& cloud() { return cloud_; }
 
-  /// An image, before the densifier gets it; `index` counts from 0.
+  /// To be called for each image before the densifier; `index` counts from 0.
   void add_image(std::size_t index, const Keyframe& keyframe);
-  /// What the keyframe added last is used for.
+  /// Whether the last added keyframe is used.
   void set_used(std::int64_t id, bool used);
   void add_depth(const DepthMap& map);
 
-  /// What a keyframe is used for.
+  /// Use of a keyframe.
   void set_use(const PlanEntry& entry);
 
-  /// A Potree folder of the same points, which the page asks for the rest of them where it is served. In vain where it
-  /// does not lie beside the page, or below.
+  /// Sets a Potree folder of the same points, from which the page loads the rest when served. Ignored unless it is in
+  /// the page's folder or below.
   void set_potree(const std::filesystem::path& folder);
 
-  /// A sentence about the page.
+  /// Adds a sentence about the page.
   void say(const std::string& note) { notes_.push_back(note); }
-  /// The points have none, so that nothing is left out by which side is seen.
+  /// Points have no normals: disables back-face culling.
   void leave_out_normals() { has_normals_ = false; }
 
   /// Writes the page. `stats`: of the run, as --stats writes them. Throws OutputError.
@@ -73,7 +73,7 @@ class ReportPage {
   struct Jpegs {
     std::string image, depth, confidence, panorama;
     double near = 0.0, far = 0.0, coverage = 0.0, mean_confidence = 0.0;
-    double unmasked = 1.0;  ///< share of the pixels
+    double unmasked = 1.0;  ///< share of pixels
     bool has_depth = false;
   };
 
@@ -88,7 +88,7 @@ class ReportPage {
   Similarity file_from_map_;
   CloudUnit unit_;
   std::size_t keyframes_;
-  AtomicFile file_;  ///< opened at once: a run of hours must not end in front of a file that cannot be made
+  AtomicFile file_;  ///< opened at the start, so that a long run does not fail at its end
   PageCloud cloud_;
   std::map<std::int64_t, Jpegs> pictures_;
   std::map<std::int64_t, std::string> uses_;
@@ -98,7 +98,7 @@ class ReportPage {
   int panoramas_ = 0;
   std::size_t depth_maps_ = 0;
   int depth_width_ = 0;
-  std::vector<std::uint32_t> covered_;  ///< of each direction of the coverage map, depth maps with a depth there
+  std::vector<std::uint32_t> covered_;  ///< per direction of the coverage map: number of depth maps with a depth
 };
 
 }  // namespace pmsp::tool

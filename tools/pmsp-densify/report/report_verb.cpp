@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// `report`: the page of --report from what there is already, a cloud or a workspace. What neither holds is left out,
-// and the page says so.
+// `report`: page of --report from an existing cloud or workspace. The page names what is missing in these.
 #include <algorithm>
 #include <iostream>
 #include <memory>
@@ -20,7 +19,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-/// Of a page of all the cloud's points.
+/// For a page with all points of the cloud.
 CloudHeader header_of(CloudReader& cloud, const fs::path& page) {
   CloudHeader header;
   header.generator = version_text();
@@ -78,7 +77,7 @@ std::int64_t report_cloud(const ReportVerbArguments& arguments, CloudReader& clo
   return points;
 }
 
-/// The flight as a workspace knows it: keyframes with an image, in the order of the plan.
+/// Keyframes with an image of a workspace's record, in the order of the plan.
 SlamMap map_of(const fs::path& folder, const workspace::Record& record) {
   SlamMap map;
   map.path = record.map.empty() ? folder : fs::path(record.map);

@@ -18,17 +18,17 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kLook = std::chrono::milliseconds(100);
-/// Files that have not changed for so long are not being written.
+/// Time without change after which files are considered complete.
 constexpr auto kRest = std::chrono::milliseconds(500);
 
-/// Names, sizes and times of what a run reads.
+/// Names, sizes and times of a run's inputs.
 std::string state_of_inputs(const Arguments& arguments) {
   const std::string state = state_of_map(arguments.map);
   const std::string priors = arguments.prior_depth.empty() ? "" : state_of_files_in(arguments.prior_depth);
   return state + priors + (arguments.video.empty() ? state_of_files_in(arguments.images) : state_of(arguments.video));
 }
 
-/// Looks often, but at each image only where the map or the folder has changed, and now and then.
+/// Polls frequently, but all images only if map or folder have changed, or once a second.
 class Watch {
  public:
   explicit Watch(const Arguments& arguments) : arguments_(arguments) {}
@@ -51,7 +51,7 @@ class Watch {
   Clock::time_point looked_;
 };
 
-/// Whether the next state of the inputs may do better.
+/// True for errors that the next state of the inputs may fix.
 bool may_pass(const std::exception& error) {
   const int code = exit_code_of(error);
   return code == kExitInput || code == kExitEmpty;
@@ -69,7 +69,7 @@ void follow(const Arguments& arguments, const std::function<void(bool growing)>&
     try {
       guard.check();
     } catch (const Interrupted&) {
-      return;  // nothing is under way
+      return;  // idle
     }
     const std::string state = watch.state();
     if (state != seen) changed = Clock::now();

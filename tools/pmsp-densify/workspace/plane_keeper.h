@@ -14,15 +14,15 @@
 
 namespace pmsp::tool {
 
-/// A run with --delete-workspace in a workspace in which nothing lies: one as without, whose planes are kept under the
-/// names at which a WorkspaceStep finds them after a kill.
+/// For runs with --delete-workspace in an empty workspace: otherwise as without workspace, but planes are stored under
+/// the names that a WorkspaceStep expects, for resumption after a kill.
 class PlaneKeeper {
  public:
-  /// All must outlive it. `options`: as told.
+  /// All must outlive it. `options`: of the arguments.
   PlaneKeeper(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
               const SlamMap& map, const RigMask& rig, const ImageSource& source, TimeAccount& time);
 
-  /// For PlannedCallbacks. `densifier`: that which makes them.
+  /// For PlannedCallbacks. `densifier`: the caller.
   bool wants_planes(const Densifier& densifier);
   void keep(const PlaneMap& planes, const Densifier& densifier);
 
@@ -35,7 +35,7 @@ class PlaneKeeper {
   const ImageSource& source_;
   TimeAccount& time_;
   PlanesPace pace_;
-  std::string step_;  ///< from the first planes on
+  std::string step_;  ///< name, set at the first planes
 };
 
 }  // namespace pmsp::tool

@@ -8,18 +8,18 @@
 
 namespace pmsp::tool {
 
-/// Whether planes are worth keeping for a run after a kill: from a GPU they come faster than a disk takes them, and are
-/// made again in less time than it takes to read and check them.
+/// Whether planes are worth storing for resumption: a GPU may produce them faster than a disk writes them, and again
+/// faster than they are read and verified.
 class PlanesPace {
  public:
-  /// DuplicateCandidates for each keyframe whose planes are about to be made. `options`: those in force.
+  /// To be called for each keyframe before its planes are made. `options`: effective ones.
   bool is_worth_keeping(const DensifierOptions& options);
 
  private:
   using Clock = std::chrono::steady_clock;
 
-  std::optional<Clock::time_point> first_;  ///< when the first ones were made, which tell no pace, and
-  double bytes_ = 0.0;                      ///< of planes since then
+  std::optional<Clock::time_point> first_;  ///< time of the first planes, which give no rate
+  double bytes_ = 0.0;                      ///< size of planes since then
 };
 
 }  // namespace pmsp::tool

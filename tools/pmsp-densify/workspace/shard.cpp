@@ -44,14 +44,14 @@ std::string host_name() {
   return ::gethostname(name, sizeof(name) - 1) == 0 ? name : "";
 }
 
-/// What one wave has come to.
+/// Result of a wave.
 struct WaveReport {
   std::int64_t keyframes = 0, made = 0, found = 0;
   Ids without;
   double seconds = 0.0;
 };
 
-/// One share of a mission, from images to files of the workspace.
+/// One shard of a mission, from images to files of the workspace.
 class ShardRun {
  public:
   ShardRun(const Arguments& arguments, const DensifierOptions& options, workspace::Workspace& workspace)
@@ -79,7 +79,7 @@ class ShardRun {
     input_.open_images();
     input_.check_poses();
     input_.announce();
-    const Calibration calibration =  // the same for all shards, since they decode the same images
+    const Calibration calibration =  // the same for all shards, from the same images
         calibrate(arguments_, options_, map_, *input_.images, *input_.masks, false, workspace_.record());
     options_.advanced.expected_keyframes = static_cast<std::int64_t>(input_.images->keyframe_ids().size());
     options_.lens_distance = calibration.lens_distance;
@@ -141,8 +141,8 @@ class ShardRun {
                        workspace_.shards().path().string() + ")");
   }
 
-  /// Images that nobody has looked at: this shard's share of them first, then those of others from the end, so that
-  /// shards that work at once look at each about once. `is_first`: none has said yet what is to be done.
+  /// Reads new images: first this shard's part, then those of others from the end, so that concurrent shards read each
+  /// image about once. `is_first`: no shard has published the step yet.
   void look(bool is_first) {
     std::vector<SkippedKeyframe> unreadable;
     fresh_ = step_->new_images(*input_.images, unreadable);
@@ -158,7 +158,7 @@ class ShardRun {
           workspace::id_range_of({(shard_.index + turn) % shard_.count, shard_.count}, all.size());
       std::size_t first = stretch.first, last = stretch.last;
       while (first < last) {
-        // A video is read from its beginning each time.
+        // Videos are read from their beginning each time.
         const std::size_t number = arguments_.video.empty() ? std::min(kLookedAtOnce, last - first) : last - first;
         const std::size_t begin = turn == 0 ? first : last - number;
         look_at({all.begin() + static_cast<std::ptrdiff_t>(begin),
@@ -173,8 +173,8 @@ class ShardRun {
     }
   }
 
-  /// A few images that follow each other: others may have seen those before and after, so they are verified among
-  /// themselves.
+  /// Reads some consecutive images. They are verified among themselves, since their neighbours may be read by other
+  /// shards.
   void look_at(const Ids& ids, const InterruptGuard& guard) {
     std::set<std::int64_t> wanted;
     for (const std::int64_t id : ids) {
@@ -275,7 +275,7 @@ class ShardRun {
     guard.check();
   }
 
-  // --- what is told --------------------------------------------------------------------------------------------------
+  // --- reports -------------------------------------------------------------------------------------------------------
 
   ShardMarker marker(const WaveReport& report) const {
     ShardMarker marker;
@@ -297,7 +297,7 @@ class ShardRun {
       ShardMarker it = marker({});
       it.failure = reason;
       workspace_.shards().mark(it);
-    } catch (const std::exception&) {  // what went wrong first is what is told
+    } catch (const std::exception&) {  // the first error is reported
     }
   }
 
@@ -332,7 +332,7 @@ class ShardRun {
   workspace::Workspace& workspace_;
   const workspace::Shard shard_;
   const std::string build_;
-  Wave wave_;  ///< in which it is, or that comes first
+  Wave wave_;  ///< current or first wave
   const Clock::time_point start_ = Clock::now();
   Progress progress_;
   MissionInput input_{arguments_, progress_, options_.threads};
@@ -342,8 +342,8 @@ class ShardRun {
   std::set<std::int64_t> skipped_;
   std::size_t readable_ = 0;
   std::string first_error_;
-  Ids depth_maps_;  ///< keyframes that get one
-  Ids mine_;        ///< this shard's
+  Ids depth_maps_;  ///< keyframes with a depth map
+  Ids mine_;        ///< those of this shard
   std::string announced_backend_;
 };
 

@@ -15,7 +15,7 @@ std::optional<int> number_in_environment(const char* name) {
   return text == nullptr ? std::nullopt : number_from<int>(text);
 }
 
-/// Tasks of an array are numbered from any minimum in any steps.
+/// Array tasks may be numbered from any minimum in any steps.
 workspace::Shard shard_of_array_task(const std::string& option) {
   const auto id = number_in_environment("SLURM_ARRAY_TASK_ID");
   const auto count = number_in_environment("SLURM_ARRAY_TASK_COUNT");

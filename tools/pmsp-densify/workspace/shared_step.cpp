@@ -13,7 +13,7 @@
 namespace pmsp::tool {
 namespace {
 
-/// "shard 3", "shards 3 and 5", "shards 3, 5 and 6"
+/// Returns "shard 3", "shards 3 and 5", "shards 3, 5 and 6".
 std::string shards_text(const std::set<int>& shards) {
   std::string text = shards.size() == 1 ? "shard " : "shards ";
   std::size_t left = shards.size();
@@ -33,7 +33,7 @@ std::string shared_path(const std::filesystem::path& path, const Arguments& argu
   return path.empty() ? "" : relative_text(path, arguments.workspace);
 }
 
-/// Of the map and the files that complete it. Of a folder, as COLMAP's: of the files in it.
+/// Fingerprint of the map and its companion files; of a folder (COLMAP), of the files in it.
 std::string map_bytes(const Arguments& arguments, workspace::Workspace& workspace) {
   std::vector<std::filesystem::path> files;
   std::error_code error;
@@ -120,7 +120,7 @@ std::string SharedStep::who_lacks(const std::vector<std::int64_t>& planes,
          (missing == 1 ? " is" : " are") + " missing)" + failures(shards);
 }
 
-/// Why the first of them failed, as far as they could tell.
+/// Errors of the first ones, as far as recorded.
 std::string SharedStep::failures(const std::set<int>& shards) const {
   constexpr int kMost = 3;
   std::string text;
@@ -179,7 +179,7 @@ Merge::Merge(const Arguments& given, workspace::Workspace& the_workspace) : work
   arguments.fps = job.fps;
   arguments.frame_offset = job.frame_offset;
   arguments.presentation_times = job.presentation_times;
-  arguments.allow_missing = true;  // the shards have made sure
+  arguments.allow_missing = true;  // ensured by the shards
   arguments.points = there(job.points);
   arguments.image_list = there(job.image_list);
   arguments.camera_from_body = there(job.camera_from_body);

@@ -12,23 +12,23 @@
 
 namespace pmsp::tool {
 
-/// What a shard is made from, but for what is known of it later: step, engine and build.
+/// Inputs of a shard, except those known later: step, engine and build.
 workspace::ShardJob shared_job(const Arguments& arguments, const DensifierOptions& options,
                                workspace::Workspace& workspace);
 
-/// A step that shards do, and what they tell of themselves.
+/// Step computed by shards, with their markers.
 class SharedStep {
  public:
   /// `step`: decided; must outlive it.
   SharedStep(const WorkspaceStep& step, std::vector<workspace::ShardMarker> markers, int count);
 
-  /// Keyframes for which nothing comes out, as finished shards say.
+  /// Returns keyframes without result, according to finished shards.
   std::set<std::int64_t> without(workspace::Wave wave) const;
 
-  /// "shards 3 and 5 of 7 have not finished (planes of 12 keyframes are missing)", and what these have told.
+  /// Returns "shards 3 and 5 of 7 have not finished (planes of 12 keyframes are missing)", with their errors.
   std::string who_lacks(const std::vector<std::int64_t>& planes, const std::vector<std::int64_t>& points) const;
 
-  /// Throws InvalidInput where a shard that has finished is none of this job, IoError where something is missing.
+  /// Throws InvalidInput if a finished shard belongs to another job, IoError if results are missing.
   void require_all(const workspace::ShardJob& job) const;
 
  private:
@@ -41,12 +41,12 @@ class SharedStep {
   std::vector<std::int64_t> depth_maps_;
 };
 
-/// What `merge` ends: a run as the shards were told, but for its outputs.
+/// Input of `merge`: a run with the arguments of the shards, except for its outputs.
 struct Merge {
-  /// Throws InvalidInput where nothing was shared out, or an input is not what it was.
+  /// Throws InvalidInput if there are no shards, or an input has changed.
   Merge(const Arguments& given, workspace::Workspace& workspace);
 
-  /// Once it is decided: takes what the shards have made. Throws as SharedStep::require_all.
+  /// Adopts the results of the shards into a decided step. Throws as SharedStep::require_all.
   void join(WorkspaceStep& step) const;
 
   workspace::Workspace& workspace;

@@ -22,7 +22,7 @@ namespace {
 using Spent = TimeAccount::Scope;
 using workspace::StepKeyframePlan;
 
-/// What a file of a keyframe holds, if it is the keyframe's.
+/// Returns a file's content; throws IoError if it belongs to another keyframe.
 template <class T>
 T own(std::int64_t id, T loaded) {
   if (loaded.keyframe_id == id) return loaded;
@@ -30,7 +30,7 @@ T own(std::int64_t id, T loaded) {
                 " as that of keyframe " + std::to_string(id) + "; delete the workspace, or name another one");
 }
 
-/// A name for what is seen of an image: whatever that depends on has a say in it.
+/// File name of an image's sharpness record, including a fingerprint of everything that it depends on.
 std::string look_file(const workspace::StepKeyframe& it) {
   workspace::Fingerprint inputs;
   inputs.add(version_text()).add(it.looked_for).add(it.image);
@@ -42,13 +42,13 @@ std::string look_file(const workspace::StepKeyframe& it) {
   return std::to_string(it.keyframe.id) + "-" + inputs.text().substr(0, 16);
 }
 
-/// What the sharpness of an image is recorded for.
+/// Purpose of the sharpness record.
 std::string looked_for_text(const DensifierOptions& options) {
   const bool great_circles = options.advanced.view_filter.enabled && options.advanced.view_filter.min_sharpness > 0.0;
   return great_circles ? "blur at a width of " + std::to_string(options.width) : "nothing";
 }
 
-/// Whether most landmarks of a record are still observed. Where not, it can hardly be compared with newer ones.
+/// True if most landmarks of a record are still observed; otherwise it is not comparable with newer ones.
 bool is_up_to_date(const SharpnessRecord& record, const std::vector<Landmark>& landmarks) {
   std::set<std::int64_t> ids;
   for (const Landmark& landmark : landmarks) ids.insert(landmark.id);
@@ -80,7 +80,7 @@ WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& a
   inputs_.mask = masks_text(arguments, workspace_);
   inputs_.growing = growing;
   const bool has_pages = !arguments.depth_maps.empty() || !arguments.preview.empty() || !arguments.report.path.empty();
-  inputs_.ask_all_again = has_pages && arguments.verb != Verb::kMerge;  // which makes nothing
+  inputs_.ask_all_again = has_pages && arguments.verb != Verb::kMerge;  // merge computes nothing
 }
 
 std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable) {
@@ -146,7 +146,7 @@ void WorkspaceStep::look_at(const Keyframe& keyframe) {
   it.height = keyframe.image.height;
 }
 
-/// What is done, and by whom. `options`: with sizes, backend and simd in force.
+/// Sets options and engine of the inputs. `options`: with sizes, effective backend and simd.
 void WorkspaceStep::describe(const DensifierOptions& options, const std::string& engine,
                              workspace::StepInputs& inputs) const {
   inputs.engine = engine;
@@ -222,7 +222,7 @@ void WorkspaceStep::decide(const std::string& engine) {
     if (stock_.at(id).width > 0) inputs_.keyframes.push_back(std::move(stock_.at(id)));
   }
   if (!inputs_.keyframes.empty()) fill_in_size(options_, inputs_.keyframes[0].width, inputs_.keyframes[0].height);
-  const Densifier probe(options_, {});  // with sizes: whether a device's memory suffices depends on them
+  const Densifier probe(options_, {});  // with sizes, since they decide whether device memory is sufficient
   options_.backend = probe.options().backend;
   options_.simd = probe.options().simd;
   describe(options_, engine.empty() ? engine_text(options_, probe.backend(), arguments_) : engine, inputs_);
@@ -246,7 +246,7 @@ bool WorkspaceStep::has_points(std::int64_t keyframe_id) const {
   return it.points_kept || (!inputs_.ask_all_again && workspace_.has_points(it));
 }
 
-/// What there is of earlier steps, and of this one by now.
+/// Existing results of previous steps and of this one.
 Shortcuts WorkspaceStep::find_shortcuts() const {
   Shortcuts shortcuts;
   shortcuts.keyframes = step_.shortcuts(options_.advanced.patchmatch.geometric_passes);
@@ -263,7 +263,7 @@ Shortcuts WorkspaceStep::find_shortcuts() const {
   return shortcuts;
 }
 
-/// For points where no planes are made any more: those that are there are as they will be.
+/// For points after all planes are made: existing ones are final.
 Shortcuts WorkspaceStep::final_planes() const {
   Shortcuts shortcuts;
   for (const auto& [id, it] : step_.keyframes) {
@@ -318,7 +318,7 @@ void WorkspaceStep::save(const PlaneMap& planes) const {
 }
 
 void WorkspaceStep::save(const KeyframeCloud& cloud) const {
-  if (arguments_.delete_workspace) return;  // of planes they are made in no time
+  if (arguments_.delete_workspace) return;  // fast to recompute from planes
   const Spent spent(time_, Busy::kWorkspace);
   workspace_.save_points(step_.keyframes.at(cloud.keyframe_id).points_file, cloud);
 }
@@ -344,7 +344,7 @@ std::unique_ptr<PlannedDensifier> WorkspaceStep::densifier(PlannedCallbacks call
   return std::make_unique<PlannedDensifier>(options_, step_.plan, missing_, std::move(callbacks), shortcuts_);
 }
 
-/// Clouds that are there and come before this keyframe's; nullopt = all.
+/// Emits existing clouds before this keyframe's; nullopt = all.
 void WorkspaceStep::hand_on_until(std::optional<std::int64_t> keyframe_id) {
   const Spent spent(time_, Busy::kWorkspace);
   for (; next_ < step_.plan.entries.size() && step_.plan.entries[next_].id != keyframe_id; ++next_) {

@@ -25,66 +25,65 @@
 
 namespace pmsp::tool {
 
-/// A path relative to the workspace where that can be, so that both may be moved together.
+/// Returns a path relative to the workspace if possible, so that both can be moved together.
 std::string relative_text(const std::filesystem::path& path, const std::filesystem::path& folder);
 
-/// One run with --workspace: from what lies there to the mission as it is now. In the order of the members.
+/// Run with --workspace: updates its content to the current mission. Members are to be called in order.
 class WorkspaceStep {
  public:
   using TakeCloud = std::function<void(const KeyframeCloud&)>;
 
-  /// All but `rig` must outlive it. `time`: account of the time that the workspace takes; nullptr = none.
+  /// All except `rig` must outlive it. `time`: account of the workspace's time; nullptr = none.
   WorkspaceStep(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
                 const SlamMap& map, const RigMask& rig, bool growing, TimeAccount* time);
 
-  /// Takes stock of the images; returns the keyframes whose images must be looked at. `unreadable` have none.
+  /// Lists the images; returns keyframes whose images must be read. `unreadable`: have none.
   std::set<std::int64_t> new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable);
-  /// Throws OutputError where hardly anything that lies in the workspace can be kept: it is of another mission, or
-  /// other options make it worthless. Not with --force, nor where this process has made it. After new_images.
+  /// Throws OutputError if almost nothing in the workspace can be kept: other mission or incompatible options. Not with
+  /// --force, nor after a commit by this process. To be called after new_images.
   void refuse_losses() const;
   void look_at(const Keyframe& keyframe);  ///< with its image
 
-  /// Begins this step where nothing lies in the workspace, for a run that does not need to know more than its name,
-  /// which is returned. `densifier`: that of the run.
+  /// Begins a step in an empty workspace without deciding it; returns its name. `densifier`: of the run.
   std::string begin_run(const ImageSource& source, const Densifier& densifier);
 
-  /// What a shard has seen of a new image, in place of looking at it; returns whether one has.
+  /// Loads the sharpness of a new image if a shard has stored it; returns whether it has.
   bool find_look(std::int64_t keyframe_id);
   void save_look(std::int64_t keyframe_id) const;
 
-  /// Decides what is to be done. Keyframes that were not looked at, but should have been, have no image. Throws as the
-  /// Densifier does where the backend is not there. `engine`: of those who do it; "" = this machine.
+  /// Plans the step. Keyframes that should have been read, but were not, count as without image. Throws as the
+  /// Densifier if the backend is unavailable. `engine`: that of the shards; "" = this machine.
   void decide(const std::string& engine = "");
-  /// Once it is decided: says in the workspace what is about to be made.
+  /// Records in the workspace what is about to be computed. To be called after decide().
   void begin() const;
   const workspace::Step& step() const { return step_; }
   const workspace::StepInputs& inputs() const { return inputs_; }
 
-  /// For what is missing. `callbacks.cloud` is given all clouds, those that are kept, too, in the order of the plan.
+  /// Computes what is missing. `callbacks.cloud` receives all clouds, including kept ones, in the order of the plan.
   std::unique_ptr<PlannedDensifier> densifier(PlannedCallbacks callbacks);
   bool has_work() const { return !missing_.empty(); }
   std::int64_t depth_maps() const { return static_cast<std::int64_t>(step_.keyframes.size()); }
-  /// Of what the keyframe has by now.
+  /// Scale of the keyframe's current results.
   double scale_of(std::int64_t keyframe_id) const;
 
-  /// Of a keyframe with a depth map: whether what this step ends with is there by now.
+  /// For keyframes with a depth map: whether the step's final result exists.
   bool has_planes(std::int64_t keyframe_id) const;
   bool has_points(std::int64_t keyframe_id) const;
-  /// Keyframes whose planes are behind these points and not there, but for those that have none.
+  /// Returns keyframes whose planes are missing for these points, except `without`.
   std::vector<std::int64_t> planes_lacking(const std::vector<std::int64_t>& points_of,
                                            const std::set<std::int64_t>& without) const;
 
-  // Parts of the step: what these keyframes lack goes to the workspace, and planes of others that are made on the way.
+  // Partial computation by shards: stores what these keyframes lack, and planes of others that are made on the way.
   std::unique_ptr<PlannedDensifier> planes_densifier(const std::vector<std::int64_t>& ids,
                                                      const std::function<void(std::int64_t keyframe_id)>& made) const;
-  /// `planes_are_there`: as `planes_lacking` says.
+  /// `planes_are_there`: planes_lacking() is empty.
   std::unique_ptr<PlannedDensifier> points_densifier(const std::vector<std::int64_t>& ids, bool planes_are_there,
                                                      const std::function<void(std::int64_t keyframe_id)>& made) const;
 
-  /// Shards have done all of it: nothing is missing. `is_repeated`: they were joined before.
+  /// Shards have computed everything. `is_repeated`: they were merged before.
   void join(bool is_repeated);
 
-  /// Hands on the clouds that come after the last one made.
+  /// Emits the remaining clouds.
   void finish();
   /// `lenses_looked_at`: Calibration::images.
   void commit(std::size_t lenses_looked_at, workspace::RecordedCloud cloud);
@@ -95,7 +94,7 @@ class WorkspaceStep {
     for (const workspace::StepKeyframe& it : inputs_.keyframes) take(it.keyframe.id, it.width, it.height);
   }
 
-  /// Of the whole mission.
+  /// Totals of the whole mission.
   void count_keyframes(DensifierStats& stats) const;
   std::string summary() const;
   nlohmann::ordered_json report() const;
@@ -113,23 +112,23 @@ class WorkspaceStep {
 
   workspace::Workspace& workspace_;
   const Arguments& arguments_;
-  DensifierOptions options_;  ///< as told; once it is decided, with sizes, backend and simd in force
+  DensifierOptions options_;  ///< of the arguments; after decide() with sizes, effective backend and simd
   const SlamMap& map_;
   TimeAccount* const time_;
   Executor executor_;
-  std::vector<std::int64_t> ids_;  ///< of keyframes with an image, in order
+  std::vector<std::int64_t> ids_;  ///< keyframes with an image, in order
   std::map<std::int64_t, workspace::StepKeyframe> stock_;
   nlohmann::ordered_json rig_;  ///< see rig_json
   workspace::StepInputs inputs_;
   workspace::Step step_;
-  std::set<std::int64_t> there_;       ///< points that need not be made
-  std::vector<std::int64_t> missing_;  ///< and those that must
+  std::set<std::int64_t> there_;       ///< keyframes with existing points
+  std::vector<std::int64_t> missing_;  ///< keyframes whose points must be made
   Shortcuts shortcuts_;
   bool is_joined_ = false;
   bool is_repeated_ = false;
   PlanesPace pace_;
   TakeCloud take_cloud_;
-  std::size_t next_ = 0;  ///< entry of the plan whose cloud comes next
+  std::size_t next_ = 0;  ///< index of the next cloud's entry in the plan
 };
 
 }  // namespace pmsp::tool
