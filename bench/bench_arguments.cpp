@@ -64,7 +64,7 @@ bool has(Simd simd) {
   }
 }
 
-/// In the order of the columns; throws BackendUnavailable for one that was asked for and is not there.
+/// Returns instruction sets in the order of the columns; throws BackendUnavailable if a requested one is missing.
 std::vector<Simd> resolve_simds(const std::vector<std::string>& names) {
   std::vector<Simd> wanted;
   wanted.reserve(names.size());
@@ -94,7 +94,7 @@ std::vector<int> resolve_threads(const std::vector<std::string>& texts) {
   return threads;
 }
 
-/// Sets `cpu` and `cuda`. Throws UsageError, and BackendUnavailable for a device that was asked for and is not there.
+/// Sets `cpu` and `cuda`. Throws UsageError; BackendUnavailable if a requested device is missing.
 void resolve_backends(const std::vector<std::string>& names, Arguments& arguments) {
   const auto asked = [&](const char* name) { return std::find(names.begin(), names.end(), name) != names.end(); };
   arguments.cpu = names.empty() || asked("cpu");

@@ -9,7 +9,7 @@
 
 namespace pmsp::bench {
 
-/// Keyframes, and what their images point to.
+/// Keyframes with the owner of their images.
 struct Flight {
   std::vector<Keyframe> keyframes;
   int image_width = 0;
@@ -17,11 +17,11 @@ struct Flight {
   std::shared_ptr<const void> images;
 };
 
-/// A flight through a textured room, rendered with one ray a pixel: times do not depend on how well edges look.
+/// Renders a sequence in a textured room with one ray per pixel: times do not depend on antialiasing.
 Flight render_flight(int image_width, int keyframes);
 
-/// The first keyframes of a map whose images are found, one after the other as the view filter accepts them.
-/// Throws IoError, and InvalidInput when there are fewer than `keyframes`.
+/// Reads the first keyframes of a map with images, as accepted by the view filter. Throws IoError; InvalidInput if
+/// there are fewer than `keyframes`.
 Flight read_flight(const std::filesystem::path& map, const std::filesystem::path& images, int keyframes);
 
 }  // namespace pmsp::bench

@@ -13,7 +13,7 @@
 namespace pmsp::bench {
 namespace {
 
-/// Wall clock over CPU time, with one thread, above which others evidently had the processor for a while.
+/// Ratio of wall-clock to CPU time of one thread above which other processes used the CPU.
 constexpr double kBusy = 1.1;
 
 [[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
@@ -38,7 +38,8 @@ Summary summary_of(std::vector<double> values) {
   return {median, values.front(), values.back()};
 }
 
-/// CPU time for one thread: it is the wall clock's on an idle machine, and nearly the same on a busy one.
+/// Whether CPU time is reported: for one thread it equals wall-clock time on an idle machine and nearly the same on a
+/// busy one.
 bool by_cpu_time(const Case& one) { return one.threads == 1 && !one.cuda; }
 
 std::optional<Summary> summary_of(const Case& one, const Results& results) {
@@ -94,7 +95,7 @@ std::string heading(const std::vector<Case>& cases, const Results& results) {
                 repetitions == 1 ? "" : "s");
 }
 
-/// The cases of one table, all of one workload and number of threads.
+/// Returns a table of cases of one workload and number of threads.
 std::string table(const std::vector<Case>& cases, const Results& results) {
   std::vector<std::string> stages;
   std::vector<Simd> simds;
@@ -119,7 +120,7 @@ std::string table(const std::vector<Case>& cases, const Results& results) {
 
 constexpr double kMiB = 1024.0 * 1024.0;
 
-/// Samples of PatchMatch in a second, by the median of its times; 0 where it was not timed.
+/// Returns the samples of PatchMatch per second, by its median time; 0 if not timed.
 double sample_rate(const Workload& workload, const Results& results, const DeviceFigures& figures) {
   Case one;
   one.workload = &workload;

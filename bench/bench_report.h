@@ -13,27 +13,27 @@
 
 namespace pmsp::bench {
 
-/// One benchmark: a row's cell.
+/// Benchmark: a cell of a table.
 struct Case {
   const Workload* workload = nullptr;
   std::string stage;
   Simd simd = Simd::kScalar;
   int threads = 1;
-  bool cuda = false;  ///< on the CUDA device; `simd` and `threads` then say nothing
+  bool cuda = false;  ///< on the CUDA device; `simd` and `threads` are unused
 
   std::string name() const;
 };
 
-/// One figure for each repetition [ms].
+/// One value per repetition.
 struct Times {
-  std::vector<double> wall_ms;  ///< of stages on a device, its own clock's
-  std::vector<double> cpu_ms;   ///< all threads together; empty for a device
+  std::vector<double> wall_ms;  ///< by the device's clock, for stages on a device
+  std::vector<double> cpu_ms;   ///< of all threads; empty for a device
 };
 
-/// By the name of the case.
+/// By name of the case.
 using Results = std::map<std::string, Times>;
 
-/// Keeps what Google Benchmark measures; prints nothing.
+/// Stores the results of Google Benchmark; prints nothing.
 class Collector : public benchmark::BenchmarkReporter {
  public:
   explicit Collector(Results& results) : results_(results) {}
@@ -44,29 +44,28 @@ class Collector : public benchmark::BenchmarkReporter {
   Results& results_;
 };
 
-/// What was measured on a CUDA device besides times.
+/// Measurements on a CUDA device besides times.
 struct DeviceFigures {
   std::string name;
   int number = 0;
-  int keyframes = 0;  ///< of each flight
-  std::map<std::string, std::size_t>
-      peak_bytes;             ///< device memory taken, code and stacks included: keyframe, cloud ...
-  double samples = 0.0;       ///< that PatchMatch takes for a keyframe, at most
-  double texture_rate = 0.0;  ///< samples that the texture units filter in a second, at most
+  int keyframes = 0;                              ///< of each sequence
+  std::map<std::string, std::size_t> peak_bytes;  ///< peak device memory, code and stacks included: keyframe, cloud ...
+  double samples = 0.0;                           ///< maximum number of samples of PatchMatch per keyframe
+  double texture_rate = 0.0;                      ///< maximum number of samples per second of the texture units
 };
 using AllDeviceFigures = std::map<const Workload*, DeviceFigures>;
 
 struct Machine {
-  std::string cpu;  ///< "unknown" where the system does not tell
-  int cpus = 0;     ///< that this process may use
+  std::string cpu;  ///< "unknown" if not available
+  int cpus = 0;     ///< available to this process
 };
 Machine this_machine();
 
-/// A table for each quality and number of threads: stage, and a column for each instruction set; and one for each
-/// quality on the device.
+/// Returns a table per preset and number of threads, with stages as rows and instruction sets as columns, and one per
+/// preset for the device.
 std::string tables(const std::vector<Case>& cases, const Results& results, const AllDeviceFigures& device);
 
-/// All figures, and where they come from.
+/// Returns all results with their conditions.
 nlohmann::ordered_json to_json(const std::vector<Case>& cases, const Results& results, const Machine& machine,
                                const AllDeviceFigures& device);
 

@@ -17,20 +17,20 @@ double seconds_now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-/// The flight to and fro, so that few images serve a long one: 0 1 2 3 2 1 0 1 ...
+/// Index in a sequence to and fro, so that few images suffice: 0 1 2 3 2 1 0 1 ...
 std::size_t to_and_fro(int i, std::size_t count) {
   const std::size_t period = 2 * (count - 1);
   const std::size_t at = static_cast<std::size_t>(i) % period;
   return std::min(at, period - at);
 }
 
-/// One Densifier on one kind of errand, flight after flight.
+/// Densifier of one configuration, for several sequences.
 class Runner {
  public:
   Runner(const Workload& workload, const DeviceRequest& request, bool pipelined, bool cloud)
       : workload_(workload), request_(request), densifier_(options_for(pipelined), callbacks(cloud)) {}
 
-  /// Seconds per keyframe, from the first image to the last result.
+  /// Returns seconds per keyframe, from the first image to the last result.
   double fly() {
     const std::int64_t before = densifier_.stats().depth_maps;
     const double start = seconds_now();
@@ -85,7 +85,7 @@ constexpr TimedStage kTimed[] = {
     {"patchmatch", &DensifierStats::seconds_patchmatch},   {"median", &DensifierStats::seconds_median},
     {"consistency", &DensifierStats::seconds_consistency}, {"fuse", &DensifierStats::seconds_fusion}};
 
-/// What a flight of each kind tells: whole keyframes, and the stages that no other flight tells.
+/// Configuration of sequences: timed as whole keyframes, and for stages that no other one measures.
 struct Errand {
   const char* whole;
   bool pipelined;
@@ -95,7 +95,7 @@ struct Errand {
 constexpr Errand kErrands[] = {
     {"keyframe", false, false, true}, {"pipelined", true, false, false}, {"cloud", true, true, false}};
 
-/// Stages of the errand, fusion being told by `cloud` alone.
+/// Whether the configuration measures a stage; fusion is measured by `cloud` only.
 bool tells(const Errand& errand, const TimedStage& stage) {
   return std::string(stage.name) == "fuse" ? errand.cloud : errand.tells_stages;
 }
@@ -112,13 +112,13 @@ std::string case_name(const Workload& workload, const char* stage) {
   return one.name();
 }
 
-/// Bilinear samples that PatchMatch takes of neighbours for one keyframe if no hypothesis is turned down unseen: the
-/// random plane and the candidates, or the plane so far, then in each iteration the neighbours' planes and the random
-/// steps.
+/// Returns the number of bilinear samples of source views per keyframe if no hypothesis is rejected early: the random
+/// plane and the candidates, or the current plane; then in each iteration the planes of neighbouring pixels and the
+/// random steps.
 double nominal_samples(const DensifierOptions& options) {
   const int candidates = (options.advanced.init.sparse_points ? 1 : 0) + (options.advanced.init.warp_previous ? 1 : 0);
   const PatchMatchOptions& patchmatch = options.advanced.patchmatch;
-  int hypotheses = 0;  // of a pixel
+  int hypotheses = 0;  // per pixel
   for (int pass = 0; pass <= patchmatch.geometric_passes; ++pass) {
     const int starts = pass == 0 ? 1 + candidates : 1;
     hypotheses += starts + iterations_of(patchmatch, pass).count * (kernels::kNeighbours + patchmatch.refinements);

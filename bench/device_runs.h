@@ -9,16 +9,16 @@
 
 namespace pmsp::bench {
 
-/// What is measured on a CUDA device, with flights that run to and fro over the workload's keyframes.
+/// Measurements on a CUDA device, with sequences to and fro over the workload's keyframes.
 struct DeviceRequest {
   int device = 0;
   std::vector<std::string> stages;
-  int keyframes = 30;  ///< of one flight
+  int keyframes = 30;  ///< of a sequence
   int repetitions = 5;
 };
 
-/// Adds the times per keyframe of each stage, by the device's own clock, and of whole keyframes, by the wall clock; one
-/// figure for each flight. A first flight of each kind is not counted: it allocates. Throws as Densifier does.
+/// Adds times per keyframe: of each stage by the device's clock, of whole keyframes by the wall clock; one value per
+/// sequence. The first sequence of each kind, which allocates, is not counted. Throws as Densifier.
 void run_on_device(const Workload& workload, const DeviceRequest& request, Results& results, DeviceFigures& figures);
 
 }  // namespace pmsp::bench

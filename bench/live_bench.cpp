@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// pmsp-live-bench: what a LiveDensifier costs the SLAM that it runs beside, and how far it is behind.
+// pmsp-live-bench: load of a LiveDensifier on the SLAM beside it, and its latency.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
@@ -118,7 +118,7 @@ LiveImage live_image(std::shared_ptr<const Image<Rgb>> image) {
   return result;
 }
 
-/// Threads that stand for a SLAM: each works for so long as takes 70 ms of an idle machine, and rests for 30 ms.
+/// Load of a SLAM: each thread does work of 70 ms on an idle machine, then sleeps for 30 ms.
 class BusyThreads {
  public:
   explicit BusyThreads(int count) {
@@ -140,7 +140,7 @@ class BusyThreads {
   }
   std::int64_t done() const { return done_; }
 
-  /// Pieces of work in a second.
+  /// Returns the pieces of work per second.
   double rate(double seconds) const {
     const std::int64_t before = done_;
     const Clock::time_point start = Clock::now();
@@ -200,7 +200,7 @@ PlayedMission read_mission(const Arguments& arguments) {
   return mission;
 }
 
-/// When keyframes came, and when their first points.
+/// Times of keyframes and of their first points.
 class Delays {
  public:
   void watch(LiveDensifier* live) {
@@ -224,7 +224,7 @@ class Delays {
       }
     }
   }
-  /// Of all keyframes, 1e9 of those without points.
+  /// Returns the delays of all keyframes, 1e9 without points.
   std::vector<double> seconds() const {
     const std::lock_guard<std::mutex> lock(mutex_);
     std::vector<double> result;
@@ -329,7 +329,7 @@ void play(const Arguments& arguments) {
 
 constexpr int kRoom = 13;
 
-/// Keyframes of one room, in other rooms for each time that they are flown through, or again in the same one.
+/// Returns keyframes of rooms: another room for each traversal, or the same one again.
 std::vector<LiveKeyframe> rooms(int count, bool one_room) {
   synth::Recipe recipe;
   recipe.width = 64;

@@ -27,12 +27,12 @@
 namespace pmsp::bench {
 namespace {
 
-/// All that benchmarks use, alive until the last of them has run.
+/// Data of benchmarks, alive until the last one has run.
 struct Session {
   std::vector<std::unique_ptr<Workload>> workloads;
   std::vector<Case> cases;
   std::map<std::pair<Simd, int>, Executor> executors;
-  std::exception_ptr error;  ///< the first that a stage threw
+  std::exception_ptr error;  ///< first exception of a stage
 };
 
 bool is_wanted(const Arguments& arguments, const Stage& stage) {
@@ -72,7 +72,7 @@ void choose_cases(const Arguments& arguments, Session& session) {
   }
 }
 
-/// By image width; one for all where a map is given.
+/// Returns sequences by image width; one for all if a map is given.
 std::map<int, Flight> make_flights(const Arguments& arguments, const Session& session) {
   std::map<int, int> flights;  // image width -> keyframes
   for (const auto& workload : session.workloads) {
@@ -114,7 +114,7 @@ void run_case(benchmark::State& state, const Case& one, Session& session) {
   }
 }
 
-/// Ours first: of two equal flags, Google Benchmark takes the later one.
+/// Own flags come first: of equal flags, Google Benchmark uses the last one.
 void initialize_google(const Arguments& arguments) {
   std::vector<std::string> words = {
       "pmsp-bench", "--benchmark_repetitions=" + std::to_string(arguments.repetitions.value_or(kRepetitions)),
@@ -138,7 +138,7 @@ void run_on_cpu(const Arguments& arguments, Session& session, Results& results) 
                            ->Unit(benchmark::kMillisecond)
                            ->MeasureProcessCPUTime()
                            ->UseRealTime();
-    if (!arguments.repetitions && is_end_to_end(stage_named(one.stage))) {  // they take longest
+    if (!arguments.repetitions && is_end_to_end(stage_named(one.stage))) {  // the slowest ones
       registered->Repetitions(one.simd == Simd::kScalar ? 1 : 2);
     }
   }
@@ -163,7 +163,7 @@ void run(const Arguments& arguments) {
     for (const Case& one : session.cases) std::cout << one.name() << '\n';
     return;
   }
-  std::optional<AtomicFile> json;  // opened first: better to fail now than after minutes
+  std::optional<AtomicFile> json;  // opened first, to fail early
   if (!arguments.json.empty()) json.emplace(arguments.json);
   initialize_google(arguments);
   const Machine machine = this_machine();

@@ -76,7 +76,7 @@ void fuse_current(benchmark::State& state, const Workload& workload, const Execu
   }
 }
 
-/// The whole flight through a Densifier; a keyframe's share of it counts as one iteration.
+/// Runs a Densifier over the whole sequence; one iteration is the work of one keyframe.
 void fly(benchmark::State& state, const Workload& workload, const Executor& executor, bool with_cloud) {
   DensifierOptions options = workload.options;
   options.backend = Backend::kCpu;

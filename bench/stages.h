@@ -11,23 +11,23 @@
 
 namespace pmsp::bench {
 
-/// Something that is timed. `run` is Google Benchmark's loop; one iteration of it is one keyframe's share.
+/// Timed stage. `run`: loop of Google Benchmark; one iteration is the work of one keyframe.
 struct Stage {
   const char* name;
   const char* what;
-  bool needs_maps;  ///< of its workload, on the CPU
-  bool on_device;   ///< run_on_device times it too
+  bool needs_maps;  ///< needs depth maps in the workload, on the CPU
+  bool on_device;   ///< also timed by run_on_device
   void (*run)(benchmark::State& state, const Workload& workload,
               const Executor& executor);  ///< nullptr: not on the CPU
 };
 
-/// In the order of the pipeline.
+/// In pipeline order.
 const std::vector<Stage>& all_stages();
 
 /// Throws InvalidOption.
 const Stage& stage_named(const std::string& name);
 
-/// Whole keyframes are about latency and run for long: with the largest number of threads only.
+/// Whole keyframes measure latency and take long: with the largest number of threads only.
 inline bool is_end_to_end(const Stage& stage) {
   const std::string name = stage.name;
   return name == "keyframe" || name == "cloud";

@@ -1,5 +1,5 @@
-# cmake -D BENCH=pmsp-bench -P test_runs.cmake: a small run ends well, and its table and JSON name every stage. No times
-# are compared with anything: they are the machine's.
+# cmake -D BENCH=pmsp-bench -P test_runs.cmake: a small run succeeds, and its table and JSON contain every stage. Times
+# depend on the machine and are not compared.
 set(stages prepare sparse warp patchmatch median consistency fuse keyframe cloud)
 set(small --backends cpu --simd all --threads 1,all --width 64 --image-width 128 --repetitions 2
           --benchmark_min_time=0.001)
@@ -16,7 +16,7 @@ function(fail)
   message(FATAL_ERROR ${ARGV})
 endfunction()
 
-# expect(CODE ARGUMENTS...): runs pmsp-bench; `output` and `errors` are what it printed.
+# expect(CODE ARGUMENTS...): runs pmsp-bench; sets `output` and `errors` to its standard output and error.
 macro(expect code)
   execute_process(COMMAND ${BENCH} ${ARGN} RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE errors)
   if(NOT result EQUAL "${code}")

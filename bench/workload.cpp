@@ -10,7 +10,7 @@
 namespace pmsp::bench {
 namespace {
 
-/// As many as the preset asks for, the nearest ones before and after the current keyframe in turn.
+/// Returns as many as the preset requires, alternating before and after the current keyframe.
 std::vector<std::size_t> neighbours_of(std::size_t current, std::size_t keyframes, int count) {
   std::vector<std::size_t> chosen;
   for (std::size_t away = 1; away < keyframes; ++away) {

@@ -14,15 +14,15 @@
 
 namespace pmsp::bench {
 
-/// What each stage of one quality is given: a short flight, and what the stages before have made of it. Nothing in here
-/// changes while benchmarks run.
+/// Inputs of all stages for one preset: a short sequence and the results of previous stages. Constant while benchmarks
+/// run.
 struct Workload {
   std::string quality;
   DensifierOptions options;  ///< sizes filled in
-  Flight flight;             ///< its images are shared by the qualities that have images of one size
-  std::size_t current = 0;   ///< the keyframe in the middle of the flight, which stages work on
+  Flight flight;             ///< images are shared by presets with the same image size
+  std::size_t current = 0;   ///< index of the middle keyframe, the one that stages process
 
-  std::vector<Keyframe> keyframes;  ///< as many as the windows ask for
+  std::vector<Keyframe> keyframes;  ///< as many as the windows require
   std::vector<Panorama> panoramas;
   std::vector<PlaneMap> raw;             ///< after PatchMatch
   std::vector<PlaneMap> median;          ///< after the median filter
@@ -38,20 +38,20 @@ struct Workload {
 
 struct WorkloadRequest {
   std::string quality;
-  int width = 0;        ///< of the depth maps; 0 = the quality's
+  int width = 0;        ///< of the depth maps; 0 = of the preset
   int height = 0;       ///< of the depth maps; 0 = half the width
-  int image_width = 0;  ///< 0 = 1920, or the depth maps' if that is more
-  std::optional<int> neighbours, iterations, refinements, geometric_passes;  ///< instead of the quality's
+  int image_width = 0;  ///< 0 = 1920, or the width of the depth maps if larger
+  std::optional<int> neighbours, iterations, refinements, geometric_passes;  ///< instead of those of the preset
 };
 
-/// The options and sizes only: what is needed to name the benchmarks. Throws InvalidOption.
+/// Returns a workload with options and sizes only, for the names of benchmarks. Throws InvalidOption.
 std::unique_ptr<Workload> outline(const WorkloadRequest& request);
 int image_width_of(const WorkloadRequest& request);
 
-/// Keyframes that the workload's windows ask for.
+/// Returns the number of keyframes required by the windows.
 int flight_length(const DensifierOptions& options);
 
-/// Fills in all that is missing. `with_maps`: depth maps as well, which takes a run of the Densifier.
+/// Adds missing members. `with_maps`: also depth maps, by a run of the Densifier.
 void fill(Workload& workload, const Flight& flight, bool with_maps);
 
 }  // namespace pmsp::bench

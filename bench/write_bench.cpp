@@ -31,7 +31,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kOfKeyframe = 1'000'000;
-constexpr double kStep = 0.5;  ///< between keyframes
+constexpr double kStep = 0.5;  ///< distance between keyframes
 
 struct Arguments {
   std::int64_t points = 100'000'000;
@@ -42,7 +42,7 @@ struct Arguments {
   CloudAmount amount;
 };
 
-/// What a keyframe sees of the walls of a corridor with pillars, in its camera frame.
+/// Returns the view of a keyframe in a corridor with pillars, in camera frame.
 KeyframeCloud corridor() {
   KeyframeCloud cloud;
   cloud.points.resize(kOfKeyframe);
@@ -83,7 +83,7 @@ std::uintmax_t bytes_of(const fs::path& path) {
   return bytes;
 }
 
-/// This process stays on the first of the cores that it may use.
+/// Restricts the process to the first of its available cores.
 void stay_on(int cores) {
   cpu_set_t all, some;
   CPU_ZERO(&some);
@@ -95,7 +95,7 @@ void stay_on(int cores) {
   if (!is_done) throw BackendUnavailable("the system does not let this program choose its cores");
 }
 
-/// In a process of its own, so that its memory is that of this format.
+/// Runs in its own process, to measure the memory of one format.
 void write_one(const Arguments& arguments, const CloudFormat& format, const fs::path& path) {
   stay_on(arguments.cores);
   KeyframeCloud cloud = corridor();

@@ -3,7 +3,7 @@
 
 namespace pmsp::bench {
 
-/// `pmsp-bench write`: times of the cloud's writers. Returns the exit code; throws as main's other errors do.
+/// `pmsp-bench write`: times of the cloud writers. Returns the exit code; throws as main.
 int write_bench(int argc, char** argv);
 
 }  // namespace pmsp::bench

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// From the map of a SLAM and the images of its keyframes to a cloud: densify_map MAP IMAGES CLOUD
+// Makes a cloud of a SLAM's map and the images of its keyframes: densify_map MAP IMAGES CLOUD
 #include <cstdio>
 #include <exception>
 

@@ -12,14 +12,13 @@
 
 #include "pmsp/live.h"
 
-/// Plays a recorded mission as a monocular SLAM would have lived through it: each keyframe moves about thirty times
-/// while newer ones come, and with `drift` the flight grows and turns as it goes on, until a loop closure puts all in
-/// place, without a word on scales.
+/// Plays a recorded mission like a monocular SLAM: each keyframe moves about thirty times while newer ones are added;
+/// with `drift`, scale and heading drift until a loop closure corrects all poses without reporting scales.
 class FakeSlam {
  public:
-  /// `truth`: keyframes in the order of flight, as the SLAM left them in the end; images may be missing.
-  /// `drift`: by how much the last keyframe's scale is off before the loop is closed; 0 = no drift, no loop.
-  /// `unrest`: how far keyframes move until they are final, 1 = as with stella_vslam.
+  /// `truth`: keyframes in temporal order with the final poses of the SLAM; images may be missing.
+  /// `drift`: relative error of the last keyframe's scale before the loop closure; 0 = no drift, no loop closure.
+  /// `unrest`: factor on the moves of keyframes; 1 = as with stella_vslam.
   FakeSlam(std::vector<pmsp::LiveKeyframe> truth, double drift, double unrest = 1.0)
       : truth_(std::move(truth)), drift_(drift), unrest_(unrest) {
     Eigen::Vector3d center = Eigen::Vector3d::Zero();
@@ -40,13 +39,13 @@ class FakeSlam {
   std::size_t size() const { return truth_.size(); }
   bool closes_loop() const { return drift_ != 0.0; }
 
-  /// The next keyframe as the mapper has just finished it.
+  /// Returns the next keyframe, just finished by the mapper.
   pmsp::LiveKeyframe next() {
     ++come_;
     return at_present(come_ - 1);
   }
 
-  /// The keyframes that the local bundle adjustment after it has moved, without images.
+  /// Returns the keyframes moved by the local bundle adjustment after it, without images.
   std::vector<pmsp::LiveKeyframe> moved() const {
     std::vector<pmsp::LiveKeyframe> result;
     for (std::size_t k = come_ > kWindow ? come_ - kWindow : 0; k + 1 < come_; ++k) {
@@ -56,7 +55,7 @@ class FakeSlam {
     return result;
   }
 
-  /// All keyframes after the loop closure and the last bundle adjustment.
+  /// Returns all keyframes after the loop closure and the last bundle adjustment.
   std::vector<pmsp::LiveKeyframe> closed() const {
     std::vector<pmsp::LiveKeyframe> result(truth_.begin(), truth_.begin() + static_cast<std::ptrdiff_t>(come_));
     for (pmsp::LiveKeyframe& keyframe : result) keyframe.image = {};
@@ -74,8 +73,8 @@ class FakeSlam {
     return Eigen::AngleAxisd(0.5 * drift_ * share(k), Eigen::Vector3d::UnitY()).toRotationMatrix();
   }
 
-  /// How far a pose is still from where it will end: as measured with stella_vslam, 0.18 % of the depth with three
-  /// newer keyframes, 0.11 % with eight, 0.03 % with twenty.
+  /// Returns the distance to the final position: about 0.2 % of the depth, decaying with newer keyframes as with
+  /// stella_vslam.
   Eigen::Vector3d error(std::size_t k) const {
     const double newer = static_cast<double>(come_ - 1 - k);
     const double angle = 2.4 * static_cast<double>(k) + 0.3 * newer;
@@ -98,7 +97,7 @@ class FakeSlam {
   std::vector<pmsp::LiveKeyframe> truth_;
   double drift_;
   double unrest_;
-  std::vector<Eigen::Vector3d> centers_;  ///< with the drift
-  std::vector<double> ranges_;            ///< median distance of the landmarks
+  std::vector<Eigen::Vector3d> centers_;  ///< with drift
+  std::vector<double> ranges_;            ///< median distance of landmarks
   std::size_t come_ = 0;
 };

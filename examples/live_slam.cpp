@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// How a SLAM uses LiveDensifier. The SLAM is a fake one that plays a recorded mission; what a real one has to do is
-// between the lines "a SLAM's part".
+// Use of LiveDensifier by a SLAM: a fake one, which plays a recorded mission. The part of a real SLAM is between the
+// lines "a SLAM's part".
 //
 //   live_slam MAP IMAGES [--speed X] [--drift SHARE] [--wait SECONDS] [-o CLOUD.ply]
 //
 //   MAP, IMAGES     a mission as pmsp-densify takes it, such as data/map.msg data/images
-//   --speed X       times as fast as it was flown [default 1]
-//   --drift SHARE   by how much the scale is off at the end, before the loop is closed [default 0.1]
-//   --wait SECONDS  how long the points may take after the last keyframe [default 600]
-//   -o CLOUD.ply    where the final points go
+//   --speed X       playback speed relative to the recording [default 1]
+//   --drift SHARE   scale error at the end, before the loop closure [default 0.1]
+//   --wait SECONDS  maximum time for the points after the last keyframe [default 600]
+//   -o CLOUD.ply    final points
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
@@ -99,7 +99,7 @@ Mission read_mission(const Arguments& arguments) {
   return mission;
 }
 
-/// What a viewer would draw.
+/// Stand-in for a viewer.
 class Viewer {
  public:
   void draw(const pmsp::LiveDensifier& live, double seconds) {
@@ -158,7 +158,7 @@ int run(const Arguments& arguments) {
       live.add(slam.next());      // the mapper has finished a keyframe
       live.update(slam.moved());  // its local bundle adjustment has moved others
     }
-    live.update(slam.closed());  // the loop is closed; nobody tells the scales
+    live.update(slam.closed());  // the loop is closed; scales are not reported
     live.finish();               // tracking has ended
   });
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Dense points of a running stella_vslam: copy this file, and feed frames through it. See docs/slam.md.
+// Dense points of a running stella_vslam: copy this file and pass frames through it. See docs/slam.md.
 #pragma once
 
 #include <algorithm>
@@ -24,21 +24,21 @@
 
 class StellaBridge {
  public:
-  /// `format`: of the images that are fed, as "color_order" in stella's configuration.
+  /// `format`: of the images, as "color_order" in stella's configuration.
   StellaBridge(stella_vslam::system& slam, const pmsp::LiveOptions& options, pmsp::PixelFormat format,
                pmsp::LiveCallbacks callbacks = {})
       : slam_(slam), format_(format), live_(options, std::move(callbacks)) {}
 
-  /// In place of slam.feed_monocular_frame, on the same thread.
+  /// Replaces slam.feed_monocular_frame, on the same thread.
   std::shared_ptr<stella_vslam::Mat44_t> feed(const cv::Mat& image, double timestamp) {
-    images_[timestamp] = image.clone();  // the SLAM keeps none
+    images_[timestamp] = image.clone();  // the SLAM stores none
     if (images_.size() > kMost) images_.erase(images_.begin());
     const auto pose = slam_.feed_monocular_frame(image, timestamp);
     if (++fed_ % kFrames == 0) sync();
     return pose;
   }
 
-  /// When the video has ended, after slam.shutdown.
+  /// To be called at the end of the video, after slam.shutdown.
   void finish() {
     sync();
     live_.finish();
@@ -47,11 +47,11 @@ class StellaBridge {
   pmsp::LiveDensifier& live() { return live_; }
 
  private:
-  static constexpr std::size_t kMost = 200;  ///< frames that are kept while the map shows no newer keyframe
-  static constexpr int kFrames = 5;          ///< from one look at the map to the next
+  static constexpr std::size_t kMost = 200;  ///< maximum number of frames kept until the map has a newer keyframe
+  static constexpr int kFrames = 5;          ///< frames between two reads of the map
 
   void sync() {
-    // What holds the map is never waited for: the next look is soon enough.
+    // Never blocks on the map's mutex: the next call reads it.
     const std::unique_lock<std::mutex> lock(stella_vslam::data::map_database::mtx_database_, std::try_to_lock);
     if (!lock) return;
     std::vector<std::shared_ptr<stella_vslam::data::keyframe>> keyframes;
@@ -75,8 +75,8 @@ class StellaBridge {
       for (const auto& [id, state] : of_map) all.push_back(state);
     }
     live_.sync(all);
-    for (auto& [id, state] : map) state.image = {};               // it is handed over
-    images_.erase(images_.begin(), images_.upper_bound(newest));  // the mapper takes keyframes in the order of time
+    for (auto& [id, state] : map) state.image = {};               // already passed on
+    images_.erase(images_.begin(), images_.upper_bound(newest));  // the mapper creates keyframes in temporal order
   }
 
   pmsp::LiveKeyframe state_of(stella_vslam::data::keyframe& keyframe, std::int64_t map_id,
@@ -97,7 +97,7 @@ class StellaBridge {
     return state;
   }
 
-  /// stella_vslam was reset: ids have begun again.
+  /// stella_vslam was reset: ids start again.
   void begin_again() {
     live_.reset();
     maps_.clear();

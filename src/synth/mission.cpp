@@ -27,7 +27,7 @@ bool observes(const Scene& scene, const RigidTransform& cam_from_world, const Ei
   return sine <= std::sin(options.max_latitude_deg * kRadians) && scene.visible(cam_from_world.center(), position);
 }
 
-/// A point on the surface that a random pixel of a random keyframe sees.
+/// Returns the surface point at a random pixel of a random keyframe.
 std::optional<Eigen::Vector3d> random_surface_point(const Mission& mission, const LandmarkOptions& options,
                                                     std::uint64_t draw) {
   const auto index =
@@ -61,7 +61,7 @@ void add_landmark(Mission& mission, const Eigen::Vector3d& position, const std::
 
 void add_landmarks(Mission& mission, const LandmarkOptions& options) {
   const auto min_views = std::min(static_cast<std::size_t>(std::max(options.min_views, 1)), mission.frames.size());
-  // Scenes that are mostly hidden or open would otherwise be searched forever.
+  // Bounds the search in mostly hidden or open scenes.
   const std::uint64_t max_draws = 20 * static_cast<std::uint64_t>(options.count);
   for (std::uint64_t draw = 0; draw < max_draws; ++draw) {
     if (mission.points.size() >= static_cast<std::size_t>(options.count)) {

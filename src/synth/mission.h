@@ -14,43 +14,43 @@
 
 namespace pmsp::synth {
 
-/// A flight on a straight line, swaying a little from side to side and turning a little, as drones do.
+/// Straight trajectory with some lateral sway and rotation, as of drones.
 struct Flight {
   Eigen::Vector3d start = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< not vertical
-  double step = 0.4;                                     ///< from one keyframe to the next [scene units]
+  double step = 0.4;                                     ///< distance of successive keyframes [scene units]
   int keyframes = 7;
-  double sway = 0.06;       ///< amplitude across the line [scene units]
-  double wobble_deg = 2.0;  ///< amplitude of the camera's turning
-  double yaw_deg = 0.0;     ///< of the camera against the direction of flight; positive looks to the right
+  double sway = 0.06;       ///< lateral amplitude [scene units]
+  double wobble_deg = 2.0;  ///< amplitude of the camera's rotation
+  double yaw_deg = 0.0;     ///< of the camera relative to the direction; positive looks to the right
 };
 
-/// cam_from_world of each keyframe.
+/// Returns cam_from_world of each keyframe.
 std::vector<RigidTransform> fly(const Flight& flight);
 
-/// The same camera turned about its own y axis; positive turns right, so the image's content moves left.
+/// Returns the camera rotated about its own y axis; positive turns right: content of the image moves left.
 RigidTransform yawed(const RigidTransform& cam_from_world, double yaw_deg);
 
 struct LandmarkOptions {
   int count = 1500;
-  int min_views = 3;   ///< keyframes that must see a landmark
+  int min_views = 3;   ///< minimum number of keyframes that observe a landmark
   double noise = 0.0;  ///< standard deviation of each coordinate, relative to the distance from the first observer
-  double min_contrast = 0.0;       ///< of the surfaces that have landmarks [gray levels]
-  double max_latitude_deg = 80.0;  ///< not observed nearer to a pole, as feature detectors don't
+  double min_contrast = 0.0;       ///< minimum, of surfaces with landmarks [gray levels]
+  double max_latitude_deg = 80.0;  ///< beyond it there are no observations, as with feature detectors
   std::uint64_t seed = 7;
 };
 
 struct MissionOptions {
   RenderOptions render;
-  double gain_drift = 0.0;  ///< amplitude of the exposure's change over the keyframes, relative
-  /// Adds what is only there in keyframe `index`, labelled kMover; empty = nothing.
+  double gain_drift = 0.0;  ///< amplitude of exposure changes over the keyframes, relative
+  /// Adds objects of keyframe `index`, labelled kMover; empty = none.
   std::function<void(Scene& scene, std::size_t index)> movers;
   double fps = 10.0;  ///< keyframe i has the timestamp i / fps
   std::int64_t first_id = 0;
   LandmarkOptions landmarks;
 };
 
-/// A keyframe with what it sees and what is true. Members of Keyframe mean the same here.
+/// Keyframe with ground truth. Members of Keyframe have the same meaning.
 struct Frame {
   std::int64_t id = 0;
   double timestamp = 0.0;
@@ -59,7 +59,7 @@ struct Frame {
   Image<float> depth;
   Image<Eigen::Vector3f> normal;
   Image<int> surface;
-  Image<std::uint8_t> label;        ///< as in RenderedView
+  Image<std::uint8_t> label;        ///< see RenderedView
   std::vector<Landmark> landmarks;  ///< ascending id, with noise
 };
 
@@ -73,60 +73,60 @@ struct Mission {
   int width = 0;
   int height = 0;
   std::vector<Frame> frames;
-  std::vector<SurfacePoint> points;  ///< the landmarks without noise; points[i].id == i
+  std::vector<SurfacePoint> points;  ///< landmarks without noise; points[i].id == i
   Image<std::uint8_t> mask;          ///< empty, or as Keyframe::mask, for all frames
 };
 
 Mission make_mission(const Scene& scene, const std::vector<RigidTransform>& poses, int width, int height,
                      const MissionOptions& options = {});
 
-/// What a Densifier is given. The views point into `mission`.
+/// Returns the input of a Densifier; its views refer to `mission`.
 Keyframe keyframe_of(const Mission& mission, std::size_t index);
 
-/// The same mission in another unit of length: equal images, all lengths times `factor`.
+/// Returns the mission in another unit of length: equal images, all lengths times `factor`.
 Mission scaled(const Mission& mission, double factor);
 
-/// The same mission with all cameras turned right by whole columns: images and truth are rolled to the left, nothing is
-/// rendered again.
+/// Returns the mission with all cameras rotated right by whole columns: images and truth are shifted left, not rendered
+/// again.
 Mission turned(const Mission& mission, int columns);
 
-/// Share of the pixels with truth, 0 to 1, where `depth` is there and deviates from `truth` by at most `relative`.
-/// `counts`, where given, tells which pixels (x, y) are looked at.
+/// Returns the share of pixels with truth, 0 to 1, whose `depth` exists and deviates by at most `relative`. `counts`:
+/// selects pixels (x, y); empty = all.
 double share_within(const Image<float>& depth, const Image<float>& truth, double relative,
                     const std::function<bool(int, int)>& counts = {});
 
-/// What the ready-made missions below have in common.
+/// Common options of the ready-made missions below.
 struct Recipe {
   int width = 640;
   int height = 320;
   int keyframes = 7;
-  double yaw_deg = 0.0;       ///< turns all cameras
+  double yaw_deg = 0.0;       ///< rotates all cameras
   bool weak_texture = false;  ///< plaster instead of strong texture
   std::uint64_t texture_seed = 1;
   MissionOptions mission;
   bool overexposed_sky = false;  ///< of yard
-  bool rider = false;            ///< a dashboard, a hand, a head and a pole that the camera carries along
-  int movers = 0;                ///< walking figures around the flight; from the third on, a bus, too
+  bool rider = false;            ///< dashboard, hand, head and pole that move with the camera
+  int movers = 0;                ///< walking figures around the trajectory; from the third on, a bus, too
 };
 
-/// Ready-made missions. Successive keyframes see the nearer surfaces under 6 to 15 degrees of parallax. They throw
-/// InvalidOption when the flight would be longer than the scene.
-Mission textured_room(const Recipe& recipe = {});  ///< 6 x 3 x 8 room with furniture, flight along its length
-Mission empty_room(const Recipe& recipe = {});     ///< the same without furniture
-/// The room with painted walls and ceiling, a door, pictures, skirting boards and a lamp: as flats are.
+/// Ready-made missions. Successive keyframes have a parallax of 6 to 15 degrees to the nearer surfaces. They throw
+/// InvalidOption if the trajectory is longer than the scene.
+Mission textured_room(const Recipe& recipe = {});  ///< 6 x 3 x 8 room with furniture, trajectory along its length
+Mission empty_room(const Recipe& recipe = {});     ///< textured_room without furniture
+/// Room with painted walls and ceiling, a door, pictures, skirting boards and a lamp, as in flats.
 Mission painted_room(const Recipe& recipe = {});
-/// A long room with a mirroring floor, a polished column and a glass wall, behind which there is a street.
+/// Long room with a mirroring floor, a polished column and a glass wall in front of a street.
 Mission glossy_room(const Recipe& recipe = {});
-/// A long room with poles, rails, hanging cables and chairs in front of its walls.
+/// Long room with poles, rails, hanging cables and chairs in front of its walls.
 Mission thin_room(const Recipe& recipe = {});
-/// A lawn between houses, with trees, a fence, wires and a sky with clouds and sun.
+/// Lawn between houses, with trees, a fence, wires and a sky with clouds and sun.
 Mission yard(const Recipe& recipe = {});
-/// Rooms that one to three panoramas see, 1.5 m apart; `keyframes` is without influence, there are no movers.
+/// Rooms with one to three panoramas each, 1.5 m apart; `keyframes` and movers are ignored.
 Mission flat_photos(const Recipe& recipe = {});
-Mission sphere_inside(const Recipe& recipe = {});  ///< sphere of radius 2.8 around the flight
+Mission sphere_inside(const Recipe& recipe = {});  ///< sphere of radius 2.8 around the trajectory
 Mission slanted_plane(const Recipe& recipe = {});  ///< plane, slanted in all directions, in a dome of radius 3
 Mission corridor_across_seam(
-    const Recipe& recipe = {});                     ///< flight sideways; the wall behind the camera crosses the seam
+    const Recipe& recipe = {});  ///< sideways trajectory; the wall behind the camera crosses the seam
 Mission floor_at_nadir(const Recipe& recipe = {});  ///< floor below the camera, in a dome of radius 3.6
                                                     ///< (surfaces 0: plane or floor, 8: dome)
 

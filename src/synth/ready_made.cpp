@@ -13,17 +13,17 @@
 namespace pmsp::synth {
 namespace {
 
-/// Kept between the last camera and what lies ahead [scene units].
+/// Clearance between the last camera and the scene ahead [scene units].
 constexpr double kClearance = 0.6;
 
 constexpr double kFloor = 1.5;
 
-/// Hands out the textures of one mission.
+/// Textures of one mission.
 class Textures {
  public:
   explicit Textures(const Recipe& recipe) : recipe_(recipe) {}
 
-  /// Blobs of about 2 to 12 pixels of a 640 x 320 image when seen from `distance`.
+  /// Returns a texture with blobs of about 2 to 12 pixels of a 640 x 320 image at `distance`.
   TextureOptions at(double distance) {
     const std::uint64_t seed = 1000 * recipe_.texture_seed + next_++;
     TextureOptions options = recipe_.weak_texture ? weak(seed) : textured(seed);
@@ -40,7 +40,7 @@ Eigen::Matrix3d turned_by(double degrees, const Eigen::Vector3d& axis = Eigen::V
   return Eigen::AngleAxisd(degrees * 3.14159265358979323846 / 180.0, axis).toRotationMatrix();
 }
 
-/// A box that stands on the floor of the room.
+/// Returns a box on the floor of the room.
 Box furniture(double x, double z, const Eigen::Vector3d& size, double turned_deg) {
   Box box;
   box.half_size = 0.5 * size;
@@ -57,14 +57,14 @@ Cylinder rod(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double diam
   return Cylinder{0.5 * (from + to), (to - from).normalized(), 0.5 * diameter, 0.5 * (to - from).norm()};
 }
 
-/// `texture` with another mean colour and contrast.
+/// Returns `texture` with another mean colour and contrast.
 TextureOptions tinted(TextureOptions texture, const Eigen::Vector3d& base, double contrast) {
   texture.base = base;
   texture.contrast = contrast;
   return texture;
 }
 
-/// What a cyclist's or driver's camera sees of them, in its axes.
+/// Parts of a cyclist or driver visible to their camera, in its axes.
 Scene make_rider(Textures textures) {
   Scene scene;
   const TextureOptions skin = tinted(textures.at(0.5), {190.0, 140.0, 115.0}, 12.0);
@@ -77,7 +77,7 @@ Scene make_rider(Textures textures) {
   return scene;
 }
 
-/// Figures that walk beside the flight, to and fro across it, and a bus that overtakes it.
+/// Adds figures that walk to and fro across the trajectory, and a bus that overtakes the camera.
 void add_movers(Scene& scene, Textures textures, int count, const Flight& flight, std::size_t index) {
   const auto time = static_cast<double>(index);
   const Eigen::Vector3d here = flight.start + time * flight.step * flight.direction.normalized();
@@ -107,7 +107,7 @@ void add_movers(Scene& scene, Textures textures, int count, const Flight& flight
   }
 }
 
-/// With what the recipe lets the camera carry along.
+/// Renders with the rider if the recipe has one.
 Mission render_mission(Recipe recipe, const Scene& scene, const std::vector<RigidTransform>& poses) {
   const Scene rider = make_rider(Textures(recipe));
   if (recipe.rider) recipe.mission.render.rider = &rider;
@@ -139,14 +139,14 @@ Flight through_room() {
   return flight;
 }
 
-/// In rooms twice as long as the others.
+/// For rooms twice as long as the others.
 Flight through_long_room() {
   Flight flight = through_room();
   flight.start.z() = -5.0;
   return flight;
 }
 
-/// Behind the glass wall of glossy_room, x < -3.1: what is far and plain there shows the room's reflection best.
+/// Behind the glass wall of glossy_room, x < -3.1: reflections of the room show best on distant plain surfaces.
 void add_street(Scene& scene, Textures& textures) {
   const Eigen::Vector3d plaster(205.0, 190.0, 165.0);
   const Eigen::Vector3d dark(70.0, 80.0, 95.0);
@@ -189,7 +189,7 @@ void add_chair(Scene& scene, double x, double z, double turned_deg, const Textur
   scene.add(Box{at(0.0, 0.46, 0.0), {0.21, 0.02, 0.21}, turn}, texture);
 }
 
-/// A cable that hangs between two points, as pieces of a parabola.
+/// Adds a hanging cable between two points, as pieces of a parabola.
 void add_cable(Scene& scene, const Eigen::Vector3d& from, const Eigen::Vector3d& to, double sag, double diameter,
                const TextureOptions& texture) {
   constexpr int kPieces = 10;
@@ -219,12 +219,12 @@ Mission textured_room(const Recipe& recipe) {
   scene.add(furniture(2.2, 1.2, {1.2, 0.8, 1.8}, 20.0), textures.at(2.0));    // desk on the right
   scene.add(furniture(-1.2, 2.6, {1.0, 1.1, 0.8}, -35.0), textures.at(2.0));  // crate ahead
   scene.add(furniture(1.3, -3.0, {0.9, 1.7, 0.7}, 10.0), textures.at(2.0));   // shelf behind
-  scene.add(furniture(-0.9, 0.6, {0.5, 0.5, 0.5}, 45.0), textures.at(1.5));   // stool beside the line of flight
+  scene.add(furniture(-0.9, 0.6, {0.5, 0.5, 0.5}, 45.0), textures.at(1.5));   // stool beside the trajectory
   return make(recipe, scene, through_room());
 }
 
 Mission painted_room(const Recipe& recipe) {
-  constexpr double kThin = 0.02;  // what hangs on a wall is as thick
+  constexpr double kThin = 0.02;  // thickness of objects on walls
   Textures textures(recipe);
   Scene scene;
   const auto upright = [&](double x, double y, double z, const Eigen::Vector3d& size, const TextureOptions& texture) {
@@ -268,7 +268,7 @@ Mission glossy_room(const Recipe& recipe) {
   scene.add(block(3.05, 0.0, 0.0, {0.1, 3.0, 13.0}), textures.at(2.8));  // walls
   scene.add(block(0.0, 0.0, 6.55, {6.2, 3.0, 0.1}), textures.at(2.8));
   scene.add(block(0.0, 0.0, -6.55, {6.2, 3.0, 0.1}), textures.at(2.8));
-  const TextureOptions lamp = plain({1000.0, 990.0, 960.0});  // so bright that the floor mirrors it as white
+  const TextureOptions lamp = plain({1000.0, 990.0, 960.0});  // bright enough for white reflections on the floor
   for (const double z : {-4.8, -1.6, 1.6, 4.8}) {
     scene.add(block(0.4, -1.48, z, {0.3, 0.04, 1.3}), lamp);
   }
@@ -312,7 +312,7 @@ Mission thin_room(const Recipe& recipe) {
   const TextureOptions white = tinted(textures.at(0.5), {225.0, 222.0, 215.0}, 8.0);
   const TextureOptions red = tinted(textures.at(0.5), {170.0, 50.0, 45.0}, 12.0);
   const TextureOptions wood = tinted(textures.at(0.5), {125.0, 85.0, 55.0}, 15.0);
-  // Diameters [m] that a panorama of 960 pixels shows 2 to 6 pixels wide where the flight passes.
+  // Diameters [m] of 2 to 6 pixels in a panorama of 960 pixels, at their distance from the trajectory.
   const auto pole = [&](double x, double z, double diameter, const TextureOptions& texture) {
     thin({x, -1.5, z}, {x, 1.5, z}, diameter, texture);
   };
@@ -339,7 +339,7 @@ Mission thin_room(const Recipe& recipe) {
   thin({-2.2, -0.6, -0.6}, {-2.2, -0.6, 5.0}, 0.03, white);  // a pipe along the left wall
 
   const TextureOptions black = tinted(textures.at(0.5), {35.0, 35.0, 38.0}, 8.0);
-  add_cable(scene, {-2.9, -1.3, -3.0}, {2.9, -1.3, -2.4}, 0.35, 0.02, black);  // across the flight, above it
+  add_cable(scene, {-2.9, -1.3, -3.0}, {2.9, -1.3, -2.4}, 0.35, 0.02, black);  // across the trajectory, above it
   add_cable(scene, {-2.9, -1.3, 2.0}, {2.9, -1.3, 1.2}, 0.3, 0.025, black);
   add_cable(scene, {-0.9, -1.4, -5.0}, {-0.9, -1.4, 0.5}, 0.5, 0.015, white);  // along it
   add_cable(scene, {1.3, -1.5, 0.6}, {1.6, 0.2, 0.8}, 0.5, 0.015, black);      // loose
@@ -429,7 +429,7 @@ Mission yard(const Recipe& recipe) {
   add_tree(scene, textures, -4.2, 6.5, 2.4, 3);
   add_tree(scene, textures, 6.0, 9.0, 3.4, 4);
   const TextureOptions black = tinted(textures.at(0.5), {40.0, 40.0, 44.0}, 8.0);
-  add_cable(scene, {-6.0, kFloor - 5.2, -1.0}, {7.0, kFloor - 3.4, -3.0}, 0.5, 0.03, black);  // across the flight
+  add_cable(scene, {-6.0, kFloor - 5.2, -1.0}, {7.0, kFloor - 3.4, -3.0}, 0.5, 0.03, black);  // across the trajectory
   add_cable(scene, {-6.0, kFloor - 5.0, 5.0}, {3.0, kFloor - 6.0, 13.5}, 0.6, 0.03, black);
   scene.add(rod({3.0, kFloor, -6.0}, {3.0, kFloor - 4.5, -6.0}, 0.1), black, {}, Label::kThin);  // lamp
   scene.add(Sphere{{3.0, kFloor - 4.6, -6.0}, 0.22}, plain({235.0, 235.0, 225.0}));

@@ -94,7 +94,7 @@ class Renderer {
     return scene_.radiance(sample.origin, sample.direction).cwiseMin(options_.brightest);
   }
 
-  /// What the lens leaves of the light.
+  /// Returns the transmission of the lens.
   double shading(int x, int y) const {
     const double forward = bearing_from_pixel({x + 0.5, y + 0.5}, view_.image.width(), view_.image.height()).z();
     const double beside = 1.0 - std::abs(forward);

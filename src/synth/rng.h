@@ -6,8 +6,7 @@
 
 namespace pmsp::synth {
 
-/// Mixes 64 bits (the finaliser of SplitMix64). Counter-based on purpose: a draw depends on what it is for, never on
-/// the order or the thread in which it is made.
+/// Mixes 64 bits (finaliser of SplitMix64). Counter-based: draws do not depend on order or threads.
 inline std::uint64_t mix(std::uint64_t x) {
   x += 0x9e3779b97f4a7c15ULL;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;

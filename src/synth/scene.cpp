@@ -11,11 +11,11 @@
 namespace pmsp::synth {
 namespace {
 
-/// Hits nearer than this, relative to the primitive's own size, are the surface that the ray starts from.
+/// Distance, relative to the primitive's size, below which a hit is the surface where the ray starts.
 constexpr double kMinDistance = 1e-9;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kNoObject = -1;
-constexpr int kMaxBounces = 3;  // what more of them add is too faint to be seen
+constexpr int kMaxBounces = 3;  // further reflections are too faint to be visible
 
 struct LocalHit {
   double distance = kInfinity;
@@ -153,7 +153,7 @@ LocalHit hit(const Foliage& foliage, const Eigen::Vector3d& origin, const Eigen:
   return result;
 }
 
-/// Share of the light that is mirrored (Schlick's approximation of Fresnel's equations).
+/// Returns the share of reflected light (Schlick's approximation of Fresnel's equations).
 double mirrored_share(double head_on, double cos_incidence) {
   return head_on + (1.0 - head_on) * std::pow(1.0 - cos_incidence, 5);
 }
@@ -285,7 +285,7 @@ Eigen::Vector3d Scene::radiance(const Eigen::Vector3d& origin, const Eigen::Vect
     return sky_color(ray);
   }
   const Finish& finish = object_of(*hit).finish;
-  // A pane is met once: at its near side, for both.
+  // A pane is hit only once, at its near side.
   const int pane = finish.glass ? hit->surface / 8 : kNoObject;
   const Eigen::Vector3d own =
       finish.glass ? radiance(hit->position, ray, pane, bounces) : color(*hit).cwiseMax(0.0).eval();

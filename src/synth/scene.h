@@ -11,8 +11,7 @@
 
 #include "synth/texture.h"
 
-/// Scenes whose geometry is known exactly, for tests. World axes as those of an upright camera: x right, y down, z
-/// forward.
+/// Scenes with exactly known geometry, for tests. World axes as of an upright camera: x right, y down, z forward.
 namespace pmsp::synth {
 
 struct Sphere {
@@ -20,14 +19,14 @@ struct Sphere {
   double radius = 1.0;
 };
 
-/// A room when the camera is inside, a piece of furniture when it is outside.
+/// Room if the camera is inside, else furniture.
 struct Box {
   Eigen::Vector3d center = Eigen::Vector3d::Zero();
   Eigen::Vector3d half_size = Eigen::Vector3d::Ones();
   Eigen::Matrix3d world_from_box = Eigen::Matrix3d::Identity();  ///< rotation
 };
 
-/// Without end, seen from both sides.
+/// Infinite, visible from both sides.
 struct Plane {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();
   Eigen::Vector3d normal = Eigen::Vector3d::UnitY();  ///< unit
@@ -41,7 +40,7 @@ struct Cylinder {
   double half_length = 1.0;
 };
 
-/// Flat round leaves inside a sphere, seen from both sides.
+/// Flat round leaves inside a sphere, visible from both sides.
 struct Foliage {
   Eigen::Vector3d center = Eigen::Vector3d::Zero();
   double radius = 1.0;
@@ -52,21 +51,21 @@ struct Foliage {
   double leaf_radius = 0.1;
 };
 
-/// `count` leaves at random places of the sphere, turned at random.
+/// Returns `count` leaves at random positions of the sphere, with random normals.
 Foliage foliage(const Eigen::Vector3d& center, double radius, int count, double leaf_radius, std::uint64_t seed);
 
 using Primitive = std::variant<Sphere, Box, Plane, Cylinder, Foliage>;
 
-/// How a surface treats light beside showing its texture. Default: not at all.
+/// Reflection and transparency of a surface, besides its texture. Default: none.
 struct Finish {
-  double reflection = 0.0;  ///< share of the light that is mirrored head-on, 0 to 1; grows to 1 at grazing angles
-  bool glass = false;       ///< the rest comes from behind, and the texture is not seen
+  double reflection = 0.0;  ///< share of reflected light at normal incidence, 0 to 1; grows to 1 at grazing angles
+  bool glass = false;       ///< other light comes from behind, and the texture is invisible
 };
 
-/// What evaluations tell apart; the values of label images.
+/// Classes of pixels in evaluations; values of label images.
 enum class Label : std::uint8_t { kOther, kThin, kGlossy, kBehindGlass, kSky, kRider, kMover };
 
-/// What a ray meets that meets no surface. Default: one colour.
+/// Background of rays without surface. Default: one colour.
 struct Sky {
   Eigen::Vector3d horizon = Eigen::Vector3d(200.0, 215.0, 235.0);  ///< red, green, blue
   Eigen::Vector3d zenith = Eigen::Vector3d(200.0, 215.0, 235.0);
@@ -92,27 +91,27 @@ class Scene {
 
   void set_sky(const Sky& sky);
 
-  /// The nearest surface along the ray; `direction` may have any length > 0. Glass and movers are no surfaces: what is
-  /// behind them is hit, and has the label kBehindGlass or kMover.
+  /// Returns the nearest surface along the ray; `direction`: of any length > 0. Glass and movers are skipped: hits
+  /// behind them have the label kBehindGlass or kMover.
   std::optional<Hit> intersect(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
 
-  /// Red, green, blue of the texture at a hit, not clamped.
+  /// Returns the texture's colour at a hit (red, green, blue), not clamped.
   Eigen::Vector3d color(const Hit& hit) const;
 
-  /// Red, green, blue that a camera sees along the ray: textures, reflections and what glass lets through. Not below 0;
+  /// Returns the visible colour along the ray (red, green, blue): textures, reflections and transmission. Not below 0;
   /// lamps exceed 255.
   Eigen::Vector3d radiance(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
 
-  /// Standard deviation of the brightness of the surface there [gray levels].
+  /// Returns the standard deviation of the surface's brightness [gray levels].
   double contrast(const Hit& hit) const;
 
-  /// Whether the ray meets no surface, or only a mover.
+  /// Returns the label of a ray without surface: kMover if it first hits a mover, else kSky.
   Label label_of_sky(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
 
-  /// Whether nothing stands between `origin` and `position`, which lies on a surface.
+  /// Whether `position`, on a surface, is visible from `origin`.
   bool visible(const Eigen::Vector3d& origin, const Eigen::Vector3d& position) const;
 
-  /// The same scene in another unit of length: all lengths times `factor`, textures included.
+  /// Returns the scene in another unit of length: all lengths times `factor`, textures included.
   Scene scaled(double factor) const;
 
  private:
@@ -123,7 +122,7 @@ class Scene {
     Label label = Label::kOther;
   };
 
-  /// The nearest surface along the unit ray, without that of object `skipped` and, if not `all`, without glass and
+  /// Returns the nearest surface along the unit ray, without object `skipped` and, unless `all`, without glass and
   /// movers.
   std::optional<Hit> nearest(const Eigen::Vector3d& origin, const Eigen::Vector3d& ray, int skipped, bool all) const;
   Eigen::Vector3d sky_color(const Eigen::Vector3d& ray) const;

@@ -20,7 +20,7 @@ std::uint32_t hash_corner(std::int64_t x, std::int64_t y, std::int64_t z, std::u
 
 double fade(double t) { return t * t * t * (t * (t * 6.0 - 15.0) + 10.0); }
 
-/// Brightness, red, green, blue: four independent noises with corner values in [-1, 1].
+/// Returns brightness, red, green, blue: four independent noises with corner values in [-1, 1].
 Eigen::Array4d value_noise(const Eigen::Vector3d& p, std::uint32_t seed) {
   const Eigen::Vector3d cell(std::floor(p.x()), std::floor(p.y()), std::floor(p.z()));
   const auto x = static_cast<std::int64_t>(cell.x());
@@ -80,7 +80,7 @@ TextureOptions painted(std::uint64_t seed) {
 }
 
 Texture::Texture(const TextureOptions& options) : options_(options) {
-  // What interpolation over three axes leaves of the standard deviation of uniform corner values.
+  // Standard deviation of noise interpolated over three axes between uniform corner values.
   constexpr double kNoiseDeviation = 0.40;
   double power = 0.0;
   for (int i = 0; i < options.octaves; ++i) {

@@ -8,17 +8,17 @@
 
 namespace pmsp::synth {
 
-/// A solid texture: colour as a function of the position in the world, or on what moves.
+/// Solid texture: colour as a function of the position in the world, or relative to a moving object.
 struct TextureOptions {
   double coarsest = 0.36;     ///< size of the largest blobs [scene units]
-  int octaves = 4;            ///< each has blobs half as large as the one before
-  double persistence = 0.85;  ///< amplitude of an octave over that of the one before
+  int octaves = 4;            ///< blobs halve in size with each
+  double persistence = 0.85;  ///< ratio of amplitudes of successive octaves
   double contrast = 40.0;     ///< standard deviation of the brightness [gray levels]; 0 = a single colour
   double chroma = 0.3;        ///< amplitude of the colour relative to that of the brightness
-  double shading = 0.10;      ///< change of the brightness with the surface's direction, relative
+  double shading = 0.10;      ///< relative change of brightness with the surface normal
   Eigen::Vector3d base = Eigen::Vector3d(128.0, 128.0, 128.0);  ///< mean colour, red, green, blue, 0 to 255
   std::uint64_t seed = 1;
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< that positions are relative to, of what moves
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< reference of positions, for moving objects
 };
 
 /// Strong contrast on all scales.
@@ -27,20 +27,19 @@ TextureOptions textured(std::uint64_t seed);
 /// Plaster: contrast of a few gray levels.
 TextureOptions weak(std::uint64_t seed);
 
-/// Paint without any texture; what little brightness changes is light that falls off over metres. Scene units are
-/// metres.
+/// Paint without texture; brightness falls off slightly over metres. Scene units are metres.
 TextureOptions painted(std::uint64_t seed);
 
 /// One colour (red, green, blue) in every direction.
 TextureOptions plain(const Eigen::Vector3d& color);
 
-/// The octaves of value noise that TextureOptions stand for. Each octave's lattice is turned by a rotation of its own,
-/// so that no wall is parallel to a lattice plane.
+/// Octaves of value noise. The lattice of each octave has its own rotation, so that no wall is parallel to a lattice
+/// plane.
 class Texture {
  public:
   explicit Texture(const TextureOptions& options);
 
-  /// Red, green, blue, not clamped.
+  /// Returns red, green, blue, not clamped.
   Eigen::Vector3d color(const Eigen::Vector3d& position, const Eigen::Vector3d& normal) const;
 
   const TextureOptions& options() const { return options_; }

@@ -67,8 +67,8 @@ struct ShardMarker {
 
 /// Folder for the coordination of shards:
 ///
-/// the job while the record is that of step FROM ("new": none)
-/// result of shard K
+///     job-FROM.json               the job while the record is of step FROM ("new": none)
+///     planes-K-of-N.json          result of shard K
 ///     points-K-of-N.json
 ///
 /// Files are written atomically. Throws OutputError; IoError if a file is damaged.

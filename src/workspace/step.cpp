@@ -70,8 +70,7 @@ class StepPlanner {
   Step plan() {
     Step step;
     step.name = step_name(record_, inputs_);
-    const bool grows =
-        inputs_.growing && record_.options == inputs_.options_json;  // else as in a run without workspace
+    const bool grows = inputs_.growing && record_.options == inputs_.options_json;  // else as without a record
     step.ranges = std::move(landmark_ranges_);
     Planner planner(inputs_.options, grows ? &record_.plan : nullptr);  // releases landmarks of long missions
     for (const StepKeyframe& it : inputs_.keyframes) planner.add(it.keyframe);
