@@ -23,6 +23,9 @@ constexpr int kAnyImageWidth = 1 << 20;
 PMSP_API HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used,
                                        int image_width = kAnyImageWidth);
 
+/// Returns the memory of a keyframe on the CPU with all artefacts that others read, without a mask [bytes].
+double keyframe_memory(const DensifierOptions& options, int image_width = kAnyImageWidth);
+
 /// Returns the maximum memory of a Densifier on each of its devices [bytes], without that of CUDA itself (0.5 GiB), for
 /// `options.advanced.expected_keyframes` (0 = a long sequence). Only a guess for unordered sets. Available in builds
 /// without CUDA, too.

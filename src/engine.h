@@ -45,6 +45,9 @@ class Engine {
         : id(keyframe.id), pose(keyframe.pose()), pose_error(keyframe.pose_error) {}
     virtual ~Frame() = default;
 
+    /// Memory of its artefacts, of the device if there is one [bytes].
+    virtual std::size_t bytes() const = 0;
+
     std::int64_t id;
     KeyframePose pose;
     double pose_error;          ///< see Keyframe

@@ -34,6 +34,7 @@
 //   upload(values)                             array of a vector, for constant tables
 //   prepare(keyframe, seconds)                 Prepared
 //   gray(cubes), usable(cubes), color(colors), mask(colors, mask)   views of it
+//   bytes(cubes)                   memory of cubes
 //   pack(cubes), packing(cubes), unpack(packed, packing)            cubes as one array, its layout, and back
 //   landmarks(keyframe, lens)       landmarks for initial planes, and their number
 //   first_planes(source, planes)   view of the planes of keys, possibly stored in `planes`

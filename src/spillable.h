@@ -54,6 +54,9 @@ class Spillable {
   }
   std::size_t count() const { return count_; }
 
+  /// Memory, without the scratch file [bytes].
+  std::size_t bytes() const { return ((array_ ? 1 : 0) + copies_.size()) * count_ * sizeof(T); }
+
   void reset() {
     array_.reset();
     copies_.clear();

@@ -334,6 +334,7 @@ class StageEngine final : public Engine {
     /// `scratch`: for artefacts that wait long; `brief`: for those that wait briefly in sequences; nullptr = in memory.
     StageFrame(const Keyframe& keyframe, Processor& on, std::size_t at, ScratchFile* scratch, ScratchFile* brief)
         : Frame(keyframe),
+          processor(on),
           home(at),
           packed(on, brief),
           color(on, brief),
@@ -352,7 +353,18 @@ class StageEngine final : public Engine {
     template <class T>
     using Waiting = Spillable<Processor, T>;
 
+    std::size_t bytes() const override {
+      std::size_t sum = packed.bytes() + color.bytes() + mask.bytes() + pass_planes[0].bytes() +
+                        pass_planes[1].bytes() + final_planes.bytes() + confidence.bytes() + nearest.bytes() +
+                        farthest.bytes() + surfels.bytes() + details.bytes() + agree.bytes() + statuses[0].bytes() +
+                        statuses[1].bytes() + candidates.bytes();
+      for (const Cubes& its : cubes) sum += processor.bytes(its);
+      if (evidence.variance) sum += 2 * sizeof(float) * color.count();
+      return sum;
+    }
+
     using Plane = typename Planes::element_type;
+    Processor& processor;
     std::size_t home;    ///< index of its processor
     float noise = 0.0F;  ///< of the image, see image_noise
     /// Images on each processor; empty if spilled, or not yet read there.

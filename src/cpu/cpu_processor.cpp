@@ -78,6 +78,11 @@ CpuProcessor::Prepared CpuProcessor::prepare(const Keyframe& keyframe, double& s
   return image;
 }
 
+std::size_t CpuProcessor::bytes(const Cubes& cubes) const {
+  const auto size = [](const auto& cube) { return cube ? cube->quads.size() * sizeof(std::uint64_t) : 0; };
+  return size(cubes.gray) + size(cubes.usable);
+}
+
 CubePacking CpuProcessor::packing(const Cubes& cubes) const {
   const std::size_t nodes = node_count(cubes.gray->size);
   if (!cubes.usable) return {nodes, cubes.gray->size, 0};

@@ -107,6 +107,7 @@ class CpuProcessor {
   kernels::CubeView usable(const Cubes& cubes) const {
     return cubes.usable ? cubes.usable->view() : kernels::CubeView{};
   }
+  std::size_t bytes(const Cubes& cubes) const;
   CubePacking packing(const Cubes& cubes) const;
   Array<std::uint16_t> pack(const Cubes& cubes) const;
   Cubes unpack(const Array<std::uint16_t>& packed, const CubePacking& packing) const;

@@ -12,15 +12,30 @@ namespace {
 
 constexpr double kPlanes = 16.0;  // bytes per pixel: x, y, z and score
 
+/// Texels of a prepared image, of 8 bytes in a cube map for matching, of 2 in a packed one.
+double texels_of(const DensifierOptions& options, int image_width) {
+  const double side = cube_size_for(
+      compared_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale).width);
+  return 6.0 * side * side;
+}
+
+/// Bytes per pixel: point, status of two rounds, window, and candidates of duplicates.
+double surfel_of(const DensifierOptions& options) {
+  return 2.0 * 4.0 + 2.0 + agree_bytes(options.advanced.fusion) + 4.0;
+}
+
 }  // namespace
+
+double keyframe_memory(const DensifierOptions& options, int image_width) {
+  const double pixels = static_cast<double>(options.width) * options.height;
+  const double each = 4.0 + kPlanes + 4.0 + 2.0 + surfel_of(options);  // color, planes, confidence, range map
+  return 8.0 * texels_of(options, image_width) + each * pixels;
+}
 
 HostMemory host_memory_needed(const DensifierOptions& options, std::int64_t used, int image_width) {
   const double pixels = static_cast<double>(options.width) * options.height;
-  const double side = cube_size_for(
-      compared_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale).width);
-  const double texels = 6.0 * side * side;  // 8 bytes each in a cube map for matching, 2 in a packed one
-  const double surfel =
-      2.0 * 4.0 + 2.0 + agree_bytes(options.advanced.fusion) + 4.0;  // including candidates of duplicates
+  const double texels = texels_of(options, image_width);
+  const double surfel = surfel_of(options);
   const bool waits_in_file = !options.scratch_folder.empty();
 
   HostMemory needed;

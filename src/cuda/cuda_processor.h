@@ -109,6 +109,7 @@ class CudaProcessor {
   Prepared prepare(const Keyframe& keyframe, double& seconds);
   TextureCube gray(const Cubes& cubes) const { return {cubes.gray->texture()}; }
   TextureCube usable(const Cubes& cubes) const { return {cubes.usable ? cubes.usable->texture() : 0}; }
+  std::size_t bytes(const Cubes& cubes) const { return cubes.gray ? 2 * packing(cubes).count : 0; }
   CubePacking packing(const Cubes& cubes) const;
   Array<std::uint16_t> pack(const Cubes& cubes);
   Cubes unpack(const Array<std::uint16_t>& packed, const CubePacking& packing);

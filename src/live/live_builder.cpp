@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "cost.h"
 #include "densifier_checks.h"
 #include "make_engine.h"
 #include "plan/reach.h"
@@ -23,13 +24,6 @@ constexpr double kFarToGoOn = 24.0;
 constexpr double kFarMove = 0.01;
 /// Points are made at these numbers of passes, and at the full one.
 constexpr int kLevels[] = {2, 3};
-
-constexpr std::size_t kImagePixel = 6;    ///< bytes that a prepared image takes, for each pixel of the depth map
-constexpr std::size_t kResultPixel = 42;  ///< planes 16, confidence 4, colour 4, mask 1, range map 1, points 13, open 3
-
-std::size_t pixels_of(const DensifierOptions& options) {
-  return static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);
-}
 
 DensifierOptions suitable(DensifierOptions options) {
   options.unordered = false;
@@ -63,7 +57,7 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
     ++stats_.clouds;
     publish_cloud(cloud, nodes_.at(cloud.keyframe_id).serial, false);
   };
-  const std::string why_not = why_too_little(densifier_);
+  const std::string why_not = why_too_little(densifier_, kAnyImageWidth);
   if (!why_not.empty()) throw InvalidOption(why_not);
   engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
   if (options_.calibrate_lenses && densifier_.lens_distance == 0.0) begin_with_lenses();
@@ -81,7 +75,7 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
 void LiveBuilder::set_size(int image_width, int image_height) {
   DensifierOptions sized = densifier_;
   fill_in_size(sized, image_width, image_height);  // throws before anything has changed
-  const std::string why_not = why_too_little(sized);
+  const std::string why_not = why_too_little(sized, image_width);
   if (!why_not.empty()) throw InvalidInput(why_not);
   densifier_ = sized;
   densifier_.backend = options_.densifier.backend;
@@ -90,11 +84,12 @@ void LiveBuilder::set_size(int image_width, int image_height) {
 
 /// Empty where those keyframes find room that need each other for their points, or as long as the size of the depth
 /// maps is not known.
-std::string LiveBuilder::why_too_little(const DensifierOptions& sized) const {
-  if (pixels_of(sized) == 0) return {};
+std::string LiveBuilder::why_too_little(const DensifierOptions& sized, int image_width) const {
+  if (sized.width == 0 || sized.height == 0) return {};
   const std::size_t keyframes = 1 + 2 * (reach_.points + reach_.neighbours);
-  const std::size_t needed = ((keyframes * (kImagePixel + kResultPixel) * pixels_of(sized)) >> 20U) + 1;
-  if (needed <= static_cast<std::size_t>(options_.memory_mib)) return {};
+  const double bytes = static_cast<double>(keyframes) * keyframe_memory(sized, image_width);
+  const int needed = static_cast<int>(bytes / (1 << 20)) + 1;
+  if (needed <= options_.memory_mib) return {};
   return "memory_mib is " + std::to_string(options_.memory_mib) + "; expected " + std::to_string(needed) +
          " or more, for " + std::to_string(keyframes) + " keyframes with depth maps of " + std::to_string(sized.width) +
          " x " + std::to_string(sized.height);
@@ -441,10 +436,6 @@ void LiveBuilder::fuse(LiveNode& node) {
 
 // ---- memory ----
 
-/// What a keyframe's image takes, and the rest of it.
-std::size_t LiveBuilder::bytes_of_image() const { return kImagePixel * pixels_of(densifier_); }
-std::size_t LiveBuilder::bytes_of_results() const { return kResultPixel * pixels_of(densifier_); }
-
 std::size_t LiveBuilder::most_bytes() const { return static_cast<std::size_t>(options_.memory_mib) << 20U; }
 
 std::size_t LiveBuilder::bytes() const {
@@ -455,8 +446,7 @@ std::size_t LiveBuilder::bytes() const {
       bytes += static_cast<std::size_t>(node.image.height) * static_cast<std::size_t>(node.image.width) * 3;
     }
     if (node.prior_depth) bytes += node.prior_depth->size() * sizeof(float);
-    if (node.has_image) bytes += bytes_of_image();
-    if (node.frame) bytes += bytes_of_results();
+    if (node.frame) bytes += node.frame->bytes();
   }
   return bytes;
 }
@@ -483,17 +473,18 @@ void LiveBuilder::make_room() {
   for (const auto& [distance, node] : order) {
     if (now <= most) return;
     if (!node->has_image) continue;
+    now -= node->frame->bytes();
     engine_->release(*node->frame, Artefact::kImage);
+    now += node->frame->bytes();
     node->has_image = false;
     ++stats_.images_dropped;
-    now -= bytes_of_image();
   }
   for (const auto& [distance, node] : order) {
     if (now <= most) return;
+    now -= node->frame->bytes();
     node->frame.reset();
     node->points_due = node->wide_due = false;
     ++stats_.keyframes_frozen;
-    now -= bytes_of_results();
   }
 }
 

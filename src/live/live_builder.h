@@ -138,10 +138,8 @@ class LiveBuilder {
 
   // Memory.
   void set_size(int image_width, int image_height);
-  std::string why_too_little(const DensifierOptions& sized) const;
+  std::string why_too_little(const DensifierOptions& sized, int image_width) const;
   void make_room();
-  std::size_t bytes_of_image() const;
-  std::size_t bytes_of_results() const;
   std::size_t most_bytes() const;
   std::size_t bytes() const;
 

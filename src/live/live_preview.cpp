@@ -141,9 +141,9 @@ bool LivePreview::make(const Nodes& nodes, std::int64_t newest) {
 }
 
 std::size_t LivePreview::bytes() const {
-  constexpr std::size_t kPixel = 48;
-  return kPixel * entries_.size() * static_cast<std::size_t>(options_.width) *
-         static_cast<std::size_t>(options_.height);
+  std::size_t sum = 0;
+  for (const auto& [id, entry] : entries_) sum += entry.frame ? entry.frame->bytes() : 0;
+  return sum;
 }
 
 }  // namespace pmsp
