@@ -26,12 +26,10 @@ Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, 
     : given_options_(given),
       options_(given),
       callbacks_(std::move(to)),
-      schedule_(given, callbacks_.cloud != nullptr),
       planner_(given),
       part_(std::move(part)),
       load_planes_(std::move(load)),
-      progress_(schedule_.stages().size()),
-      kept_(schedule_.lifetimes().size(), 0) {
+      order_(given, callbacks_.cloud != nullptr) {
   results_.raw_depth = callbacks_.raw_depth;
   results_.filtered_depth = callbacks_.filtered_depth;
   results_.planes = callbacks_.planes;
@@ -42,7 +40,12 @@ Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, 
       callbacks_.cloud(cloud);
     };
   }
-  engine_ = make_engine({options_, results_, stats_, cancel_, image_again_}, options_, backend_);
+  make_engine();
+}
+
+void Pipeline::make_engine() {
+  engine_ = pmsp::make_engine({options_, results_, stats_, cancel_, image_again_}, options_, backend_);
+  order_.set_in_step(options_.backend == Backend::kCuda && options_.devices.size() > 1);
 }
 
 bool Pipeline::add(const Keyframe& keyframe) {
@@ -151,8 +154,7 @@ void Pipeline::finish() {
   drop_entries(planner_.entries().size());
   first_ = 0;
   stats_.work_to_come = 0.0;  // removes rounding errors
-  progress_ = Progress(schedule_.stages().size());
-  std::fill(kept_.begin(), kept_.end(), 0);
+  order_.clear();
 }
 
 void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
@@ -160,12 +162,13 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
     fill_in_size(options_, keyframe.image.width, keyframe.image.height);
     options_.backend = given_options_.backend;
     options_.scratch_folder = given_options_.scratch_folder;
-    engine_ = make_engine({options_, results_, stats_, cancel_, image_again_}, options_, backend_);
+    make_engine();
   }
-  index_of_[keyframe.id] = end();
+  index_of_[keyframe.id] = order_.end();
+  order_.add_keyframe();
   views_.push_back({keyframe, engine_->prepare(keyframe), place});
   views_.back().frame->emits_results = !part_ || part_->emits(place);
-  for (const Stage& stage : schedule_.stages()) {
+  for (const Stage& stage : order_.schedule().stages()) {
     if (runs(stage, views_.back())) stats_.work_to_come += stage.cost();
   }
   views_.back().keyframe.image = {};
@@ -175,83 +178,44 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
 }
 
 void Pipeline::advance(bool last) {
-  if (goes_in_step()) return advance_in_step(last);
-  while (const std::optional<Task> task = next_task(last)) {
-    run_task(*task, last);
+  const auto may = [&](const Task& task) { return may_run(task, last); };
+  const auto run = [&](const Task& task) {
+    if (stopped()) return false;
+    run_task(task, last);
+    return true;
+  };
+  if (!choose) return order_.advance(last, may, run);
+  while (!stopped()) {
+    const std::optional<Task> task = choose(order_.all_ready(last, may));
+    if (!task || !run(*task)) return;
   }
 }
 
 void Pipeline::run_task(const Task& task, bool last) {
-  const Stage& stage = schedule_.stages()[task.stage];
+  const Stage& stage = order_.schedule().stages()[task.stage];
   const double cost = runs(stage, view(task.keyframe)) ? stage.cost() : 0.0;
   run(stage, task.keyframe);
-  progress_.mark(task.stage, task.keyframe);
-  forget(last);
+  order_.mark(task);
+  release(last);
   stats_.work_done += cost;
   stats_.work_to_come -= cost;
   if (callbacks_.worked) callbacks_.worked();
 }
 
-/// Runs one task of each stage, independent of each other, so that processors hardly wait for work just begun on
-/// another one (see is_ready).
-void Pipeline::advance_in_step(bool last) {
-  std::vector<Task> tasks;
-  do {
-    tasks.clear();
-    for (std::size_t stage = schedule_.stages().size(); stage-- > 0;) {
-      const Task task{stage, progress_.next(stage)};
-      if (task.keyframe < end() && is_ready(task, last)) tasks.push_back(task);
-    }
-    for (const Task& task : tasks) {
-      if (stopped()) return;
-      run_task(task, last);
-    }
-  } while (last && !tasks.empty());
-}
-
-/// Returns a task of the last stage that has any, so that keyframes wait for others as briefly as possible.
-std::optional<Task> Pipeline::next_task(bool last) {
-  if (stopped()) return std::nullopt;
-  if (choose) return choose(ready_tasks(last));
-  for (std::size_t stage = schedule_.stages().size(); stage-- > 0;) {
-    const Task task{stage, progress_.next(stage)};
-    if (task.keyframe < end() && is_ready(task, last)) return task;
-  }
-  return std::nullopt;
-}
-
-std::vector<Task> Pipeline::ready_tasks(bool last) {
-  std::vector<Task> tasks;
-  for (std::size_t stage = 0; stage < schedule_.stages().size(); ++stage) {
-    for (std::int64_t i = progress_.next(stage); i < end(); ++i) {
-      if (!progress_.done(stage, i) && is_ready({stage, i}, last)) tasks.push_back({stage, i});
-    }
-  }
-  return tasks;
-}
-
-/// Required stages must have completed all keyframes up to the last one that the task may read, not only those that it
-/// reads: then none of these is more than one pass or round ahead, and their artefacts still exist. With several
-/// devices, one more keyframe, which is on another device: then only the first pass, which starts from the previous
-/// keyframe, waits for work just begun.
-bool Pipeline::is_ready(const Task& task, bool last) {
+/// Whether the plan covers what the task reads, and the keyframe whose first planes it starts from is matched.
+bool Pipeline::may_run(const Task& task, bool last) {
   if (!last && !is_planned(task)) return false;
-  const Stage& stage = schedule_.stages()[task.stage];
-  for (const Stage::Need& need : stage.needs) {
-    std::int64_t until = options_.unordered ? end() : task.keyframe + need.ahead + 1 + (goes_in_step() ? 1 : 0);
-    if (last) until = std::min(until, end());
-    if (progress_.next(need.stage) < until) return false;
-  }
+  const Stage& stage = order_.schedule().stages()[task.stage];
   const View& reference = view(task.keyframe);
   const std::optional<std::int64_t>& from = entry_of(reference).first_planes;
   const bool starts = stage.kind == Stage::Kind::kMatch && stage.step == 0 && runs(stage, reference);
-  return !starts || !from || progress_.done(task.stage, index_of_.at(*from));
+  return !starts || !from || order_.is_done({task.stage, index_of_.at(*from)});
 }
 
 /// Whether the inputs of the task are decided, and their keyframes have been added.
 bool Pipeline::is_planned(const Task& task) {
-  const Stage& stage = schedule_.stages()[task.stage];
-  if (part_) return !options_.unordered && task.keyframe + stage.lead < end();
+  const Stage& stage = order_.schedule().stages()[task.stage];
+  if (part_) return !options_.unordered && task.keyframe + stage.lead < order_.end();
   return view(task.keyframe).place - dropped_ < planned_for(stage.kind);
 }
 
@@ -356,24 +320,14 @@ void Pipeline::fuse(const View& reference) {
   engine_->fuse(*reference.frame, window, static_cast<std::size_t>(current - window.begin()));
 }
 
-/// Releases artefacts that no stage will read.
-void Pipeline::forget(bool last) {
-  std::int64_t keep = progress_.next(schedule_.stages().size() - 1);
-  for (std::size_t k = 0; k < kept_.size(); ++k) {
-    const Lifetime& lifetime = schedule_.lifetimes()[k];
-    std::int64_t until = end();
-    for (const Lifetime::Reader& reader : lifetime.readers) {
-      const std::int64_t at = progress_.next(reader.stage);
-      if (last && at == end()) continue;  // the stage is complete
-      until = std::min(until, options_.unordered ? 0 : at - reader.behind);
-    }
-    for (; kept_[k] < until; ++kept_[k]) {
-      View& released = view(kept_[k]);
-      if (lifetime.artefact == Artefact::kLandmarks) std::vector<Landmark>().swap(released.keyframe.landmarks);
-      engine_->release(*released.frame, lifetime.artefact);
-    }
-    keep = std::min(keep, kept_[k]);
-  }
+/// Artefacts, views and entries that no task will read again.
+void Pipeline::release(bool last) {
+  order_.release(last, [&](Artefact artefact, std::int64_t keyframe) {
+    View& released = view(keyframe);
+    if (artefact == Artefact::kLandmarks) std::vector<Landmark>().swap(released.keyframe.landmarks);
+    engine_->release(*released.frame, artefact);
+  });
+  const std::int64_t keep = order_.first_in_use();
   for (; first_ < keep; ++first_) {
     index_of_.erase(views_.front().keyframe.id);
     views_.pop_front();

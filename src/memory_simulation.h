@@ -4,10 +4,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "plan/reach.h"
-#include "schedule.h"
+#include "task_order.h"
 
 namespace pmsp {
 
@@ -30,25 +29,24 @@ class MemorySimulation {
 
   /// `in_step`: as with several devices that share a sequence.
   explicit MemorySimulation(const DensifierOptions& options, bool in_step = false)
-      : in_step_(in_step),
-        passes_(options.advanced.patchmatch.geometric_passes),
+      : passes_(options.advanced.patchmatch.geometric_passes),
         rounds_(duplicate_rounds(options)),
         has_evidence_(passes_ > 0 && options.advanced.patchmatch.plane_priors),
-        schedule_(options, true),
-        next_(schedule_.stages().size(), 0),
-        kept_(schedule_.lifetimes().size(), 0) {}
+        order_(options, true) {
+    order_.set_in_step(in_step);
+  }
 
   /// Simulates a number of keyframes; calls `look` with the counts after each change.
   template <class Look>
   void run(std::int64_t keyframes, const Look& look) {
     std::int64_t enough = 0;  // later keyframes only reuse released memory
-    for (const Lifetime& lifetime : schedule_.lifetimes()) enough = std::max(enough, 2 * lifetime.keyframes);
+    for (const Lifetime& lifetime : schedule().lifetimes()) enough = std::max(enough, 2 * lifetime.keyframes);
     keyframes = std::min(keyframes, enough);
-    for (end_ = 1; end_ <= keyframes; ++end_) {
+    for (std::int64_t i = 0; i < keyframes; ++i) {
+      order_.add_keyframe();
       look(held());
       advance(false, look);
     }
-    end_ = keyframes;
     advance(true, look);
   }
 
@@ -57,8 +55,8 @@ class MemorySimulation {
     const std::int64_t matched = through(Stage::Kind::kMatch, passes_);
     const std::int64_t filtered = through(Stage::Kind::kFilter);
     Held held;
-    held.images = left(Artefact::kImage, end_);
-    held.colors = left(Artefact::kColor, end_);
+    held.images = left(Artefact::kImage, order_.end());
+    held.colors = left(Artefact::kColor, order_.end());
     const double between = passes_ > 0 ? left(Artefact::kPassPlanes, through(Stage::Kind::kMatch, 1)) -
                                              left(Artefact::kPassPlanes, matched)
                                        : 0.0;
@@ -75,72 +73,36 @@ class MemorySimulation {
   }
   /// Returns the number of keyframes that completed a stage.
   std::int64_t through(Stage::Kind kind, int step = 0) const {
-    for (std::size_t i = 0; i < next_.size(); ++i) {
-      if (schedule_.stages()[i].kind == kind && schedule_.stages()[i].step == step) return next_[i];
+    for (std::size_t i = 0; i < schedule().stages().size(); ++i) {
+      if (schedule().stages()[i].kind == kind && schedule().stages()[i].step == step) return order_.next(i);
     }
     return 0;
   }
   /// Returns how many of the first `made` keyframes still hold the artefact.
   double left(Artefact artefact, std::int64_t made) const {
-    const Lifetime* const lifetime = schedule_.lifetime(artefact);
+    const Lifetime* const lifetime = schedule().lifetime(artefact);
     if (lifetime == nullptr) return 0.0;
-    const std::int64_t first = kept_[static_cast<std::size_t>(lifetime - schedule_.lifetimes().data())];
+    const std::int64_t first = order_.first_with(static_cast<std::size_t>(lifetime - schedule().lifetimes().data()));
     return static_cast<double>(std::max<std::int64_t>(0, made - first));
   }
   template <class Look>
   void advance(bool last, const Look& look) {
-    if (in_step_) return advance_in_step(last, look);
-    for (std::size_t stage = next_.size(); stage-- > 0;) {
-      if (!is_ready(stage, last)) continue;
-      ++next_[stage];
+    const auto is_planned = [&](const Task& task) {
+      return last || task.keyframe + schedule().stages()[task.stage].lead < order_.end();
+    };
+    order_.advance(last, is_planned, [&](const Task& task) {
+      order_.mark(task);
       look(held());
-      forget(last);
-      stage = next_.size();  // from the last stage again
-    }
-  }
-  template <class Look>
-  void advance_in_step(bool last, const Look& look) {
-    std::vector<std::size_t> ready;
-    do {
-      ready.clear();
-      for (std::size_t stage = next_.size(); stage-- > 0;) {
-        if (is_ready(stage, last)) ready.push_back(stage);
-      }
-      for (const std::size_t stage : ready) {
-        ++next_[stage];
-        look(held());
-        forget(last);
-      }
-    } while (last && !ready.empty());
-  }
-  bool is_ready(std::size_t at, bool last) const {
-    const Stage& stage = schedule_.stages()[at];
-    const std::int64_t keyframe = next_[at];
-    if (keyframe + (last ? 0 : stage.lead) >= end_) return false;
-    return std::all_of(stage.needs.begin(), stage.needs.end(), [&](const Stage::Need& need) {
-      const std::int64_t until = keyframe + need.ahead + 1 + (in_step_ ? 1 : 0);
-      return next_[need.stage] >= (last ? std::min(until, end_) : until);
+      order_.release(last, [](Artefact, std::int64_t) {});
+      return true;
     });
   }
-  void forget(bool last) {
-    for (std::size_t k = 0; k < kept_.size(); ++k) {
-      std::int64_t until = end_;
-      for (const Lifetime::Reader& reader : schedule_.lifetimes()[k].readers) {
-        const std::int64_t at = next_[reader.stage];
-        if (!last || at < end_) until = std::min(until, at - reader.behind);
-      }
-      kept_[k] = std::max(kept_[k], until);
-    }
-  }
+  const Schedule& schedule() const { return order_.schedule(); }
 
-  bool in_step_;
   int passes_;
   int rounds_;
   bool has_evidence_;
-  Schedule schedule_;
-  std::vector<std::int64_t> next_;  ///< by stage: first keyframe not completed
-  std::vector<std::int64_t> kept_;  ///< by lifetime: first keyframe that holds the artefact
-  std::int64_t end_ = 0;
+  TaskOrder order_;
 };
 
 }  // namespace pmsp

@@ -18,8 +18,7 @@
 #include "plan/plan_part.h"
 #include "plan/planner.h"
 #include "planned_densifier.h"
-#include "schedule.h"
-#include "stage_progress.h"
+#include "task_order.h"
 
 namespace pmsp {
 
@@ -28,12 +27,6 @@ struct View {
   Keyframe keyframe;  ///< without image and mask
   std::unique_ptr<Engine::Frame> frame;
   std::size_t place;  ///< index of its plan entry; without a given plan, among all added keyframes
-};
-
-/// Work of a stage on one keyframe.
-struct Task {
-  std::size_t stage;
-  std::int64_t keyframe;
 };
 
 /// Implementation of the Densifier: runs the plan of its planner, made incrementally, or part of a given plan. A task
@@ -73,7 +66,6 @@ class Pipeline {
   }
 
   View& view(std::int64_t i) { return views_[static_cast<std::size_t>(i - first_)]; }
-  std::int64_t end() const { return first_ + static_cast<std::int64_t>(views_.size()); }
   const PlanEntry& entry_of(const View& view) const {
     return part_ ? part_->entry(view.place) : planner_.entries()[view.place - dropped_];
   }
@@ -81,18 +73,15 @@ class Pipeline {
   Engine::Frame* frame_of(std::int64_t id) { return view(index_of_.at(id)).frame.get(); }
   std::vector<const Engine::Frame*> matched_frames(const std::vector<std::int64_t>& keyframes);
 
+  void make_engine();
   bool takes_part(std::int64_t id) const;
   bool take(const Keyframe& keyframe);
   KeyframeUse decide_use(const Keyframe& keyframe);
   void check_all_there() const;
   void finish();
   void prepare(const Keyframe& keyframe, std::size_t place);
-  bool goes_in_step() const { return options_.backend == Backend::kCuda && options_.devices.size() > 1; }
   void advance(bool last);
-  void advance_in_step(bool last);
-  std::optional<Task> next_task(bool last);
-  std::vector<Task> ready_tasks(bool last);
-  bool is_ready(const Task& task, bool last);
+  bool may_run(const Task& task, bool last);
   bool is_planned(const Task& task);
   std::size_t planned_for(Stage::Kind kind) const;
 
@@ -102,7 +91,7 @@ class Pipeline {
   void take_earlier(const View& reference, int pass);
   void match(const View& reference, int pass);
   void fuse(const View& reference);
-  void forget(bool last);
+  void release(bool last);
   void drop_entries(std::size_t count);
   void count_without_depth_map(KeyframeUse use);
 
@@ -110,7 +99,6 @@ class Pipeline {
   DensifierOptions options_;
   PlannedCallbacks callbacks_;  ///< of the caller
   EngineResults results_;       ///< called by the engine
-  const Schedule schedule_;
   Planner planner_;
   const std::optional<PlanPart> part_;  ///< instead of the planner's plan
   const std::function<PlaneMap(std::int64_t id)> load_planes_;
@@ -126,8 +114,7 @@ class Pipeline {
   std::size_t dropped_ = 0;                                  ///< released entries of the planner's plan
   std::size_t taken_ = 0;                                    ///< participating keyframes so far
   std::int64_t first_ = 0;                                   ///< index of views_.front()
-  Progress progress_;
-  std::vector<std::int64_t> kept_;  ///< by lifetime: first keyframe that holds the artefact
+  TaskOrder order_;
 };
 
 }  // namespace pmsp
