@@ -203,7 +203,7 @@ bool LiveBuilder::work() {
   if (preview_ && preview_->work(nodes_, on_error_)) return true;
   if (decide() || estimate_lenses() || estimate_rig() || link()) return true;
   detect_moves();
-  return show(false, kGroup) || match() || show(false, 1) || match_again() || show(true, 1) || show_wide();
+  return show(false, group()) || match() || show(false, 1) || match_again() || show(true, 1) || show_wide();
 }
 
 /// Depth maps around that are compared or joined with this one's.

@@ -66,7 +66,7 @@ class LiveBuilder {
 
   /// While no more keyframes than these lack passes, each gets all of them at once.
   static constexpr std::size_t kShortQueue = 6;
-  /// Points are made for so many keyframes together: those at the borders of a group are looked at twice.
+  /// Maximum number of keyframes whose points are computed together; those at the borders of a group are fused twice.
   static constexpr std::size_t kGroup = 8;
   /// Keyframes that have moved against each other by more than this since they were first shown saw one place as two;
   /// those that have moved less need no more than to be matched anew [rad].
@@ -125,6 +125,7 @@ class LiveBuilder {
   // Points (live_points.cpp).
   int shared_level_of(const LiveNode& node) const;
   bool show(bool because_moved, std::size_t fewest);
+  std::size_t group() const;
   bool show_wide();
   void show(const std::vector<LiveNode*>& nodes);
   void choose_test_views(LiveNode& node);
