@@ -195,7 +195,7 @@ class ObservationFilter {
   }
 
   const RawMap& raw_;
-  ObservationFilter sieve_;
+  LandmarkFilter sieve_;
 };
 
 }  // namespace

@@ -124,7 +124,7 @@ void sort_keyframes(SlamMap& map) {
 }
 
 void sift_observations(SlamMap& map) {
-  ObservationFilter sieve(map);
+  LandmarkFilter sieve(map);
   for (MapKeyframe& keyframe : map.keyframes) {
     sieve.begin_keyframe();
     const MapCamera& camera = map.cameras[static_cast<std::size_t>(keyframe.camera)];
@@ -320,9 +320,9 @@ void number_by_image(SlamMap& map) {
   for (std::size_t i = 0; i < map.keyframes.size(); ++i) map.keyframes[i].id = static_cast<std::int64_t>(i);
 }
 
-ObservationFilter::ObservationFilter(SlamMap& map) : map_(map), last_seen_(map.landmarks.size(), -1) {}
+LandmarkFilter::LandmarkFilter(SlamMap& map) : map_(map), last_seen_(map.landmarks.size(), -1) {}
 
-const MapLandmark* ObservationFilter::pass(std::int64_t landmark_id) {
+const MapLandmark* LandmarkFilter::pass(std::int64_t landmark_id) {
   const MapLandmark* const landmark = map_.find_landmark(landmark_id);
   if (landmark == nullptr) {
     ++map_.observations_skipped;

@@ -87,10 +87,10 @@ MapCamera panorama_of_any_size();
 void number_by_image(SlamMap& map);
 
 /// Keeps observations of existing landmarks, each landmark once per keyframe, and counts the others.
-class ObservationFilter {
+class LandmarkFilter {
  public:
   /// `map`: with sorted landmarks, must outlive the filter.
-  explicit ObservationFilter(SlamMap& map);
+  explicit LandmarkFilter(SlamMap& map);
 
   void begin_keyframe() { ++keyframe_; }
   /// Returns the landmark if the observation is kept, else nullptr.

@@ -36,7 +36,8 @@ int LiveBuilder::shared_level_of(const LiveNode& node) const {
 /// Number of keyframes whose points are computed together while others wait for passes: as many as have points, so that
 /// the oldest are final early, up to kGroup.
 std::size_t LiveBuilder::group() const {
-  const auto shown = std::count_if(nodes_.begin(), nodes_.end(), [](const auto& node) { return node.second.shown > 0; });
+  const auto shown =
+      std::count_if(nodes_.begin(), nodes_.end(), [](const auto& node) { return node.second.shown > 0; });
   return std::clamp<std::size_t>(static_cast<std::size_t>(shown), 1, kGroup);
 }
 
