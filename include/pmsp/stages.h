@@ -281,7 +281,7 @@ struct FusionMap {
 };
 
 /// Points of a keyframe before free-space test and duplicate removal, encoded as in kernels/surfel.h: 10 bytes per
-/// pixel with windows of up to 9 maps (11 up to 17), of which other keyframes read `surfels` and `standings`.
+/// pixel with windows of up to 9 maps (11 up to 17), of which other keyframes read `surfels` and `statuses`.
 struct SurfelMap {
   std::int64_t keyframe_id = 0;
   Image<std::uint32_t> surfels;          ///< depth (to 0.013 %) and normal (2 degrees); 0 = no point
@@ -319,7 +319,7 @@ PMSP_API Image<std::uint8_t> free_space_filter(const SurfelMap& map, const Keyfr
 
 /// Points of a keyframe with their current status.
 struct SurfelsFrom {
-  const SurfelMap* map = nullptr;                 ///< its `standings` are ignored
+  const SurfelMap* map = nullptr;                 ///< its `statuses` are ignored
   const Image<std::uint8_t>* statuses = nullptr;  ///< of fuse_pixels, free_space_filter or duplicate_round
   KeyframePose pose;
 };

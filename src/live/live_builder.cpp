@@ -13,16 +13,17 @@
 namespace pmsp {
 namespace {
 
-/// Poses that have moved what is seen by less than this let points be [px].
+/// Maximum displacement of inputs for which points stay valid [px].
 constexpr double kQueryTolerance = 0.1;
-/// While a keyframe has not had all its passes, moves up to this many times the tolerance wait until it has.
+/// Displacement, relative to `max_move_px`, above which a photometric pass comes before the remaining ones; smaller
+/// ones are corrected after these.
 constexpr double kFarInBetween = 3.0;
-/// Moves up to this many times the tolerance let it have all its passes first; beyond, as when a loop is closed, what
-/// it has is worth nothing, and it begins anew.
+/// Displacement, relative to `max_move_px`, above which a depth map is worthless, as after a loop closure, and matching
+/// restarts; below, the remaining passes are run first.
 constexpr double kFarToGoOn = 24.0;
-/// Keyframes that have moved in the world by more than this may have been brought to others [rad].
+/// Displacement in the world above which a keyframe may overlap with others than before [rad].
 constexpr double kFarMove = 0.01;
-/// Points are made at these numbers of passes, and at the full one.
+/// Numbers of passes, besides the full one, after which points are published.
 constexpr int kLevels[] = {2, 3};
 
 DensifierOptions suitable(DensifierOptions options) {
@@ -74,7 +75,7 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
 
 void LiveBuilder::set_size(int image_width, int image_height) {
   DensifierOptions sized = densifier_;
-  fill_in_size(sized, image_width, image_height);  // throws before anything has changed
+  fill_in_size(sized, image_width, image_height);  // throws before any change
   const std::string why_not = why_too_little(sized, image_width);
   if (!why_not.empty()) throw InvalidInput(why_not);
   densifier_ = sized;
@@ -82,8 +83,8 @@ void LiveBuilder::set_size(int image_width, int image_height) {
   engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
 }
 
-/// Empty where those keyframes find room that need each other for their points, or as long as the size of the depth
-/// maps is not known.
+/// Returns an error message if `memory_mib` is too small for the keyframes on which the points of one depend; else, or
+/// while the size of the depth maps is unknown, an empty string.
 std::string LiveBuilder::why_too_little(const DensifierOptions& sized, int image_width) const {
   if (sized.width == 0 || sized.height == 0) return {};
   const std::size_t keyframes = 1 + 2 * (reach_.points + reach_.neighbours);
@@ -104,14 +105,14 @@ const LiveNode* LiveBuilder::find(std::int64_t id) const {
   return found == nodes_.end() ? nullptr : &found->second;
 }
 
-/// Of a used one, in its flight.
+/// Returns the index of a used keyframe in its sequence.
 std::size_t LiveBuilder::place_of(const LiveNode& node) const {
   const Sequence& sequence = sequences_.at(node.map_id);
   return static_cast<std::size_t>(std::lower_bound(sequence.begin(), sequence.end(), node.id) - sequence.begin());
 }
 
-/// Used keyframes of the same flight up to `reach` before and after, itself included, in order. `with_depth`: those
-/// only that have a depth map.
+/// Returns the keyframes of the sequence up to `reach` before and after the node, including it, in order. `with_depth`:
+/// only those with a depth map.
 std::vector<LiveNode*> LiveBuilder::around(const LiveNode& node, std::size_t reach, bool with_depth) {
   const Sequence& sequence = sequences_.at(node.map_id);
   const std::size_t place = place_of(node);
@@ -124,7 +125,7 @@ std::vector<LiveNode*> LiveBuilder::around(const LiveNode& node, std::size_t rea
   return result;
 }
 
-// ---- what is told ----
+// ---- input ----
 
 void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
   finishing_ = false;
@@ -192,7 +193,7 @@ void LiveBuilder::erase(std::int64_t id) {
   }
 }
 
-// ---- what is done ----
+// ---- work ----
 
 void LiveBuilder::stay_within_memory() {
   make_room();
@@ -206,7 +207,7 @@ bool LiveBuilder::work() {
   return show(false, group()) || match() || show(false, 1) || match_again() || show(true, 1) || show_wide();
 }
 
-/// Depth maps around that are compared or joined with this one's.
+/// Marks points stale that depend on the node's depth map.
 void LiveBuilder::planes_changed(const LiveNode& node) {
   for (LiveNode* other : around(node, reach_.points, true)) other->points_due = true;
 }
@@ -215,7 +216,7 @@ LiveInput LiveBuilder::input(const LiveNode& other, const LiveNode& own, std::ui
   return {other.id, made, other.pose, own.pose};
 }
 
-/// Whether something else went in, or the same from elsewhere.
+/// Whether inputs were replaced or have moved.
 bool LiveBuilder::is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const {
   if (then.size() != now.size()) return true;
   for (std::size_t i = 0; i < then.size(); ++i) {
@@ -225,7 +226,7 @@ bool LiveBuilder::is_outdated(const LiveNode& node, const LiveInputs& then, cons
   return false;
 }
 
-/// What poses have done to depth maps and points.
+/// Marks depth maps and points stale whose inputs have moved.
 void LiveBuilder::detect_moves() {
   if (!moved_) return;
   moved_ = false;
@@ -258,7 +259,7 @@ void LiveBuilder::detect_moves() {
 
 // ---- depth maps ----
 
-/// The keyframe with this id, null unless the other one can be matched with it.
+/// Returns the keyframe with this id if `node` can be matched with it, else nullptr.
 const LiveNode* LiveBuilder::neighbour(const LiveNode& node, std::int64_t id) const {
   const LiveNode* const near = find(id);
   return near != nullptr && near->has_image && near->map_id == node.map_id ? near : nullptr;
@@ -279,7 +280,7 @@ bool LiveBuilder::can_match(const LiveNode& node) const {
                      [&](std::int64_t id) { return neighbour(node, id) != nullptr; });
 }
 
-/// The highest of the levels that it has reached, 0 = none. Who cannot go on has reached all.
+/// Returns the highest level (number of passes) reached, 0 = none; the full one if it cannot be matched further.
 int LiveBuilder::level_of(const LiveNode& node) const {
   if (!lacks_passes(node)) return full_;
   int level = 0;
@@ -289,10 +290,10 @@ int LiveBuilder::level_of(const LiveNode& node) const {
   return level;
 }
 
-/// The next pass of the keyframe that needs one most: the first one, while few wait; else one of those that have had
-/// the fewest, so that all have something soon. It waits until its neighbours have had the pass before, and until those
-/// that have moved have looked at images alone. What is matched anew looks at images, all of it, before any of it looks
-/// at maps; where it has points, it comes last.
+/// Runs the next pass of the most urgent keyframe: while few lack passes the first one, else one of the lowest level,
+/// so that all have points early; restarted keyframes with points come last. Geometric passes wait for the previous
+/// pass of the source views and, after the first points, for their due photometric ones. After a restart they also wait
+/// until the source views have restarted. Returns whether there was one.
 bool LiveBuilder::match() {
   std::vector<LiveNode*> candidates;
   for (const auto& [map_id, sequence] : sequences_) {
@@ -314,7 +315,7 @@ bool LiveBuilder::match() {
       if (node->restarted && (has_points ? needs_rematch(*other) : restarts(*other))) return false;
       const bool waits = other->wants_images_alone(kFarInBetween * options_.max_move_px) && can_match(*other);
       return (node->passes < kLevels[0] && !(node->restarted && has_points)) ||
-             !waits;  // first points wait for nobody's move
+             !waits;  // first points do not wait for photometric passes
     });
     if (!ready) continue;
     const auto urgency = [&](const LiveNode& of) {
@@ -327,25 +328,25 @@ bool LiveBuilder::match() {
   return true;
 }
 
-/// Whether neighbours have moved so far that what it has is worth nothing.
+/// Whether neighbours have moved so far that its depth map is worthless.
 bool LiveBuilder::restarts(const LiveNode& node) const {
   return node.passes > 0 && node.moved_px > kFarToGoOn * options_.max_move_px && can_match(node);
 }
 
-/// Whether it has all its passes, but neighbours have moved since, or far in between; or it need not have the others
-/// first.
+/// Whether all passes must be run again: neighbours have moved since the last photometric pass, or before one in
+/// between. Without `restarts` the remaining passes are run first.
 bool LiveBuilder::needs_rematch(const LiveNode& node) const {
   return restarts(node) || (node.passes >= full_ && node.displacement_px() > 0.0 && can_match(node));
 }
 
-/// The used keyframe before it in its flight, null = it is the first.
+/// Returns the previous keyframe of its sequence; nullptr for the first one.
 LiveNode* LiveBuilder::previous_of(const LiveNode& node) {
   const std::size_t place = place_of(node);
   return place > 0 ? find(sequences_.at(node.map_id)[place - 1]) : nullptr;
 }
 
-/// Of the keyframes that are due again, the one where it is worst is matched anew; but first those before it that begin
-/// anew, too: it starts from the planes of the one before.
+/// Matches again, from the first pass, the keyframe with the largest displacement among those that need it. Previous
+/// ones that restart, too, come first: their planes are the start of the next. Returns whether there was one.
 bool LiveBuilder::match_again() {
   LiveNode* worst = nullptr;
   for (auto& [id, node] : nodes_) {
@@ -370,8 +371,8 @@ void LiveBuilder::match(LiveNode& node) {
   task.reference = node.frame.get();
   task.keyframe = &keyframe;
   LiveInputs inputs;
-  // Maps of before a move agree with each other, and would hold a keyframe where it was: such neighbours lend their
-  // images only, and a pass that looks at images alone comes in between.
+  // Maps from before a move confirm each other and would keep the planes from following: such neighbours provide images
+  // only, and a photometric pass comes in between.
   const double far = kFarInBetween * options_.max_move_px;
   std::vector<const LiveNode*> neighbours = neighbours_of(node);
   const auto outdated = std::stable_partition(neighbours.begin(), neighbours.end(),
@@ -451,7 +452,7 @@ std::size_t LiveBuilder::bytes() const {
   return bytes;
 }
 
-/// Images go first, then all else, of those that have their points, or get none, and are farthest away.
+/// Releases images, then all other data, of keyframes that have points or get none, the farthest from the newest first.
 void LiveBuilder::make_room() {
   const std::size_t most = most_bytes();
   std::size_t now = bytes();
@@ -463,7 +464,7 @@ void LiveBuilder::make_room() {
     const std::vector<LiveNode*> near = around(node, reach_.neighbours, false);
     if (std::any_of(near.begin(), near.end(),
                     [](const LiveNode* other) { return !other->linked || (other->has_depth && other->passes == 0); })) {
-      continue;  // they are matched with it first
+      continue;  // still needed as source view
     }
     order.emplace_back(-(node.pose.cam_from_world.center() - center).norm(), &node);
   }

@@ -23,65 +23,64 @@
 
 namespace pmsp {
 
-/// What a LiveDensifier's worker does, one piece of work at a time: which keyframes are used and what they are matched
-/// with, passes of PatchMatch, points, and all of this again where something has changed. One thread only.
+/// Work of a LiveDensifier, one task at a time: selection of keyframes and source views, passes of PatchMatch, points,
+/// and updates of these after changes. Not thread-safe.
 ///
-/// A keyframe's passes look at the newest maps of its neighbours, not at those of the pass before: so any pass can
-/// follow any other, and one that is done again because poses have moved is a pass like others. What goes into a
-/// result is recorded with it; what has changed since makes it due again.
+/// Passes use the newest maps of the source views, not those of the previous pass: any pass can follow any other, and
+/// rematching after a pose update needs no other code. Results record their inputs, and are stale once these change.
 class LiveBuilder {
  public:
-  /// Takes points. `preliminary`: of a preview.
+  /// Receiver of points. `serial`: of the keyframe; `preliminary`: of a preview.
   using Publish = std::function<void(const KeyframeCloud& cloud, std::uint64_t serial, bool preliminary)>;
 
-  /// Takes what is wrong with a keyframe that is left out for it.
+  /// Receiver of messages about invalid keyframes, which are skipped.
   using OnError = std::function<void(const std::string&)>;
 
-  /// `cancel` makes work return early; nothing may be asked of the builder after that. Throws as the LiveDensifier.
+  /// A true `cancel` makes `work` return early; the builder must then be replaced. Throws as LiveDensifier.
   LiveBuilder(const LiveOptions& options, const std::atomic<bool>& cancel, Publish publish, OnError on_error);
 
-  /// `serial`: another one for each keyframe that is added, whatever its id.
+  /// `serial`: unique among all added keyframes, even if an id is reused.
   void add(const LiveKeyframe& keyframe, std::uint64_t serial);
   void move(const std::vector<LiveMove>& places);
   void set_landmarks(std::int64_t id, const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
   void erase(std::int64_t id);
   void finish() { finishing_ = true; }
 
-  /// Lets go of what does not find room.
+  /// Releases data and drops keyframes until `memory_mib` and `max_waiting` are met, as far as possible.
   void stay_within_memory();
 
-  /// Does the next piece of work. Returns whether there was any.
+  /// Runs the next task. Returns whether there was one.
   bool work();
 
-  /// Keyframes that have been left out or erased since the last call, with their serials.
+  /// Keyframes dropped or erased since the last call, with their serials.
   using Dropped = std::vector<std::pair<std::int64_t, std::uint64_t>>;
   Dropped take_dropped() { return std::exchange(dropped_, {}); }
 
   LiveBacklog backlog() const;
-  LiveStats stats() const;  ///< what is counted here
+  LiveStats stats() const;  ///< counts of the builder only
   const std::string& backend() const { return backend_; }
 
  private:
-  using Sequence = std::vector<std::int64_t>;
+  using Sequence = std::vector<std::int64_t>;  ///< ids of the used keyframes of a map, in order
 
-  /// While no more keyframes than these lack passes, each gets all of them at once.
+  /// Maximum number of keyframes lacking passes up to which each gets all its passes at once.
   static constexpr std::size_t kShortQueue = 6;
   /// Maximum number of keyframes whose points are computed together; those at the borders of a group are fused twice.
   static constexpr std::size_t kGroup = 8;
-  /// Keyframes that have moved against each other by more than this since they were first shown saw one place as two;
-  /// those that have moved less need no more than to be matched anew [rad].
+  /// Relative displacement of two keyframes, since their points were first published, above which they may have mapped
+  /// one surface twice, as before a loop closure; below, rematching suffices [rad].
   static constexpr double kReunion = 0.1;
 
-  /// How far before and after its own place a keyframe looks [used keyframes of the flight].
+  /// Maximum distance in the sequence, on either side [used keyframes].
   struct Reach {
     explicit Reach(const DensifierOptions& options);
-    std::size_t neighbours;   ///< among these they are chosen
-    std::size_t consistency;  ///< windows
-    std::size_t fusion;
-    std::size_t points;  ///< to those whose depth maps its points are made from
+    std::size_t neighbours;   ///< candidates for source views
+    std::size_t consistency;  ///< consistency window
+    std::size_t fusion;       ///< fusion window
+    std::size_t points;       ///< depth maps that affect a keyframe's points
   };
 
-  // Which are used (live_choices.cpp).
+  // Selection (live_choices.cpp).
   bool has_ended(std::int64_t map_id) const;
   bool is_stable(const LiveNode& node) const;
   bool decide();
@@ -131,7 +130,7 @@ class LiveBuilder {
   void choose_test_views(LiveNode& node);
   std::vector<LiveNode*> with_depth(const std::vector<std::int64_t>& ids, std::int64_t map_id);
 
-  // What changes.
+  // Stale results.
   void detect_moves();
   void planes_changed(const LiveNode& node);
   bool is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const;
@@ -150,35 +149,35 @@ class LiveBuilder {
   std::vector<LiveNode*> around(const LiveNode& node, std::size_t reach, bool with_depth);
 
   LiveOptions options_;
-  DensifierOptions densifier_;  ///< in force
-  const int full_;              ///< passes of a finished depth map
+  DensifierOptions densifier_;  ///< in effect
+  const int full_;              ///< number of passes of a complete depth map
   const Reach reach_;
-  const bool searches_all_;  ///< keyframes beyond the fusion window may make the point of a place in any case
+  const bool searches_all_;  ///< duplicates are removed among all keyframes, not only after loop closures
   Publish publish_;
   OnError on_error_;
   EngineResults results_;
   DensifierStats engine_stats_;
   KeyframeSource image_again_;  ///< never set
   std::string backend_;
-  std::unique_ptr<Engine> engine_;  ///< before the nodes, whose frames must not outlive it
+  std::unique_ptr<Engine> engine_;  ///< declared before the nodes, whose frames must not outlive it
   std::unique_ptr<LivePreview> preview_;
-  std::map<std::int64_t, LiveNode> nodes_;       ///< that wait for a decision, or are used
-  std::map<std::int64_t, Sequence> sequences_;   ///< ids of used ones in order, by map
-  std::set<std::int64_t> undecided_;             ///< ids
-  std::optional<LensDistanceEstimator> lenses_;  ///< while their distance is not fixed
-  std::optional<RigMaskEstimator> rig_;          ///< while it is not fixed
-  std::int64_t calibration_map_ = 0;             ///< of their keyframes
-  std::size_t lens_keyframes_ = 0;               ///< keyframes of the last estimate
+  std::map<std::int64_t, LiveNode> nodes_;       ///< pending and used keyframes
+  std::map<std::int64_t, Sequence> sequences_;   ///< by map
+  std::set<std::int64_t> undecided_;             ///< ids of pending keyframes
+  std::optional<LensDistanceEstimator> lenses_;  ///< until the distance is fixed
+  std::optional<RigMaskEstimator> rig_;          ///< until the mask is fixed
+  std::int64_t calibration_map_ = 0;             ///< map of the keyframes of both estimators
+  std::size_t lens_keyframes_ = 0;               ///< number of keyframes of the last estimate
   std::size_t rig_keyframes_ = 0;
   Image<std::uint8_t> rig_mask_;                     ///< empty = none
-  std::shared_ptr<const Image<std::uint8_t>> mask_;  ///< see mask_for
+  std::shared_ptr<const Image<std::uint8_t>> mask_;  ///< cached result of mask_for
   const std::atomic<bool>& cancel_;
   Dropped dropped_;
-  std::map<std::int64_t, std::int64_t> last_arrivals_;  ///< number of the last keyframe that came, by map
+  std::map<std::int64_t, std::int64_t> last_arrivals_;  ///< `arrivals_` at the newest keyframe, by map
   std::int64_t arrivals_ = 0;
   std::uint64_t results_made_ = 0;
   bool finishing_ = false;
-  bool moved_ = false;  ///< since moves were last looked for
+  bool moved_ = false;  ///< poses have changed since detect_moves
   LiveStats stats_;
 };
 

@@ -9,16 +9,16 @@
 namespace pmsp {
 namespace {
 
-/// After so many used keyframes it is fixed: as many as a run from a file looks at.
+/// Number of used keyframes after which an estimate is final, the same as in runs of complete missions.
 constexpr std::size_t kEnough = 24;
-/// Where no more come for now, so many may tell it, too.
+/// Minimum number for an estimate while no more keyframes are expected.
 constexpr std::size_t kFewest = 8;
 
 }  // namespace
 
-/// `keyframe`: the node's, with image.
+/// Adds a keyframe to the estimators. `keyframe`: of `node`, with image.
 void LiveBuilder::collect_for_calibration(const LiveNode& node, const Keyframe& keyframe) {
-  if (node.map_id != calibration_map_) {  // places of two maps do not compare
+  if (node.map_id != calibration_map_) {  // poses of different maps are not comparable
     if (lenses_) begin_with_lenses();
     if (rig_) begin_with_rig();
     calibration_map_ = node.map_id;
@@ -27,7 +27,8 @@ void LiveBuilder::collect_for_calibration(const LiveNode& node, const Keyframe& 
   if (rig_) rig_->add(keyframe, engine_->executor());
 }
 
-/// Whether there are enough keyframes, or no more come for now and some are new. Then they get their newest poses.
+/// Whether an estimate is due: there are enough keyframes, or new ones and no more are expected for now. If so, updates
+/// the estimator's poses.
 template <class Estimator>
 bool LiveBuilder::is_time_for(Estimator& estimator, std::size_t& looked_at) const {
   const std::size_t count = estimator.keyframes();
@@ -40,7 +41,7 @@ bool LiveBuilder::is_time_for(Estimator& estimator, std::size_t& looked_at) cons
   return true;
 }
 
-/// Finds the rig when it is time. Returns whether there was anything to do.
+/// Estimates the rig mask if due. Returns whether it was.
 bool LiveBuilder::estimate_rig() {
   if (!rig_ || !is_time_for(*rig_, rig_keyframes_)) return false;
   const bool enough = rig_->keyframes() >= kEnough;
@@ -56,7 +57,7 @@ bool LiveBuilder::estimate_rig() {
   return true;
 }
 
-/// Of an image of that size: the caller's mask and the rig; null = none.
+/// Returns the mask of images of this size: the caller's mask with the rig; nullptr = none.
 std::shared_ptr<const Image<std::uint8_t>> LiveBuilder::mask_for(int width, int height) {
   if (rig_mask_.empty()) return options_.mask;
   if (mask_ && mask_->width() == width && mask_->height() == height) return mask_;
@@ -65,7 +66,7 @@ std::shared_ptr<const Image<std::uint8_t>> LiveBuilder::mask_for(int width, int 
   return mask_ = std::make_shared<const Image<std::uint8_t>>(std::move(mask));
 }
 
-/// Without points on the rig, which keyframes matched before it was found still have.
+/// Publishes points, except those on the rig: keyframes matched before its estimate contain some.
 void LiveBuilder::publish_cloud(const KeyframeCloud& cloud, std::uint64_t serial, bool preliminary) const {
   if (rig_mask_.empty()) return publish_(cloud, serial, preliminary);
   KeyframeCloud kept = cloud;
@@ -96,7 +97,7 @@ void LiveBuilder::begin_with_lenses() {
   lens_keyframes_ = 0;
 }
 
-/// Estimates their distance when it is time. Returns whether there was anything to do.
+/// Estimates the lens distance if due. Returns whether it was.
 bool LiveBuilder::estimate_lenses() {
   if (!lenses_ || !is_time_for(*lenses_, lens_keyframes_)) return false;
   const bool enough = lenses_->keyframes() >= kEnough;
@@ -105,14 +106,14 @@ bool LiveBuilder::estimate_lenses() {
     lenses_.reset();
     use_lenses(found.distance);
   } else if (enough && found.standard_error == 0.0) {
-    begin_with_lenses();  // hardly a landmark was seen by both lenses: those to come may tell more
+    begin_with_lenses();  // too few landmarks were seen by both lenses: tries again with later keyframes
   } else if (enough) {
     lenses_.reset();
   }
   return true;
 }
 
-/// Discards what was made for a camera with one centre.
+/// Sets the lens distance and marks all results for one centre as stale.
 void LiveBuilder::use_lenses(double distance) {
   densifier_.lens_distance = distance;
   if (preview_) preview_->set_lens_distance(distance);
@@ -121,7 +122,7 @@ void LiveBuilder::use_lenses(double distance) {
     node.filtered_made = node.fused_made = 0;
     node.points_due = true;
     if (!can_match(node)) continue;
-    node.restarted = false;  // those that come wait for it
+    node.restarted = false;  // same priority as new keyframes
     node.had_in_between = false;
     node.passes = 0;
     node.moved_px = node.deferred_px = 0.0;

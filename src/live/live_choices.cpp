@@ -10,22 +10,22 @@
 #include "pmsp/stages.h"
 #include "view_filter/view_chain.h"
 
-// Which keyframes of a live mission are used, and what they are matched with.
+// Selection of the keyframes of a live mission and of their source views.
 namespace pmsp {
 namespace {
 
-/// Keyframes within this share of the median range of a keyframe's landmarks see what it sees.
+/// Distance within which keyframes count as redundant, relative to the median range of the landmarks.
 constexpr double kCrowd = 0.15;
-/// So many used ones there are enough.
+/// Maximum number of used keyframes within that distance.
 constexpr int kEnough = 12;
-/// Keyframes of other maps after which none of this one is waited for.
+/// Number of keyframes of other maps after which no more of this one are expected.
 constexpr int kElsewhere = 8;
-/// Used keyframes that sharpness is compared with.
+/// Number of previous used keyframes whose sharpness is compared.
 constexpr std::size_t kSharpnessReach = 5;
 
 }  // namespace
 
-/// Whether no keyframe is waited for: the SLAM has lost its way and goes on in another map, or has finished.
+/// Whether no more keyframes of this map are expected: tracking continued in another map, or finish() was called.
 bool LiveBuilder::has_ended(std::int64_t map_id) const {
   const auto last = last_arrivals_.find(map_id);
   return finishing_ || last == last_arrivals_.end() ||
@@ -37,9 +37,9 @@ bool LiveBuilder::is_stable(const LiveNode& node) const {
   return node.newer >= options_.stable_after && (node.still || options_.stable_after == 0);
 }
 
-/// Takes the first keyframe of a map that waits, if it is ripe.
+/// Uses or drops the first pending keyframe of a map if it is stable. Returns whether there was one.
 bool LiveBuilder::decide() {
-  std::set<std::int64_t> maps;  // whose first one waits on
+  std::set<std::int64_t> maps;  // whose first pending keyframe is not stable
   for (const std::int64_t id : undecided_) {
     LiveNode& node = nodes_.at(id);
     if (maps.count(node.map_id) != 0) continue;
@@ -66,8 +66,7 @@ bool LiveBuilder::decide() {
   return false;
 }
 
-/// Whether the place has been seen often enough: however long a flight stays in one room, what is kept of it is
-/// bounded.
+/// Whether enough keyframes around are used: bounds the memory of a mission that stays in one room.
 bool LiveBuilder::is_crowded(const LiveNode& node) const {
   const auto sequence = sequences_.find(node.map_id);
   if (sequence == sequences_.end()) return false;
@@ -78,7 +77,7 @@ bool LiveBuilder::is_crowded(const LiveNode& node) const {
          }) >= kEnough;
 }
 
-/// What the view filter says of it and the used ones before, all where they are now.
+/// Whether the view filter accepts it after the used keyframes before it, all at their current poses.
 bool LiveBuilder::is_wanted(LiveNode& node, const Keyframe& keyframe) {
   node.sharpness = plan_keyframe(keyframe, densifier_, &engine_->executor()).sharpness;
   const Sequence& sequence = sequences_[node.map_id];
@@ -112,7 +111,7 @@ void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
   sequence.insert(std::lower_bound(sequence.begin(), sequence.end(), node.id), node.id);
 }
 
-/// Those around that are not matched yet choose other neighbours.
+/// Makes unmatched keyframes around choose source views again.
 void LiveBuilder::reselect_neighbours_around(const LiveNode& node) {
   for (LiveNode* other : around(node, reach_.neighbours, false)) {
     if (other->passes == 0) other->linked = other->has_depth = false;
@@ -126,7 +125,7 @@ void LiveBuilder::leave_sequence(LiveNode& node) {
   sequence.erase(std::lower_bound(sequence.begin(), sequence.end(), node.id));
 }
 
-/// Nothing is kept of it.
+/// Removes the keyframe with all its data.
 void LiveBuilder::drop(std::int64_t id) {
   LiveNode& node = nodes_.at(id);
   undecided_.erase(id);
@@ -135,8 +134,9 @@ void LiveBuilder::drop(std::int64_t id) {
   nodes_.erase(id);
 }
 
-/// Of keyframes that wait for their first depth map, lets go of the one whose neighbours in the flight are nearest to
-/// each other, where too many wait or fill the memory.
+/// If too many keyframes wait for their first depth map, or memory is full, drops the most redundant of them: the one
+/// whose neighbours in the sequence are closest, relative to the range of its landmarks. Returns whether one was
+/// dropped.
 bool LiveBuilder::drop_late() {
   int waiting = 0;
   std::int64_t least = 0;
@@ -164,12 +164,12 @@ bool LiveBuilder::drop_late() {
     return true;
   }
   if (!full || undecided_.size() < 2) return false;
-  ++stats_.dropped_late;  // work stands still: images of those to come fill the memory
+  ++stats_.dropped_late;  // images of pending keyframes fill the memory
   drop(*undecided_.begin());
   return true;
 }
 
-/// Chooses neighbours for the first keyframe of which all that could be are there.
+/// Chooses source views of the first keyframe with all candidates available. Returns whether there was one.
 bool LiveBuilder::link() {
   for (const auto& [map_id, sequence] : sequences_) {
     for (std::size_t i = 0; i < sequence.size(); ++i) {

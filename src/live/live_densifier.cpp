@@ -23,7 +23,7 @@
 namespace pmsp {
 namespace {
 
-/// Landmarks of keyframes before the last so many of a map are no longer needed: they are matched.
+/// Number of newest keyframes of a map that get new landmarks; older ones are matched already.
 constexpr std::size_t kUnmatched = 128;
 
 void check_place(const LiveKeyframe& keyframe) {
@@ -52,8 +52,8 @@ void LiveOptions::validate() const {
   check_option("max_move_px", max_move_px, 0.001, 100.0);
 }
 
-/// Callers say where keyframes are, and the map shows it, under one short lock; what the worker has to know of it waits
-/// in a queue. The worker looks at nothing else of the callers'.
+/// Calls update tracker and map under one short lock and queue their changes for the worker, whose builder has no other
+/// access to data of the callers.
 struct LiveDensifier::Impl {
   Impl(const LiveOptions& options, LiveCallbacks callbacks) : options_(options), callbacks_(std::move(callbacks)) {
     options_.validate();
@@ -158,7 +158,8 @@ struct LiveDensifier::Impl {
   }
 
   void reset() {
-    std::deque<std::function<void(LiveBuilder&)>> dropped;  // images, too: their owners may lock what they like
+    // Freed outside the lock: owners of images may acquire any lock.
+    std::deque<std::function<void(LiveBuilder&)>> dropped;
     post([&] {
       ++stats_.resets;
       ++generation_;
@@ -167,7 +168,7 @@ struct LiveDensifier::Impl {
       queue_.swap(dropped);
       finishing_ = false;
       queued_images_ = taken_images_ = 0;
-      cancel_.store(true, std::memory_order_relaxed);  // what is being done is for nothing
+      cancel_.store(true, std::memory_order_relaxed);  // work in progress is obsolete
     });
   }
 
@@ -223,7 +224,7 @@ struct LiveDensifier::Impl {
 
   void check_image_of(const LiveKeyframe& keyframe) const { check_image(keyframe, options_.mask.get()); }
 
-  // Under the lock.
+  // With `mutex_` locked.
 
   void arrive(LiveKeyframe& keyframe) {
     ++stats_.added;
@@ -272,7 +273,7 @@ struct LiveDensifier::Impl {
     return a;
   }
 
-  // ---- the worker ----
+  // ---- worker ----
 
   std::unique_ptr<LiveBuilder> make_builder() {
     return std::make_unique<LiveBuilder>(
@@ -283,7 +284,7 @@ struct LiveDensifier::Impl {
         [this](const std::string& what) { report(what); });
   }
 
-  /// Unless the keyframe is gone, or another one has its id by now.
+  /// Ignored if the keyframe is erased or its id reused.
   void publish(const KeyframeCloud& cloud, std::uint64_t serial, bool preliminary) {
     auto copy = std::make_shared<const KeyframeCloud>(cloud);
     LiveVersion version = 0;
@@ -296,7 +297,7 @@ struct LiveDensifier::Impl {
     if (callbacks_.changed) call([&] { callbacks_.changed(version); });
   }
 
-  /// What callbacks throw is theirs.
+  /// Counts exceptions of callbacks as errors.
   template <class Call>
   void call(const Call& call) {
     try {
@@ -342,7 +343,7 @@ struct LiveDensifier::Impl {
       }
       try {
         if (restart) {
-          builder.reset();  // before the next one, for its memory
+          builder.reset();  // first, to free its memory
           builder = make_builder();
         }
         for (const auto& post : posted) post(*builder);
@@ -378,8 +379,8 @@ struct LiveDensifier::Impl {
     if (idle) changed_.notify_all();
   }
 
-  /// Keyframes without final points are forgotten: `sync` adds them again. Those that have some keep these, and are
-  /// only moved from now on. Returns whether keyframes that come may be worked on.
+  /// Replaces the builder. Keyframes without final points are forgotten, so that `sync` adds them again; those with
+  /// final points keep them and are only moved. Returns false if no builder can be made.
   bool go_on_after(const std::exception& error, std::unique_ptr<LiveBuilder>& builder) {
     report(error.what());
     std::string again;
@@ -421,19 +422,19 @@ struct LiveDensifier::Impl {
   mutable std::condition_variable changed_;
   LiveTracker tracker_;
   LiveMap map_;
-  std::deque<std::function<void(LiveBuilder&)>> queue_;  ///< what the worker has to know
-  std::int64_t queued_images_ = 0;
-  std::int64_t taken_images_ = 0;  ///< of these, that the worker is about to count itself
-  std::uint64_t generation_ = 0;   ///< resets
+  std::deque<std::function<void(LiveBuilder&)>> queue_;  ///< changes for the worker
+  std::int64_t queued_images_ = 0;                       ///< new keyframes that are not in `backlog_`
+  std::int64_t taken_images_ = 0;                        ///< number of these in the worker
+  std::uint64_t generation_ = 0;                         ///< number of resets
   bool paused_ = false;
   bool idle_ = true;
   bool stop_ = false;
-  bool finishing_ = false;    ///< `finish` was the last of these
-  std::uint64_t serial_ = 0;  ///< of the last keyframe that came
-  std::uint64_t taken_ = 0;   ///< of the last one that the worker knows
+  bool finishing_ = false;    ///< `finish` was called after the last keyframe
+  std::uint64_t serial_ = 0;  ///< of the newest keyframe
+  std::uint64_t taken_ = 0;   ///< of the newest keyframe taken by the worker
   std::atomic<bool> cancel_{false};
-  LiveStats stats_;         ///< without those of the present builder
-  LiveStats worker_stats_;  ///< these
+  LiveStats stats_;         ///< without the current builder
+  LiveStats worker_stats_;  ///< of the current builder
   LiveBacklog backlog_;
   std::string backend_;
   std::thread worker_;

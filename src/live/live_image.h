@@ -8,11 +8,11 @@
 
 namespace pmsp {
 
-/// The image as red, green and blue: a view of its own pixels where they are that already, else of `converted`.
+/// Returns the image as RGB: a view of its own pixels if possible, else of `converted`.
 ImageView<const Rgb> rgb_view(const LiveImage& image, Image<Rgb>& converted);
 
-/// Throws InvalidInput, naming the keyframe, unless there are pixels, rows do not overlap and sizes are as expected,
-/// those of the prior depth, too. `mask`: null = none.
+/// Throws InvalidInput, with the id, if pixels or owner are missing, rows overlap, or sizes (also of the prior depth)
+/// are invalid. `mask`: nullptr = none.
 void check_image(const LiveKeyframe& keyframe, const Image<std::uint8_t>* mask);
 
 }  // namespace pmsp

@@ -94,7 +94,7 @@ LiveChanges LiveMap::changes_since(LiveVersion since) const {
   for (const auto& [id, entry] : entries_) {
     const LiveCloud& cloud = entry.cloud;
     if (changes.reset || entry.there_since > changes.from) {
-      const bool replaced = !changes.reset && was_there(id, changes.from);  // removed, and there again
+      const bool replaced = !changes.reset && was_there(id, changes.from);  // removed and added again
       (replaced ? changes.replaced : changes.added).push_back(cloud);
     } else if (cloud.cloud_since > changes.from) {
       changes.replaced.push_back(cloud);
@@ -109,7 +109,7 @@ LiveChanges LiveMap::changes_since(LiveVersion since) const {
   return changes;
 }
 
-/// Whether a keyframe that has been removed since was there at a version.
+/// Whether a keyframe that was removed later had points at a version.
 bool LiveMap::was_there(std::int64_t id, LiveVersion at) const {
   const auto gone = gone_.find(id);
   if (gone == gone_.end()) return false;

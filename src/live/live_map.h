@@ -12,46 +12,46 @@
 
 namespace pmsp {
 
-/// A keyframe's new place.
+/// New pose and map of a keyframe.
 struct LiveMove {
   std::int64_t keyframe_id = 0;
   KeyframePose pose;
   std::int64_t map_id = 0;
 };
 
-/// The points of a live map, by keyframe and version. All members may be called from any thread at any time; what takes
-/// longer than a look at each keyframe happens outside the lock. Each call that changes something makes one version.
+/// Points of a live map, by keyframe and version. Thread-safe; the lock is held for short work per keyframe, points are
+/// freed outside it. Each call with an effect increments the version.
 class PMSP_API LiveMap {
  public:
-  /// Puts a keyframe's points in place of those that it has.
+  /// Sets or replaces a keyframe's points.
   void publish(const LiveMove& place, std::shared_ptr<const KeyframeCloud> cloud, bool preliminary);
 
-  /// Those that have no points, or are there already, change nothing.
+  /// Ignores keyframes without points.
   void move(const std::vector<LiveMove>& places);
 
   void remove(const std::vector<std::int64_t>& keyframe_ids);
 
-  /// Those of them whose points are preliminary. Returns whether there were any.
+  /// Removes keyframes whose points are preliminary. Returns whether there were any.
   bool remove_preliminary(const std::vector<std::int64_t>& keyframe_ids);
 
-  /// Ids may begin again.
+  /// Removes all keyframes; ids may restart.
   void reset();
 
-  LiveVersion version() const;  ///< of the last change
+  LiveVersion version() const;
 
-  /// The same object as long as nothing changes.
+  /// Returns the same object until the next change.
   std::shared_ptr<const LiveSnapshot> snapshot() const;
 
-  /// `since`: a version that a snapshot or a change has told. One that is yet to come is taken for the present one.
+  /// `since`: version of a snapshot or of earlier changes; later than the current one counts as current.
   LiveChanges changes_since(LiveVersion since) const;
 
  private:
   struct Entry {
     LiveCloud cloud;
-    LiveVersion there_since = 0;  ///< version in which the keyframe got its first points
+    LiveVersion there_since = 0;  ///< version that added the keyframe
   };
 
-  /// From the version in which a keyframe got points to the one in which it was removed.
+  /// Versions that added and removed a keyframe.
   struct Stay {
     LiveVersion since, until;
   };
@@ -61,8 +61,8 @@ class PMSP_API LiveMap {
   LiveVersion version_ = 0;
   LiveVersion began_ = 0;                                 ///< version of the last reset
   std::map<std::int64_t, Entry> entries_;                 ///< by keyframe
-  std::map<std::int64_t, std::vector<Stay>> gone_;        ///< of keyframes that were removed since the last reset
-  mutable std::shared_ptr<const LiveSnapshot> snapshot_;  ///< of `version_`, once somebody has asked
+  std::map<std::int64_t, std::vector<Stay>> gone_;        ///< by keyframe, since the last reset
+  mutable std::shared_ptr<const LiveSnapshot> snapshot_;  ///< cached, nullptr or possibly outdated
 };
 
 }  // namespace pmsp

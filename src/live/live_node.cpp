@@ -24,7 +24,7 @@ Keyframe LiveNode::keyframe(const Image<std::uint8_t>* mask, Image<Rgb>& convert
   Keyframe result = keyframe();
   result.image = rgb_view(image, converted);
   if (mask != nullptr) result.mask = mask->view();
-  // The scale may have changed since it came: what is reliable around a surface corrects that (plane_prior.h).
+  // The scale may have changed since; supports around a surface correct that (kernels/plane_prior.h).
   if (prior_depth) result.prior_depth = prior_depth->view();
   return result;
 }

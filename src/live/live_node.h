@@ -16,21 +16,22 @@
 
 namespace pmsp {
 
-/// What a stage looked at: a keyframe, which of its results, and where both keyframes were then.
+/// Input of a result: another keyframe's result, and the poses of both keyframes at that time.
 struct LiveInput {
-  std::int64_t id;
-  std::uint64_t made;
+  std::int64_t id;     ///< of the other keyframe
+  std::uint64_t made;  ///< number of its result, see LiveNode::planes_made
   KeyframePose other, own;
 };
 using LiveInputs = std::vector<LiveInput>;
 
-/// By how much what a keyframe sees has moved since then; `other`, `own`: where both are now.
+/// Returns the displacement since then of points at `range` [own unit] in the other keyframe's view [px of `width`].
+/// `other`, `own`: current poses.
 inline double moved_px(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range,
                        int width) {
   return moved_px({then.other, then.own}, {other, own}, range, width);
 }
 
-/// The same [rad]: for what is shifted, a share of the range.
+/// Returns the displacement [rad], that of a translation relative to `range`.
 inline double moved_angle(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range) {
   return moved_angle({then.other, then.own}, {other, own}, range);
 }
@@ -41,59 +42,59 @@ struct LiveNode {
   std::int64_t map_id = 0;
   std::uint64_t serial = 0;  ///< see LiveBuilder::add
   KeyframePose pose;
-  LiveImage image;                                  ///< until it is prepared, or not needed
-  double pose_error = 0.0;                          ///< Keyframe's
-  std::shared_ptr<const Image<float>> prior_depth;  ///< as long; null = none
-  std::vector<Landmark> seen;                       ///< positions in the camera's frame and unit: they go with the pose
-  double range = 0.0;                               ///< median distance of these; 0 = there are none
+  LiveImage image;                                  ///< released when it is prepared
+  double pose_error = 0.0;                          ///< see Keyframe
+  std::shared_ptr<const Image<float>> prior_depth;  ///< released with `image`; nullptr = none
+  std::vector<Landmark> seen;  ///< observed landmarks [camera frame, keyframe's unit], independent of the pose
+  double range = 0.0;          ///< median distance of these [keyframe's unit]; 0 = no landmarks
 
-  // Ripeness.
-  int newer = 0;                                     ///< keyframes that have come since
-  bool still = false;                                ///< it hardly moved while the last one of them came
-  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< when that one came
+  // Stability of the pose.
+  int newer = 0;                                     ///< number of keyframes added to its map since
+  bool still = false;                                ///< moved by at most `stable_move` before the last of them
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< position when that one was added
 
-  // Decided when it is ripe.
+  // Set when it is stable.
   bool used = false;
   SharpnessRecord sharpness;
 
-  // Of used ones.
-  std::unique_ptr<Engine::Frame> frame;  ///< gone when it is frozen
-  bool has_image = false;                ///< it can be matched with
-  bool linked = false;                   ///< `near` and `depths` are known
-  std::vector<std::int64_t> near;        ///< ids; some may have been erased since
+  // Of used keyframes.
+  std::unique_ptr<Engine::Frame> frame;  ///< nullptr once frozen
+  bool has_image = false;                ///< can be matched and serve as source view
+  bool linked = false;                   ///< `near` and `depths` are set
+  std::vector<std::int64_t> near;        ///< ids of source views; some may be erased
   DepthRange depths;                     ///< [keyframe's unit]
-  bool has_depth = false;                ///< it gets a depth map
-  int passes = 0;                        ///< of PatchMatch that it has been through
-  double moved_px = 0.0;                 ///< by how much neighbours have moved since `matched`, where that is too much
-  double deferred_px = 0.0;              ///< by how much they had moved when a pass in between made up for it
-  bool had_in_between = false;           ///< the last pass was for that
-  bool restarted = false;                ///< all passes are done again
-  std::uint64_t planes_made = 0;         ///< numbers of results; newer ones are higher, 0 = there is none
+  bool has_depth = false;                ///< gets a depth map: has source views and a depth range
+  int passes = 0;                        ///< completed passes of PatchMatch, without those in between
+  double moved_px = 0.0;                 ///< last displacement of `matched` above `max_move_px`, 0 = none [px]
+  double deferred_px = 0.0;              ///< displacement at the last photometric pass in between [px]
+  bool had_in_between = false;           ///< the last pass was a photometric one in between
+  bool restarted = false;                ///< all passes are run again
+  std::uint64_t planes_made = 0;         ///< numbers of results, increasing over all keyframes; 0 = none
   std::uint64_t filtered_made = 0;
   std::uint64_t fused_made = 0;
-  LiveInputs matched;                                  ///< what the last pass looked at that looked at images alone
-  LiveInputs filtered, fused, tested;                  ///< what went into these, and into the points
-  std::vector<std::int64_t> viewers, duplicate_views;  ///< asked about its points
-  KeyframePose first_pose;                             ///< when its points were first shown
-  int shown = 0;                                       ///< passes that its points had; 0 = it has none
-  bool points_due = false;                             ///< something has changed for them since
-  KeyframePose wide_pose;                              ///< when they were last asked
-  bool wide = false;                                   ///< keyframes beyond the fusion window were asked about them
-  bool wide_due = false;                               ///< should be
+  LiveInputs matched;  ///< inputs of the last photometric pass
+  /// Inputs of the consistency filter, of fusion, and of the points (viewers and duplicate views).
+  LiveInputs filtered, fused, tested;
+  std::vector<std::int64_t> viewers, duplicate_views;  ///< ids
+  KeyframePose first_pose;                             ///< pose when points were first published
+  int shown = 0;                                       ///< number of passes of the published points; 0 = none
+  bool points_due = false;                             ///< the published points are stale
+  KeyframePose wide_pose;                              ///< pose at the last wide duplicate removal
+  bool wide = false;                                   ///< duplicate views extend beyond the fusion window
+  bool wide_due = false;                               ///< wide duplicate removal is due
 
-  double displacement_px() const {
-    return std::max(moved_px, deferred_px);
-  }                                                           ///< what all passes anew would put right [px]
-  bool has_map() const { return planes_made != 0 && frame; }  ///< its depth map is there
+  /// Returns the displacement that running all passes again would correct [px].
+  double displacement_px() const { return std::max(moved_px, deferred_px); }
+  bool has_map() const { return planes_made != 0 && frame; }  ///< has a depth map
 
-  /// For its next pass, since its map is of before a move by more than `tolerance_px`; but not twice in a row, nor
-  /// before it has had the two passes that first points take.
+  /// Whether its next pass must be photometric, since its map is from before a move by more than `tolerance_px`. Not
+  /// twice in a row, nor before the two passes of the first points.
   bool wants_images_alone(double tolerance_px) const {
     return passes > 1 && moved_px > tolerance_px && !had_in_between;
   }
-  /// With landmarks in the world, as the pose is now; without image.
+  /// Returns the keyframe at its current pose, with landmarks [map units], without image.
   Keyframe keyframe() const;
-  /// The same with image, a view of its own pixels or of `converted`, prior depth and mask (null = none).
+  /// Returns the same with prior depth, mask (nullptr = none) and image, a view of its own pixels or of `converted`.
   Keyframe keyframe(const Image<std::uint8_t>* mask, Image<Rgb>& converted) const;
   void take_landmarks(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
 };

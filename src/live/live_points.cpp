@@ -6,18 +6,18 @@
 #include "plan/choices.h"
 #include "plan/reach.h"
 
-// Points of a live mission: when they are made, and who is asked about them.
+// Points of a live mission: order of computation, viewers, duplicate views.
 namespace pmsp {
 namespace {
 
-/// Keyframes beyond the fusion window are asked about so many together.
+/// Maximum number of keyframes in one wide duplicate removal, and minimum with `searches_all_` before finish().
 constexpr std::size_t kWideGroup = 64;
 constexpr std::size_t kWideFewest = 16;
 
 }  // namespace
 
-/// The highest level that it has reached together with all keyframes whose depth maps its points are made from, but
-/// for those that cannot go on; 0 = none, or it is not known yet which these are.
+/// Returns the highest level (number of passes) reached by all keyframes whose depth maps affect its points, including
+/// itself, except those that cannot be matched further; 0 = none, or these keyframes are not yet known.
 int LiveBuilder::shared_level_of(const LiveNode& node) const {
   if (!node.has_map()) return 0;
   const std::size_t reach = reach_.points;
@@ -41,8 +41,8 @@ std::size_t LiveBuilder::group() const {
   return std::clamp<std::size_t>(static_cast<std::size_t>(shown), 1, kGroup);
 }
 
-/// Points of some keyframes that have reached another level, or, `because_moved`, that have not but are due; once there
-/// are so many.
+/// Publishes points of up to kGroup keyframes that have reached a higher level or, with `because_moved`, whose points
+/// are stale, if there are at least `fewest`. Returns whether it did.
 bool LiveBuilder::show(bool because_moved, std::size_t fewest) {
   std::vector<LiveNode*> nodes;
   std::size_t matching = 0;
@@ -56,7 +56,7 @@ bool LiveBuilder::show(bool because_moved, std::size_t fewest) {
     }
   }
   if (nodes.size() < fewest) return false;
-  // While few wait, each level follows the one before at once.
+  // While few keyframes lack passes, the full level follows soon: lower ones are skipped.
   const bool soon_better = matching > 0 && matching <= kShortQueue && !because_moved;
   if (soon_better) {
     const auto gets_better = [&](const LiveNode* node) { return shared_level_of(*node) < full_; };
@@ -68,7 +68,8 @@ bool LiveBuilder::show(bool because_moved, std::size_t fewest) {
   return true;
 }
 
-/// Keyframes beyond the fusion window are asked about points, too, many together.
+/// Wide duplicate removal: removes duplicates beyond the fusion window, for many keyframes together, and publishes
+/// their points. Returns whether there were any.
 bool LiveBuilder::show_wide() {
   if (densifier_.advanced.fusion.spacing_px == 0.0) return false;
   std::vector<LiveNode*> nodes;
@@ -86,9 +87,9 @@ bool LiveBuilder::show_wide() {
   return true;
 }
 
-/// Who is asked about a keyframe's points: the fusion window, and of those within reach besides some on all sides.
-/// Points of one place may stay where keyframes beyond the window see it, too, as with `online`; but not those that a
-/// loop closure has put on top of each other.
+/// Chooses viewers, the fusion window and others within reach on all sides, and duplicate views. Unless all keyframes
+/// are searched, duplicates beyond the window are kept, as with `online`, except between keyframes that a loop closure
+/// has brought together.
 void LiveBuilder::choose_test_views(LiveNode& node) {
   std::vector<std::int64_t> window;
   for (const LiveNode* other : around(node, reach_.fusion, true)) {
@@ -132,11 +133,11 @@ std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& 
   return result;
 }
 
-/// Makes and publishes their points. Rounds of ownership need those of the keyframes around up to the round before.
+/// Computes and publishes points. Each round of duplicate removal needs the previous round of the duplicate views.
 void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
   const int rounds = duplicate_rounds(densifier_);
   for (LiveNode* node : nodes) choose_test_views(*node);
-  std::vector<std::vector<LiveNode*>> levels{nodes};  // those that are asked in the last round, the one before, ...
+  std::vector<std::vector<LiveNode*>> levels{nodes};  // keyframes of the last round, of the round before it, etc.
   std::set<std::int64_t> there;
   for (const LiveNode* node : nodes) there.insert(node->id);
   for (int round = 0; round < rounds; ++round) {

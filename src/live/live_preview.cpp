@@ -15,9 +15,9 @@ namespace {
 
 constexpr int kLargestWidth = 640;
 constexpr int kNeighbours = 2;
-/// Keyframes that are kept: those that the next preview may look at.
+/// Number of prepared keyframes retained for the next preview.
 constexpr std::size_t kKept = 5;
-/// A preview of a keyframe that came longer ago is not worth its time.
+/// Maximum age of an arrival; older ones get no preview.
 constexpr std::chrono::milliseconds kLate{3000};
 
 DensifierOptions preview_options(const DensifierOptions& final) {
@@ -88,8 +88,8 @@ bool LivePreview::prepare(const LiveNode& node) {
   return true;
 }
 
-/// The preview of the keyframe before the newest one: it lies between the two that it is matched with. Returns whether
-/// there was anything to do.
+/// Computes the preview of the keyframe before `newest`, which lies between its source views. Returns false if `newest`
+/// is erased or its image released.
 bool LivePreview::make(const Nodes& nodes, std::int64_t newest) {
   const auto last = nodes.find(newest);
   if (last == nodes.end() || !prepare(last->second)) return false;
@@ -131,7 +131,7 @@ bool LivePreview::make(const Nodes& nodes, std::int64_t newest) {
   }
   if (!others.empty()) task.previous = others.back();
   engine_->match(task);
-  if (!task.reference->matched || others.empty()) return true;  // cancelled, or nobody to compare it with
+  if (!task.reference->matched || others.empty()) return true;  // cancelled, or no map to compare with
   engine_->filter(*task.reference, others);
   engine_->fuse(*task.reference, {task.reference}, 0);
   if (cancel_.load(std::memory_order_relaxed)) return true;

@@ -16,8 +16,8 @@
 
 namespace pmsp {
 
-/// Preliminary points: one pass of PatchMatch at half the size for each keyframe, as soon as the next one has come,
-/// with poses as they are then. Nothing of it goes into final points. One thread only.
+/// Preliminary points: one pass of PatchMatch per keyframe at half the size, at current poses, as soon as the next
+/// keyframe arrives. Final points do not depend on them. Not thread-safe.
 class LivePreview {
  public:
   using Nodes = std::map<std::int64_t, LiveNode>;
@@ -29,7 +29,7 @@ class LivePreview {
   void erase(std::int64_t id);
   void set_lens_distance(double distance) { options_.lens_distance = distance; }
 
-  /// Makes the preview that is wanted most. Returns whether there was any.
+  /// Computes the next preview, newest arrivals first. Returns whether there was one.
   bool work(const Nodes& nodes, const std::function<void(const std::string&)>& on_error);
 
   std::int64_t late() const { return late_; }
@@ -55,7 +55,7 @@ class LivePreview {
   DensifierStats stats_;
   KeyframeSource image_again_;  ///< never set
   std::string backend_;
-  std::unique_ptr<Engine> engine_;         ///< before the frames, which must not outlive it
+  std::unique_ptr<Engine> engine_;         ///< declared before the frames, which must not outlive it
   std::map<std::int64_t, Entry> entries_;  ///< of the newest keyframes
   std::vector<Arrival> arrived_;
   const std::atomic<bool>& cancel_;

@@ -12,10 +12,10 @@
 namespace pmsp {
 namespace {
 
-/// Landmarks that are remembered of a keyframe: enough for a median.
+/// Minimum number of landmark ranges stored per keyframe, if available (less than twice as many): enough for a median.
 constexpr std::size_t kLandmarks = 48;
 
-/// Whoever has moved by more than this share of the range of its landmarks is no longer where scales were agreed on.
+/// Displacement, relative to the mean landmark range, above which the reference states around are renewed.
 constexpr double kFar = 0.02;
 
 }  // namespace
@@ -32,7 +32,7 @@ std::vector<std::int64_t> LiveTracker::ids() const {
   return ids;
 }
 
-/// Of landmarks spread evenly over the list.
+/// Returns ranges of landmarks spread evenly over the list.
 std::vector<LiveTracker::Range> LiveTracker::ranges_of(const std::vector<Landmark>& landmarks,
                                                        const RigidTransform& cam_from_world) {
   std::vector<Range> ranges;
@@ -93,13 +93,13 @@ void LiveTracker::forget_landmarks(std::int64_t id) {
   std::vector<Range>().swap(found->second.agreed_ranges);
 }
 
-/// How far away landmarks are now: the same ones as when scales were agreed on, where they are still there.
+/// Stores the current ranges, of the landmarks of the reference state if half of them are still observed.
 void LiveTracker::measure_ranges(Track& track, const LiveKeyframe& keyframe) {
   track.ranges.clear();
   if (keyframe.landmarks.empty() || !track.remembers) return;
   std::vector<Range> seen;
   const Eigen::Vector3d center = keyframe.cam_from_world.center();
-  std::bitset<1024> known;  // most others are told from these at a glance
+  std::bitset<1024> known;  // rejects most other landmarks quickly
   const auto bit = [&](std::int64_t id) { return static_cast<std::size_t>(id) % known.size(); };
   for (const Range& range : track.agreed_ranges) known.set(bit(range.landmark));
   for (const Landmark& landmark : keyframe.landmarks) {
@@ -116,7 +116,7 @@ void LiveTracker::measure_ranges(Track& track, const LiveKeyframe& keyframe) {
 
 std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& keyframes) {
   std::map<std::int64_t, LiveMove> changed;
-  std::vector<const LiveKeyframe*> still;  // landmarks may have moved all the same, as with the keyframe at the origin
+  std::vector<const LiveKeyframe*> still;  // their landmarks may have moved, as with the keyframe at the origin
   for (const LiveKeyframe* keyframe : keyframes) {
     const auto found = tracks_.find(keyframe->id);
     if (found == tracks_.end()) continue;
@@ -138,7 +138,7 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
   }
   if (changed.empty()) return {};
   for (const LiveKeyframe* keyframe : still) measure_ranges(tracks_.at(keyframe->id), *keyframe);
-  std::map<std::int64_t, std::set<std::size_t>> moved;  // numbers in the flight, by map
+  std::map<std::int64_t, std::set<std::size_t>> moved;  // indices in the sequence, by map
   for (const auto& [id, place_now] : changed) {
     Sequence& sequence = sequences_[place_now.map_id];
     moved[place_now.map_id].insert(static_cast<std::size_t>(place(sequence, id) - sequence.begin()));
@@ -150,7 +150,7 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
   return result;
 }
 
-/// Whether the keyframe is no longer near the place where scales were agreed on.
+/// Whether the keyframe has moved too far from its reference state.
 bool LiveTracker::has_moved_away(const Track& track) {
   double range = 0.0;
   if (track.agreed_map_id != track.map_id) return true;
@@ -161,18 +161,18 @@ bool LiveTracker::has_moved_away(const Track& track) {
   return (track.now.cam_from_world.center() - track.agreed.cam_from_world.center()).norm() > kFar * range;
 }
 
-/// Scales of those that have moved, and of those around, whose baselines have changed, too. `flight`: all keyframes of
-/// a map; `moved`: their numbers there.
+/// Updates the scales of moved keyframes and of those around, whose baselines have changed, too. `sequence`: all
+/// keyframes of a map; `moved`: indices of moved ones; `changed`: gets keyframes with a new scale.
 void LiveTracker::recover(Sequence& sequence, const std::set<std::size_t>& moved,
                           std::map<std::int64_t, LiveMove>& changed) {
   constexpr std::size_t kReach = 2 * kScaleReach;
   for (auto first = moved.begin(); first != moved.end();) {
-    auto last = first;  // of a stretch whose surroundings meet
+    auto last = first;  // of moved keyframes with overlapping surroundings
     while (std::next(last) != moved.end() && *std::next(last) <= *last + 2 * kReach) ++last;
     const std::size_t begin = *first > kReach ? *first - kReach : 0;
     const std::size_t end = std::min(sequence.size(), *last + kReach + 1);
     first = std::next(last);
-    const std::size_t from = begin > kReach ? begin - kReach : 0;  // looked at
+    const std::size_t from = begin > kReach ? begin - kReach : 0;  // input of the estimate
     const std::size_t to = std::min(sequence.size(), end + kReach);
     std::vector<MovedKeyframe> keyframes;
     keyframes.reserve(to - from);

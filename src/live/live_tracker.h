@@ -13,30 +13,29 @@
 
 namespace pmsp {
 
-/// Where a SLAM's keyframes are, and how long their units are. Scales, which nobody tells, are found from what moves
-/// (scale_recovery.h).
+/// Poses and scales of a SLAM's keyframes. Scales, which SLAMs do not report, are estimated from moves
+/// (plan/scale_recovery.h).
 class LiveTracker {
  public:
   bool knows(std::int64_t id) const { return tracks_.count(id) != 0; }
-  /// Of one that is known.
+  /// `id`: known.
   LiveMove place_of(std::int64_t id) const;
-  /// Of all, ascending.
+  /// Ascending.
   std::vector<std::int64_t> ids() const;
 
-  /// `serial`: another one for each keyframe, whatever its id; not 0.
+  /// `serial`: unique among all added keyframes, even if an id is reused; not 0.
   void add(const LiveKeyframe& keyframe, std::uint64_t serial);
 
-  /// 0 = it is not known.
+  /// Returns 0 if the id is unknown.
   std::uint64_t serial_of(std::int64_t id) const;
 
   /// Whether the keyframe is one of the last `count` of its map.
   bool is_recent(std::int64_t id, std::size_t count) const;
 
-  /// Nothing hangs on the keyframe: its landmarks need not be remembered.
+  /// Releases the landmark ranges of a keyframe that is not used.
   void forget_landmarks(std::int64_t id);
 
-  /// Those that are not known are passed over. Returns the places that have changed, those included that have only got
-  /// another scale.
+  /// Ignores unknown ids. Returns all keyframes with a new pose, map or scale.
   std::vector<LiveMove> move(const std::vector<const LiveKeyframe*>& keyframes);
 
   void erase(std::int64_t id);
@@ -45,7 +44,7 @@ class LiveTracker {
   std::int64_t rescaled() const { return rescaled_; }
 
  private:
-  /// How far a landmark was from the camera, in the world's unit.
+  /// Distance of a landmark from the camera [map units].
   struct Range {
     std::int64_t landmark;
     double range;
@@ -55,15 +54,15 @@ class LiveTracker {
     KeyframePose now;
     std::int64_t map_id = 0;
     std::uint64_t serial = 0;
-    /// As it was when the scales around were last agreed on: baselines between keyframes and ranges of landmarks then
-    /// are what those of now are compared with.
+    /// Reference state for new scales, with known scales around: its baselines and landmark ranges are compared with
+    /// the current ones.
     KeyframePose agreed;
     std::int64_t agreed_map_id = 0;
-    std::vector<Range> agreed_ranges;  ///< ascending ids
-    std::vector<Range> ranges;         ///< the newest of these; none where they are not known since the last move
-    bool remembers = true;             ///< landmarks
+    std::vector<Range> agreed_ranges;  ///< by ascending landmark id
+    std::vector<Range> ranges;         ///< current ranges; empty if unknown since the last move
+    bool remembers = true;             ///< stores ranges
   };
-  using Sequence = std::vector<std::pair<std::int64_t, Track*>>;  ///< ascending ids
+  using Sequence = std::vector<std::pair<std::int64_t, Track*>>;  ///< keyframes of a map by ascending id
 
   static std::vector<Range> ranges_of(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
   static void measure_ranges(Track& track, const LiveKeyframe& keyframe);
