@@ -311,7 +311,7 @@ void play(const Arguments& arguments) {
   std::printf("first points after the image: median %.2f s, 95 %% within %.2f s, of %zu keyframes %zu without\n",
               quantile(first, 0.5), quantile(first, 0.95), first.size(),
               static_cast<std::size_t>(std::count(first.begin(), first.end(), 1e9)));
-  std::printf("at the last keyframe: %lld waiting, %lld unripe, %lld MiB\n", static_cast<long long>(backlog.waiting),
+  std::printf("at the last keyframe: %lld waiting, %lld unstable, %lld MiB\n", static_cast<long long>(backlog.waiting),
               static_cast<long long>(backlog.unstable), static_cast<long long>(at_end.memory_mib));
   std::printf("after it: none waits after %.1f s, nothing to do after %.1f s\n", complete, idle);
   const auto work = [](const char* when, const LiveStats& of) {

@@ -46,9 +46,9 @@ void LiveOptions::validate() const {
   check_option("nice", nice, 0, 19);
   check_option("memory_mib", memory_mib, 1, 1000000);
   check_option("max_waiting", max_waiting, 4, 100000);
-  check_option("ripe_after", stable_after, 0, 1000);
-  check_option("ripe_at_latest", stable_at_latest, stable_after, 1000);
-  check_option("ripe_move", stable_move, 0.0, 1.0);
+  check_option("stable_after", stable_after, 0, 1000);
+  check_option("stable_at_latest", stable_at_latest, stable_after, 1000);
+  check_option("stable_move", stable_move, 0.0, 1.0);
   check_option("max_move_px", max_move_px, 0.001, 100.0);
 }
 
