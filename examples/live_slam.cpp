@@ -114,7 +114,8 @@ class Viewer {
     moved_ += changes.moved.size();
     const pmsp::LiveBacklog backlog = live.backlog();
     std::printf(
-        "%6.1f s  keyframes: %2lld unstable, %2lld waiting, %2lld refining;  clouds drawn: %3zu preliminary, %3zu final, "
+        "%6.1f s  keyframes: %2lld unstable, %2lld waiting, %2lld refining;  clouds drawn: %3zu preliminary, %3zu "
+        "final, "
         "%4zu moved;  %6.2f million points uploaded\n",
         seconds, static_cast<long long>(backlog.unstable), static_cast<long long>(backlog.waiting),
         static_cast<long long>(backlog.refining), preliminary_, final_, moved_, 1e-6 * static_cast<double>(points_));

@@ -35,7 +35,7 @@ PMSP_HD F score_at(const PlaneMapView& map, const IntOf<F>& index) {
 /// distance)^4, from squared distances in one unit. Errors at edges widen with distance and thin structures are missed
 /// from afar: many distant keyframes must not outvote a near one that sees a cable.
 template <class F>
-PMSP_HD F weight_of_word(const F& own_square, const F& other_square) {
+PMSP_HD F evidence_weight(const F& own_square, const F& other_square) {
   constexpr float kMost = 1e6F;  // the other camera may be at the point
   const F nearer = min(own_square / max(other_square, F(1e-30F)), F(kMost));
   return nearer * nearer;
@@ -47,7 +47,7 @@ struct Agreement {
   F implied_depth;  ///< depth on the first keyframe's ray where it meets the other map's plane
   /// Rotation of the other camera's ray to the point per relative change of depth [rad]; small with little parallax.
   F parallax_gain;
-  F weight;        ///< see weight_of_word
+  F weight;        ///< see evidence_weight
   IntOf<F> index;  ///< of the pixel in the other map
   Vec3<F> point;   ///< in the other camera's frame
 };
@@ -69,7 +69,7 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map
   const Vec3<F> turn = cross(turned, t);
   const F square = dot(p, p);
   const F gain = depth * sqrt(dot(turn, turn)) / max(square, F(1e-30F));
-  const F weight = weight_of_word(F(depth * depth * dot(turned, turned)), square);
+  const F weight = evidence_weight(F(depth * depth * dot(turned, turned)), square);
   return {select(valid, depth_ratio, F(0)),
           select(valid, rest / select(valid, along_ray, F(1)), F(0)),
           gain,

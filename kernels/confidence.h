@@ -43,7 +43,7 @@ struct Evidence {
 /// may agree because they started from the same prior (plane_prior.h); differences of even lower scores are due to
 /// chance.
 constexpr float kTrustedScore = 0.95F;
-constexpr float kLeastTellingScore = 0.39F;
+constexpr float kMinAgreementScore = 0.39F;
 
 /// Correction of the expected error for coarse maps, whose planes are farther apart and therefore deviate more than
 /// those of equally accurate finer maps: fourth root of the width over that of the calibration, constant outside the
@@ -73,7 +73,7 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float share) {
   const F spread = differs + F(kFloor);
   const F resolution = F(kResolved) / sqrt(evidence.square_gain + F(1e-8F));
   const F mean = sqrt((evidence.roughness + F(kFloor)) * sqrt(spread * resolution));
-  const F score = min(max(evidence.score, F(kLeastTellingScore)), F(1));
+  const F score = min(max(evidence.score, F(kMinAgreementScore)), F(1));
   const F doubt = F(kTrustedScore) / min(score, F(kTrustedScore));
   const F error = F(share * kCalibration) * mean * doubt * evidence.maps / agree;
   const F of_spread = F(share * kOfSpread) * differs;

@@ -71,7 +71,7 @@ PMSP_HD OffSurface<F> off_surface(const F& depth, const Vec3<F>& normal, const V
 
 /// Open pixel in duplicate removal, in its keyframe's frame and unit.
 template <class F>
-struct Claim {
+struct OpenPoint {
   Vec3<F> point, normal;
   OffSurface<F> off;
   F reach;  ///< maximum distance of duplicates
@@ -80,8 +80,8 @@ struct Claim {
 
 /// `bearing`: of a pixel with a surfel.
 template <class F>
-PMSP_HD Claim<F> claim_of(const UIntOf<F>& surfel, const UIntOf<F>& status, const Vec3<F>& bearing,
-                          const SurfelView& map, const DuplicateLimits& limits) {
+PMSP_HD OpenPoint<F> open_point_of(const UIntOf<F>& surfel, const UIntOf<F>& status, const Vec3<F>& bearing,
+                                   const SurfelView& map, const DuplicateLimits& limits) {
   const F depth = depth_of_surfel<F>(surfel);
   const Vec3<F> normal = normal_of_surfel<F>(surfel);
   const UIntOf<F> level = status >> 2;
@@ -139,9 +139,9 @@ PMSP_HD Within<F> within(const Approach<F>& there, const GridView& grid, int wid
 
 /// Whether a kept or open pixel of another map is a duplicate of a claim. `p`: the claim's point in the other's frame.
 template <class F>
-PMSP_HD MaskOf<F> stands_for(const UIntOf<F>& surfel, const UIntOf<F>& status, const Vec3<F>& bearing, const Vec3<F>& p,
-                             const Vec3<F>& claim_normal, const OffSurface<F>& claim_off, const F& claim_rank,
-                             const DuplicateView& other, const DuplicateLimits& limits) {
+PMSP_HD MaskOf<F> is_duplicate(const UIntOf<F>& surfel, const UIntOf<F>& status, const Vec3<F>& bearing,
+                               const Vec3<F>& p, const Vec3<F>& claim_normal, const OffSurface<F>& claim_off,
+                               const F& claim_rank, const DuplicateView& other, const DuplicateLimits& limits) {
   const F depth = depth_of_surfel<F>(surfel);
   const UIntOf<F> level = status >> 2;
   const F own_rank = rank(F(other.map.scale * pixel_angle(other.map)) * depth, from_uint<F>(level));
@@ -173,7 +173,7 @@ struct DuplicateRound {
 };
 
 /// Free-space test of a pixel's point; a stage. Viewers confirm or contradict it, the keyframe itself confirms, each
-/// with its weight (weight_of_word). The confidence becomes that of the map times the confirming share. Mirror images
+/// with its weight (evidence_weight). The confidence becomes that of the map times the confirming share. Mirror images
 /// are removed. Counts remaining points.
 struct Eligibility {
   static constexpr int kCounts = 1;
@@ -204,7 +204,7 @@ struct Eligibility {
     for (int k = 0; k < count; ++k) {
       const Viewer& viewer = viewers[k];
       const RangeVote<F> seen = range_vote(point, viewer.ranges, viewer.other_from_first, limits);
-      const F weight = weight_of_word(F(F(viewer.zoom * viewer.zoom) * own), seen.square);
+      const F weight = evidence_weight(F(F(viewer.zoom * viewer.zoom) * own), seen.square);
       on_surface = on_surface + select(seen.on_surface, weight, F(0));
       through = through + select(seen.through, weight, F(0));
     }

@@ -139,15 +139,15 @@ struct FusePixels {
 };
 
 /// Point of a keyframe for output, in the camera frame.
-struct OwnedPoint {
+struct EmittedPoint {
   Vec3<float> position, normal;
   std::uint8_t color[3];
   float confidence;
   std::uint32_t agree;  ///< bit k: `others[k]` of FusePixels
 };
-PMSP_HD OwnedPoint owned_point(const ConstSurfelArrays& map, const GridView& grid, int pixel) {
+PMSP_HD EmittedPoint emitted_point(const ConstSurfelArrays& map, const GridView& grid, int pixel) {
   const PackedPoint<std::uint32_t> packed{map.surfels[pixel], map.details[pixel]};
-  OwnedPoint point{};
+  EmittedPoint point{};
   point.position =
       depth_of_surfel<float>(packed.surfel) * bearing_at<float>(grid, pixel % grid.width, pixel / grid.width);
   point.position.z += of_lens(point.position.z, map.lens);

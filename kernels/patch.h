@@ -194,7 +194,7 @@ PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const Sourc
 
 /// Result of a source view for a plane.
 template <class F>
-struct Opinion {
+struct ViewResult {
   F score;  ///< view_score, less the penalty by its own depth map
   F seen;   ///< visibility: 0 = its surface hides the plane, 1 = it does not, and in between
 };
@@ -203,8 +203,8 @@ struct Opinion {
 /// does in another (Schoenberger et al. 2016; Xu and Tao 2019). A plane behind that surface may be hidden from the
 /// source view; without texture there is no evidence for that.
 template <class Patch, class F, class Cube>
-PMSP_HD Opinion<F> opinion(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view,
-                           const Vec3<F>& plane, const PatchLayout& layout) {
+PMSP_HD ViewResult<F> view_result(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view,
+                                  const Vec3<F>& plane, const PatchLayout& layout) {
   const F score = view_score(patch, frame, view, plane, layout);
   if (is_empty(view.surface) || !(layout.disagreement_cost > 0.0F)) return {score, F(1)};
   const F off = F(1.0F / layout.disagreement_tolerance) *
@@ -260,7 +260,7 @@ PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const Sour
   F weight_sum(0);
   PMSP_ROLL
   for (int view = 0; view < num_views; ++view) {
-    const Opinion<F> said = opinion(patch, frame, views[view], plane, layout);
+    const ViewResult<F> said = view_result(patch, frame, views[view], plane, layout);
     F score = said.score;
     if (weigh && num_views >= kLeastWeighedViews) weights.of[view] = view_weight(score);
     const F weight = weights.of[view] * max(said.seen, F(1e-3F));

@@ -555,16 +555,16 @@ PMSP_HD Vec3<float> agreeing_plane(const PriorCells<Machine>& cells, int column,
 
 /// Whether a cell may adopt planes of other cells.
 template <class Machine>
-PMSP_HD bool queries_others(const PriorCells<Machine>& cells, int cell) {
+PMSP_HD bool may_adopt(const PriorCells<Machine>& cells, int cell) {
   return cells.around[cell].count >= kPriorMinSupports;
 }
 
 /// Writes `candidates` of a cell: the plane that explains the surroundings best, of a share of the planes of cells
 /// `stride` away.
 template <class Machine>
-PMSP_HD void query_others(const PriorCells<Machine>& cells, int column, int row, int share) {
+PMSP_HD void try_adopted(const PriorCells<Machine>& cells, int column, int row, int share) {
   const int cell = row * cells.columns + column;
-  if (!queries_others(cells, cell)) return;
+  if (!may_adopt(cells, cell)) return;
   PriorPlane best = no_plane();
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
   for (int i = share; i < 9; i += cells.shares) {
@@ -584,7 +584,7 @@ template <class Machine>
 PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
   PriorPlane best = cells.before[cell];
-  if (queries_others(cells, cell)) take_candidate(cells, column, row, best);
+  if (may_adopt(cells, cell)) take_candidate(cells, column, row, best);
   if (best.supports == 0 && cells.external != nullptr && cells.stride == 1) {
     const Vec3<float> external_plane = corrected_external(cells, column, row);
     best.plane = is_point(external_plane) ? agreeing_plane(cells, column, row, external_plane) : external_plane;
@@ -621,7 +621,7 @@ struct PriorCellStep {
       const int share = at.column % cells.shares;
       if constexpr (step == PriorStep::kPixels) examine_pixels(cells, column, at.row, share);
       if constexpr (step == PriorStep::kCandidates) try_planes(cells, column, at.row, share);
-      if constexpr (step == PriorStep::kOffers) query_others(cells, column, at.row, share);
+      if constexpr (step == PriorStep::kOffers) try_adopted(cells, column, at.row, share);
     } else {
       if constexpr (step == PriorStep::kSupports) find_support(cells, at.column, at.row);
       if constexpr (step == PriorStep::kPlanes) find_plane(cells, at.column, at.row);

@@ -44,7 +44,7 @@ Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, 
 }
 
 void Pipeline::make_engine() {
-  engine_ = pmsp::make_engine({options_, results_, stats_, cancel_, image_again_}, options_, backend_);
+  engine_ = pmsp::make_engine({options_, results_, stats_, cancel_, reload_image_}, options_, backend_);
   order_.set_in_step(options_.backend == Backend::kCuda && options_.devices.size() > 1);
 }
 
@@ -63,7 +63,7 @@ bool Pipeline::add(const Keyframe& keyframe) {
 }
 
 void Pipeline::flush() {
-  if (part_ && !stopped()) check_all_there();
+  if (part_ && !stopped()) check_complete();
   or_stop([&] { finish(); });
 }
 
@@ -80,8 +80,8 @@ void Pipeline::run(const KeyframeSource& keyframes) {
     KeyframeSource& source;
     ~UntilTheEnd() { source = nullptr; }
   };
-  const UntilTheEnd asking{image_again_};
-  image_again_ = [&](std::int64_t id) {
+  const UntilTheEnd asking{reload_image_};
+  reload_image_ = [&](std::int64_t id) {
     Keyframe keyframe = pull(id);
     if (!stopped()) check_keyframe(keyframe);
     return keyframe;
@@ -114,7 +114,7 @@ bool Pipeline::takes_part(std::int64_t id) const {
 }
 
 /// Throws InvalidInput if required keyframes of the given plan are missing.
-void Pipeline::check_all_there() const {
+void Pipeline::check_complete() const {
   if (taken_ == part_->taking_part().size()) return;
   throw InvalidInput("keyframe " + std::to_string(part_->entry(part_->taking_part()[taken_]).id) +
                      " has not come, which the results depend on; expected all images of the halo");
@@ -239,7 +239,7 @@ void Pipeline::run(const Stage& stage, std::int64_t i) {
   const View& reference = view(i);
   const PlanEntry& entry = entry_of(reference);
   if (stage.kind == Stage::Kind::kMatch) {
-    take_earlier(reference, stage.step);
+    load_earlier_planes(reference, stage.step);
     const bool rests =
         part_ && part_->shortcut(reference.place) && stage.step < options_.advanced.patchmatch.geometric_passes;
     if (rests && !runs(stage, reference)) engine_->reuse_planes(*reference.frame, stage.step);
@@ -271,7 +271,7 @@ PassRange Pipeline::passes_of(const View& view) const {
 }
 
 /// Loads planes of an earlier run before the first pass that reads them; results of the last pass, at that pass.
-void Pipeline::take_earlier(const View& reference, int pass) {
+void Pipeline::load_earlier_planes(const View& reference, int pass) {
   if (!part_ || !part_->needs_earlier(reference.place)) return;
   const bool is_result = part_->shortcut(reference.place)->planes == Shortcut::Planes::kResult;
   if (pass != (is_result ? passes_of(reference).last : 0)) return;

@@ -32,7 +32,7 @@ struct EngineContext {
   DensifierStats& stats;
   const std::atomic<bool>& cancel;
   /// Returns the image of a prepared keyframe again. Unset: the engine retains prepared images.
-  const KeyframeSource& image_again;
+  const KeyframeSource& reload_image;
 };
 
 /// Runs the stages on one kind of processor and holds their data. The order of calls must follow the schedule

@@ -77,7 +77,7 @@ class Pipeline {
   bool takes_part(std::int64_t id) const;
   bool take(const Keyframe& keyframe);
   KeyframeUse decide_use(const Keyframe& keyframe);
-  void check_all_there() const;
+  void check_complete() const;
   void finish();
   void prepare(const Keyframe& keyframe, std::size_t place);
   void advance(bool last);
@@ -88,7 +88,7 @@ class Pipeline {
   void run_task(const Task& task, bool last);
   void run(const Stage& stage, std::int64_t i);
   PassRange passes_of(const View& view) const;
-  void take_earlier(const View& reference, int pass);
+  void load_earlier_planes(const View& reference, int pass);
   void match(const View& reference, int pass);
   void fuse(const View& reference);
   void release(bool last);
@@ -104,7 +104,7 @@ class Pipeline {
   const std::function<PlaneMap(std::int64_t id)> load_planes_;
   DensifierStats stats_;
   std::atomic<bool> cancel_{false};
-  KeyframeSource image_again_;  ///< set during `run`
+  KeyframeSource reload_image_;  ///< set during `run`
   std::set<std::int64_t> ids_;
   std::string backend_;             ///< backend in use, with the reason
   std::unique_ptr<Engine> engine_;  ///< declared before the views, whose frames must not outlive it

@@ -27,7 +27,7 @@
 //   settle()                       waits for pending copies and releases arrays of other processors
 //   enter()                        scope of a piece of work, kept until its end
 //   set_size(width, height)        of the depth maps; called first
-//   may_go_on()                    false after Densifier::cancel
+//   may_continue()                    false after Densifier::cancel
 //   grid()                         of the depth maps
 //   array<T>(count), planes(), keys()          new arrays; keys are empty; planes have plane_numbers() elements
 //   map(planes), to(planes)                    views of planes, for reading and writing; empty without planes

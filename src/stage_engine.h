@@ -62,7 +62,7 @@ class StageEngine final : public Engine {
     for (const auto& on : processors_) make_ready(*on);
     frame->cubes.resize(processors_.size());
     prepare(keyframe, *frame);
-    if (options.unordered && (scratch_ || context_.image_again)) {
+    if (options.unordered && (scratch_ || context_.reload_image)) {
       put_away(*frame);
     } else if (processors_.size() > 1) {
       pack(*frame);
@@ -73,7 +73,7 @@ class StageEngine final : public Engine {
   void match(const MatchTask& task) override {
     Processor& on = processor_of(*task.reference);
     [[maybe_unused]] const auto scope = on.enter();
-    if (!on.may_go_on()) return;
+    if (!on.may_continue()) return;
     StageFrame& reference = stage_frame(*task.reference);
     auto& passed_on = reference.pass_planes[task.pass % 2];
     passed_on.reset();
@@ -107,7 +107,7 @@ class StageEngine final : public Engine {
   void filter(Frame& frame, const std::vector<const Frame*>& others) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    if (!on.may_go_on()) return;
+    if (!on.may_continue()) return;
     StageFrame& reference = stage_frame(frame);
     const Planes planes = reference.final_planes.get();
     const bool is_wanted = context_.results.filtered_depth && reference.emits_results;
@@ -137,7 +137,7 @@ class StageEngine final : public Engine {
   void fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    if (!on.may_go_on()) return;
+    if (!on.may_continue()) return;
     StageFrame& reference = stage_frame(frame);
     struct Held {
       Planes planes;
@@ -185,7 +185,7 @@ class StageEngine final : public Engine {
   void test_free_space(Frame& frame, const std::vector<const Frame*>& viewers) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    if (!on.may_go_on()) return;
+    if (!on.may_continue()) return;
     StageFrame& reference = stage_frame(frame);
     const auto surfels = reference.surfels.get();
     const auto details = reference.details.get();
@@ -196,8 +196,8 @@ class StageEngine final : public Engine {
     stage.surfels = surfels.get();
     stage.details = details.get();
     stage.grid = on.grid();
-    for (const Frame* candidates : viewers) {
-      const StageFrame& viewer = stage_frame(*candidates);
+    for (const Frame* other : viewers) {
+      const StageFrame& viewer = stage_frame(*other);
       const Relation to = relation(viewer.pose, reference.pose, lens());
       const float* const nearest = range_maps.emplace_back(viewer.nearest.get(on)).get();
       const float* const farthest = range_maps.emplace_back(viewer.farthest.get(on)).get();
@@ -225,7 +225,7 @@ class StageEngine final : public Engine {
   void remove_duplicates(Frame& frame, const std::vector<const Frame*>& others, int round) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    if (!on.may_go_on()) return;
+    if (!on.may_continue()) return;
     StageFrame& reference = stage_frame(frame);
     struct Held {
       Array<std::uint32_t> surfels;
@@ -241,8 +241,8 @@ class StageEngine final : public Engine {
     kernels::DuplicateRound stage{};
     stage.map = view(reference);
     stage.grid = on.grid();
-    for (const Frame* candidates : others) {
-      const StageFrame& viewer = stage_frame(*candidates);
+    for (const Frame* other : others) {
+      const StageFrame& viewer = stage_frame(*other);
       const Relation to = relation(viewer.pose, reference.pose, lens());
       stage.others[stage.count++] = {view(viewer), to.other_from_first, to.zoom, viewer.id < reference.id};
     }
@@ -491,7 +491,7 @@ class StageEngine final : public Engine {
     }
     const auto ask = [&] {
       [[maybe_unused]] const auto scope = on.enter();  // restores the device, which the callback may change
-      return context_.image_again(frame.id);
+      return context_.reload_image(frame.id);
     };
     const Keyframe again = ask();
     if (cancelled()) return {};
@@ -613,7 +613,7 @@ class StageEngine final : public Engine {
     return moved;
   }
 
-  void take_priors_off(const Planes& planes, const Planes& priors, const Planes& to, Processor& on) {
+  void subtract_prior_bonus(const Planes& planes, const Planes& priors, const Planes& to, Processor& on) {
     on.launch(kernels::ScoresWithoutPriors<Views>{on.map(planes), on.map(priors), on.grid(), kPriorBonus, on.to(to)},
               nullptr);
   }
@@ -622,7 +622,7 @@ class StageEngine final : public Engine {
   void finish_match(StageFrame& reference, const Planes& raw, const Planes& priors, bool draft, Processor& on) {
     if (context_.results.raw_depth && reference.emits_results) {
       const Planes alone = priors ? on.planes() : Planes{};
-      if (priors) take_priors_off(raw, priors, alone, on);
+      if (priors) subtract_prior_bonus(raw, priors, alone, on);
       emit_depths(reference, priors ? alone : raw, nullptr, context_.results.raw_depth, on);
     }
     Planes median;
@@ -632,7 +632,7 @@ class StageEngine final : public Engine {
           median = median_of(reference, raw, counts, on);
           if (draft) return;
           if (context_.options.advanced.median.weighted) median = weighted_median_of(reference, median, on);
-          if (priors) take_priors_off(median, priors, median, on);
+          if (priors) subtract_prior_bonus(median, priors, median, on);
         },
         [&stats = context_.stats](const std::int64_t* numbers) {
           ++stats.depth_maps;

@@ -34,7 +34,7 @@ void collect_points(const kernels::ConstSurfelArrays& map, const kernels::GridVi
   cloud.agree.reserve(count);
   for (int pixel = 0; pixel < pixels; ++pixel) {
     if (!kernels::makes_point(statuses[pixel])) continue;
-    const kernels::OwnedPoint owned = kernels::owned_point(map, grid, pixel);
+    const kernels::EmittedPoint owned = kernels::emitted_point(map, grid, pixel);
     CloudPoint point;
     point.position = to_eigen(owned.position);
     point.normal = to_eigen(owned.normal);
@@ -119,7 +119,7 @@ void CpuProcessor::start(const Pass& pass) const {
 void CpuProcessor::iterate(const Pass& pass, int colour, int iteration, bool rescore) const {
   auto& impl = inside(executor_);
   impl.pool.for_each(pass.grid.height, [&](int y) {
-    if (may_go_on()) impl.rows.iterate_row(pass, y, colour, iteration, rescore);  // rows are slow at low priority
+    if (may_continue()) impl.rows.iterate_row(pass, y, colour, iteration, rescore);  // rows are slow at low priority
   });
 }
 

@@ -83,7 +83,7 @@ class CpuProcessor {
   void set_size(int width, int height) {
     if (!grid_) grid_.emplace(width, height);
   }
-  bool may_go_on() const { return cancel_ == nullptr || !cancel_->load(std::memory_order_relaxed); }
+  bool may_continue() const { return cancel_ == nullptr || !cancel_->load(std::memory_order_relaxed); }
   kernels::GridView grid() const { return grid_->view(); }
 
   template <class T>

@@ -31,18 +31,18 @@ class DuplicateChunk {
       load(status, packed);
       const UIntOf<F> surfel =
           kernels::gather_words<F>(stage_.map.surfels, IntOf<F>(IntOf<F>(y * stage_.map.width) + x));
-      const kernels::Claim<F> claim = kernels::claim_of<F>(
+      const kernels::OpenPoint<F> open_point = kernels::open_point_of<F>(
           surfel, status, kernels::bearing_at<F>(stage_.grid, x, IntOf<F>(y)), stage_.map, stage_.limits);
-      store(claim.point.x, point_[0] + i);
-      store(claim.point.y, point_[1] + i);
-      store(claim.point.z, point_[2] + i);
-      store(claim.normal.x, normal_[0] + i);
-      store(claim.normal.y, normal_[1] + i);
-      store(claim.normal.z, normal_[2] + i);
-      store(claim.off.error, error_ + i);
-      store(claim.off.most, most_ + i);
-      store(claim.reach, reach_ + i);
-      store(claim.rank, rank_ + i);
+      store(open_point.point.x, point_[0] + i);
+      store(open_point.point.y, point_[1] + i);
+      store(open_point.point.z, point_[2] + i);
+      store(open_point.normal.x, normal_[0] + i);
+      store(open_point.normal.y, normal_[1] + i);
+      store(open_point.normal.z, normal_[2] + i);
+      store(open_point.off.error, error_ + i);
+      store(open_point.off.most, most_ + i);
+      store(open_point.reach, reach_ + i);
+      store(open_point.rank, rank_ + i);
     }
     for (int i = 0; i < count; ++i) {
       open[i] = 0;
@@ -55,23 +55,23 @@ class DuplicateChunk {
     const kernels::DuplicateView& other = stage_.others[k];
     int near = 0;
     for (int i = 0; i < count; i += kLanes) {
-      IntOf<F> claim;
-      load(claim, list + i);
-      const auto p = kernels::transform(other.other_from_first, gathered(point_, claim));
-      near += append(filled(i, count) & kernels::may_rank_higher(p, kernels::gather<F>(rank_, claim), other), claim,
-                     near_ + near);
+      IntOf<F> open_point;
+      load(open_point, list + i);
+      const auto p = kernels::transform(other.other_from_first, gathered(point_, open_point));
+      near += append(filled(i, count) & kernels::may_rank_higher(p, kernels::gather<F>(rank_, open_point), other),
+                     open_point, near_ + near);
     }
     int found = 0;
     int several = 0;
     for (int i = 0; i < near; i += kLanes) {
-      IntOf<F> claim;
-      load(claim, near_ + i);
-      const auto p = kernels::transform(other.other_from_first, gathered(point_, claim));
-      const kernels::Approach<F> there = kernels::approach(p, kernels::gather<F>(reach_, claim), other);
+      IntOf<F> open_point;
+      load(open_point, near_ + i);
+      const auto p = kernels::transform(other.other_from_first, gathered(point_, open_point));
+      const kernels::Approach<F> there = kernels::approach(p, kernels::gather<F>(reach_, open_point), other);
       const kernels::Within<F> within = kernels::within(there, stage_.grid, other.map.width, other.map.height);
       const auto valid = filled(i, near);
       const auto this_one = valid & within.this_one;
-      append(this_one, claim, claim_ + found);
+      append(this_one, open_point, claim_ + found);
       append(this_one, within.column, column_ + found);
       found += append(this_one, within.row, row_ + found);
       if (any(within.several)) {
@@ -79,7 +79,7 @@ class DuplicateChunk {
         append(more, there.at.x, x_ + several);
         append(more, there.at.y, y_ + several);
         append(more, there.spacing, spacing_ + several);
-        several += append(more, claim, several_ + several);
+        several += append(more, open_point, several_ + several);
       }
     }
     int kept = 0;
@@ -92,13 +92,13 @@ class DuplicateChunk {
       kept += kernels::makes_point(status) ? 1 : 0;
     }
     for (int i = 0; i < several; ++i) {
-      const std::int32_t claim = several_[i];
+      const std::int32_t open_point = several_[i];
       kernels::for_each_within({x_[i], y_[i]}, spacing_[i], stage_.grid.cos_lat, other.map.width, other.map.height,
                                [&](int pixel) {
                                  const std::uint8_t status = other.map.statuses[pixel];
-                                 if (owned[claim] != 0 || !kernels::makes_point(status)) return;
+                                 if (owned[open_point] != 0 || !kernels::makes_point(status)) return;
                                  if (kept == kSize) kept = compare(k, kept);
-                                 claim_[kept] = claim;
+                                 claim_[kept] = open_point;
                                  row_[kept] = pixel / other.map.width;
                                  column_[kept] = pixel % other.map.width;
                                  standing_[kept++] = status;
@@ -128,20 +128,20 @@ class DuplicateChunk {
     const kernels::DuplicateView& other = stage_.others[k];
     const std::uint32_t bit = 1U << static_cast<unsigned>(k);
     for (int i = 0; i < count; i += kLanes) {
-      IntOf<F> claim;
+      IntOf<F> open_point;
       IntOf<F> x;
       IntOf<F> y;
       UIntOf<F> status;
-      load(claim, claim_ + i);
+      load(open_point, claim_ + i);
       load(x, column_ + i);
       load(y, row_ + i);
       load(status, standing_ + i);
-      const kernels::Vec3<F> p = kernels::transform(other.other_from_first, gathered(point_, claim));
-      const kernels::OffSurface<F> off{kernels::gather<F>(error_, claim), kernels::gather<F>(most_, claim)};
+      const kernels::Vec3<F> p = kernels::transform(other.other_from_first, gathered(point_, open_point));
+      const kernels::OffSurface<F> off{kernels::gather<F>(error_, open_point), kernels::gather<F>(most_, open_point)};
       const UIntOf<F> surfel = kernels::gather_words<F>(other.map.surfels, IntOf<F>(y * IntOf<F>(other.map.width) + x));
-      const auto stands =
-          kernels::stands_for<F>(surfel, status, kernels::bearing_at<F>(stage_.grid, x, y), p, gathered(normal_, claim),
-                                 off, kernels::gather<F>(rank_, claim), other, stage_.limits);
+      const auto stands = kernels::is_duplicate<F>(surfel, status, kernels::bearing_at<F>(stage_.grid, x, y), p,
+                                                   gathered(normal_, open_point), off,
+                                                   kernels::gather<F>(rank_, open_point), other, stage_.limits);
       if (!any(stands)) continue;
       std::uint32_t stand[kLanes];
       store(kernels::select_bits<F>(stands, UIntOf<F>(1U)), stand);

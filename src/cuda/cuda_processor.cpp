@@ -92,7 +92,7 @@ void CudaProcessor::set_image_size(int width, int height) {
 }
 
 /// Called before each pass; limits the number of results in flight.
-bool CudaProcessor::may_go_on() {
+bool CudaProcessor::may_continue() {
   while (!cancelled() && queue_.size() > kMostPending * context_.options.devices.size()) queue_.emit_first();
   return !cancelled();
 }
@@ -234,7 +234,7 @@ void CudaProcessor::emit_points(const kernels::ConstSurfelArrays& map, KeyframeC
                                 std::function<void(const KeyframeCloud&)> to) {
   while (clouds_out_ >= kDownloads) queue_.emit_first();
   if (select_scratch_.empty()) {
-    select_scratch_ = DeviceArray<unsigned char>(owned_scratch_bytes(static_cast<int>(pixels())));
+    select_scratch_ = DeviceArray<unsigned char>(emit_scratch_bytes(static_cast<int>(pixels())));
   }
   const std::shared_ptr<PointsDownload> lent = clouds_.get(pixels());
   ++clouds_out_;

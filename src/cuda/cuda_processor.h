@@ -87,7 +87,7 @@ class CudaProcessor {
 
   DeviceScope enter() const { return DeviceScope(device_number_); }
   void set_size(int width, int height);
-  bool may_go_on();
+  bool may_continue();
   const kernels::GridView& grid() const { return grid_->view(); }
 
   template <class T>

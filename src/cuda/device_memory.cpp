@@ -12,7 +12,7 @@ namespace pmsp {
 namespace {
 
 /// More keyframes than any sequence has: memory of earlier ones is used again.
-constexpr std::int64_t kLongFlight = std::int64_t{1} << 40;
+constexpr std::int64_t kLongSequence = std::int64_t{1} << 40;
 
 /// Rounds up to pages; smaller arrays share a page with others of their size.
 double on_pages(double bytes) {
@@ -41,7 +41,7 @@ std::size_t device_memory_needed(const DensifierOptions& options, int image_widt
   const bool waits_in_file = !options.scratch_folder.empty();
   const bool is_short =
       options.advanced.expected_keyframes > 0 && !options.unordered;  // unordered keyframes all wait for each other
-  const std::int64_t used = is_short ? options.advanced.expected_keyframes : kLongFlight;
+  const std::int64_t used = is_short ? options.advanced.expected_keyframes : kLongSequence;
 
   // Maximum number of arrays of 16, 4 and 1 bytes per pixel: memory is used again for arrays of the same size only. A
   // device has its share, and copies of all other data that it reads.

@@ -111,7 +111,7 @@ struct DuplicateArgs {
 };
 
 /// Kept points of a keyframe.
-struct OwnedArgs {
+struct EmitArgs {
   kernels::GridView grid;
   kernels::ConstSurfelArrays map;
   DevicePoint* points;    ///< storage for all pixels, as `indices` and `agree`

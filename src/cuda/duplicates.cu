@@ -31,8 +31,8 @@ __device__ void ask_pixel(const DuplicateArgs& args, const kernels::DuplicateVie
   if (!kernels::makes_point(status)) return;
   const Vec3<float> bearing =
       kernels::bearing_at<float>(args.round.grid, pixel % other.map.width, pixel / other.map.width);
-  if (!kernels::stands_for<float>(other.map.surfels[pixel], status, bearing, search.point, search.normal, search.off,
-                                  search.rank, other, args.round.limits)) {
+  if (!kernels::is_duplicate<float>(other.map.surfels[pixel], status, bearing, search.point, search.normal, search.off,
+                                    search.rank, other, args.round.limits)) {
     return;
   }
   answer.stands = true;
@@ -67,15 +67,15 @@ __device__ Search of_thread(const Search& search, int thread) {
 
 /// Searches keyframe `k` for duplicates of each thread's claim, if `asks`. Pixels crowd near the poles: instead of
 /// waiting for the few threads with points there, all threads search for each of them. Called by all threads of a warp.
-__device__ Answer ask(const DuplicateArgs& args, bool asks, int k, const kernels::Claim<float>& claim) {
+__device__ Answer ask(const DuplicateArgs& args, bool asks, int k, const kernels::OpenPoint<float>& open_point) {
   const int thread = static_cast<int>(threadIdx.x);
   const kernels::DuplicateView& other = args.round.others[k];
   Answer answer{false, false};
-  Search search{{}, claim.normal, claim.off, claim.rank, {}};
+  Search search{{}, open_point.normal, open_point.off, open_point.rank, {}};
   bool many = false;
-  search.point = kernels::transform(other.other_from_first, claim.point);
-  if (asks && kernels::may_rank_higher(search.point, claim.rank, other)) {
-    search.there = kernels::approach(search.point, claim.reach, other);
+  search.point = kernels::transform(other.other_from_first, open_point.point);
+  if (asks && kernels::may_rank_higher(search.point, open_point.rank, other)) {
+    search.there = kernels::approach(search.point, open_point.reach, other);
     const kernels::Within<float> reached =
         kernels::within(search.there, args.round.grid, other.map.width, other.map.height);
     if (reached.this_one) ask_pixel(args, other, search, reached.row * other.map.width + reached.column, answer);
@@ -105,18 +105,18 @@ __global__ void duplicate_kernel(const __grid_constant__ DuplicateArgs args) {
   const bool decides = inside && kernels::status_of(before) == PointStatus::kOpen;
   if (inside && !decides) round.statuses[pixel] = before;
   if (__any_sync(kAll, decides) == 0) return;
-  kernels::Claim<float> claim{};
+  kernels::OpenPoint<float> open_point{};
   std::uint32_t asks = 0;
   if (decides) {
-    claim = kernels::claim_of<float>(round.map.surfels[pixel], before, kernels::bearing_at<float>(round.grid, x, y),
-                                     round.map, round.limits);
+    open_point = kernels::open_point_of<float>(round.map.surfels[pixel], before,
+                                               kernels::bearing_at<float>(round.grid, x, y), round.map, round.limits);
     asks = args.first ? everyone(round.count) : args.candidates[pixel];
   }
   std::uint32_t open = 0;
   bool dropped = false;
   while (__any_sync(kAll, asks != 0) != 0) {
     const std::uint32_t bit = asks & (0U - asks);  // the next one, or 0
-    const Answer answer = ask(args, asks != 0, max(__ffs(static_cast<int>(asks)) - 1, 0), claim);
+    const Answer answer = ask(args, asks != 0, max(__ffs(static_cast<int>(asks)) - 1, 0), open_point);
     if (answer.stands) open |= bit;
     dropped = dropped || answer.owned;
     asks = dropped ? 0 : asks ^ bit;

@@ -40,8 +40,8 @@ void iterate_pixels(const PatchMatchPass& pass, int colour, int iteration, bool 
 /// Round of duplicate removal for all pixels of a keyframe.
 void remove_duplicates(const DuplicateArgs& args, cudaStream_t stream);
 
-/// Kept points of a keyframe, in row order (pmsp::kept_points). `scratch`: at least owned_scratch_bytes.
-void kept_points(const OwnedArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
-std::size_t owned_scratch_bytes(int pixels);
+/// Kept points of a keyframe, in row order (pmsp::kept_points). `scratch`: at least emit_scratch_bytes.
+void kept_points(const EmitArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
+std::size_t emit_scratch_bytes(int pixels);
 
 }  // namespace pmsp::cuda

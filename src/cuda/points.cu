@@ -24,10 +24,10 @@ void select(const std::uint8_t* statuses, unsigned int* indices, unsigned int* c
                                              pixels, stream));
 }
 
-__global__ void owned_kernel(const __grid_constant__ OwnedArgs args) {
+__global__ void owned_kernel(const __grid_constant__ EmitArgs args) {
   const unsigned int count = *args.count;
   for (unsigned int i = blockIdx.x * blockDim.x + threadIdx.x; i < count; i += gridDim.x * blockDim.x) {
-    const kernels::OwnedPoint owned = kernels::owned_point(args.map, args.grid, static_cast<int>(args.indices[i]));
+    const kernels::EmittedPoint owned = kernels::emitted_point(args.map, args.grid, static_cast<int>(args.indices[i]));
     args.points[i] = {{owned.position.x, owned.position.y, owned.position.z},
                       {owned.normal.x, owned.normal.y, owned.normal.z},
                       {owned.color[0], owned.color[1], owned.color[2]},
@@ -39,13 +39,13 @@ __global__ void owned_kernel(const __grid_constant__ OwnedArgs args) {
 
 }  // namespace
 
-std::size_t owned_scratch_bytes(int pixels) {
+std::size_t emit_scratch_bytes(int pixels) {
   std::size_t bytes = 0;
   select(nullptr, nullptr, nullptr, pixels, nullptr, bytes, nullptr);
   return bytes;
 }
 
-void kept_points(const OwnedArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream) {
+void kept_points(const EmitArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream) {
   const int pixels = args.grid.width * args.grid.height;
   select(args.map.statuses, args.indices, args.count, pixels, scratch, scratch_bytes, stream);
   owned_kernel<<<static_cast<unsigned>(std::min(blocks(pixels, kThreads), 8192)), kThreads, 0, stream>>>(args);

@@ -59,7 +59,7 @@ AtomicFolder::AtomicFolder(const fs::path& target, IsOwn is_own, const std::stri
   in_target_ = fs::exists(target_, ignored);
   part_ = in_target_ ? target_ / part : fs::path(target_.string() + part);
   if (in_target_) make_folder(target_);  // throws if it is not a folder
-  if (fs::exists(fs::symlink_status(part_, ignored))) take_up(part_);
+  if (fs::exists(fs::symlink_status(part_, ignored))) require_leftover(part_);
   make_folder(part_);
   lock_.emplace(part_, "output", std::chrono::milliseconds(0), FolderLock::For::kOne, FolderLock::Need::kWhereItWorks);
   for (const fs::path& entry : entries_of(part_)) {
@@ -69,7 +69,7 @@ AtomicFolder::AtomicFolder(const fs::path& target, IsOwn is_own, const std::stri
   }
   const fs::path whole = target_ / kWhole;
   if (!in_target_ || !fs::exists(whole, ignored)) return;
-  take_up(whole);
+  require_leftover(whole);
   fs::remove_all(whole, ignored);
 }
 
@@ -80,7 +80,7 @@ AtomicFolder::~AtomicFolder() {
 }
 
 /// Throws OutputError unless the folder is the temporary of an AtomicFolder.
-void AtomicFolder::take_up(const fs::path& folder) const {
+void AtomicFolder::require_leftover(const fs::path& folder) const {
   std::error_code ignored;
   const bool is_folder = fs::is_directory(fs::symlink_status(folder, ignored));
   const std::vector<fs::path> entries = is_folder ? entries_of(folder) : std::vector<fs::path>{};

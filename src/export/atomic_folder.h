@@ -39,7 +39,7 @@ class PMSP_API AtomicFolder {
   static bool is_free(const std::filesystem::path& target);
 
  private:
-  void take_up(const std::filesystem::path& folder) const;
+  void require_leftover(const std::filesystem::path& folder) const;
   void replace() const;
 
   std::filesystem::path target_;

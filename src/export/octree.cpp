@@ -279,9 +279,9 @@ Octree::Open Octree::leaf(const OctreePoint* points, std::size_t count, int leve
 /// Emits the points of a node, which are final.
 void Octree::close(Open& open) {
   OctreeNode& node = nodes_[static_cast<std::size_t>(open.node)];
-  node.first = handed_out_;
+  node.first = emitted_;
   node.points = static_cast<std::uint32_t>(open.points.size());
-  handed_out_ += node.points;
+  emitted_ += node.points;
   if (node.points > 0) (*take_)(open.points.data(), open.points.size());
   Points().swap(open.points);
 }

@@ -100,7 +100,7 @@ class Octree {
   std::vector<OctreeNode> nodes_;
   std::size_t root_ = 0;
   std::vector<std::uint32_t> best_;  ///< per cell of a node: 1 + index of its best candidate; all 0 between uses
-  std::uint64_t handed_out_ = 0;
+  std::uint64_t emitted_ = 0;
   const Take* take_ = nullptr;
   Points loaded_, spare_;               ///< kept between lists: allocation is expensive
   std::vector<std::uint32_t> cell_of_;  ///< per candidate of join

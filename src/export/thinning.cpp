@@ -134,11 +134,11 @@ class Thinning::Sample {
     if (bin > last_bin_) return;
     ++counts_[bin];
     spool_.add(0, point);
-    if (++added_ == check_at_) look_again();
+    if (++added_ == check_at_) lower_last_bin();
   }
 
   void finish(const Take& take) {
-    look_again();
+    lower_last_bin();
     std::int64_t left = most_;  // points remaining for the last bin
     for (std::size_t bin = 0; bin < last_bin_; ++bin) left -= counts_[bin];
     std::vector<Rank> ranks;
@@ -165,7 +165,7 @@ class Thinning::Sample {
 
  private:
   /// Lowers the last bin to the limit.
-  void look_again() {
+  void lower_last_bin() {
     std::int64_t sum = 0;
     for (std::size_t bin = 0; bin <= last_bin_; ++bin) {
       sum += counts_[bin];

@@ -18,7 +18,7 @@ constexpr int kCoarser = 2;            ///< cells per axis of a square with one 
 constexpr double kSameSurface = 1.25;  ///< distance ratio to the nearest point around, beyond which a point is hidden
 
 /// Point seen from a keyframe.
-struct Sight {
+struct VisiblePoint {
   std::size_t landmark = 0;
   double distance = 0.0;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
@@ -26,13 +26,13 @@ struct Sight {
 
 /// Selects observed points of keyframes, at most one per 4 degrees: among unhidden points the one that most previous
 /// keyframes have taken, so that keyframes share landmarks, then the nearest.
-class Beholder {
+class VisibilityFilter {
  public:
-  explicit Beholder(SlamMap& map) : map_(map), taken_(map.landmarks.size(), 0) {}
+  explicit VisibilityFilter(SlamMap& map) : map_(map), taken_(map.landmarks.size(), 0) {}
 
   void look(MapKeyframe& keyframe) {
     const MapCamera& camera = map_.cameras[static_cast<std::size_t>(keyframe.camera)];
-    std::vector<Sight> sights;
+    std::vector<VisiblePoint> sights;
     std::vector<int> cells;
     std::vector<double> nearest(kColumns * kRows, std::numeric_limits<double>::infinity());
     for (std::size_t i = 0; i < map_.landmarks.size(); ++i) {
@@ -57,14 +57,14 @@ class Beholder {
     }
     for (const int i : best) {
       if (i < 0) continue;
-      const Sight& sight = sights[static_cast<std::size_t>(i)];
+      const VisiblePoint& sight = sights[static_cast<std::size_t>(i)];
       ++taken_[sight.landmark];
       keyframe.observations.push_back({map_.landmarks[sight.landmark].id, sight.pixel.cast<float>()});
     }
   }
 
  private:
-  bool is_better(const Sight& a, const Sight& b) const {
+  bool is_better(const VisiblePoint& a, const VisiblePoint& b) const {
     if (taken_[a.landmark] != taken_[b.landmark]) return taken_[a.landmark] > taken_[b.landmark];
     return a.distance != b.distance ? a.distance < b.distance : a.landmark < b.landmark;
   }
@@ -89,7 +89,7 @@ class Beholder {
 }  // namespace
 
 void observe_landmarks(SlamMap& map) {
-  Beholder beholder(map);
+  VisibilityFilter beholder(map);
   for (MapKeyframe& keyframe : map.keyframes) beholder.look(keyframe);
   // Unobserved landmarks are dropped.
   std::vector<char> is_seen(map.landmarks.size(), 0);

@@ -22,7 +22,7 @@ constexpr int kConclusive = 200;
 constexpr int kConclusiveImages = 2;  ///< images with landmarks of previous ones
 constexpr int kClearImages = 8;       ///< after these, fewer landmarks are compared
 constexpr int kWrongConclusive = 100;
-constexpr int kWrongTold = 10;  ///< comparisons required to name a pairing
+constexpr int kMinNamedTries = 10;  ///< comparisons required to name a pairing
 constexpr int kWrongEnough = 1000;
 constexpr double kSigmas = 4.0;
 constexpr double kClearlyBetter = 0.1;  ///< lead in the share of found landmarks
@@ -150,7 +150,7 @@ PairingVerifier::Verdict PairingVerifier::verdict() const {
                       std::to_string(given.looked_at()) + " landmarks they show nothing; " + advice;
     return verdict;
   }
-  const OtherPairing* other = impl_->best_other(kWrongTold);
+  const OtherPairing* other = impl_->best_other(kMinNamedTries);
   if (other != nullptr) {  // not named if it fits as little
     const double beyond_chance = impl_->found_by(*other).share() - verdict.by_chance;
     if (beyond_chance < least * std::max(0.5, 1.0 - verdict.by_chance)) other = nullptr;

@@ -78,7 +78,7 @@ double PairingSeries::least_fit() const {
 }
 
 /// Landmark in an image.
-struct PairingSeries::Look {
+struct PairingSeries::PlacedLandmark {
   Sighting sighting;
   PatchPlace place;
   const Sighting* last = nullptr;
@@ -109,7 +109,7 @@ const PairingSeries::Sighting* PairingSeries::last_sighting(std::int64_t landmar
 
 /// False if the geometry is degenerate.
 bool PairingSeries::place(const MapKeyframe& keyframe, const MapObservation& observation, ImageView<const Rgb> image,
-                          const Presentation& presentation, Look& look) const {
+                          const Presentation& presentation, PlacedLandmark& placed) const {
   const MapLandmark* landmark = map_->find_landmark(observation.landmark_id);
   const MapCamera& camera = map_->cameras[static_cast<std::size_t>(keyframe.camera)];
   const Eigen::Array2d position = observation.pixel.cast<double>().array() / camera.width;
@@ -120,22 +120,22 @@ bool PairingSeries::place(const MapKeyframe& keyframe, const MapObservation& obs
   // Images smaller than the camera's have a coarser resolution.
   const double spacing_px = std::max(kSpacingPx, static_cast<double>(camera.width) / image.width);
   const double own_size = 2.0 * kernels::kPi * spacing_px / camera.width * distance;
-  look.last = last_sighting(observation.landmark_id);
-  if (look.last != nullptr &&
-      (look.last->sample_size > own_size * kMaxRescaling || own_size > look.last->sample_size * kMaxRescaling))
-    look.last = nullptr;
-  look.sighting.landmark_id = observation.landmark_id;
-  look.sighting.sample_size = look.last != nullptr ? look.last->sample_size : own_size;
-  if (look.last != nullptr) {
-    look.sighting.axis = look.last->axis;
+  placed.last = last_sighting(observation.landmark_id);
+  if (placed.last != nullptr &&
+      (placed.last->sample_size > own_size * kMaxRescaling || own_size > placed.last->sample_size * kMaxRescaling))
+    placed.last = nullptr;
+  placed.sighting.landmark_id = observation.landmark_id;
+  placed.sighting.sample_size = placed.last != nullptr ? placed.last->sample_size : own_size;
+  if (placed.last != nullptr) {
+    placed.sighting.axis = placed.last->axis;
   } else {
-    to_landmark.cwiseAbs().minCoeff(&look.sighting.axis);
+    to_landmark.cwiseAbs().minCoeff(&placed.sighting.axis);
   }
-  if (!lay_patch(keyframe.cam_from_world, to_landmark, look.sighting.axis, look.sighting.sample_size / distance,
-                 image.width, image.height, look.place))
+  if (!lay_patch(keyframe.cam_from_world, to_landmark, placed.sighting.axis, placed.sighting.sample_size / distance,
+                 image.width, image.height, placed.place))
     return false;
-  look.place.centre = position.matrix() * image.width;
-  look.place = presented(look.place, presentation, image.width, image.height);
+  placed.place.centre = position.matrix() * image.width;
+  placed.place = presented(placed.place, presentation, image.width, image.height);
   return true;
 }
 
@@ -148,7 +148,7 @@ void PairingSeries::add(const MapKeyframe& keyframe, ImageView<const Rgb> image,
   int chance_tries = 0;
   int chance_hits = 0;
   for (const MapObservation& observation : choose(keyframe)) {
-    Look it;
+    PlacedLandmark it;
     if (!place(keyframe, observation, image, presentation, it)) continue;
     const bool comparable = it.last != nullptr && !it.last->patch.flat;
     PatchWithNeighbours seen;

@@ -87,12 +87,12 @@ class PairingSeries {
     LandmarkPatch patch;
   };
   using Frame = std::vector<Sighting>;  ///< by landmark_id
-  struct Look;
+  struct PlacedLandmark;
 
   std::vector<MapObservation> choose(const MapKeyframe& keyframe) const;
   const Sighting* last_sighting(std::int64_t landmark_id) const;
   bool place(const MapKeyframe& keyframe, const MapObservation& observation, ImageView<const Rgb> image,
-             const Presentation& presentation, Look& look) const;
+             const Presentation& presentation, PlacedLandmark& placed) const;
 
   const SlamMap* map_;
   std::size_t landmarks_;

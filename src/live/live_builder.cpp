@@ -14,15 +14,15 @@ namespace pmsp {
 namespace {
 
 /// Maximum displacement of inputs for which points stay valid [px].
-constexpr double kQueryTolerance = 0.1;
+constexpr double kMaxInputMove = 0.1;
 /// Displacement, relative to `max_move_px`, above which a photometric pass comes before the remaining ones; smaller
 /// ones are corrected after these.
-constexpr double kFarInBetween = 3.0;
+constexpr double kPhotometricFactor = 3.0;
 /// Displacement, relative to `max_move_px`, above which a depth map is worthless, as after a loop closure, and matching
 /// restarts; below, the remaining passes are run first.
-constexpr double kFarToGoOn = 24.0;
+constexpr double kRestartFactor = 24.0;
 /// Displacement in the world above which a keyframe may overlap with others than before [rad].
-constexpr double kFarMove = 0.01;
+constexpr double kMinWorldMove = 0.01;
 /// Numbers of passes, besides the full one, after which points are published.
 constexpr int kLevels[] = {2, 3};
 
@@ -60,13 +60,13 @@ LiveBuilder::LiveBuilder(const LiveOptions& options, const std::atomic<bool>& ca
   };
   const std::string why_not = why_too_little(densifier_, kAnyImageWidth);
   if (!why_not.empty()) throw InvalidOption(why_not);
-  engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
+  engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, reload_image_}, densifier_, backend_);
   if (options_.calibrate_lenses && densifier_.lens_distance == 0.0) begin_with_lenses();
   if (options_.find_rig) begin_with_rig();
   if (options_.previews) {
     preview_ = std::make_unique<LivePreview>(options_, cancel_, [this](const KeyframeCloud& cloud) {
       const LiveNode* const node = find(cloud.keyframe_id);
-      if (node == nullptr || node->shown > 0) return;
+      if (node == nullptr || node->published_passes > 0) return;
       ++stats_.previews;
       publish_cloud(cloud, node->serial, true);
     });
@@ -80,7 +80,7 @@ void LiveBuilder::set_size(int image_width, int image_height) {
   if (!why_not.empty()) throw InvalidInput(why_not);
   densifier_ = sized;
   densifier_.backend = options_.densifier.backend;
-  engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, image_again_}, densifier_, backend_);
+  engine_ = make_engine({densifier_, results_, engine_stats_, cancel_, reload_image_}, densifier_, backend_);
 }
 
 /// Returns an error message if `memory_mib` is too small for the keyframes on which the points of one depend; else, or
@@ -135,7 +135,7 @@ void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
     if (node.map_id != keyframe.map_id) continue;
     ++node.newer;
     const Eigen::Vector3d center = node.pose.cam_from_world.center();
-    node.still = (center - node.center).norm() <= options_.stable_move * node.range * node.pose.scale;
+    node.at_rest = (center - node.center).norm() <= options_.stable_move * node.range * node.pose.scale;
     node.center = center;
   }
   LiveNode& node = nodes_[keyframe.id];
@@ -189,7 +189,7 @@ void LiveBuilder::erase(std::int64_t id) {
     const auto names = [&](const std::vector<std::int64_t>& ids) {
       return std::find(ids.begin(), ids.end(), id) != ids.end();
     };
-    if (other.shown > 0 && (names(other.duplicate_views) || names(other.viewers))) other.points_due = true;
+    if (other.published_passes > 0 && (names(other.duplicate_views) || names(other.viewers))) other.points_due = true;
   }
 }
 
@@ -204,7 +204,8 @@ bool LiveBuilder::work() {
   if (preview_ && preview_->work(nodes_, on_error_)) return true;
   if (decide() || estimate_lenses() || estimate_rig() || link()) return true;
   detect_moves();
-  return show(false, group()) || match() || show(false, 1) || match_again() || show(true, 1) || show_wide();
+  return publish_points(false, group()) || match() || publish_points(false, 1) || match_again() ||
+         publish_points(true, 1) || publish_wide();
 }
 
 /// Marks points stale that depend on the node's depth map.
@@ -221,7 +222,7 @@ bool LiveBuilder::is_outdated(const LiveNode& node, const LiveInputs& then, cons
   if (then.size() != now.size()) return true;
   for (std::size_t i = 0; i < then.size(); ++i) {
     if (then[i].id != now[i].id || then[i].made != now[i].made) return true;
-    if (moved_px(then[i], now[i].other, now[i].own, node.range, densifier_.width) > kQueryTolerance) return true;
+    if (moved_px(then[i], now[i].other, now[i].own, node.range, densifier_.width) > kMaxInputMove) return true;
   }
   return false;
 }
@@ -244,16 +245,16 @@ void LiveBuilder::detect_moves() {
     };
     const double moved = furthest(node.matched);
     if (moved > options_.max_move_px) node.moved_px = moved;
-    if (node.shown == 0) continue;
-    if (std::max(furthest(node.fused), furthest(node.tested)) > kQueryTolerance) {
+    if (node.published_passes == 0) continue;
+    if (std::max(furthest(node.fused), furthest(node.tested)) > kMaxInputMove) {
       node.points_due = true;
       node.wide_due = node.wide_due || searches_all_;
     }
     const LiveInput in_world{id, 0, KeyframePose{}, node.wide ? node.wide_pose : node.first_pose};
-    if (moved_angle(in_world, KeyframePose{}, node.pose, node.range) > kFarMove) rearranged.insert(node.map_id);
+    if (moved_angle(in_world, KeyframePose{}, node.pose, node.range) > kMinWorldMove) rearranged.insert(node.map_id);
   }
   for (auto& [id, node] : nodes_) {
-    if (node.shown > 0 && node.has_map() && rearranged.count(node.map_id) != 0) node.wide_due = true;
+    if (node.published_passes > 0 && node.has_map() && rearranged.count(node.map_id) != 0) node.wide_due = true;
   }
 }
 
@@ -308,18 +309,18 @@ bool LiveBuilder::match() {
   for (LiveNode* node : candidates) {
     const std::vector<const LiveNode*> near = neighbours_of(*node);
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
-      if (node->passes == 0 || node->wants_images_alone(kFarInBetween * options_.max_move_px)) return true;
+      if (node->passes == 0 || node->needs_photometric_pass(kPhotometricFactor * options_.max_move_px)) return true;
       if (!other->linked || (other->passes < node->passes && lacks_passes(*other))) return false;
       if (node->passes >= kLevels[0] && restarts(*other)) return false;
-      const bool has_points = node->shown > 0;
+      const bool has_points = node->published_passes > 0;
       if (node->restarted && (has_points ? needs_rematch(*other) : restarts(*other))) return false;
-      const bool waits = other->wants_images_alone(kFarInBetween * options_.max_move_px) && can_match(*other);
+      const bool waits = other->needs_photometric_pass(kPhotometricFactor * options_.max_move_px) && can_match(*other);
       return (node->passes < kLevels[0] && !(node->restarted && has_points)) ||
              !waits;  // first points do not wait for photometric passes
     });
     if (!ready) continue;
     const auto urgency = [&](const LiveNode& of) {
-      return (all_at_once ? 0 : level_of(of)) + (of.restarted && of.shown > 0 ? full_ : 0);
+      return (all_at_once ? 0 : level_of(of)) + (of.restarted && of.published_passes > 0 ? full_ : 0);
     };
     if (best == nullptr || urgency(*node) < urgency(*best)) best = node;
   }
@@ -330,7 +331,7 @@ bool LiveBuilder::match() {
 
 /// Whether neighbours have moved so far that its depth map is worthless.
 bool LiveBuilder::restarts(const LiveNode& node) const {
-  return node.passes > 0 && node.moved_px > kFarToGoOn * options_.max_move_px && can_match(node);
+  return node.passes > 0 && node.moved_px > kRestartFactor * options_.max_move_px && can_match(node);
 }
 
 /// Whether all passes must be run again: neighbours have moved since the last photometric pass, or before one in
@@ -358,7 +359,7 @@ bool LiveBuilder::match_again() {
     worst = before;
   }
   ++stats_.matched_again;
-  worst->restarted = worst->shown > 0 || restarts(*worst);
+  worst->restarted = worst->published_passes > 0 || restarts(*worst);
   worst->passes = 0;
   worst->deferred_px = 0.0;
   match(*worst);
@@ -373,7 +374,7 @@ void LiveBuilder::match(LiveNode& node) {
   LiveInputs inputs;
   // Maps from before a move confirm each other and would keep the planes from following: such neighbours provide images
   // only, and a photometric pass comes in between.
-  const double far = kFarInBetween * options_.max_move_px;
+  const double far = kPhotometricFactor * options_.max_move_px;
   std::vector<const LiveNode*> neighbours = neighbours_of(node);
   const auto outdated = std::stable_partition(neighbours.begin(), neighbours.end(),
                                               [&](const LiveNode* near) { return near->moved_px <= far; });
@@ -381,7 +382,7 @@ void LiveBuilder::match(LiveNode& node) {
     task.neighbours.push_back(near->frame.get());
     inputs.push_back(input(*near, node, near->planes_made));
   }
-  const bool in_between = node.wants_images_alone(far);
+  const bool in_between = node.needs_photometric_pass(far);
   if (in_between) node.deferred_px = node.moved_px;
   const bool photometric = node.passes == 0 || in_between;
   task.near = photometric ? 0 : static_cast<std::size_t>(outdated - neighbours.begin());
@@ -395,7 +396,7 @@ void LiveBuilder::match(LiveNode& node) {
   engine_->match(task);
   if (!node.frame->matched) return;  // cancelled
   ++stats_.passes;
-  node.had_in_between = in_between;
+  node.last_pass_photometric = in_between;
   if (!in_between) ++node.passes;
   node.planes_made = ++results_made_;
   if (photometric) {
@@ -460,7 +461,7 @@ void LiveBuilder::make_room() {
   const Eigen::Vector3d center = nodes_.rbegin()->second.pose.cam_from_world.center();
   std::vector<std::pair<double, LiveNode*>> order;  // farthest first
   for (auto& [id, node] : nodes_) {
-    if (!node.frame || (node.shown == 0 && (!node.linked || node.has_depth))) continue;
+    if (!node.frame || (node.published_passes == 0 && (!node.linked || node.has_depth))) continue;
     const std::vector<LiveNode*> near = around(node, reach_.neighbours, false);
     if (std::any_of(near.begin(), near.end(),
                     [](const LiveNode* other) { return !other->linked || (other->has_depth && other->passes == 0); })) {
@@ -494,7 +495,7 @@ LiveBacklog LiveBuilder::backlog() const {
   backlog.unstable = static_cast<std::int64_t>(undecided_.size());
   for (const auto& [id, node] : nodes_) {
     if (!node.used || (node.linked && !node.has_depth)) continue;
-    if (node.shown == 0) {
+    if (node.published_passes == 0) {
       ++backlog.waiting;
     } else if (node.frame && (node.points_due || node.wide_due || lacks_passes(node) ||
                               (node.displacement_px() > 0.0 && can_match(node)))) {

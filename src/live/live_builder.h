@@ -69,7 +69,7 @@ class LiveBuilder {
   static constexpr std::size_t kGroup = 8;
   /// Relative displacement of two keyframes, since their points were first published, above which they may have mapped
   /// one surface twice, as before a loop closure; below, rematching suffices [rad].
-  static constexpr double kReunion = 0.1;
+  static constexpr double kLoopClosureMove = 0.1;
 
   /// Maximum distance in the sequence, on either side [used keyframes].
   struct Reach {
@@ -104,7 +104,7 @@ class LiveBuilder {
   template <class Estimator>
   bool is_time_for(Estimator& estimator, std::size_t& looked_at) const;
   bool estimate_lenses();
-  void use_lenses(double distance);
+  void set_lens_distance(double distance);
 
   // Depth maps.
   const LiveNode* neighbour(const LiveNode& node, std::int64_t id) const;
@@ -123,10 +123,10 @@ class LiveBuilder {
 
   // Points (live_points.cpp).
   int shared_level_of(const LiveNode& node) const;
-  bool show(bool because_moved, std::size_t fewest);
+  bool publish_points(bool because_moved, std::size_t fewest);
   std::size_t group() const;
-  bool show_wide();
-  void show(const std::vector<LiveNode*>& nodes);
+  bool publish_wide();
+  void publish_points(const std::vector<LiveNode*>& nodes);
   void choose_test_views(LiveNode& node);
   std::vector<LiveNode*> with_depth(const std::vector<std::int64_t>& ids, std::int64_t map_id);
 
@@ -157,7 +157,7 @@ class LiveBuilder {
   OnError on_error_;
   EngineResults results_;
   DensifierStats engine_stats_;
-  KeyframeSource image_again_;  ///< never set
+  KeyframeSource reload_image_;  ///< never set
   std::string backend_;
   std::unique_ptr<Engine> engine_;  ///< declared before the nodes, whose frames must not outlive it
   std::unique_ptr<LivePreview> preview_;

@@ -104,7 +104,7 @@ bool LiveBuilder::estimate_lenses() {
   const LensDistance found = lenses_->estimate(engine_->executor());
   if (found.significant) {
     lenses_.reset();
-    use_lenses(found.distance);
+    set_lens_distance(found.distance);
   } else if (enough && found.standard_error == 0.0) {
     begin_with_lenses();  // too few landmarks were seen by both lenses: tries again with later keyframes
   } else if (enough) {
@@ -114,7 +114,7 @@ bool LiveBuilder::estimate_lenses() {
 }
 
 /// Sets the lens distance and marks all results for one centre as stale.
-void LiveBuilder::use_lenses(double distance) {
+void LiveBuilder::set_lens_distance(double distance) {
   densifier_.lens_distance = distance;
   if (preview_) preview_->set_lens_distance(distance);
   for (auto& [id, node] : nodes_) {
@@ -123,7 +123,7 @@ void LiveBuilder::use_lenses(double distance) {
     node.points_due = true;
     if (!can_match(node)) continue;
     node.restarted = false;  // same priority as new keyframes
-    node.had_in_between = false;
+    node.last_pass_photometric = false;
     node.passes = 0;
     node.moved_px = node.deferred_px = 0.0;
   }

@@ -15,7 +15,7 @@ namespace pmsp {
 namespace {
 
 /// Distance within which keyframes count as redundant, relative to the median range of the landmarks.
-constexpr double kCrowd = 0.15;
+constexpr double kRedundantDistance = 0.15;
 /// Maximum number of used keyframes within that distance.
 constexpr int kEnough = 12;
 /// Number of keyframes of other maps after which no more of this one are expected.
@@ -34,7 +34,7 @@ bool LiveBuilder::has_ended(std::int64_t map_id) const {
 
 bool LiveBuilder::is_stable(const LiveNode& node) const {
   if (has_ended(node.map_id) || node.newer >= options_.stable_at_latest) return true;
-  return node.newer >= options_.stable_after && (node.still || options_.stable_after == 0);
+  return node.newer >= options_.stable_after && (node.at_rest || options_.stable_after == 0);
 }
 
 /// Uses or drops the first pending keyframe of a map if it is stable. Returns whether there was one.
@@ -71,7 +71,7 @@ bool LiveBuilder::is_crowded(const LiveNode& node) const {
   const auto sequence = sequences_.find(node.map_id);
   if (sequence == sequences_.end()) return false;
   const Eigen::Vector3d center = node.pose.cam_from_world.center();
-  const double reach = kCrowd * node.range * node.pose.scale;
+  const double reach = kRedundantDistance * node.range * node.pose.scale;
   return std::count_if(sequence->second.begin(), sequence->second.end(), [&](std::int64_t id) {
            return (nodes_.at(id).pose.cam_from_world.center() - center).norm() <= reach;
          }) >= kEnough;

@@ -352,7 +352,7 @@ struct LiveDensifier::Impl {
         const bool busy = !paused && builder->work();
         after(*builder, !busy && !paused);
       } catch (const std::exception& error) {
-        if (!go_on_after(error, builder)) return;
+        if (!recover_from(error, builder)) return;
       }
     }
   }
@@ -381,7 +381,7 @@ struct LiveDensifier::Impl {
 
   /// Replaces the builder. Keyframes without final points are forgotten, so that `sync` adds them again; those with
   /// final points keep them and are only moved. Returns false if no builder can be made.
-  bool go_on_after(const std::exception& error, std::unique_ptr<LiveBuilder>& builder) {
+  bool recover_from(const std::exception& error, std::unique_ptr<LiveBuilder>& builder) {
     report(error.what());
     std::string again;
     try {

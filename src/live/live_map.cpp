@@ -12,7 +12,7 @@ void LiveMap::publish(const LiveMove& place, std::shared_ptr<const KeyframeCloud
   ++version_;
   Entry& entry = entries_[place.keyframe_id];
   replaced = std::move(entry.cloud.cloud);
-  if (!replaced) entry.there_since = version_;
+  if (!replaced) entry.added_version = version_;
   const bool moved = !replaced || entry.cloud.pose != place.pose || entry.cloud.map_id != place.map_id;
   const LiveVersion pose_since = moved ? version_ : entry.cloud.pose_since;
   entry.cloud = {place.keyframe_id, place.map_id, place.pose, std::move(cloud), preliminary, version_, pose_since};
@@ -42,7 +42,7 @@ void LiveMap::remove(const std::vector<std::int64_t>& keyframe_ids) {
     if (found == entries_.end()) continue;
     gone.push_back(std::move(found->second));
     entries_.erase(found);
-    gone_[id].push_back({gone.back().there_since, next});
+    gone_[id].push_back({gone.back().added_version, next});
     version_ = next;
   }
 }
@@ -93,7 +93,7 @@ LiveChanges LiveMap::changes_since(LiveVersion since) const {
   changes.reset = changes.from < began_;
   for (const auto& [id, entry] : entries_) {
     const LiveCloud& cloud = entry.cloud;
-    if (changes.reset || entry.there_since > changes.from) {
+    if (changes.reset || entry.added_version > changes.from) {
       const bool replaced = !changes.reset && was_there(id, changes.from);  // removed and added again
       (replaced ? changes.replaced : changes.added).push_back(cloud);
     } else if (cloud.cloud_since > changes.from) {

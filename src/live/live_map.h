@@ -48,7 +48,7 @@ class PMSP_API LiveMap {
  private:
   struct Entry {
     LiveCloud cloud;
-    LiveVersion there_since = 0;  ///< version that added the keyframe
+    LiveVersion added_version = 0;  ///< version that added the keyframe
   };
 
   /// Versions that added and removed a keyframe.

@@ -50,7 +50,7 @@ struct LiveNode {
 
   // Stability of the pose.
   int newer = 0;                                     ///< number of keyframes added to its map since
-  bool still = false;                                ///< moved by at most `stable_move` before the last of them
+  bool at_rest = false;                              ///< moved by at most `stable_move` before the last of them
   Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< position when that one was added
 
   // Set when it is stable.
@@ -67,7 +67,7 @@ struct LiveNode {
   int passes = 0;                        ///< completed passes of PatchMatch, without those in between
   double moved_px = 0.0;                 ///< last displacement of `matched` above `max_move_px`, 0 = none [px]
   double deferred_px = 0.0;              ///< displacement at the last photometric pass in between [px]
-  bool had_in_between = false;           ///< the last pass was a photometric one in between
+  bool last_pass_photometric = false;    ///< the last pass was a photometric one in between
   bool restarted = false;                ///< all passes are run again
   std::uint64_t planes_made = 0;         ///< numbers of results, increasing over all keyframes; 0 = none
   std::uint64_t filtered_made = 0;
@@ -77,7 +77,7 @@ struct LiveNode {
   LiveInputs filtered, fused, tested;
   std::vector<std::int64_t> viewers, duplicate_views;  ///< ids
   KeyframePose first_pose;                             ///< pose when points were first published
-  int shown = 0;                                       ///< number of passes of the published points; 0 = none
+  int published_passes = 0;                            ///< number of passes of the published points; 0 = none
   bool points_due = false;                             ///< the published points are stale
   KeyframePose wide_pose;                              ///< pose at the last wide duplicate removal
   bool wide = false;                                   ///< duplicate views extend beyond the fusion window
@@ -89,8 +89,8 @@ struct LiveNode {
 
   /// Whether its next pass must be photometric, since its map is from before a move by more than `tolerance_px`. Not
   /// twice in a row, nor before the two passes of the first points.
-  bool wants_images_alone(double tolerance_px) const {
-    return passes > 1 && moved_px > tolerance_px && !had_in_between;
+  bool needs_photometric_pass(double tolerance_px) const {
+    return passes > 1 && moved_px > tolerance_px && !last_pass_photometric;
   }
   /// Returns the keyframe at its current pose, with landmarks [map units], without image.
   Keyframe keyframe() const;

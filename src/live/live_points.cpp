@@ -36,23 +36,24 @@ int LiveBuilder::shared_level_of(const LiveNode& node) const {
 /// Number of keyframes whose points are computed together while others wait for passes: as many as have points, so that
 /// the oldest are final early, up to kGroup.
 std::size_t LiveBuilder::group() const {
-  const auto shown =
-      std::count_if(nodes_.begin(), nodes_.end(), [](const auto& node) { return node.second.shown > 0; });
-  return std::clamp<std::size_t>(static_cast<std::size_t>(shown), 1, kGroup);
+  const auto published_passes =
+      std::count_if(nodes_.begin(), nodes_.end(), [](const auto& node) { return node.second.published_passes > 0; });
+  return std::clamp<std::size_t>(static_cast<std::size_t>(published_passes), 1, kGroup);
 }
 
 /// Publishes points of up to kGroup keyframes that have reached a higher level or, with `because_moved`, whose points
 /// are stale, if there are at least `fewest`. Returns whether it did.
-bool LiveBuilder::show(bool because_moved, std::size_t fewest) {
+bool LiveBuilder::publish_points(bool because_moved, std::size_t fewest) {
   std::vector<LiveNode*> nodes;
   std::size_t matching = 0;
   for (const auto& [map_id, sequence] : sequences_) {
     for (const std::int64_t id : sequence) {
       LiveNode& node = nodes_.at(id);
       matching += lacks_passes(node) ? 1 : 0;
-      if (nodes.size() == kGroup || (because_moved ? !node.points_due : node.shown >= full_)) continue;
+      if (nodes.size() == kGroup || (because_moved ? !node.points_due : node.published_passes >= full_)) continue;
       const int level = shared_level_of(node);
-      if (because_moved ? level >= std::max(node.shown, 1) : level > node.shown) nodes.push_back(&node);
+      if (because_moved ? level >= std::max(node.published_passes, 1) : level > node.published_passes)
+        nodes.push_back(&node);
     }
   }
   if (nodes.size() < fewest) return false;
@@ -64,17 +65,18 @@ bool LiveBuilder::show(bool because_moved, std::size_t fewest) {
     if (nodes.size() < fewest) return false;
   }
   for (LiveNode* node : nodes) node->wide_due = node->wide_due || searches_all_;
-  show(nodes);
+  publish_points(nodes);
   return true;
 }
 
 /// Wide duplicate removal: removes duplicates beyond the fusion window, for many keyframes together, and publishes
 /// their points. Returns whether there were any.
-bool LiveBuilder::show_wide() {
+bool LiveBuilder::publish_wide() {
   if (densifier_.advanced.fusion.spacing_px == 0.0) return false;
   std::vector<LiveNode*> nodes;
   for (auto& [id, node] : nodes_) {
-    if (nodes.size() < kWideGroup && node.wide_due && node.shown > 0 && shared_level_of(node) >= node.shown)
+    if (nodes.size() < kWideGroup && node.wide_due && node.published_passes > 0 &&
+        shared_level_of(node) >= node.published_passes)
       nodes.push_back(&node);
   }
   if (nodes.empty() || (searches_all_ && !finishing_ && nodes.size() < kWideFewest)) return false;
@@ -83,7 +85,7 @@ bool LiveBuilder::show_wide() {
     node->wide_due = false;
     node->wide_pose = node->pose;
   }
-  show(nodes);
+  publish_points(nodes);
   return true;
 }
 
@@ -116,8 +118,8 @@ void LiveBuilder::choose_test_views(LiveNode& node) {
       const LiveNode& other = nodes_.at(candidate.id);
       const bool in_window = std::find(window.begin(), window.end(), candidate.id) != window.end();
       const LiveInput then{other.id, 0, other.first_pose, node.first_pose};
-      return !in_window &&
-             (other.shown == 0 || node.shown == 0 || moved_angle(then, other.pose, node.pose, node.range) <= kReunion);
+      return !in_window && (other.published_passes == 0 || node.published_passes == 0 ||
+                            moved_angle(then, other.pose, node.pose, node.range) <= kLoopClosureMove);
     };
     candidates.erase(std::remove_if(candidates.begin(), candidates.end(), stays_apart), candidates.end());
   }
@@ -134,7 +136,7 @@ std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& 
 }
 
 /// Computes and publishes points. Each round of duplicate removal needs the previous round of the duplicate views.
-void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
+void LiveBuilder::publish_points(const std::vector<LiveNode*>& nodes) {
   const int rounds = duplicate_rounds(densifier_);
   for (LiveNode* node : nodes) choose_test_views(*node);
   std::vector<std::vector<LiveNode*>> levels{nodes};  // keyframes of the last round, of the round before it, etc.
@@ -171,10 +173,10 @@ void LiveBuilder::show(const std::vector<LiveNode*>& nodes) {
   for (LiveNode* node : nodes) {
     if (cancel_.load(std::memory_order_relaxed)) return;
     engine_->emit(*node->frame);
-    if (node->shown == 0) node->first_pose = node->pose;
-    node->shown = shared_level_of(*node);
+    if (node->published_passes == 0) node->first_pose = node->pose;
+    node->published_passes = shared_level_of(*node);
     node->points_due = false;
-    node->restarted = node->restarted && node->shown < full_;
+    node->restarted = node->restarted && node->published_passes < full_;
     node->tested.clear();
     for (const std::vector<std::int64_t>* ids : {&node->viewers, &node->duplicate_views}) {
       for (const LiveNode* other : with_depth(*ids, node->map_id)) node->tested.push_back(input(*other, *node, 0));

@@ -47,7 +47,7 @@ LivePreview::LivePreview(const LiveOptions& options, const std::atomic<bool>& ca
                          std::function<void(const KeyframeCloud&)> publish)
     : options_(preview_options(options.densifier)), mask_(options.mask), publish_(std::move(publish)), cancel_(cancel) {
   results_.cloud = publish_;
-  engine_ = make_engine({options_, results_, stats_, cancel_, image_again_}, options_, backend_);
+  engine_ = make_engine({options_, results_, stats_, cancel_, reload_image_}, options_, backend_);
 }
 
 void LivePreview::add(std::int64_t id) { arrived_.push_back({id, Clock::now()}); }
@@ -109,7 +109,7 @@ bool LivePreview::make(const Nodes& nodes, std::int64_t newest) {
   std::reverse(around.begin(), around.end());
   const std::size_t own = around.size() - 2;
   const LiveNode& node = *around[own];
-  if (node.shown > 0 || entries_.at(node.id).frame->matched) return true;
+  if (node.published_passes > 0 || entries_.at(node.id).frame->matched) return true;
 
   std::vector<Keyframe> keyframes;
   std::vector<const Keyframe*> sequence;

@@ -53,7 +53,7 @@ class LivePreview {
   std::function<void(const KeyframeCloud&)> publish_;
   EngineResults results_;
   DensifierStats stats_;
-  KeyframeSource image_again_;  ///< never set
+  KeyframeSource reload_image_;  ///< never set
   std::string backend_;
   std::unique_ptr<Engine> engine_;         ///< declared before the frames, which must not outlive it
   std::map<std::int64_t, Entry> entries_;  ///< of the newest keyframes

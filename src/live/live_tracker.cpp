@@ -88,7 +88,7 @@ bool LiveTracker::is_recent(std::int64_t id, std::size_t count) const {
 void LiveTracker::forget_landmarks(std::int64_t id) {
   const auto found = tracks_.find(id);
   if (found == tracks_.end()) return;
-  found->second.remembers = false;
+  found->second.stores_ranges = false;
   std::vector<Range>().swap(found->second.ranges);
   std::vector<Range>().swap(found->second.agreed_ranges);
 }
@@ -96,7 +96,7 @@ void LiveTracker::forget_landmarks(std::int64_t id) {
 /// Stores the current ranges, of the landmarks of the reference state if half of them are still observed.
 void LiveTracker::measure_ranges(Track& track, const LiveKeyframe& keyframe) {
   track.ranges.clear();
-  if (keyframe.landmarks.empty() || !track.remembers) return;
+  if (keyframe.landmarks.empty() || !track.stores_ranges) return;
   std::vector<Range> seen;
   const Eigen::Vector3d center = keyframe.cam_from_world.center();
   std::bitset<1024> known;  // rejects most other landmarks quickly
@@ -154,7 +154,7 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& 
 bool LiveTracker::has_moved_away(const Track& track) {
   double range = 0.0;
   if (track.agreed_map_id != track.map_id) return true;
-  if (!track.remembers) return false;
+  if (!track.stores_ranges) return false;
   for (const Range& known : track.agreed_ranges) range += known.range;
   if (track.agreed_ranges.empty() || !(range > 0.0)) return true;
   range /= static_cast<double>(track.agreed_ranges.size());
@@ -181,7 +181,7 @@ void LiveTracker::recover(Sequence& sequence, const std::set<std::size_t>& moved
       MovedKeyframe& keyframe = keyframes.emplace_back();
       keyframe.before = track.agreed;
       keyframe.after = track.now.cam_from_world;
-      keyframe.world_before = track.agreed_map_id;
+      keyframe.map_before = track.agreed_map_id;
       compare_ranges(track.agreed_ranges, track.ranges, keyframe);
     }
     const std::vector<double> scales = recover_scales(keyframes);

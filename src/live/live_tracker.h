@@ -60,7 +60,7 @@ class LiveTracker {
     std::int64_t agreed_map_id = 0;
     std::vector<Range> agreed_ranges;  ///< by ascending landmark id
     std::vector<Range> ranges;         ///< current ranges; empty if unknown since the last move
-    bool remembers = true;             ///< stores ranges
+    bool stores_ranges = true;         ///< stores ranges
   };
   using Sequence = std::vector<std::pair<std::int64_t, Track*>>;  ///< keyframes of a map by ascending id
 

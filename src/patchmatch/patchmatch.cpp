@@ -44,12 +44,12 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
     throw InvalidInput("patchmatch: " + std::to_string(input.neighbour_maps.size()) + " depth maps of " +
                        std::to_string(count) + " neighbours; expected none or one for each");
   }
-  const bool starts_anew = input.start == nullptr || input.start->empty();
-  if (!starts_anew && (input.landmarks != nullptr || input.warped != nullptr)) {
+  const bool is_first_pass = input.start == nullptr || input.start->empty();
+  if (!is_first_pass && (input.landmarks != nullptr || input.warped != nullptr)) {
     throw InvalidInput(
         "patchmatch: planes of landmarks and warped ones belong to a first pass, without a map to start from");
   }
-  if (starts_anew && input.prior != nullptr) {
+  if (is_first_pass && input.prior != nullptr) {
     throw InvalidInput("patchmatch: prior planes belong to a further pass, which has a map to start from");
   }
   const Panorama& reference = *input.reference.panorama;

@@ -62,7 +62,7 @@ class HaloFinder {
 
 }  // namespace
 
-void refuse_endless_chain(const DensifierOptions& options) {
+void check_chain(const DensifierOptions& options) {
   if (!options.advanced.init.warp_previous || options.advanced.init.chain_keyframes != 0 || options.unordered) return;
   throw InvalidOption(
       "init.chain_keyframes is 0: planes are handed on from keyframe to keyframe through the whole flight, so that "
@@ -195,7 +195,7 @@ std::vector<std::int64_t> PointsHalo::planes_of(std::int64_t id) const {
 }
 
 Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points) {
-  refuse_endless_chain(options);
+  check_chain(options);
   return find_halo(plan, ids, options, points ? Wanted::kPoints : Wanted::kDepthMaps);
 }
 

@@ -135,6 +135,6 @@ PMSP_API Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const
                    bool points = true);
 
 /// Throws InvalidOption if the chain of first planes is unlimited: parts of a mission then have no halo.
-PMSP_API void refuse_endless_chain(const DensifierOptions& options);
+PMSP_API void check_chain(const DensifierOptions& options);
 
 }  // namespace pmsp

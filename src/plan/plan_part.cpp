@@ -12,7 +12,7 @@ namespace pmsp {
 
 PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
                    Wanted wanted, const std::map<std::int64_t, Shortcut>& shortcuts)
-    : plan_(plan), ways_(plan.entries.size()) {
+    : plan_(plan), planned_stages_(plan.entries.size()) {
   check_plan(plan, options);
   for (std::size_t place = 0; place < plan.entries.size(); ++place) places_.emplace(plan.entries[place].id, place);
   for (const auto& [id, shortcut] : shortcuts) {
@@ -22,26 +22,26 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
       throw InvalidInput("keyframe " + std::to_string(id) + " is to be matched in " + std::to_string(shortcut.passes) +
                          " passes; expected " + std::to_string(fewest) + " to " + std::to_string(most));
     }
-    ways_[place_of(id)].shortcut = shortcut;
+    planned_stages_[place_of(id)].shortcut = shortcut;
   }
   const RunHalo halo = find_halo(plan, ids, options, wanted, shortcuts);
-  for (const std::int64_t id : ids) ways_[place_of(id)].emits_results = true;
-  for (std::size_t place = 0; place < ways_.size(); ++place) {
-    const bool is_part = entry(place).has_depth_map() && !ways_[place].emits_results;
-    if (is_part && shortcuts.empty()) refuse_endless_chain(options);  // planes of an earlier run end the chain
+  for (const std::int64_t id : ids) planned_stages_[place_of(id)].emits_results = true;
+  for (std::size_t place = 0; place < planned_stages_.size(); ++place) {
+    const bool is_part = entry(place).has_depth_map() && !planned_stages_[place].emits_results;
+    if (is_part && shortcuts.empty()) check_chain(options);  // planes of an earlier run end the chain
   }
   const auto each = [&](const std::vector<std::int64_t>& named, const auto& mark) {
-    for (const std::int64_t id : named) mark(ways_[places_.at(id)]);
+    for (const std::int64_t id : named) mark(planned_stages_[places_.at(id)]);
   };
-  each(halo.images, [](Way& way) { way.takes_part = true; });
+  each(halo.images, [](PlannedStages& way) { way.takes_part = true; });
   for (std::size_t pass = 0; pass < halo.planes.size(); ++pass) {
-    each(halo.planes[pass], [&](Way& way) { way.passes |= 1U << pass; });
+    each(halo.planes[pass], [&](PlannedStages& way) { way.passes |= 1U << pass; });
   }
-  each(halo.earlier, [](Way& way) { way.earlier = true; });
-  each(halo.filtered, [](Way& way) { way.filtered = true; });
-  for (const auto& round : halo.rounds) each(round, [](Way& way) { ++way.rounds; });
-  for (std::size_t place = 0; place < ways_.size(); ++place) {
-    if (ways_[place].takes_part) taking_part_.push_back(place);
+  each(halo.earlier, [](PlannedStages& way) { way.earlier = true; });
+  each(halo.filtered, [](PlannedStages& way) { way.filtered = true; });
+  for (const auto& round : halo.rounds) each(round, [](PlannedStages& way) { ++way.rounds; });
+  for (std::size_t place = 0; place < planned_stages_.size(); ++place) {
+    if (planned_stages_[place].takes_part) taking_part_.push_back(place);
   }
 }
 
@@ -52,7 +52,7 @@ std::size_t PlanPart::place_of(std::int64_t id) const {
 }
 
 bool PlanPart::runs(const Stage& stage, std::size_t place) const {
-  const Way& way = ways_[place];
+  const PlannedStages& way = planned_stages_[place];
   switch (stage.kind) {
     case Stage::Kind::kMatch:
       return (way.passes >> static_cast<unsigned>(stage.step) & 1U) != 0;

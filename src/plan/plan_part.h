@@ -31,18 +31,18 @@ class PlanPart {
 
   /// Places of participating keyframes, in the order of the plan.
   const std::vector<std::size_t>& taking_part() const { return taking_part_; }
-  bool takes_part(std::size_t place) const { return ways_[place].takes_part; }
+  bool takes_part(std::size_t place) const { return planned_stages_[place].takes_part; }
   /// Whether results of the keyframe are requested.
-  bool emits(std::size_t place) const { return ways_[place].emits_results; }
+  bool emits(std::size_t place) const { return planned_stages_[place].emits_results; }
   bool runs(const Stage& stage, std::size_t place) const;
 
   /// Matching of the keyframe with fewer passes; ignored unless `needs_earlier`.
-  const std::optional<Shortcut>& shortcut(std::size_t place) const { return ways_[place].shortcut; }
-  bool needs_earlier(std::size_t place) const { return ways_[place].earlier; }
+  const std::optional<Shortcut>& shortcut(std::size_t place) const { return planned_stages_[place].shortcut; }
+  bool needs_earlier(std::size_t place) const { return planned_stages_[place].earlier; }
 
  private:
   /// Stages of a keyframe.
-  struct Way {
+  struct PlannedStages {
     bool takes_part = false;   ///< with its image at least
     std::uint32_t passes = 0;  ///< bit p: pass p of PatchMatch
     std::optional<Shortcut> shortcut;
@@ -54,7 +54,7 @@ class PlanPart {
 
   Plan plan_;
   std::unordered_map<std::int64_t, std::size_t> places_;  ///< by id
-  std::vector<Way> ways_;                                 ///< by place
+  std::vector<PlannedStages> planned_stages_;             ///< by place
   std::vector<std::size_t> taking_part_;
 };
 

@@ -36,7 +36,7 @@ bool Planner::add(PlanKeyframe keyframe) {
                    [](const Landmark& a, const Landmark& b) { return a.id < b.id; });
   PlanEntry entry;
   entry.id = keyframe.id;
-  entry.use = judge(keyframe);
+  entry.use = decide_use(keyframe);
   const std::size_t index = dropped_ + entries_.size();
   const bool used = entry.used();
   entries_.push_back(std::move(entry));
@@ -60,7 +60,7 @@ void Planner::finish() {
 }
 
 /// Returns the use of the keyframe, or the reason for its rejection.
-KeyframeUse Planner::judge(const PlanKeyframe& keyframe) {
+KeyframeUse Planner::decide_use(const PlanKeyframe& keyframe) {
   if (!options_.advanced.view_filter.enabled) return KeyframeUse::kDepthMap;
   const bool first = !in_sequence_;
   const std::int64_t block = floor_div(keyframe.id, kViewBlock);

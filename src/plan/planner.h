@@ -39,7 +39,7 @@ class PMSP_IO_API Planner {
   void drop(std::size_t count);
 
  private:
-  KeyframeUse judge(const PlanKeyframe& keyframe);
+  KeyframeUse decide_use(const PlanKeyframe& keyframe);
   KeyframeUse begin_block(const PlanKeyframe& keyframe);
   bool is_blurred(const PlanKeyframe& keyframe) const;
   void take_into_chain(const PlanKeyframe& keyframe);

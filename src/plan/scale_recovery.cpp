@@ -123,7 +123,7 @@ std::optional<Estimate> from_baselines(const std::vector<MovedKeyframe>& keyfram
   std::vector<Ratio> ratios;
   std::vector<double> places;
   for_each_around(keyframes.size(), i, [&](std::size_t k) {
-    if (keyframes[k].world_before != keyframes[i].world_before) return;
+    if (keyframes[k].map_before != keyframes[i].map_before) return;
     const double length = (keyframes[k].before.cam_from_world.center() - before).norm();
     const double now = (keyframes[k].after.center() - after).norm();
     if (!(length > 0.0) || !(now > 0.0)) return;

@@ -20,7 +20,7 @@ struct MovedKeyframe {
   RigidTransform after;  ///< translation in map units
   /// Distances from the camera, before and after, of landmarks observed at both times [map units]. May be empty.
   std::vector<double> ranges_before, ranges_after;
-  std::int64_t world_before = 0;  ///< map at that time; keyframes of different maps are not compared
+  std::int64_t map_before = 0;  ///< map at that time; keyframes of different maps are not compared
 };
 
 /// Adds the distances of landmarks observed both before and after; lists by ascending `landmark`.

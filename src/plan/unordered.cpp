@@ -22,7 +22,7 @@ constexpr double kSharedToSkip = 0.5;      ///< minimum share of a blurred keyfr
 constexpr double kParallaxToSkipDeg = 15;  ///< maximum parallax to it, for rejection
 
 /// Another keyframe with common landmarks.
-struct Sharer {
+struct Covisible {
   std::size_t node;
   int landmarks;
 };
@@ -57,11 +57,11 @@ class UnorderedPlan {
 
   const DensifierOptions& options_;
   const PreviousPlan& previous_;
-  std::vector<PlanNode> nodes_;               ///< ascending id: results do not depend on the input order
-  std::vector<Covisibility> covisibilities_;  ///< by node
-  std::vector<SharpnessRecord> sharpness_;    ///< by node
-  std::vector<std::vector<Sharer>> sharers_;  ///< by node, most landmarks first
-  std::vector<PlanEntry> entries_;            ///< in the input order
+  std::vector<PlanNode> nodes_;                    ///< ascending id: results do not depend on the input order
+  std::vector<Covisibility> covisibilities_;       ///< by node
+  std::vector<SharpnessRecord> sharpness_;         ///< by node
+  std::vector<std::vector<Covisible>> covisible_;  ///< by node, most landmarks first
+  std::vector<PlanEntry> entries_;                 ///< in the input order
 };
 
 UnorderedPlan::UnorderedPlan(std::vector<PlanKeyframe> keyframes, const DensifierOptions& options,
@@ -91,19 +91,19 @@ void UnorderedPlan::find_sharers() {
   seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
   std::unordered_map<std::int64_t, std::size_t> begin_of;
   for (std::size_t k = seen.size(); k > 0; --k) begin_of[seen[k - 1].first] = k - 1;
-  sharers_.resize(nodes_.size());
+  covisible_.resize(nodes_.size());
   std::vector<int> counts(nodes_.size(), 0);
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
-    std::vector<Sharer>& sharers = sharers_[i];
+    std::vector<Covisible>& sharers = covisible_[i];
     for (const Landmark& landmark : nodes_[i].keyframe.landmarks) {
       for (std::size_t k = begin_of[landmark.id]; k < seen.size() && seen[k].first == landmark.id; ++k) {
         const std::size_t other = seen[k].second;
         if (other != i && counts[other]++ == 0) sharers.push_back({other, 0});
       }
     }
-    for (Sharer& sharer : sharers) sharer.landmarks = std::exchange(counts[sharer.node], 0);
+    for (Covisible& sharer : sharers) sharer.landmarks = std::exchange(counts[sharer.node], 0);
     const auto last = sharers.begin() + static_cast<std::ptrdiff_t>(std::min(kMostSharers, sharers.size()));
-    std::partial_sort(sharers.begin(), last, sharers.end(), [&](const Sharer& a, const Sharer& b) {
+    std::partial_sort(sharers.begin(), last, sharers.end(), [&](const Covisible& a, const Covisible& b) {
       return a.landmarks != b.landmarks ? a.landmarks > b.landmarks : a.node < b.node;
     });
     sharers.erase(last, sharers.end());
@@ -113,7 +113,7 @@ void UnorderedPlan::find_sharers() {
 /// Whether its median sharpness relative to the keyframes with most common landmarks is too low, and one of them has
 /// nearly the same view.
 bool UnorderedPlan::is_blurred(std::size_t i) const {
-  const std::vector<Sharer>& sharers = sharers_[i];
+  const std::vector<Covisible>& sharers = covisible_[i];
   const Keyframe& keyframe = nodes_[i].keyframe;
   if (sharers.empty() || sharpness_[i].landmarks.empty()) return false;
   const ViewChain::Lean lean = previous_.lean(keyframe.id);
@@ -138,9 +138,9 @@ void UnorderedPlan::leave_out() {
     if (nodes_[i].keyframe.landmarks.empty()) use = KeyframeUse::kNoLandmarks;
     entry(i).use = use;
   }
-  for (std::vector<Sharer>& sharers : sharers_) {
+  for (std::vector<Covisible>& sharers : covisible_) {
     sharers.erase(
-        std::remove_if(sharers.begin(), sharers.end(), [&](const Sharer& s) { return !entry(s.node).used(); }),
+        std::remove_if(sharers.begin(), sharers.end(), [&](const Covisible& s) { return !entry(s.node).used(); }),
         sharers.end());
   }
 }
@@ -153,7 +153,7 @@ std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
   std::vector<std::size_t> candidates;
   std::vector<const Covisibility*> covisibilities;
   Places places;
-  for (const Sharer& sharer : sharers_[i]) {
+  for (const Covisible& sharer : covisible_[i]) {
     if (!(distance(i, sharer.node) > 0.0)) continue;
     places.emplace(nodes_[sharer.node].keyframe.id, candidates.size());
     candidates.push_back(sharer.node);
@@ -199,7 +199,7 @@ std::vector<std::int64_t> UnorderedPlan::window_of(std::size_t i, int size, cons
   std::vector<std::int64_t> result;
   std::unordered_map<std::int64_t, int> shared;
   int most = 0;
-  for (const Sharer& sharer : sharers_[i]) {
+  for (const Covisible& sharer : covisible_[i]) {
     const PlanNode& other = nodes_[sharer.node];
     if (!other.has_depth_map) continue;
     shared.emplace(other.keyframe.id, sharer.landmarks);

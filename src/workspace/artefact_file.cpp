@@ -19,7 +19,7 @@ namespace {
 
 constexpr char kPlanes[17] = "pmsp planes    1";
 constexpr char kPoints[17] = "pmsp points    1";
-constexpr char kLook[17] = "pmsp look      1";
+constexpr char kImageRecord[17] = "pmsp look      1";
 constexpr std::size_t kKindBytes = 16;
 
 /// Size of a point: position, normal, confidence, colour, number of views.
@@ -222,12 +222,12 @@ KeyframeCloud read_points(const std::filesystem::path& path) {
   return cloud;
 }
 
-void write_look(const std::filesystem::path& path, const Look& look) {
-  Writer file(path, kLook);
-  file.put(static_cast<std::int32_t>(look.width));
-  file.put(static_cast<std::int32_t>(look.height));
-  file.put(static_cast<std::uint64_t>(look.sharpness.landmarks.size()));
-  for (const LandmarkSharpness& at : look.sharpness.landmarks) {
+void write_image_record(const std::filesystem::path& path, const ImageRecord& record) {
+  Writer file(path, kImageRecord);
+  file.put(static_cast<std::int32_t>(record.width));
+  file.put(static_cast<std::int32_t>(record.height));
+  file.put(static_cast<std::uint64_t>(record.sharpness.landmarks.size()));
+  for (const LandmarkSharpness& at : record.sharpness.landmarks) {
     file.put(at.id);
     file.put(at.horizontal);
     file.put(at.vertical);
@@ -235,19 +235,19 @@ void write_look(const std::filesystem::path& path, const Look& look) {
   file.finish()->commit();
 }
 
-Look read_look(const std::filesystem::path& path) {
-  Reader file(path, kLook);
-  Look look;
-  look.width = file.get<std::int32_t>();
-  look.height = file.get<std::int32_t>();
-  if (look.width < 1 || look.height < 1) file.refuse();
-  look.sharpness.landmarks.resize(file.count(sizeof(std::int64_t) + 2 * sizeof(float)));
-  for (LandmarkSharpness& at : look.sharpness.landmarks) {
+ImageRecord read_image_record(const std::filesystem::path& path) {
+  Reader file(path, kImageRecord);
+  ImageRecord record;
+  record.width = file.get<std::int32_t>();
+  record.height = file.get<std::int32_t>();
+  if (record.width < 1 || record.height < 1) file.refuse();
+  record.sharpness.landmarks.resize(file.count(sizeof(std::int64_t) + 2 * sizeof(float)));
+  for (LandmarkSharpness& at : record.sharpness.landmarks) {
     at.id = file.get<std::int64_t>();
     at.horizontal = file.get<float>();
     at.vertical = file.get<float>();
   }
-  return look;
+  return record;
 }
 
 }  // namespace pmsp::workspace

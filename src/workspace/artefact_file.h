@@ -16,7 +16,7 @@
 namespace pmsp::workspace {
 
 /// Properties of an image, recorded so that it need not be read again.
-struct Look {
+struct ImageRecord {
   int width = 0, height = 0;  ///< [px]
   SharpnessRecord sharpness;
 };
@@ -28,7 +28,7 @@ PMSP_API PlaneMap read_planes(const std::filesystem::path& path);
 PMSP_API std::unique_ptr<AtomicFile> points_file(const std::filesystem::path& path, const KeyframeCloud& cloud);
 PMSP_API KeyframeCloud read_points(const std::filesystem::path& path);
 
-PMSP_API void write_look(const std::filesystem::path& path, const Look& look);
-PMSP_API Look read_look(const std::filesystem::path& path);
+PMSP_API void write_image_record(const std::filesystem::path& path, const ImageRecord& record);
+PMSP_API ImageRecord read_image_record(const std::filesystem::path& path);
 
 }  // namespace pmsp::workspace

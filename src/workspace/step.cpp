@@ -76,7 +76,7 @@ class StepPlanner {
     for (const StepKeyframe& it : inputs_.keyframes) planner.add(it.keyframe);
     planner.finish();
     step.plan.entries.assign(planner.entries().begin(), planner.entries().end());
-    if (inputs_.growing) find_due(step.plan);
+    if (inputs_.growing) choose_passes_due(step.plan);
     for (const PlanEntry& entry : step.plan.entries) {
       if (entry.has_depth_map()) plan_planes(step, entry);
     }
@@ -147,8 +147,8 @@ class StepPlanner {
   /// Selects the number of passes of a keyframe and their start.
   void choose_passes(const PlanEntry& entry, StepKeyframePlan& it) const {
     const int full = full_passes();
-    const auto found = due_.find(entry.id);
-    const int due = found == due_.end() ? full : found->second;
+    const auto found = passes_due_.find(entry.id);
+    const int due = found == passes_due_.end() ? full : found->second;
     const auto anew = [&](const char* why) {
       it.reason = why;
       it.passes = due;
@@ -196,28 +196,28 @@ class StepPlanner {
 
   /// Sets the number of passes due while more keyframes will follow: source views and poses of the newest keyframes are
   /// not final.
-  void find_due(const Plan& plan) {
+  void choose_passes_due(const Plan& plan) {
     const int full = full_passes();
     const int stair = static_cast<int>(std::max<std::int64_t>(plan_reach(inputs_.options).near, 1));
     int newer = 0;
     int waiting = 0;
     for (auto entry = plan.entries.rbegin(); entry != plan.entries.rend(); ++entry) {
       const int due = newer < kStable ? kUnstablePasses : kUnstablePasses + 1 + (newer - kStable) / stair;
-      due_[entry->id] = std::min(due, full);
+      passes_due_[entry->id] = std::min(due, full);
       waiting += entry->has_depth_map() && due >= full && passes_had(entry->id) < full;
       newer += entry->used();
     }
     // Keyframes with some passes get the rest at once: a run counts passes from its last one (pass_range).
     if (waiting >= std::max(kBatch, (full - 2) * stair)) return;
-    for (auto& [id, due] : due_) due = std::min(due, std::max(passes_had(id), kUnstablePasses));
+    for (auto& [id, due] : passes_due_) due = std::min(due, std::max(passes_had(id), kUnstablePasses));
   }
 
   void plan_points(Step& step, const PointsHalo& halo, std::int64_t id) {
     StepKeyframePlan& it = step.keyframes.at(id);
-    it.asked = halo.planes_of(id);
+    it.required_planes = halo.planes_of(id);
     Fingerprint inputs;
     inputs.add(inputs_.options_json).add(inputs_.engine);
-    for (const std::int64_t other : it.asked) {
+    for (const std::int64_t other : it.required_planes) {
       const PlanEntry& lists = halo.entry(other);
       inputs.add(other).add(step.keyframes.at(other).planes_file);
       for (const auto* list : {&lists.consistency, &lists.fusion, &lists.viewers, &lists.duplicate_views})
@@ -230,12 +230,13 @@ class StepPlanner {
 
   bool can_keep_points(std::int64_t id, const StepKeyframePlan& it) const {
     const RecordedKeyframe* const before = recorded(id);
-    if (inputs_.ask_all_again || before == nullptr || !before->points) return false;
+    if (inputs_.recompute_points || before == nullptr || !before->points) return false;
     if (before->points->inputs != it.points_inputs) return false;
     const auto poses = record_.poses.find(before->points->step);
     if (poses == record_.poses.end()) return false;
     const auto own = poses->second.find(id);
-    return own != poses->second.end() && std::all_of(it.asked.begin(), it.asked.end(), [&](std::int64_t other) {
+    return own != poses->second.end() &&
+           std::all_of(it.required_planes.begin(), it.required_planes.end(), [&](std::int64_t other) {
              const auto then = poses->second.find(other);
              return then != poses->second.end() && moved_by(id, own->second, then->second, other, false) <= kPointsMove;
            });
@@ -245,8 +246,8 @@ class StepPlanner {
   const StepInputs& inputs_;
   std::unordered_map<std::int64_t, const StepKeyframe*> now_;
   std::unordered_map<std::int64_t, KeyframePose> poses_;
-  std::unordered_map<std::int64_t, int> due_;        ///< number of passes by id, while the mission grows
-  std::unordered_map<std::int64_t, double> ranges_;  ///< median distance of the landmarks [map units]
+  std::unordered_map<std::int64_t, int> passes_due_;  ///< number of passes by id, while the mission grows
+  std::unordered_map<std::int64_t, double> ranges_;   ///< median distance of the landmarks [map units]
   std::map<std::int64_t, std::vector<RecordedRange>> landmark_ranges_;
 };
 
@@ -269,7 +270,7 @@ std::string step_name(const Record& record, const StepInputs& inputs) {
     name.add(id).add(keyframe.planes ? keyframe.planes->file : "").add(keyframe.points ? keyframe.points->file : "");
   }
   name.add(inputs.options_json).add(inputs.engine).add(inputs.mask);
-  name.add(inputs.ask_all_again).add(inputs.growing);
+  name.add(inputs.recompute_points).add(inputs.growing);
   for (const StepKeyframe& it : inputs.keyframes) add(name, it);
   return name.text().substr(0, 16);
 }
@@ -349,11 +350,11 @@ Record record_of(const Step& step, const StepInputs& inputs, const Record& recor
     if (it.points_kept) {
       keyframe.points = before->second.points;
       const auto& poses = record.poses.at(keyframe.points->step);
-      for (const std::int64_t id : it.asked) result.poses[keyframe.points->step][id] = poses.at(id);
+      for (const std::int64_t id : it.required_planes) result.poses[keyframe.points->step][id] = poses.at(id);
       result.poses[keyframe.points->step][entry.id] = poses.at(entry.id);
     } else {
       keyframe.points = RecordedPoints{it.points_file, it.points_inputs, step.name};
-      for (const std::int64_t id : it.asked) result.poses[step.name][id] = step.keyframes.at(id).pose;
+      for (const std::int64_t id : it.required_planes) result.poses[step.name][id] = step.keyframes.at(id).pose;
       result.poses[step.name][entry.id] = it.pose;
     }
   }

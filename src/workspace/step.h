@@ -32,8 +32,8 @@ struct StepInputs {
   std::string engine;               ///< program and kind of processor; equal texts mean equal bytes
   std::string mask;                 ///< fingerprint; "" = none
   std::vector<StepKeyframe> keyframes;
-  bool ask_all_again = false;  ///< make all points from scratch, since depth maps are also requested
-  bool growing = false;        ///< more keyframes will follow: the newest ones get fewer passes for now
+  bool recompute_points = false;  ///< make all points from scratch, since depth maps are also requested
+  bool growing = false;           ///< more keyframes will follow: the newest ones get fewer passes for now
 };
 
 /// Work of a step on a keyframe with a depth map, with its reason.
@@ -46,8 +46,8 @@ struct StepKeyframePlan {
   std::string own;            ///< see RecordedPlanes
   std::string planes_file;    ///< after the step
   bool points_kept = false;
-  std::string points_inputs;        ///< see RecordedPoints
-  std::vector<std::int64_t> asked;  ///< keyframes whose planes affect the points
+  std::string points_inputs;                  ///< see RecordedPoints
+  std::vector<std::int64_t> required_planes;  ///< keyframes whose planes affect the points
   std::string points_file;
 };
 

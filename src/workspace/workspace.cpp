@@ -90,10 +90,10 @@ Workspace::Workspace(const fs::path& folder, Access access)
   make_folder(planes());
   make_folder(points());
   if (access == Access::kShared) {
-    make_folder(great_circles());
+    make_folder(image_records());
     shards_.make();
   }
-  look_again();
+  lower_last_bin();
 }
 
 Workspace::~Workspace() = default;
@@ -103,7 +103,7 @@ bool Workspace::holds_record() const {
   return fs::exists(fs::symlink_status(folder_ / kRecord, ignored));
 }
 
-void Workspace::look_again() {
+void Workspace::lower_last_bin() {
   wait_until_saved();
   drop_missing(record_);
   if (begun_) drop_missing(*begun_);
@@ -157,11 +157,13 @@ void Workspace::save_points(const std::string& file, const KeyframeCloud& cloud)
 }
 void Workspace::wait_until_saved() { saving_->saver.finish(); }
 
-std::optional<Look> Workspace::find_look(const std::string& file) const {
-  if (!is_there(great_circles() / file)) return std::nullopt;
-  return read_look(great_circles() / file);
+std::optional<ImageRecord> Workspace::find_image_record(const std::string& file) const {
+  if (!is_there(image_records() / file)) return std::nullopt;
+  return read_image_record(image_records() / file);
 }
-void Workspace::save_look(const std::string& file, const Look& look) const { write_look(great_circles() / file, look); }
+void Workspace::save_image_record(const std::string& file, const ImageRecord& record) const {
+  write_image_record(image_records() / file, record);
+}
 
 void Workspace::commit(Record record) {
   wait_until_saved();
@@ -181,7 +183,7 @@ void Workspace::remove() {
   shards_.remove();
   std::error_code ignored;
   bool has_others = fs::exists(shards_.path(), ignored);
-  for (const fs::path& folder : {planes(), points(), great_circles()}) {
+  for (const fs::path& folder : {planes(), points(), image_records()}) {
     delete_all_but({}, folder);
     fs::remove(folder, ignored);  // if it is empty
     has_others = has_others || fs::exists(folder, ignored);
@@ -201,7 +203,7 @@ void Workspace::delete_unnamed() const {
   }
   delete_all_but(named_planes, planes());
   delete_all_but(named_points, points());
-  delete_all_but({}, great_circles());  // now part of the record
+  delete_all_but({}, image_records());  // now part of the record
   shards_.end(record_.step);
 }
 

@@ -52,10 +52,10 @@ class PMSP_API Workspace {
   Workspace(const Workspace&) = delete;
   Workspace& operator=(const Workspace&) = delete;
 
-  /// Entries whose files are missing are dropped, as of the last look_again(), which throws OutputError as
+  /// Entries whose files are missing are dropped, as of the last lower_last_bin(), which throws OutputError as
   /// `wait_until_saved`.
   const Record& record() const { return record_; }
-  void look_again();
+  void lower_last_bin();
   /// Results of the last step that was begun but not completed; nullopt = none.
   const std::optional<Record>& begun() const { return begun_; }
   /// See record_of_begun. Throws OutputError.
@@ -83,8 +83,8 @@ class PMSP_API Workspace {
   void wait_until_saved();
 
   /// Image properties recorded by shards; nullopt = none of this name. Throw IoError and OutputError.
-  std::optional<Look> find_look(const std::string& file) const;
-  void save_look(const std::string& file, const Look& look) const;
+  std::optional<ImageRecord> find_image_record(const std::string& file) const;
+  void save_image_record(const std::string& file, const ImageRecord& record) const;
 
   const ShardFolder& shards() const { return shards_; }
 
@@ -97,7 +97,7 @@ class PMSP_API Workspace {
  private:
   std::filesystem::path planes() const { return folder_ / "planes"; }
   std::filesystem::path points() const { return folder_ / "points"; }
-  std::filesystem::path great_circles() const { return folder_ / "looks"; }
+  std::filesystem::path image_records() const { return folder_ / "looks"; }
   bool holds_record() const;
   void drop_missing(Record& record) const;
   void delete_unnamed() const;

@@ -73,20 +73,20 @@ double shown(const cv::Mat& picture) {
 TEST_CASE("a stretch shows what lies evenly, and leaves a far crowd out", "[preview]") {
   std::vector<double> values;
   for (int i = 0; i < 1000; ++i) values.push_back(0.008 * i - 3.0);
-  const IdRange even = busy_stretch(values);
+  const Interval even = framing_interval(values);
   CHECK(even.low == Approx(-2.92).margin(0.02));
   CHECK(even.high == Approx(4.92).margin(0.03));
   for (const int far : {20, 250, 500}) {
     INFO(far);
     std::vector<double> more = values;
     for (int i = 0; i < far; ++i) more.push_back(180.0 + 0.1 * i);
-    const IdRange stretch = busy_stretch(more);
+    const Interval stretch = framing_interval(more);
     CHECK(stretch.low >= -3.0);
     CHECK(stretch.low < -2.5);
     CHECK(stretch.high > 4.5);
     CHECK(stretch.high <= 5.0);
   }
-  CHECK(busy_stretch({2.0, 2.0, 2.0}).high == 2.0);
+  CHECK(framing_interval({2.0, 2.0, 2.0}).high == 2.0);
 }
 
 TEST_CASE("a wing that the camera went through is shown, however few points it has", "[preview]") {
@@ -94,7 +94,7 @@ TEST_CASE("a wing that the camera went through is shown, however few points it h
   for (int i = 0; i < 4000; ++i) points.emplace_back(0.01 * (i % 1000), 0.01 * (i * 7 % 1000), 0.003 * (i * 13 % 1000));
   for (int i = 0; i < 400; ++i) points.emplace_back(10.0 + 0.15 * i, 5.0 + 2.0 * (i % 2), 0.003 * (i * 13 % 1000));
   path = {{5.0, 5.0, 1.0}, {10.0, 6.0, 1.0}, {40.0, 6.0, 1.0}, {68.0, 6.0, 1.0}};
-  const FramedBox box = busy_box(points, path);
+  const FramedBox box = framing_box(points, path);
   CHECK(box.high.x() > 68.0);
   CHECK(box.high.x() < 71.0);
   CHECK(box.low.x() < 0.5);

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
-#include "standing.h"
+#include "run_progress.h"
 #include "stats.h"
 
 using namespace pmsp_test;
@@ -27,21 +27,21 @@ std::vector<std::string> lines_of(const std::string& text) {
 }  // namespace
 
 TEST_CASE("a standing is told in words, without what there is none of") {
-  CHECK(standing_text({0.0, 0, 0, 0}, -1.0) == "0 %");
-  CHECK(standing_text({0.37, 1, 812'345, 0}, 65.0) == "37 %, 1 min 05 s left; 1 depth map, 812 k pixels");
-  CHECK(standing_text({0.995, 54, 48'300'000, 210'400}, 0.0) == "100 %, 0 s left; 54 depth maps, 210 k points");
+  CHECK(run_progress_text({0.0, 0, 0, 0}, -1.0) == "0 %");
+  CHECK(run_progress_text({0.37, 1, 812'345, 0}, 65.0) == "37 %, 1 min 05 s left; 1 depth map, 812 k pixels");
+  CHECK(run_progress_text({0.995, 54, 48'300'000, 210'400}, 0.0) == "100 %, 0 s left; 54 depth maps, 210 k points");
   CHECK(short_count(9'999) == "9 999");
 }
 
 TEST_CASE("the share of the work takes keyframes to come to be like those that have come") {
   pmsp::DensifierStats stats;
-  CHECK(standing_of(stats, 10).share == 0.0);
+  CHECK(run_progress_of(stats, 10).share == 0.0);
   stats.keyframes_added = 5;
   stats.work_done = 3.0;
   stats.work_to_come = 2.0;
-  CHECK(standing_of(stats, 10).share == Approx(0.3));
-  CHECK(standing_of(stats, 5).share == Approx(0.6));
-  CHECK(standing_of(stats, 0).share == Approx(0.6));
+  CHECK(run_progress_of(stats, 10).share == Approx(0.3));
+  CHECK(run_progress_of(stats, 5).share == Approx(0.6));
+  CHECK(run_progress_of(stats, 0).share == Approx(0.6));
 }
 
 TEST_CASE("statistics tell each count under its own name") {

@@ -52,7 +52,7 @@ DepthMap without_depths(DepthMap map) {
 }
 
 /// What a confidence stands for, in units of the error of a confidence of one half.
-float told_error(float confidence) { return 1.0F / confidence - 1.0F; }
+float reported_error(float confidence) { return 1.0F / confidence - 1.0F; }
 
 /// Every 37th pixel: no two of them are neighbours.
 void plant(DepthMap& map, float factor) {
@@ -211,7 +211,7 @@ TEST_CASE("confidence grows with the maps that agree and with how well they do",
       noisy[k].depth.pixels()[i] *= static_cast<float>(1.0 + 0.003 * synth::gaussian(k, i));
     }
   }
-  const auto told = [](const DepthMap& map) { return told_error(map.confidence(kWidth / 4, kWidth / 4)); };
+  const auto told = [](const DepthMap& map) { return reported_error(map.confidence(kWidth / 4, kWidth / 4)); };
   const float all = told(filtered(maps[2], others_of(maps, 2)));
   const float half = told(filtered(maps[2], {&maps[0], &hole, &maps[3], &hole}));
   const float scattered = told(filtered(noisy[2], others_of(noisy, 2)));
@@ -231,7 +231,9 @@ TEST_CASE("confidence is low where the surface around is rough", "[consistency]"
     rough.depth.pixels()[i] *= static_cast<float>(1.0 + 0.006 * synth::gaussian(4, i));
   }
   rough.depth(x, y) = maps[2].depth(x, y);  // agrees as well as ever
-  const auto told = [&](const DepthMap& map) { return told_error(filtered(map, others_of(maps, 2)).confidence(x, y)); };
+  const auto told = [&](const DepthMap& map) {
+    return reported_error(filtered(map, others_of(maps, 2)).confidence(x, y));
+  };
   CHECK(told(rough) > 2.0F * told(maps[2]));
 }
 
@@ -246,7 +248,7 @@ TEST_CASE("confidence is low where there is little parallax", "[consistency]") {
   for (int y = 0; y < map.depth.height(); ++y) {
     for (int x = 0; x < map.depth.width(); ++x) {
       const double degrees = degrees_from_motion(mission, 2, x, y);
-      const double told = static_cast<double>(told_error(map.confidence(x, y)));
+      const double told = static_cast<double>(reported_error(map.confidence(x, y)));
       if (degrees < 10.0) ahead += told, ++ahead_count;
       if (degrees > 70.0) aside += told, ++aside_count;
     }

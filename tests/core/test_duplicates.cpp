@@ -326,8 +326,8 @@ TEST_CASE("a point lies on a surface as either of the two normals tells", "[owne
   const auto stands = [&](const V& owner_normal, const V& claim_normal, const V& apart) {
     const std::uint32_t surfel = k::pack_point<float>(2.0F, owner_normal, {0.0F, 0.0F, 0.0F}, 0.7F).surfel;
     const auto off = k::off_surface<float>(2.0F, claim_normal, ahead, 0.7F, limits.max_relative_depth);
-    return k::stands_for<float>(surfel, k::pack_status<float>(0.7F, k::PointStatus::kKept), ahead, 2.0F * ahead - apart,
-                                claim_normal, off, 1e9F, other, limits);
+    return k::is_duplicate<float>(surfel, k::pack_status<float>(0.7F, k::PointStatus::kKept), ahead,
+                                  2.0F * ahead - apart, claim_normal, off, 1e9F, other, limits);
   };
   const V level{0.0F, 0.0F, -1.0F};
   const V slanted{0.6F, 0.0F, -0.8F};

@@ -218,7 +218,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   const cuda::DeviceArray<unsigned int> indices(pixels);
   const cuda::DeviceArray<std::uint32_t> agree(pixels);
   const cuda::DeviceArray<unsigned int> count(1);
-  const cuda::DeviceArray<unsigned char> scratch(cuda::owned_scratch_bytes(static_cast<int>(pixels)));
+  const cuda::DeviceArray<unsigned char> scratch(cuda::emit_scratch_bytes(static_cast<int>(pixels)));
   std::vector<DeviceResult> results;
   for (OnDevice& frame : frames) {
     cuda::kept_points({grid.view(),

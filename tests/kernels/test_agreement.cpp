@@ -172,7 +172,7 @@ TEST_CASE("agreement: a word weighs the inverse fourth power of distance, in any
     for (float& t : transform.t) t *= 2.0F;
     REQUIRE(k::agreement(bearing, depth, map.view(), transform).weight == Approx(weight).epsilon(1e-9));
   }
-  CHECK(k::weight_of_word(1.0, 0.0) <= 1e12);  // the other one stands where the point is
+  CHECK(k::evidence_weight(1.0, 0.0) <= 1e12);  // the other one stands where the point is
 }
 
 TEST_CASE("expected error: grows with spread, roughness and missing maps, falls with parallax and score") {

@@ -418,8 +418,8 @@ TEST_CASE("a neighbour's depth map takes from the score what the plane differs f
     k::take_patch(patch, scene.reference(), sample.frame, layout, true);
     const auto lost = [&](double factor) {
       const Vec3<double> plane = factor * sample.plane;
-      return k::opinion(patch, sample.frame, without, plane, layout).score -
-             k::opinion(patch, sample.frame, with, plane, layout).score;
+      return k::view_result(patch, sample.frame, without, plane, layout).score -
+             k::view_result(patch, sample.frame, with, plane, layout).score;
     };
     REQUIRE(lost(1.0) >= 0.0);
     agreed += lost(1.0) < 0.01 ? 1 : 0;

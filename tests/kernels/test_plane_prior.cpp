@@ -104,7 +104,7 @@ TEST_CASE("plane priors: a cell takes the plane of another one where it explains
   std::vector<k::PriorPlane> candidates(static_cast<std::size_t>(cells.shares * kColumns * kRows));
   cells.candidates = candidates.data();
   const auto choose = [&](int column, int row) {
-    for (int share = 0; share < cells.shares; ++share) k::query_others(cells, column, row, share);
+    for (int share = 0; share < cells.shares; ++share) k::try_adopted(cells, column, row, share);
     k::choose_plane(cells, column, row);
   };
   const auto at = [](int column, int row) { return static_cast<std::size_t>(row * kColumns + column); };

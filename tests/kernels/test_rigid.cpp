@@ -65,8 +65,8 @@ TEST_CASE("points are handed out from the camera's centre, whichever lens has se
   const std::vector<std::uint8_t> bytes(16 * 8, 0);
   for (int pixel = 0; pixel < 16 * 8; ++pixel) {
     const kernels::Vec3<float> ray = kernels::bearing_at<float>(grid.view(), pixel % 16, pixel / 16);
-    const auto point = kernels::owned_point({surfels.data(), details.data(), bytes.data(), bytes.data(), 1, kLens},
-                                            grid.view(), pixel);
+    const auto point = kernels::emitted_point({surfels.data(), details.data(), bytes.data(), bytes.data(), 1, kLens},
+                                              grid.view(), pixel);
     const Eigen::Vector3f expected = 3.0F * to_eigen(ray) + Eigen::Vector3f(0.0F, 0.0F, ray.z > 0.0F ? kLens : -kLens);
     CHECK((to_eigen(point.position) - expected).norm() < 1e-3F);
   }

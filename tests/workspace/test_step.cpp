@@ -115,7 +115,7 @@ TEST_CASE("a step's name tells apart whatever its inputs may differ by") {
     other.*field = R"({"other":1})";
     CHECK(plan_step({}, other).name != name);
   }
-  for (bool StepInputs::*field : {&StepInputs::ask_all_again, &StepInputs::growing}) {
+  for (bool StepInputs::*field : {&StepInputs::recompute_points, &StepInputs::growing}) {
     StepInputs other = inputs;
     other.*field = true;
     CHECK(plan_step({}, other).name != name);
@@ -198,7 +198,7 @@ TEST_CASE("other bytes of an image, another mask, options or engine make planes 
   CHECK(count(plan_step(record, points_only)).kept == count(plan_step(record, points_only)).maps);
   CHECK(count(plan_step(record, points_only)).points_kept == 0);
   StepInputs again = inputs;
-  again.ask_all_again = true;
+  again.recompute_points = true;
   CHECK(count(plan_step(record, again)).points_kept == 0);
 }
 

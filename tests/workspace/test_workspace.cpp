@@ -188,18 +188,18 @@ TEST_CASE("shards share a workspace with each other, and with nobody else") {
 TEST_CASE("what was seen of an image is there until a step is through") {
   const TempDir dir;
   Workspace workspace(dir / "work", Workspace::Access::kShared);
-  CHECK_FALSE(workspace.find_look(kKept));
-  workspace.save_look(kKept, {64, 32, {{{7, 0.5F, 0.25F}}}});
-  const auto look = workspace.find_look(kKept);
+  CHECK_FALSE(workspace.find_image_record(kKept));
+  workspace.save_image_record(kKept, {64, 32, {{{7, 0.5F, 0.25F}}}});
+  const auto look = workspace.find_image_record(kKept);
   REQUIRE(look);
   CHECK((look->width == 64 && look->height == 32));
   REQUIRE(look->sharpness.landmarks.size() == 1);
   CHECK(look->sharpness.landmarks[0].id == 7);
   CHECK(look->sharpness.landmarks[0].vertical == 0.25F);
   write_text(dir / "work/looks" / kOld, "pmsp look      1");
-  CHECK_THROWS_WITH(workspace.find_look(kOld), Contains("damaged"));
+  CHECK_THROWS_WITH(workspace.find_image_record(kOld), Contains("damaged"));
   workspace.commit({});
-  CHECK_FALSE(workspace.find_look(kKept));
+  CHECK_FALSE(workspace.find_image_record(kKept));
 }
 
 TEST_CASE("a folder with other things is no workspace") {

@@ -243,7 +243,7 @@ Budget estimate_budget(const BudgetQuestion& question) {
   const double image_pixels = one_image * static_cast<double>(b.keyframes);
   const CpuPace& pace = question.pace;
   const double rest = pace.rest * std::pow(static_cast<double>(b.width) / kPaceWidth, -kRestFalls);
-  b.cpu_seconds = all_pixels * (pace.matching * b.views + rest + pace.ownership * duplicate_views.value()) +
+  b.cpu_seconds = all_pixels * (pace.matching * b.views + rest + pace.duplicate_removal * duplicate_views.value()) +
                   kImagePixelSeconds * image_pixels + kPointSeconds * b.points;
   // Fitted to whole runs; constant part: start of device and map. The last term includes pending writes to disk.
   constexpr double kStartSeconds = 0.42, kLookSeconds = 1.6e-9;  // per pixel of the images for the lens estimate
@@ -259,7 +259,7 @@ std::vector<PlanKeyframe> keyframes_without_image(const SlamMap& map, const Imag
   std::set<std::int64_t> with_image;
   if (source != nullptr) with_image.insert(source->keyframe_ids().begin(), source->keyframe_ids().end());
   std::vector<PlanKeyframe> keyframes;
-  for (const MapKeyframe* keyframe : in_order_of_flight(map)) {
+  for (const MapKeyframe* keyframe : in_time_order(map)) {
     if (source != nullptr && with_image.count(keyframe->id) == 0) continue;
     keyframes.push_back(plan_keyframe(keyframe_of(map, *keyframe), options));
   }

@@ -22,14 +22,14 @@ std::string time_text(double seconds) {
   return text;
 }
 
-constexpr double kWorthTelling = 30.0;   ///< minimum time for an announcement [s]
-constexpr double kFastestPace = 1.5e-6;  ///< CPU time per pixel and source view, below that of any CPU [s]
+constexpr double kMinAnnouncedSeconds = 30.0;  ///< minimum time for an announcement [s]
+constexpr double kFastestPace = 1.5e-6;        ///< CPU time per pixel and source view, below that of any CPU [s]
 
-/// Expected CPU time [s]; 0 = clearly below kWorthTelling.
+/// Expected CPU time [s]; 0 = clearly below kMinAnnouncedSeconds.
 double expected_seconds(const SlamMap& map, const ImageSource& source, const DensifierOptions& options) {
   const Plan plan = make_plan(keyframes_without_image(map, &source, options), options);
   Budget budget = estimate_budget({map, plan, options, 0, 0, {kFastestPace, 0.0, 0.0}});
-  if (budget.cpu_seconds < kWorthTelling * budget.threads) return 0.0;
+  if (budget.cpu_seconds < kMinAnnouncedSeconds * budget.threads) return 0.0;
   budget = estimate_budget({map, plan, options, 0, 0, measure_cpu_pace(options)});
   return budget.cpu_seconds / budget.threads;
 }
@@ -98,12 +98,12 @@ std::string budget_text(const Budget& b) {
 std::string cpu_time_text(const SlamMap& map, const ImageSource& source, const DensifierOptions& options,
                           const DensifierOptions& online) {
   const double seconds = expected_seconds(map, source, options);
-  if (seconds < kWorthTelling) return "";
+  if (seconds < kMinAnnouncedSeconds) return "";
   const double faster = expected_seconds(map, source, online);
   const std::string text = "time: about " + time_text(seconds) + " on this CPU";
   if (faster > 0.7 * seconds) return text;
   return text + "; with --quality online " + (faster > 0.0 ? "about " : "below ") +
-         time_text(std::max(faster, kWorthTelling));
+         time_text(std::max(faster, kMinAnnouncedSeconds));
 }
 
 }  // namespace pmsp::tool

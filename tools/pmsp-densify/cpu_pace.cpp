@@ -147,7 +147,7 @@ CpuPace measure_cpu_pace(const DensifierOptions& given) {
     const double scale = took / std::max(s.seconds_patchmatch + others + s.seconds_duplicates, 1e-9);
     pace.matching = scale * s.seconds_patchmatch / (pixels * std::max(views, 1.0));
     pace.rest = scale * others / (pixels * std::max(maps, 1.0));
-    pace.ownership = scale * s.seconds_duplicates / (pixels * std::max(duplicate_views, 1.0));
+    pace.duplicate_removal = scale * s.seconds_duplicates / (pixels * std::max(duplicate_views, 1.0));
   }
   return pace;
 }

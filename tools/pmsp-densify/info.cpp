@@ -40,7 +40,7 @@ Json cameras_json(const SlamMap& map) {
 }
 
 Json trajectory_json(const SlamMap& map) {
-  const std::vector<const MapKeyframe*> keyframes = in_order_of_flight(map);
+  const std::vector<const MapKeyframe*> keyframes = in_time_order(map);
   std::vector<double> steps;
   double length = 0.0;
   for (std::size_t i = 1; i < keyframes.size(); ++i) {
@@ -260,9 +260,9 @@ void info(const Arguments& given) {
     json["reprojection"] = {{"observations", input.convention.observations},
                             {"median_error_px", input.convention.median_error_px}};
   }
-  const bool great_circles = input.images && !refusal && !arguments.plan.empty();
-  const Plan plan = make_plan(great_circles ? keyframes_with_image(map, *input.images, options, check)
-                                            : keyframes_without_image(map, input.images, options),
+  const bool reads_images = input.images && !refusal && !arguments.plan.empty();
+  const Plan plan = make_plan(reads_images ? keyframes_with_image(map, *input.images, options, check)
+                                           : keyframes_without_image(map, input.images, options),
                               options);
   if (!arguments.plan.empty() && !refusal) {
     write_plan(arguments.plan, plan);

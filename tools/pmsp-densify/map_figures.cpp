@@ -26,7 +26,7 @@ std::vector<double> landmark_depths(const SlamMap& map, const MapKeyframe& keyfr
   return depths;
 }
 
-std::vector<const MapKeyframe*> in_order_of_flight(const SlamMap& map) {
+std::vector<const MapKeyframe*> in_time_order(const SlamMap& map) {
   std::vector<const MapKeyframe*> keyframes;
   for (const MapKeyframe& keyframe : map.keyframes) keyframes.push_back(&keyframe);
   std::stable_sort(keyframes.begin(), keyframes.end(),

@@ -14,6 +14,6 @@ double percentile(std::vector<double>& values, double percent);
 std::vector<double> landmark_depths(const SlamMap& map, const MapKeyframe& keyframe);
 
 /// Returns keyframes by timestamp, then id.
-std::vector<const MapKeyframe*> in_order_of_flight(const SlamMap& map);
+std::vector<const MapKeyframe*> in_time_order(const SlamMap& map);
 
 }  // namespace pmsp::tool

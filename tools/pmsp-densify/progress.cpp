@@ -18,11 +18,11 @@ std::size_t terminal_columns() {
 }
 
 /// `seconds_left` < 0: unknown.
-nlohmann::ordered_json standing_json(const Standing& standing, double seconds_left) {
-  nlohmann::ordered_json json{{"share", standing.share},
-                              {"depth_maps", standing.depth_maps},
-                              {"pixels", standing.pixels},
-                              {"points", standing.points}};
+nlohmann::ordered_json standing_json(const RunProgress& run_progress, double seconds_left) {
+  nlohmann::ordered_json json{{"share", run_progress.share},
+                              {"depth_maps", run_progress.depth_maps},
+                              {"pixels", run_progress.pixels},
+                              {"points", run_progress.points}};
   if (seconds_left >= 0.0) json["seconds_left"] = seconds_left;
   return json;
 }
@@ -109,7 +109,7 @@ bool Progress::is_due(double seconds) {
 }
 
 void Progress::step(const ProgressStep& step) {
-  const double left = seconds_left(step.standing.share);
+  const double left = seconds_left(step.run_progress.share);
   told_ = Clock::now();
   if (mode_ == ProgressMode::kJson) {
     nlohmann::ordered_json event{{"event", "keyframe"},
@@ -118,7 +118,7 @@ void Progress::step(const ProgressStep& step) {
                                  {"count", step.count},
                                  {"keyframe_id", step.keyframe_id},
                                  {"accepted", step.accepted}};
-    event.update(standing_json(step.standing, left));
+    event.update(standing_json(step.run_progress, left));
     if (step.index > 1) {
       event["seconds_per_keyframe"] =
           std::chrono::duration<double>(Clock::now() - start_).count() / static_cast<double>(step.index - 1);
@@ -128,26 +128,26 @@ void Progress::step(const ProgressStep& step) {
   bar_name_ = step.stage;
   const std::string count = std::to_string(step.index) + "/" + std::to_string(step.count);
   bar_count_ = step.index < step.count ? count : "";  // all keyframes were added, work continues
-  if (mode_ == ProgressMode::kBar && !verbose_) return draw_bar(step.standing, left);
+  if (mode_ == ProgressMode::kBar && !verbose_) return draw_bar(step.run_progress, left);
   if (mode_ == ProgressMode::kNone) return;
   tell(step.stage + ": keyframe " + count + " (id " + std::to_string(step.keyframe_id) + ", " +
-       (step.accepted ? "used" : "left out by the view filter") + "), " + standing_text(step.standing, left));
+       (step.accepted ? "used" : "left out by the view filter") + "), " + run_progress_text(step.run_progress, left));
 }
 
-void Progress::standing(const Standing& standing, bool is_end) {
+void Progress::run_progress(const RunProgress& run_progress, bool is_end) {
   constexpr double kBarSeconds = 0.1, kJsonSeconds = 1.0, kLineSeconds = 10.0;
   const bool has_bar = mode_ == ProgressMode::kBar && !verbose_;
   if (mode_ == ProgressMode::kNone) return;
   const bool is_told = is_end && mode_ == ProgressMode::kJson;
   if (!is_told && !is_due(has_bar ? kBarSeconds : mode_ == ProgressMode::kJson ? kJsonSeconds : kLineSeconds)) return;
-  const double left = seconds_left(standing.share);
+  const double left = seconds_left(run_progress.share);
   if (mode_ == ProgressMode::kJson) {
     nlohmann::ordered_json event{{"event", "progress"}};
-    event.update(standing_json(standing, left));
+    event.update(standing_json(run_progress, left));
     return emit(event);
   }
-  if (has_bar) return draw_bar(standing, left);
-  tell(standing_text(standing, left));
+  if (has_bar) return draw_bar(run_progress, left);
+  tell(run_progress_text(run_progress, left));
 }
 
 void Progress::event(const nlohmann::ordered_json& event) {
@@ -171,13 +171,13 @@ void Progress::emit(const nlohmann::ordered_json& event) {
   std::cout << event.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n" << std::flush;
 }
 
-void Progress::draw_bar(const Standing& standing, double seconds_left) {
+void Progress::draw_bar(const RunProgress& run_progress, double seconds_left) {
   const std::size_t columns = terminal_columns();
   const std::string head = bar_name_ + (bar_count_.empty() ? "" : ": keyframe " + bar_count_);
-  const std::string tail = " " + standing_text(standing, seconds_left);
+  const std::string tail = " " + run_progress_text(run_progress, seconds_left);
   const std::size_t taken = head.size() + tail.size() + 4;
   const std::size_t width = columns > taken + 10 ? std::min<std::size_t>(columns - taken, 30) : 10;
-  const auto full = static_cast<std::size_t>(static_cast<double>(width) * std::clamp(standing.share, 0.0, 1.0));
+  const auto full = static_cast<std::size_t>(static_cast<double>(width) * std::clamp(run_progress.share, 0.0, 1.0));
   std::string line = head + " [" + std::string(full, '#') + std::string(width - full, '.') + "]" + tail;
   if (line.size() >= columns) line.resize(columns - 1);
   std::cerr << "\r\033[K" + line << std::flush;

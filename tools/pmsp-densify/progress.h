@@ -10,7 +10,7 @@
 
 #include "arguments.h"
 #include "pmsp/io/images.h"
-#include "standing.h"
+#include "run_progress.h"
 
 namespace pmsp::tool {
 
@@ -21,7 +21,7 @@ struct ProgressStep {
   std::size_t count = 0;  ///< total number of keyframes
   std::int64_t keyframe_id = 0;
   bool accepted = false;  ///< by the view filter
-  Standing standing;
+  RunProgress run_progress;
 };
 
 /// Reports progress to people on stderr, or to programs on stdout (JSON lines).
@@ -41,7 +41,7 @@ class Progress {
   void step(const ProgressStep& step);
 
   /// Between steps or after the last one; output is rate-limited, except the last one for programs.
-  void standing(const Standing& standing, bool is_end = false);
+  void run_progress(const RunProgress& run_progress, bool is_end = false);
 
   /// Stage of some duration without steps: "writing cloud.ply".
   void stage(const std::string& name);
@@ -58,7 +58,7 @@ class Progress {
   void emit(const nlohmann::ordered_json& event);
   double seconds_left(double share);
   bool is_due(double seconds);
-  void draw_bar(const Standing& standing, double seconds_left);
+  void draw_bar(const RunProgress& run_progress, double seconds_left);
   void clear_bar();
 
   ProgressMode mode_;

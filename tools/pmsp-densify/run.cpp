@@ -165,7 +165,7 @@ class Run {
       results_->commit_depth_maps();  // may explain the missing points
     }
     if (!arguments_.stats.empty()) write_file(arguments_.stats, json_text(to_json(report_)));
-    tell_end();
+    print_summary();
   }
 
  private:
@@ -194,7 +194,7 @@ class Run {
   }
 
   /// At most ten lines. Throws EmptyResult without points.
-  void tell_end() {
+  void print_summary() {
     if (step_) progress_.message(step_->summary());
     if (input_.prior_depths.wanted()) progress_.message(input_.prior_depths.summary());
     progress_.message(summary(report_));
@@ -315,17 +315,17 @@ class Run {
       callbacks.wants_planes = [this](std::int64_t /*keyframe_id*/) { return keeper_->wants_planes(*densifier_); };
       callbacks.planes = [this](const PlaneMap& planes) { keeper_->keep(planes, *densifier_); };
     }
-    callbacks.worked = [this] { progress_.standing(standing()); };
+    callbacks.worked = [this] { progress_.run_progress(run_progress()); };
     return callbacks;
   }
 
   /// Total number of images.
   std::size_t expected() const { return step_ || given_ != nullptr ? steps_ : report_.with_image; }
 
-  Standing standing() const {
-    Standing standing = standing_of(densifier_->stats(), expected());
-    standing.points = results_->points_in();
-    return standing;
+  RunProgress run_progress() const {
+    RunProgress run_progress = run_progress_of(densifier_->stats(), expected());
+    run_progress.points = results_->points_in();
+    return run_progress;
   }
 
   void densify(const InterruptGuard& guard) {
@@ -337,7 +337,7 @@ class Run {
     progress_.stage("finishing the last keyframes");
     const Spent spent(report_.time, Busy::kDensify);
     densifier_->flush();
-    progress_.standing(standing(), true);
+    progress_.run_progress(run_progress(), true);
     guard.check();
   }
 
@@ -386,7 +386,7 @@ class Run {
     }();
     results_->added(keyframe, accepted);
     announce_backend();  // may change at the first image, if device memory is insufficient
-    progress_.step({"densify", index + 1, expected(), keyframe.id, accepted, standing()});
+    progress_.step({"densify", index + 1, expected(), keyframe.id, accepted, run_progress()});
   }
 
   void write_results() {

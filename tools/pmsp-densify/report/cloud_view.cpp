@@ -85,7 +85,7 @@ void bound(const ViewScene& scene, Frame& frame) {
     points.emplace_back(frame.frame_from_world * scene.points[i].position.cast<double>());
   }
   for (const Eigen::Vector3d& center : scene.path) path.emplace_back(frame.frame_from_world * center);
-  const FramedBox box = busy_box(points, path);
+  const FramedBox box = framing_box(points, path);
   const Eigen::Vector3d margin = 0.03 * (box.high - box.low).cwiseMax(1e-6);
   frame.low = box.low - margin;
   frame.high = box.high + margin;

@@ -44,12 +44,12 @@ double usual_distance(const std::vector<Eigen::Vector3d>& points, const std::vec
 
 }  // namespace
 
-IdRange busy_stretch(std::vector<double> values) {
+Interval framing_interval(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   const auto at = [&values](int percent) {
     return values[static_cast<std::size_t>(percent) * (values.size() - 1) / 100];
   };
-  IdRange best{at(kOutermost), at(100 - kOutermost)};
+  Interval best{at(kOutermost), at(100 - kOutermost)};
   const double least = 1e-6 * (best.high - best.low);  // guards against equal values
   if (!(least > 0.0)) return best;
   double lowest = std::numeric_limits<double>::max();
@@ -65,7 +65,7 @@ IdRange busy_stretch(std::vector<double> values) {
   return best;
 }
 
-FramedBox busy_box(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector3d>& path) {
+FramedBox framing_box(const std::vector<Eigen::Vector3d>& points, const std::vector<Eigen::Vector3d>& path) {
   if (points.empty()) return {};
   constexpr double kAll = std::numeric_limits<double>::max();
   FramedBox box{Eigen::Vector3d::Constant(-kAll), Eigen::Vector3d::Constant(kAll)};
@@ -73,7 +73,7 @@ FramedBox busy_box(const std::vector<Eigen::Vector3d>& points, const std::vector
     for (int axis = 0; axis < 3; ++axis) {
       const std::vector<double> values = coordinates(points, axis, box);
       if (values.empty()) continue;
-      const IdRange stretch = busy_stretch(values);
+      const Interval stretch = framing_interval(values);
       box.low[axis] = stretch.low;
       box.high[axis] = stretch.high;
     }

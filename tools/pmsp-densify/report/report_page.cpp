@@ -54,7 +54,7 @@ double share_used(ImageView<const std::uint8_t> mask) {
 
 std::vector<std::int64_t> ids_in_order(const SlamMap& map) {
   std::vector<std::int64_t> ids;
-  for (const MapKeyframe* keyframe : in_order_of_flight(map)) ids.push_back(keyframe->id);
+  for (const MapKeyframe* keyframe : in_time_order(map)) ids.push_back(keyframe->id);
   return ids;
 }
 
@@ -181,7 +181,7 @@ Json ReportPage::keyframes_json(const Json& stats) const {
     for (const Json& it : stats.at("skipped")) skipped[it.at("keyframe_id")] = it.at("reason");
   }
   Json keyframes = Json::array();
-  for (const MapKeyframe* keyframe : in_order_of_flight(map_)) {
+  for (const MapKeyframe* keyframe : in_time_order(map_)) {
     const RigidTransform world_from_cam = file_from_map_ * keyframe->cam_from_world.inverse();
     Json json{{"id", keyframe->id}, {"center", vector_json(world_from_cam.translation)}};
     json["rotation"] = Json::array();

@@ -44,8 +44,7 @@ void LiveView::begin(const SlamMap& map, LivePage page) {
   points_each_ =
       std::clamp(kMostPoints / std::max<std::size_t>(map.keyframes.size(), 1), kFewestPoints, web::kMostLivePoints);
   std::vector<LivePlace> flight;
-  for (const MapKeyframe* keyframe : in_order_of_flight(map))
-    flight.push_back({keyframe->id, keyframe->cam_from_world});
+  for (const MapKeyframe* keyframe : in_time_order(map)) flight.push_back({keyframe->id, keyframe->cam_from_world});
   server_.set_page(std::move(page), std::move(flight));
 }
 

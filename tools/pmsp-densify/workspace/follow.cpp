@@ -17,7 +17,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kLook = std::chrono::milliseconds(100);
+constexpr auto kImageRecord = std::chrono::milliseconds(100);
 /// Time without change after which files are considered complete.
 constexpr auto kRest = std::chrono::milliseconds(500);
 
@@ -94,7 +94,7 @@ void follow(const Arguments& arguments, const std::function<void(bool growing)>&
       once(false);
       return;
     }
-    std::this_thread::sleep_for(kLook);
+    std::this_thread::sleep_for(kImageRecord);
   }
 }
 

@@ -179,7 +179,7 @@ class ShardRun {
     std::set<std::int64_t> wanted;
     for (const std::int64_t id : ids) {
       if (fresh_.count(id) == 0) continue;
-      const bool is_known = step_->find_look(id);
+      const bool is_known = step_->find_image_record(id);
       readable_ += is_known;
       if (!is_known) wanted.insert(id);
     }
@@ -193,7 +193,7 @@ class ShardRun {
     };
     const auto look = [&](std::size_t, const Keyframe& keyframe) {
       step_->look_at(keyframe);
-      step_->save_look(keyframe.id);
+      step_->save_image_record(keyframe.id);
       ++readable_;
     };
     io::ImageReader reader(*images, map_, input_.threads(), verifier.get());
@@ -263,8 +263,8 @@ class ShardRun {
       keyframe.scale = step_->scale_of(keyframe.id);
       input_.complete(keyframe, *images);
       const bool taken = densifier.add(keyframe);
-      const Standing standing = standing_of(densifier.stats(), needed.size());
-      progress_.step({name_of(wave_), index + 1, needed.size(), keyframe.id, taken, standing});
+      const RunProgress run_progress = run_progress_of(densifier.stats(), needed.size());
+      progress_.step({name_of(wave_), index + 1, needed.size(), keyframe.id, taken, run_progress});
     };
     {
       io::ImageReader reader(*images, map_, input_.threads(), nullptr);
@@ -351,7 +351,7 @@ class ShardRun {
 
 void run_shard(const Arguments& arguments) {
   DensifierOptions options = effective_options(arguments);
-  refuse_endless_chain(options);
+  check_chain(options);
   check_names(arguments);
   workspace::Workspace workspace(arguments.workspace, workspace::Workspace::Access::kShared);
   check_targets(arguments);

@@ -31,7 +31,7 @@ T own(std::int64_t id, T loaded) {
 }
 
 /// File name of an image's sharpness record, including a fingerprint of everything that it depends on.
-std::string look_file(const workspace::StepKeyframe& it) {
+std::string image_record_file(const workspace::StepKeyframe& it) {
   workspace::Fingerprint inputs;
   inputs.add(version_text()).add(it.looked_for).add(it.image);
   inputs.add(it.keyframe.cam_from_world.rotation.data(), 9 * sizeof(double));
@@ -44,8 +44,8 @@ std::string look_file(const workspace::StepKeyframe& it) {
 
 /// Purpose of the sharpness record.
 std::string looked_for_text(const DensifierOptions& options) {
-  const bool great_circles = options.advanced.view_filter.enabled && options.advanced.view_filter.min_sharpness > 0.0;
-  return great_circles ? "blur at a width of " + std::to_string(options.width) : "nothing";
+  const bool reads_images = options.advanced.view_filter.enabled && options.advanced.view_filter.min_sharpness > 0.0;
+  return reads_images ? "blur at a width of " + std::to_string(options.width) : "nothing";
 }
 
 /// True if most landmarks of a record are still observed; otherwise it is not comparable with newer ones.
@@ -75,12 +75,12 @@ WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& a
       time_(time),
       executor_(options.threads, options.simd),
       rig_(rig_json(rig)) {
-  workspace_.look_again();
+  workspace_.lower_last_bin();
   inputs_.options = options;
   inputs_.mask = masks_text(arguments, workspace_);
   inputs_.growing = growing;
   const bool has_pages = !arguments.depth_maps.empty() || !arguments.preview.empty() || !arguments.report.path.empty();
-  inputs_.ask_all_again = has_pages && arguments.verb != Verb::kMerge;  // merge computes nothing
+  inputs_.recompute_points = has_pages && arguments.verb != Verb::kMerge;  // merge computes nothing
 }
 
 std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable) {
@@ -119,24 +119,24 @@ std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std:
     }
     ids_.push_back(id);
     stock_[id] = std::move(it);
-    if (!is_known && !find_look(id)) fresh.insert(id);
+    if (!is_known && !find_image_record(id)) fresh.insert(id);
   }
   return fresh;
 }
 
-bool WorkspaceStep::find_look(std::int64_t keyframe_id) {
+bool WorkspaceStep::find_image_record(std::int64_t keyframe_id) {
   workspace::StepKeyframe& it = stock_.at(keyframe_id);
-  const std::optional<workspace::Look> look = workspace_.find_look(look_file(it));
-  if (!look) return false;
-  it.width = look->width;
-  it.height = look->height;
-  it.keyframe.sharpness = look->sharpness;
+  const std::optional<workspace::ImageRecord> record = workspace_.find_image_record(image_record_file(it));
+  if (!record) return false;
+  it.width = record->width;
+  it.height = record->height;
+  it.keyframe.sharpness = record->sharpness;
   return true;
 }
 
-void WorkspaceStep::save_look(std::int64_t keyframe_id) const {
+void WorkspaceStep::save_image_record(std::int64_t keyframe_id) const {
   const workspace::StepKeyframe& it = stock_.at(keyframe_id);
-  workspace_.save_look(look_file(it), {it.width, it.height, it.keyframe.sharpness});
+  workspace_.save_image_record(image_record_file(it), {it.width, it.height, it.keyframe.sharpness});
 }
 
 void WorkspaceStep::look_at(const Keyframe& keyframe) {
@@ -243,7 +243,7 @@ bool WorkspaceStep::has_planes(std::int64_t keyframe_id) const {
 
 bool WorkspaceStep::has_points(std::int64_t keyframe_id) const {
   const StepKeyframePlan& it = step_.keyframes.at(keyframe_id);
-  return it.points_kept || (!inputs_.ask_all_again && workspace_.has_points(it));
+  return it.points_kept || (!inputs_.recompute_points && workspace_.has_points(it));
 }
 
 /// Existing results of previous steps and of this one.
@@ -277,13 +277,13 @@ Shortcuts WorkspaceStep::final_planes() const {
 
 std::vector<std::int64_t> WorkspaceStep::planes_lacking(const std::vector<std::int64_t>& points_of,
                                                         const std::set<std::int64_t>& without) const {
-  std::set<std::int64_t> asked;
+  std::set<std::int64_t> required_planes;
   for (const std::int64_t id : points_of) {
     const StepKeyframePlan& it = step_.keyframes.at(id);
-    asked.insert(it.asked.begin(), it.asked.end());
+    required_planes.insert(it.required_planes.begin(), it.required_planes.end());
   }
   std::vector<std::int64_t> lacking;
-  for (const std::int64_t id : asked) {
+  for (const std::int64_t id : required_planes) {
     if (!has_planes(id) && without.count(id) == 0) lacking.push_back(id);
   }
   return lacking;
@@ -336,7 +336,7 @@ std::unique_ptr<PlannedDensifier> WorkspaceStep::densifier(PlannedCallbacks call
   }
   callbacks.planes = [this](const PlaneMap& planes) { save(planes); };
   callbacks.cloud = [this](const KeyframeCloud& cloud) {
-    hand_on_until(cloud.keyframe_id);
+    emit_clouds_before(cloud.keyframe_id);
     save(cloud);
     take_cloud_(cloud);
     ++next_;
@@ -345,7 +345,7 @@ std::unique_ptr<PlannedDensifier> WorkspaceStep::densifier(PlannedCallbacks call
 }
 
 /// Emits existing clouds before this keyframe's; nullopt = all.
-void WorkspaceStep::hand_on_until(std::optional<std::int64_t> keyframe_id) {
+void WorkspaceStep::emit_clouds_before(std::optional<std::int64_t> keyframe_id) {
   const Spent spent(time_, Busy::kWorkspace);
   for (; next_ < step_.plan.entries.size() && step_.plan.entries[next_].id != keyframe_id; ++next_) {
     const std::int64_t id = step_.plan.entries[next_].id;
@@ -363,7 +363,7 @@ double WorkspaceStep::scale_of(std::int64_t keyframe_id) const {
   return found == step_.keyframes.end() ? 1.0 : found->second.pose.scale;
 }
 
-void WorkspaceStep::finish() { hand_on_until(std::nullopt); }
+void WorkspaceStep::finish() { emit_clouds_before(std::nullopt); }
 
 void WorkspaceStep::commit(std::size_t lenses_looked_at, workspace::RecordedCloud cloud) {
   const Spent spent(time_, Busy::kWorkspace);

@@ -48,8 +48,8 @@ class WorkspaceStep {
   std::string begin_run(const ImageSource& source, const Densifier& densifier);
 
   /// Loads the sharpness of a new image if a shard has stored it; returns whether it has.
-  bool find_look(std::int64_t keyframe_id);
-  void save_look(std::int64_t keyframe_id) const;
+  bool find_image_record(std::int64_t keyframe_id);
+  void save_image_record(std::int64_t keyframe_id) const;
 
   /// Plans the step. Keyframes that should have been read, but were not, count as without image. Throws as the
   /// Densifier if the backend is unavailable. `engine`: that of the shards; "" = this machine.
@@ -104,7 +104,7 @@ class WorkspaceStep {
   void refuse_loss(const workspace::Record& record, const std::string& whose, const workspace::StepInputs& inputs,
                    const std::map<std::int64_t, std::string>& images) const;
   void name_inputs(workspace::Record& record) const;
-  void hand_on_until(std::optional<std::int64_t> keyframe_id);
+  void emit_clouds_before(std::optional<std::int64_t> keyframe_id);
   Shortcuts find_shortcuts() const;
   Shortcuts final_planes() const;
   void save(const PlaneMap& planes) const;

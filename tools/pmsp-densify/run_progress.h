@@ -10,7 +10,7 @@
 namespace pmsp::tool {
 
 /// Progress of a run.
-struct Standing {
+struct RunProgress {
   double share = 0.0;           ///< of the expected work, 0 to 1
   std::int64_t depth_maps = 0;  ///< matched
   std::int64_t pixels = 0;      ///< with a depth, in these
@@ -18,13 +18,13 @@ struct Standing {
 };
 
 /// `keyframes`: expected total; future ones are assumed to be like previous ones.
-Standing standing_of(const DensifierStats& stats, std::size_t keyframes);
+RunProgress run_progress_of(const DensifierStats& stats, std::size_t keyframes);
 
 /// Returns "1.2 M" for 1234567.
 std::string short_count(std::int64_t count);
 
 /// Returns "37 %, 1 min 05 s left; 8 depth maps, 6.1 M pixels, 210 k points", without zero counts. `seconds_left` < 0:
 /// unknown.
-std::string standing_text(const Standing& standing, double seconds_left);
+std::string run_progress_text(const RunProgress& run_progress, double seconds_left);
 
 }  // namespace pmsp::tool

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "standing.h"
+#include "run_progress.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,7 @@
 
 namespace pmsp::tool {
 
-Standing standing_of(const DensifierStats& stats, std::size_t keyframes) {
+RunProgress run_progress_of(const DensifierStats& stats, std::size_t keyframes) {
   const double known = stats.work_done + stats.work_to_come;
   const auto added = static_cast<double>(std::max<std::int64_t>(stats.keyframes_added, 1));
   const double all = known * std::max(static_cast<double>(keyframes) / added, 1.0);
@@ -17,17 +17,18 @@ Standing standing_of(const DensifierStats& stats, std::size_t keyframes) {
           stats.points};
 }
 
-std::string standing_text(const Standing& standing, double seconds_left) {
-  std::string text = std::to_string(std::lround(100.0 * standing.share)) + " %";
+std::string run_progress_text(const RunProgress& run_progress, double seconds_left) {
+  std::string text = std::to_string(std::lround(100.0 * run_progress.share)) + " %";
   if (seconds_left >= 0.0) text += ", " + duration_text(seconds_left) + " left";
-  if (standing.depth_maps > 0) {
-    text += "; " + std::to_string(standing.depth_maps) + (standing.depth_maps == 1 ? " depth map" : " depth maps");
+  if (run_progress.depth_maps > 0) {
+    text +=
+        "; " + std::to_string(run_progress.depth_maps) + (run_progress.depth_maps == 1 ? " depth map" : " depth maps");
   }
   // Pixels while there are no points yet; both do not fit into a line.
-  if (standing.points > 0) {
-    text += ", " + short_count(standing.points) + " points";
-  } else if (standing.pixels > 0) {
-    text += ", " + short_count(standing.pixels) + " pixels";
+  if (run_progress.points > 0) {
+    text += ", " + short_count(run_progress.points) + " points";
+  } else if (run_progress.pixels > 0) {
+    text += ", " + short_count(run_progress.pixels) + " pixels";
   }
   return text;
 }
