@@ -47,7 +47,8 @@ constexpr float kExternalCoplanar = 0.05F;   ///< maximum relative distance of a
 constexpr float kFarErrors = 2.5F;     ///< maximum inverse depth of a far pixel ...
 constexpr float kFarSure = 0.4F;       ///< ... with an error of at most this share of the minimum finite inverse depth
 constexpr float kFiniteErrors = 4.0F;  ///< minimum inverse depth of a finite pixel
-constexpr int kFarMinSupports = 3;     ///< minimum number of far supports around a far cell
+constexpr int kFarMinSupports = 3;     ///< minimum number of far supports around a far cell ...
+constexpr float kBright = 220.0F;      ///< ... below this gray level; else one
 constexpr float kWhite = 250.0F;       ///< minimum gray level of bare surfaces that may be overexposed sky
 constexpr float kWhiteCost = 0.3F;     ///< kOccluderCost, if whiteness is the only evidence for sky
 
@@ -419,8 +420,9 @@ PMSP_HD void consider_far(const PriorCells<Machine>& cells, int column, int row,
     finite += is_finite_point(p) ? 1 : 0;
   }
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
-  const bool is_beside_far = far >= kFarMinSupports;
-  if (!is_beside_far && sample(cells.image, center) < kWhite) return;
+  const float gray = sample(cells.image, center);
+  const bool is_beside_far = far >= (gray < kBright ? kFarMinSupports : 1);
+  if (!is_beside_far && gray < kWhite) return;
   const float cost = (is_beside_far ? kOccluderCost : kWhiteCost) * static_cast<float>(finite);
   if (cost < best.cost) best = {far_plane(center), kPriorDirections, cost};
 }
