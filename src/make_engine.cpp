@@ -28,7 +28,7 @@ std::string why_too_small(const cuda::Device& device, const DensifierOptions& op
   return device.name + " has " + std::to_string(device.free_bytes >> 20U) + " MiB free, but " +
          std::to_string(options.width) + " x " + std::to_string(options.height) + " takes " +
          std::to_string(needed >> 20U) + " MiB" +
-         (options.scratch_folder.empty() ? "; a scratch folder may help (scratch_folder)" : "");
+         (options.scratch_folder.empty() ? "; a scratch directory may help (scratch_folder)" : "");
 }
 
 /// Whether all waiting artefacts fit into the device. False for unordered sets: there all keyframes wait, and estimates

@@ -61,112 +61,111 @@ class Table {
 
 void machine(Table& table) {
   table.stage("Size and machine");
-  PMSP_OPTION(
-      width,
-      "Width of the depth maps; 0 = that of the images, up to 5760; of small ones, 1.5 times as much, up to 1440")
+  PMSP_OPTION(width,
+              "Width of the depth maps; 0 = that of the images, at most 5760; widths below 1440 are enlarged by 1.5, "
+              "up to 1440")
       .unit("px")
       .range(32, 16384)
       .even()
       .zero_too()
       .normal(1440)
       .high(0);
-  PMSP_OPTION(height, "Height of the depth maps; 0 = as the images' shape asks, also where only a width is given")
+  PMSP_OPTION(height, "Height of the depth maps; 0, or only a width: by the aspect ratio of the images")
       .unit("px")
       .range(16, 8192)
       .even()
       .zero_too()
       .normal(720)
       .high(0);
-  PMSP_OPTION(seed, "Start of the random numbers; same input, seed, backend and simd, same bytes").range(0, kMostSeed);
-  PMSP_OPTION(backend,
-              "Where the stages run; auto takes CUDA where it is built in, a device answers and its memory suffices");
-  PMSP_OPTION(devices, "CUDA devices that share the work, as the driver numbers them; the result is that of one")
+  PMSP_OPTION(seed, "Seed of the random numbers; same input, seed, backend and simd give the same bytes")
+      .range(0, kMostSeed);
+  PMSP_OPTION(
+      backend,
+      "Processor of the stages; auto: CUDA if built in, with a usable device of sufficient memory, else the CPU");
+  PMSP_OPTION(devices, "CUDA devices that share the work, as numbered by the driver; same results as with one")
       .named("device")
       .range(0, 255);
   PMSP_ADVANCED_OPTION(pipelined,
-                       "CUDA: overlap copies and work of successive keyframes; results come one keyframe later");
-  PMSP_OPTION(threads, "Threads; 0 = one for each CPU that the process may use").range(1, 1024).zero_too();
-  PMSP_OPTION(simd, "Instruction set; auto takes the widest that this machine has");
+                       "CUDA: copies and kernels of successive keyframes overlap; results come one keyframe later");
+  PMSP_OPTION(threads, "Number of threads; 0 = one per CPU available to the process").range(1, 1024).zero_too();
+  PMSP_OPTION(simd, "Instruction set; auto: the widest of the machine");
   PMSP_OPTION(lens_distance,
-              "Distance of the camera's two lenses along its forward axis, where panoramas are stitched as if they had "
-              "one centre; 0 = one centre; estimated where it is not given")
+              "Distance of the camera's two lenses along its forward axis, for panoramas stitched as if both had one "
+              "centre; 0 = one centre; estimated if not given")
       .unit("map units")
       .range(-kMaxPosition, kMaxPosition);
-  PMSP_OPTION(unordered, "The images are a set, such as photo captures: their order means nothing");
+  PMSP_OPTION(unordered, "The keyframes are a set without temporal order, such as photos");
 }
 
 void view_filter(Table& table) {
   table.stage("View filter");
   PMSP_ADVANCED_OPTION(view_filter.enabled,
-                       "Leave out keyframes with too little or too much parallax, and those that are clearly blurred");
-  PMSP_ADVANCED_OPTION(view_filter.min_parallax_deg, "Smallest useful parallax of a landmark")
-      .unit("deg")
-      .range(0, 180);
-  PMSP_ADVANCED_OPTION(view_filter.max_parallax_deg, "Largest useful parallax of a landmark").unit("deg").range(0, 180);
+                       "Rejection of keyframes with too little or too much parallax, and of blurred ones");
+  PMSP_ADVANCED_OPTION(view_filter.min_parallax_deg, "Minimum useful parallax of a landmark").unit("deg").range(0, 180);
+  PMSP_ADVANCED_OPTION(view_filter.max_parallax_deg, "Maximum useful parallax of a landmark").unit("deg").range(0, 180);
   PMSP_ADVANCED_OPTION(view_filter.min_share,
-                       "Share of the common landmarks that must have useful parallax; less accepts more keyframes")
+                       "Minimum share of common landmarks with useful parallax; larger values accept fewer keyframes")
       .range(0, 1)
       .paper(0.2);
   PMSP_ADVANCED_OPTION(
       view_filter.min_sharpness,
-      "Sharpness, relative to that of the keyframes before, below which a keyframe is blurred; 0 = none is "
-      "left out")
+      "Minimum sharpness relative to the last accepted keyframes; 0 = no rejection of blurred keyframes")
       .range(0, 1)
       .paper(0);
 }
 
 void init(Table& table) {
   table.stage("Initialisation");
-  PMSP_ADVANCED_OPTION(init.sparse_points, "Start from planes through the keyframe's landmarks");
-  PMSP_ADVANCED_OPTION(init.sparse_radius_px, "How far one landmark spreads")
+  PMSP_ADVANCED_OPTION(init.sparse_points, "Initial planes through the landmarks of the keyframe");
+  PMSP_ADVANCED_OPTION(init.sparse_radius_px, "Radius around a landmark that gets its plane")
       .unit("px of the depth map")
       .range(0, 100)
       .paper(kOnePixel);
-  PMSP_ADVANCED_OPTION(init.warp_previous, "Start from the previous depth map, moved into this keyframe");
-  PMSP_ADVANCED_OPTION(init.chain_keyframes, "Restart that with each block of so many keyframe ids; 0 = never")
+  PMSP_ADVANCED_OPTION(init.warp_previous, "Initial planes from the warped plane map of the previous keyframe");
+  PMSP_ADVANCED_OPTION(init.chain_keyframes, "Length of chains of warped plane maps; 0 = unlimited")
       .unit("ids")
       .range(0, 100000)
       .paper(0);
-  PMSP_ADVANCED_OPTION(init.range_margin, "Factor that widens the landmarks' depth range at both ends").range(1, 1000);
+  PMSP_ADVANCED_OPTION(init.range_margin, "Factor that widens the depth range of the landmarks at both ends")
+      .range(1, 1000);
 }
 
 void patchmatch(Table& table) {
   table.stage("PatchMatch");
-  PMSP_ADVANCED_OPTION(patchmatch.iterations, "Visits of every pixel in the first pass")
+  PMSP_ADVANCED_OPTION(patchmatch.iterations, "Visits per pixel in the first pass")
       .range(1, 100)
       .normal(2)
       .high(2)
       .paper(4);
-  PMSP_ADVANCED_OPTION(patchmatch.neighbours, "Keyframes to match with; time grows in proportion")
+  PMSP_ADVANCED_OPTION(patchmatch.neighbours, "Source views per depth map; time is proportional")
       .range(1, kernels::kMaxViews)
       .normal(4)
       .high(6);
-  PMSP_ADVANCED_OPTION(patchmatch.refinements, "Random draws per pixel and iteration").range(0, 32).paper(6);
-  PMSP_ADVANCED_OPTION(patchmatch.fine_patch, "Size of the patch of textured pixels")
+  PMSP_ADVANCED_OPTION(patchmatch.refinements, "Random hypotheses per visit").range(0, 32).paper(6);
+  PMSP_ADVANCED_OPTION(patchmatch.fine_patch, "Patch size at textured pixels; 1 = one size")
       .unit("share of the patch")
       .range(0.1, 1)
       .normal(0.4)
       .high(0.5)
       .paper(1);
   PMSP_ADVANCED_OPTION(patchmatch.image_scale,
-                       "Width of the images that are compared, at most; finer ones keep edges sharper")
+                       "Maximum width of the compared images; larger values preserve thin structures, and noise")
       .unit("widths of the depth map")
       .range(0.25, 8)
       .paper(1);
-  PMSP_ADVANCED_OPTION(patchmatch.sigma_color, "Bilateral weight: difference in brightness")
+  PMSP_ADVANCED_OPTION(patchmatch.sigma_color, "Colour deviation of the bilateral weights")
       .unit("gray levels")
       .range(1, 1000)
       .paper(50);
   PMSP_ADVANCED_OPTION(patchmatch.min_sigma_color,
-                       "The same where the surface around a pixel is smooth; from sigma_color on: everywhere the same")
+                       "Minimum colour deviation, where the patch is smooth; from sigma_color on it is constant")
       .unit("gray levels")
       .range(1, 1000)
       .paper(50);
-  PMSP_ADVANCED_OPTION(patchmatch.plane_priors,
-                       "Prefer planes through the reliable surface around where there is no texture")
+  PMSP_ADVANCED_OPTION(patchmatch.plane_priors, "Prior planes for untextured pixels, from reliable surroundings")
       .paper(0);
   PMSP_ADVANCED_OPTION(patchmatch.geometric_passes,
-                       "Further passes that prefer what neighbouring depth maps agree with")
+                       "Passes in which agreement with the depth maps of source views raises the score")
       .range(0, 8)
       .normal(3)
       .high(3)
@@ -175,32 +174,28 @@ void patchmatch(Table& table) {
 
 void filters(Table& table) {
   table.stage("Median filter");
-  PMSP_ADVANCED_OPTION(median.enabled, "Remove single outliers").paper(1);
-  PMSP_ADVANCED_OPTION(median.max_relative_deviation,
-                       "Deviation from the neighbourhood's median beyond which a pixel is dropped")
+  PMSP_ADVANCED_OPTION(median.enabled, "Removal of outliers").paper(1);
+  PMSP_ADVANCED_OPTION(median.max_relative_deviation, "Maximum deviation from the median of 3 x 3 pixels")
       .unit("share of the depth")
       .range(0, 1);
-  PMSP_ADVANCED_OPTION(median.min_score, "Photometric score below which a pixel is dropped; 0: none")
-      .unit("NCC")
-      .range(-1, 1)
-      .paper(0.1);
+  PMSP_ADVANCED_OPTION(median.min_score, "Minimum photometric score; 0 = none").unit("NCC").range(-1, 1).paper(0.1);
 
-  PMSP_ADVANCED_OPTION(median.weighted, "Then move depth edges to where the image has them").paper(0);
+  PMSP_ADVANCED_OPTION(median.weighted, "Shift of depth edges to image edges, after the median").paper(0);
 
   table.stage("Consistency filter");
-  PMSP_ADVANCED_OPTION(consistency.enabled, "Keep only what several depth maps agree on");
-  PMSP_ADVANCED_OPTION(consistency.window, "Depth maps compared, the filtered one in the middle")
+  PMSP_ADVANCED_OPTION(consistency.enabled, "Removal of pixels on which too few depth maps agree");
+  PMSP_ADVANCED_OPTION(consistency.window, "Depth maps compared, including the filtered one in the middle")
       .unit("depth maps")
       .range(3, 15)
       .odd()
       .normal(7)
       .high(7);
   PMSP_ADVANCED_OPTION(consistency.min_views,
-                       "Depth maps that must agree, the filtered one included; at most the window")
+                       "Minimum number of depth maps that agree, including the filtered one; at most the window")
       .unit("depth maps")
       .range(1, 15);
   PMSP_ADVANCED_OPTION(consistency.max_relative_depth,
-                       "Deviation that still counts as agreement; a pixel's angle where that is larger")
+                       "Maximum relative depth difference for agreement; at least the angle of a pixel")
       .unit("share of the depth")
       .range(0, 1)
       .normal(0.007)
@@ -210,36 +205,35 @@ void filters(Table& table) {
 
 void fusion(Table& table) {
   table.stage("Fusion");
-  PMSP_ADVANCED_OPTION(fusion.window, "Depth maps that are joined with each other")
+  PMSP_ADVANCED_OPTION(fusion.window, "Depth maps averaged into a point")
       .unit("depth maps")
       .range(1, kernels::kMaxViewers - 1)
       .odd();
-  PMSP_ADVANCED_OPTION(fusion.spacing_px, "Points closer than this are one point")
+  PMSP_ADVANCED_OPTION(fusion.spacing_px, "Minimum distance of points; 0 = keep duplicates")
       .unit("px of its depth map")
       .range(0, 4)
       .paper(kOnePixel);
-  PMSP_ADVANCED_OPTION(fusion.max_relative_depth, "Deviation up to which two depths are one surface")
+  PMSP_ADVANCED_OPTION(fusion.max_relative_depth, "Maximum relative depth difference on one surface")
       .unit("share of the depth")
       .range(0, 1)
       .paper(0.08);
-  PMSP_ADVANCED_OPTION(fusion.max_normal_deg, "Angle of normals up to which they are one surface")
+  PMSP_ADVANCED_OPTION(fusion.max_normal_deg, "Maximum angle between normals on one surface")
       .unit("deg")
       .range(0, 180)
       .paper(180);
-  PMSP_ADVANCED_OPTION(fusion.min_confidence, "Points with less confidence are not written")
+  PMSP_ADVANCED_OPTION(fusion.min_confidence, "Minimum confidence of a point")
       .shortly("min_confidence")
       .range(0, 1)
       .paper(0);
   PMSP_ADVANCED_OPTION(
       fusion.suppression,
-      "A pixel gives way to a clearly more confident one so near; 0: none does. More makes the cloud truer and "
-      "sparser")
+      "Suppression by clearly more confident pixels within this distance; 0 = none; larger values give more accurate "
+      "and sparser clouds")
       .unit("expected errors")
       .range(0, 10)
       .high(2.0);
-  PMSP_ADVANCED_OPTION(
-      fusion.history,
-      "With free_space.whole_mission: keyframes that may make the point of a place in place of this one")
+  PMSP_ADVANCED_OPTION(fusion.history,
+                       "With free_space.whole_mission: keyframes checked for duplicates, half on either side")
       .unit("keyframes")
       .range(1, 100000)
       .high(30);
@@ -247,26 +241,29 @@ void fusion(Table& table) {
 
 void free_space(Table& table) {
   table.stage("Free space");
-  PMSP_ADVANCED_OPTION(free_space.enabled, "Remove points that other keyframes have looked through").paper(0);
-  PMSP_ADVANCED_OPTION(free_space.views, "Viewers of each keyframe's points")
+  PMSP_ADVANCED_OPTION(free_space.enabled, "Removal of points that other depth maps see through").paper(0);
+  PMSP_ADVANCED_OPTION(free_space.views, "Viewers of the points of a keyframe, besides the fusion window")
       .unit("keyframes")
       .range(1, kernels::kMaxViewers);
-  PMSP_ADVANCED_OPTION(free_space.max_relative_depth, "Deviation that still confirms a point")
+  PMSP_ADVANCED_OPTION(free_space.max_relative_depth, "Maximum relative depth difference that confirms a point")
       .unit("share of the depth")
       .range(0, 1);
-  PMSP_ADVANCED_OPTION(free_space.min_relative_gap, "A surface this much farther away has been seen through the point")
+  PMSP_ADVANCED_OPTION(free_space.min_relative_gap,
+                       "Minimum relative distance behind a point of a surface seen through it")
       .unit("share of the depth")
       .range(0, 1);
   PMSP_ADVANCED_OPTION(free_space.max_contradiction,
-                       "What may speak against a point, relative to what speaks for it; less removes more")
+                       "Maximum weight of contradictions relative to confirmations; smaller values remove more points")
       .range(0, 100);
-  PMSP_ADVANCED_OPTION(free_space.mirrors, "Remove what mirrors show, such as polished floors");
-  PMSP_ADVANCED_OPTION(free_space.whole_mission,
-                       "Hold points back until the end, so that later keyframes have their say too")
+  PMSP_ADVANCED_OPTION(free_space.mirrors, "Removal of mirror images, as in polished floors");
+  PMSP_ADVANCED_OPTION(
+      free_space.whole_mission,
+      "Later keyframes are viewers, too, and duplicates beyond the fusion window are removed; points come late")
       .normal(1)
       .high(1);
-  PMSP_ADVANCED_OPTION(free_space.history,
-                       "Keyframes that may be asked, half on either side; bounds the memory of long missions")
+  PMSP_ADVANCED_OPTION(
+      free_space.history,
+      "Keyframes from which viewers are chosen, half on either side; limits the memory of long missions")
       .unit("keyframes")
       .range(1, 100000);
 }

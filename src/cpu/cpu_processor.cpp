@@ -135,7 +135,7 @@ void CpuProcessor::remove_duplicates(const kernels::DuplicateRound& stage, Dupli
                    }));
   }
   if (candidates.count > 0 && candidates.count != first[rows]) {
-    throw InvalidInput("duplicate_round: standings are not those of the round before");
+    throw InvalidInput("duplicate_round: the statuses are not those of the previous round");
   }
   std::uint32_t there = 0;
   for (int k = 0; k < stage.count; ++k) there |= stage.others[k].map.surfels == nullptr ? 0U : 1U << k;

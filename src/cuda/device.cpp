@@ -41,14 +41,14 @@ Device find_device(int number) {
   const cudaError_t result = cudaGetDeviceCount(&count);
   if (result != cudaSuccess || count == 0) {
     const bool no_driver = result == cudaErrorInsufficientDriver;
-    device.why_not = no_driver               ? "no NVIDIA driver, or one that is too old for this build"
+    device.why_not = no_driver               ? "no NVIDIA driver, or one too old for this build"
                      : result == cudaSuccess ? "no device answers"
                                              : cudaGetErrorString(result);
     cudaGetLastError();  // clears the error
     return device;
   }
   if (number >= count) {
-    device.why_not = "there is no device " + std::to_string(number) + ", the last is " + std::to_string(count - 1);
+    device.why_not = "device " + std::to_string(number) + " does not exist, expected 0 to " + std::to_string(count - 1);
     return device;
   }
   try {

@@ -14,7 +14,7 @@ void check(cudaError_t result, const char* call, const char* file, int line) {
   std::string text = std::string("CUDA: ") + cudaGetErrorString(result) + " (" + call + ", " +
                      (name != nullptr ? name + 1 : file) + ":" + std::to_string(line) + ")";
   if (result == cudaErrorMemoryAllocation) {
-    text += "; ask for smaller depth maps or a smaller window, close what else uses the GPU, or use backend cpu";
+    text += "; reduce width or fusion.window, end other programs on the GPU, or use backend cpu";
     cudaGetLastError();  // a failed allocation does not break the device
   }
   throw DeviceError(text);

@@ -33,11 +33,11 @@ Anchor camera_place(const std::filesystem::path& path, const Row& row, const Sla
   const std::vector<double>& v = row.numbers;
   const bool is_whole = std::floor(v[0]) == v[0] && std::abs(v[0]) < 9e15;
   if (map.keyframes.empty()) {
-    throw InvalidInput(where(path, row) + "names a keyframe, and none are known; give --map MAP, or lines x y z X Y Z");
+    throw InvalidInput(where(path, row) + "names a keyframe, but none are known; give --map MAP, or lines x y z X Y Z");
   }
   const MapKeyframe* keyframe = is_whole ? map.find_keyframe(static_cast<std::int64_t>(v[0])) : nullptr;
   if (keyframe == nullptr) {
-    throw InvalidInput(where(path, row) + "the map has no keyframe of that id; expected ID X Y Z");
+    throw InvalidInput(where(path, row) + "the map has no keyframe with this id; expected ID X Y Z");
   }
   return {
       "keyframe " + std::to_string(keyframe->id), keyframe->cam_from_world.center(), {v[1], v[2], v[3]}, std::nullopt};
@@ -82,7 +82,7 @@ class Images {
     }
     if (is_one) return best;
     throw InvalidInput(where(table, row) + "several keyframes have an image named \"" + row.name +
-                       "\"; expected its folder, too");
+                       "\"; expected its path with directories");
   }
 
  private:
@@ -114,8 +114,8 @@ std::vector<Anchor> places_of_images(const std::filesystem::path& path, const st
         {row.name, keyframe->cam_from_world.center(), {row.numbers[0], row.numbers[1], row.numbers[2]}, std::nullopt});
   }
   if (anchors.size() < kFewest && !missing.empty()) {
-    throw InvalidInput(path.string() + ": names the images of " + std::to_string(anchors.size()) +
-                       " keyframes, at least 3 are needed; no keyframe has \"" + missing + "\"");
+    throw InvalidInput(path.string() + ": names images of " + std::to_string(anchors.size()) +
+                       " keyframes, expected at least 3; no keyframe has \"" + missing + "\"");
   }
   return anchors;
 }
@@ -128,8 +128,8 @@ void refuse_degrees(const std::filesystem::path& path, std::string names) {
   for (std::string word; words >> word;) {
     if (word.rfind("lat", 0) != 0 && word.rfind("lon", 0) != 0 && word != "lng") continue;
     throw InvalidInput(path.string() +
-                       ": its columns are latitude and longitude, expected metres along three axes, "
-                       "such as UTM; convert it, or take the places in the images' EXIF data (exif)");
+                       ": columns are latitude and longitude, expected metres along three axes, such as UTM; "
+                       "convert them, or use the positions in the images' EXIF data (--align exif)");
   }
 }
 
@@ -142,7 +142,7 @@ struct Pose {
 std::vector<Pose> poses_of(const std::filesystem::path& path) {
   const map_detail::Trajectory trajectory = map_detail::read_trajectory(path);
   if (!trajectory.has_times) {
-    throw InvalidInput(path.string() + ": its poses have no times (KITTI), expected a trajectory with timestamps");
+    throw InvalidInput(path.string() + ": poses have no timestamps (KITTI), expected a trajectory with timestamps");
   }
   std::vector<Pose> poses;
   for (const map_detail::TrajectoryPose& pose : trajectory.poses) {
@@ -151,7 +151,7 @@ std::vector<Pose> poses_of(const std::filesystem::path& path) {
     poses.push_back({pose.timestamp, body_from_world.center(),
                      Eigen::Quaterniond(Eigen::Matrix3d(body_from_world.rotation.transpose()))});
   }
-  if (poses.empty()) throw InvalidInput(path.string() + ": holds no pose that is not lost");
+  if (poses.empty()) throw InvalidInput(path.string() + ": no valid pose, expected at least one");
   return poses;
 }
 
@@ -160,7 +160,7 @@ std::vector<Anchor> along_trajectory(std::vector<Pose> poses, const std::filesys
                                      double time_offset) {
   if (std::none_of(map.keyframes.begin(), map.keyframes.end(),
                    [](const MapKeyframe& keyframe) { return std::isfinite(keyframe.timestamp); })) {
-    throw InvalidInput(path.string() + ": is a trajectory, and no times of keyframes are known; give --map MAP");
+    throw InvalidInput(path.string() + ": is a trajectory, but no timestamps of keyframes are known; give --map MAP");
   }
   constexpr double kMostApart = 1.0;  // [s]
   constexpr double kAtOnce = 0.02;    // [s]
@@ -187,11 +187,11 @@ std::vector<Anchor> along_trajectory(std::vector<Pose> poses, const std::filesys
   const auto [first, last] =
       std::minmax_element(map.keyframes.begin(), map.keyframes.end(),
                           [](const MapKeyframe& a, const MapKeyframe& b) { return a.timestamp < b.timestamp; });
-  throw InvalidInput(path.string() + ": tells the place of " + std::to_string(anchors.size()) + " of " +
-                     std::to_string(map.keyframes.size()) + " keyframes, at least 3 are needed. It runs from " +
+  throw InvalidInput(path.string() + ": positions of " + std::to_string(anchors.size()) + " of " +
+                     std::to_string(map.keyframes.size()) + " keyframes, expected at least 3; trajectory from " +
                      std::to_string(poses.front().time) + " to " + std::to_string(poses.back().time) +
-                     " s, the keyframes from " + std::to_string(first->timestamp) + " to " +
-                     std::to_string(last->timestamp) + " s; shift these with --align-time-offset");
+                     " s, keyframes from " + std::to_string(first->timestamp) + " to " +
+                     std::to_string(last->timestamp) + " s; shift the keyframes with --align-time-offset");
 }
 
 }  // namespace
@@ -205,7 +205,8 @@ std::vector<Anchor> read_anchors(const std::filesystem::path& path, const SlamMa
   std::string names;
   const std::vector<Row> rows = read_number_table(path, &names);
   refuse_degrees(path, names);
-  if (rows.empty()) throw InvalidInput(path.string() + ": holds no line of numbers; expected a table (see --help)");
+  if (rows.empty())
+    throw InvalidInput(path.string() + ": contains no line of numbers; expected a table (see --help-all)");
   const std::size_t columns = rows.front().numbers.size();
   const bool is_named = columns == 3 && !rows.front().name.empty();
   std::vector<Anchor> anchors;
@@ -214,9 +215,8 @@ std::vector<Anchor> read_anchors(const std::filesystem::path& path, const SlamMa
     if ((!is_named && columns != 4 && columns != 6) || row.numbers.size() != columns || !has_right_name) {
       throw InvalidInput(where(path, row) +
                          "expected lines of one kind: [NAME] x y z X Y Z (point in the map, point in "
-                         "the frame of the file), ID X Y Z or IMAGE X Y Z (keyframe, place of its camera), or "
-                         "timestamp tx ty tz qx qy "
-                         "qz qw (TUM trajectory)");
+                         "the frame of the file), ID X Y Z or IMAGE X Y Z (keyframe, position of its camera), or "
+                         "timestamp tx ty tz qx qy qz qw (TUM trajectory)");
     }
     if (columns == 6) anchors.push_back(control_point(row));
     if (columns == 4) anchors.push_back(camera_place(path, row, map));

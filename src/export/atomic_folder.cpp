@@ -39,7 +39,7 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
 void put(const fs::path& from, const fs::path& to) {
   std::error_code error;
   fs::rename(from, to, error);
-  if (error) fail(to, "put in its place", error);
+  if (error) fail(to, "moved into place", error);
 }
 
 /// Moves a file or folder; merges a folder into an existing one.
@@ -89,9 +89,9 @@ void AtomicFolder::require_leftover(const fs::path& folder) const {
     return name == FolderLock::kName || is_own_(name) || is_own_(target_of_temporary(name));
   });
   if (is_folder && is_own && (entries.empty() || fs::exists(folder / FolderLock::kName, ignored))) return;
-  throw OutputError(folder.string() +
-                    ": exists, and is no unfinished output; expected no such file or folder: move it, or give another "
-                    "name");
+  throw OutputError(
+      folder.string() +
+      ": exists and is no unfinished output; expected no such file or directory; move it, or give another name");
 }
 
 void AtomicFolder::commit() {

@@ -40,12 +40,13 @@ void align(const FrameOptions& options, const SlamMap& map, const ImageFiles& im
   }
   const std::string name = is_exif ? "the images' EXIF data" : options.align.string();
   if (anchors.size() < 3) {
-    throw InvalidInput(name + ": holds " + std::to_string(anchors.size()) + (is_exif ? " places" : " points") +
-                       ", at least 3 are needed");
+    throw InvalidInput(name + ": " + std::to_string(anchors.size()) + (is_exif ? " positions" : " points") +
+                       ", expected at least 3");
   }
   const bool is_line = is_a_line(target) || is_a_line(source);
   if (is_line && !has_turns) {
-    throw InvalidInput(name + ": its points lie on a line, around which the cloud could turn; add points beside it");
+    throw InvalidInput(
+        name + ": points lie on a line, so that the rotation around it is undetermined; add points off the line");
   }
   try {
     frame.file_from_map = is_line ? with_rotation(nearest_rotation(turn), source, target) : umeyama(source, target);
@@ -69,7 +70,8 @@ void turn_up(const SlamMap& map, CloudFrame& frame) {
   const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ());
   frame.file_from_map.rotation = turn.toRotationMatrix();
   frame.up_spread_deg = spread_deg;
-  frame.description = "z is up, as the cameras stood (median deviation " + short_text(spread_deg) + " degrees)";
+  frame.description =
+      "z is up, by the mean vertical axis of the cameras (median deviation " + short_text(spread_deg) + " degrees)";
 }
 
 }  // namespace

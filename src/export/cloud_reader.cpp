@@ -29,9 +29,8 @@ std::unique_ptr<CloudReader> open_folder(const std::filesystem::path& path) {
   if (std::filesystem::exists(path / "metadata.json", ignored)) return open_potree_reader(path);
   if (std::filesystem::exists(path / "sparse" / "0" / "points3D.bin", ignored)) return open_colmap_reader(path);
   if (std::filesystem::exists(path / "points.ply", ignored)) return open_ply_reader(path / "points.ply");
-  throw InvalidInput(
-      path.string() +
-      ": is no cloud; expected a PLY or a LAS, or a folder that `run --workspace` or Potree has written");
+  throw InvalidInput(path.string() +
+                     ": is no cloud; expected a PLY or a LAS, or a directory of `run --workspace` or Potree");
 }
 
 /// From a 4 x 4 matrix.
@@ -59,7 +58,7 @@ std::unique_ptr<CloudReader> open_cloud(const std::filesystem::path& path) {
   if (std::string(magic, 4) == "LASF") return open_las_reader(path);
   if (std::string(magic, 3) == "ply") return open_ply_reader(path);
   throw InvalidInput(path.string() +
-                     ": is neither a PLY nor a LAS; CloudCompare or pdal translate write other formats as one");
+                     ": is neither a PLY nor a LAS; convert other formats with CloudCompare or pdal translate");
 }
 
 std::optional<std::pair<Eigen::Vector3d, Eigen::Vector3d>> bounds_of(CloudReader& cloud) {

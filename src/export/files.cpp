@@ -28,10 +28,10 @@ AtomicFile::AtomicFile(const std::filesystem::path& target) : target_(end_of_lin
   std::error_code ignored;
   const fs::file_status status = fs::status(target_, ignored);
   if (target_.filename().empty() || fs::is_directory(status)) {
-    throw OutputError(target_.string() + ": cannot be written, it names a folder; give a file name");
+    throw OutputError(target_.string() + ": cannot be written, it names a directory; give a file name");
   }
   if (fs::exists(status) && !fs::is_regular_file(status)) {
-    throw OutputError(target_.string() + ": cannot be written, it exists and is no ordinary file");
+    throw OutputError(target_.string() + ": cannot be written, it exists and is no regular file");
   }
   folder_ = target_.has_parent_path() ? target_.parent_path() : fs::path(".");
   buffer_.reserve(kBufferBytes);
@@ -91,8 +91,8 @@ bool AtomicFile::commit_unless_there() {
 std::string AtomicFile::failure(const std::string& what) const {
   const int code = errno;
   std::string message = target_.string() + ": cannot " + what + ": " + std::strerror(code);
-  if (code == ENOENT) message += "; does the folder exist?";
-  if (code == EEXIST) message += "; runs that were killed left such files, remove them";
+  if (code == ENOENT) message += "; does the directory exist?";
+  if (code == EEXIST) message += "; remove such files of killed runs";
   return message;
 }
 
@@ -217,7 +217,7 @@ void make_folder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error || !std::filesystem::is_directory(folder, error)) {
-    throw OutputError(folder.string() + ": the folder cannot be made" + (error ? ": " + error.message() : ""));
+    throw OutputError(folder.string() + ": the directory cannot be made" + (error ? ": " + error.message() : ""));
   }
 }
 
@@ -225,13 +225,13 @@ void require_regular_file(const std::filesystem::path& path) {
   std::error_code error;
   const std::filesystem::file_status status = std::filesystem::status(path, error);
   if (std::filesystem::is_regular_file(status)) return;
-  std::string what = "it is no ordinary file; expected one";
+  std::string what = "it is no regular file; expected one";
   if (status.type() == std::filesystem::file_type::not_found) {
     what = "there is no such file";
   } else if (error) {
     what = error.message();
   } else if (std::filesystem::is_directory(status)) {
-    what = "it is a folder; give a file in it";
+    what = "it is a directory; give a file in it";
   }
   throw IoError(path.string() + ": cannot be read: " + what);
 }

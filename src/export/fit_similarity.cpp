@@ -59,8 +59,8 @@ Similarity with_rotation(const Eigen::Matrix3d& rotation, const Points& source, 
   const double scale = product / square;
   if (!(scale > 0.0) || !std::isfinite(scale)) {
     throw InvalidInput(
-        "the two cannot be aligned: the matched positions are all in one place or move the other way; check that both "
-        "belong to the same flight");
+        "the two cannot be aligned: the matched positions coincide or move in opposite directions; check that both "
+        "belong to the same mission");
   }
   return {scale, rotation, target_mean - scale * (rotation * source_mean)};
 }

@@ -35,10 +35,10 @@ FolderLock::FolderLock(const std::filesystem::path& folder, const std::string& w
   if (file_ >= 0) ::close(file_);
   if (code == EWOULDBLOCK) {
     throw OutputError(folder.string() + ": another process works in this " + what +
-                      "; wait until it has ended, or name another folder");
+                      "; wait until it has ended, or give another directory");
   }
   throw OutputError(path.string() + ": the " + what + " cannot be locked (" + std::strerror(code) +
-                    "); name a folder that may be written to, on a file system with locks");
+                    "); give a writable directory on a file system with locks");
 }
 
 FolderLock::~FolderLock() { ::close(file_); }

@@ -72,7 +72,8 @@ std::string records(const std::filesystem::path& path, const CloudHeader& header
   if (!header.wkt.empty()) {
     if (header.wkt.size() + 1 > kMostInRecord) {
       throw OutputError(path.string() + ": the coordinate system takes " + std::to_string(header.wkt.size()) +
-                        " bytes as WKT, LAS holds " + std::to_string(kMostInRecord - 1) + "; give a shorter text");
+                        " bytes as WKT, LAS stores at most " + std::to_string(kMostInRecord - 1) +
+                        "; give a shorter text");
     }
     text += record("LASF_Projection", 2112, "OGC WKT", header.wkt + '\0');
     ++count;
@@ -192,10 +193,10 @@ class Las final : public CloudWriter {
   }
 
   [[noreturn]] void refuse(const OutputPoint& point) const {
-    throw OutputError(name_ + ": a point at " + std::to_string(point.position.x()) + " " +
+    throw OutputError(name_ + ": point " + std::to_string(point.position.x()) + " " +
                       std::to_string(point.position.y()) + " " + std::to_string(point.position.z()) +
-                      " is too far away for whole numbers of " + text_of(frame_.scale) +
-                      "; give a larger --resolution, or --crop such points");
+                      " is out of range for a resolution of " + text_of(frame_.scale) +
+                      "; give a larger --resolution, or exclude it with --crop");
   }
 
   std::string name_;

@@ -91,7 +91,7 @@ class LasReader final : public CloudReader {
     record_count_ = number_at<std::uint32_t>(start, 100);
     const auto format = number_at<std::uint8_t>(start, 104);
     if ((format & kCompressed) != 0) {
-      input_.fail("is compressed (LAZ), which is not read; laszip -i IN.laz -o OUT.las writes it as LAS");
+      input_.fail("is compressed (LAZ), expected LAS; convert it: laszip -i IN.laz -o OUT.las");
     }
     if (format >= kFormats.size()) {
       input_.fail("has points of format " + std::to_string(format) + ", expected 0 to 10; the file may be damaged");

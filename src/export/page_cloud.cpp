@@ -58,9 +58,9 @@ void PageCloud::Impl::add(const OutputPoint* points, std::size_t count) {
       const auto axis = static_cast<std::size_t>(i);
       const double steps = frame_.steps(point->position[i], i);
       if (!(std::abs(steps) <= std::numeric_limits<std::int32_t>::max())) {
-        throw OutputError("a point at " + std::to_string(point->position.x()) + " " +
-                          std::to_string(point->position.y()) + " " + std::to_string(point->position.z()) +
-                          " is too far away for the report; --crop such points");
+        throw OutputError("point " + std::to_string(point->position.x()) + " " + std::to_string(point->position.y()) +
+                          " " + std::to_string(point->position.z()) +
+                          " is out of range for the report; exclude it with --crop");
       }
       it.position[axis] = static_cast<std::int32_t>(steps);
       it.normal[axis] = point->normal[i];

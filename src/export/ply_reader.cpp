@@ -102,7 +102,7 @@ class HeaderParser {
   [[noreturn]] void fail(const std::string& what) { input_.fail("header line " + std::to_string(line_) + " " + what); }
 
   std::string next_line() {
-    if (++line_ > kMaxHeaderLines) fail("follows, and still no end_header");
+    if (++line_ > kMaxHeaderLines) fail("exceeds the limit of lines before end_header");
     std::string line;
     for (int c = input_.get(); c != '\n'; c = input_.get()) {
       if (c < 0) fail("is cut off: the file ends before end_header");

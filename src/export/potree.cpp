@@ -101,9 +101,9 @@ class Potree final : public CloudWriter {
 
  private:
   [[noreturn]] void refuse(const OutputPoint& point) const {
-    throw OutputError(folder_.target().string() + ": a point at " + std::to_string(point.position.x()) + " " +
+    throw OutputError(folder_.target().string() + ": point " + std::to_string(point.position.x()) + " " +
                       std::to_string(point.position.y()) + " " + std::to_string(point.position.z()) +
-                      " is too far away for whole numbers; give a larger --resolution, or --crop such points");
+                      " is out of range for the resolution; give a larger --resolution, or exclude it with --crop");
   }
 
   /// All nodes in one chunk, breadth first: 22 bytes each.

@@ -92,11 +92,11 @@ class PotreeReader final : public CloudReader {
     const auto encoding = json.at("encoding").get<std::string>();
     if (encoding != "DEFAULT") {
       throw InvalidInput("is compressed (" + encoding.substr(0, 40) +
-                         "), which is not read; PotreeConverter --encoding UNCOMPRESSED writes it plainly");
+                         "), expected no compression; convert it with PotreeConverter --encoding UNCOMPRESSED");
     }
     records_.count = json.at("points").get<std::uint64_t>();
     for (const Json& attribute : json.at("attributes")) add_attribute(records_, attribute, json);
-    if (!records_.has(kX, 3)) throw InvalidInput("names no positions");
+    if (!records_.has(kX, 3)) throw InvalidInput("has no positions");
     info_.wkt = json.value("projection", "");
     if (json.contains("comments")) info_.comments = json.at("comments").get<std::vector<std::string>>();
   }

@@ -18,7 +18,7 @@ namespace {
 
 void check_count(const char* stage, std::size_t count) {
   if (count <= static_cast<std::size_t>(kernels::kMaxViewers)) return;
-  throw InvalidInput(std::string(stage) + ": " + std::to_string(count) + " keyframes are asked; expected at most " +
+  throw InvalidInput(std::string(stage) + ": " + std::to_string(count) + " viewers; expected at most " +
                      std::to_string(kernels::kMaxViewers));
 }
 
@@ -41,10 +41,10 @@ void check(const std::vector<FusionMap>& window, std::size_t current) {
 void check_surfels(const char* stage, const SurfelsFrom& points) {
   check_scale(std::string(stage) + ": ", points.pose.scale);
   if (points.map == nullptr || points.statuses == nullptr) {
-    throw InvalidInput(std::string(stage) + ": a keyframe lacks its points or their standings");
+    throw InvalidInput(std::string(stage) + ": a keyframe lacks its points or their statuses");
   }
   if (!same_size(points.map->surfels, *points.statuses)) {
-    throw InvalidInput(std::string(stage) + ": points and standings differ in size");
+    throw InvalidInput(std::string(stage) + ": points and statuses differ in size");
   }
 }
 

@@ -104,7 +104,7 @@ void check_half_pixel(const SlamMap& map, const std::vector<Sample>& samples, Co
   if (!x.is_half()) {
     if (y.is_half() && !map.half_row_may_remain) {
       check.remark = std::string("observations lie half a pixel ") + (y.at > 0.0 ? "below" : "above") +
-                     " their landmarks: the program that made the map puts pixel centres elsewhere";
+                     " their landmarks: the program of the map has other pixel centres";
     }
     return;
   }
@@ -115,9 +115,8 @@ void check_half_pixel(const SlamMap& map, const std::vector<Sample>& samples, Co
   check.better_error_px = median(errors);
   char text[160];
   std::snprintf(text, sizeof(text),
-                "places in images that are half a pixel off (%+.1f px across, %+.1f px down: another pixel has its "
-                "centre at 0)",
-                dx, dy);
+                "pixel coordinates shifted by half a pixel (%+.1f px across, %+.1f px down: other pixel centres)", dx,
+                dy);
   check.fits_better = text;
 }
 
@@ -155,9 +154,8 @@ ConventionCheck require_convention(const SlamMap& map) {
   char errors[96];
   std::snprintf(errors, sizeof(errors), "median error %.3g px instead of %.3g px", check.better_error_px,
                 check.median_error_px);
-  throw InvalidInput(map.path.string() +
-                     ": its points and observations fit another convention clearly better: " + check.fits_better +
-                     ", " + errors + "; put that right where the file was written, a cloud of it would be wrong");
+  throw InvalidInput(map.path.string() + ": points and observations fit another convention clearly better: " +
+                     check.fits_better + ", " + errors + "; correct the export, a cloud of this map would be wrong");
 }
 
 }  // namespace pmsp

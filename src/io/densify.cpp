@@ -28,8 +28,8 @@ DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierO
   mission.check_poses();
   if (mission.map.landmarks.empty()) {
     throw InvalidInput(map.path.string() +
-                       ": neither the map nor its images give landmarks, expected at least some: depth "
-                       "ranges follow from them; a PLY file with points may stand in (ReadMapOptions::points)");
+                       ": neither the map nor the images give landmarks, expected some for the depth ranges; "
+                       "give a PLY file with points (ReadMapOptions::points)");
   }
   DensifierOptions options = given;
   {

@@ -26,7 +26,7 @@ fs::path named_file(const fs::path& folder, const JsonValue& entry, const char* 
   if (!entry.has(key)) return {};
   const std::string& name = entry.at(key).text();
   if (name.empty() || name[0] == '.' || fs::path(name).filename() != name) {
-    entry.at(key).refuse("the name of a file in the same folder");
+    entry.at(key).refuse("the name of a file in the same directory");
   }
   return folder / name;
 }
@@ -35,7 +35,7 @@ fs::path named_file(const fs::path& folder, const JsonValue& entry, const char* 
 
 DepthFolder::DepthFolder(const fs::path& folder, const fs::path& images) : folder_(folder), images_(images) {
   std::error_code error;
-  if (!fs::is_directory(folder, error)) throw IoError(folder.string() + ": there is no such folder of depth images");
+  if (!fs::is_directory(folder, error)) throw IoError(folder.string() + ": there is no such directory of depth images");
   const fs::path index = folder / "index.json";
   indexed_ = is_file(index);
   if (!indexed_) return;

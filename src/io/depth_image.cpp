@@ -134,7 +134,7 @@ ExrHeader exr_header(Bytes& file) {
       header.width = window[2] - window[0] + 1;
       header.height = window[3] - window[1] + 1;
     }
-    if (file.at() > end) file.refuse("attribute \"" + name + "\" is longer than it says");
+    if (file.at() > end) file.refuse("attribute \"" + name + "\" exceeds its size");
     file.take(end - file.at());
   }
   check_size(file, header.width, header.height);
@@ -193,8 +193,8 @@ class ExrReader {
     for (const std::size_t i : choose(header)) channels_.push_back(layout_of(header, i));
     constexpr int kNone = 0, kZips = 2, kZip = 3;
     if (header.compression != kNone && header.compression != kZips && header.compression != kZip) {
-      file_.refuse("it is packed in a way (" + std::to_string(header.compression) +
-                   ") that is not read; expected none, ZIPS or ZIP");
+      file_.refuse("compression " + std::to_string(header.compression) +
+                   " is not supported; expected none, ZIPS or ZIP");
     }
     std::size_t row_bytes = 0;
     for (const ExrChannel& channel : header.channels) row_bytes += bytes_of_row(channel, header);
@@ -352,7 +352,7 @@ Image<float> read_npy(const std::filesystem::path& path) {
   const std::string type = npy_value(file, header, "descr");
   const std::string order = npy_value(file, header, "fortran_order");
   const std::vector<std::int64_t> sides = npy_shape(file, npy_value(file, header, "shape"));
-  if (order.rfind("False", 0) != 0) file.refuse("its columns follow one another; expected rows (C order)");
+  if (order.rfind("False", 0) != 0) file.refuse("its values are in Fortran order; expected C order (row by row)");
   check_size(file, sides[1], sides[0]);
   const std::size_t bytes = type == "<f2" ? 2 : type == "<f4" ? 4 : type == "<f8" ? 8 : 0;
   if (bytes == 0) file.refuse("its values are \"" + type + "\"; expected <f2, <f4 or <f8 (little-endian floats)");

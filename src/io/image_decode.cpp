@@ -30,9 +30,9 @@ std::vector<std::uint8_t> read_bytes(const std::filesystem::path& path) {
   std::error_code error;
   const std::uintmax_t size = std::filesystem::file_size(path, error);
   if (error) throw IoError(path.string() + ": cannot be read: " + error.message());
-  if (size == 0) throw IoError(path.string() + ": the file is empty, an image was expected");
+  if (size == 0) throw IoError(path.string() + ": the file is empty; expected an image");
   if (size > kMaxFileBytes)
-    throw IoError(path.string() + ": " + std::to_string(size) + " bytes are too many for one image (limit 1 GiB)");
+    throw IoError(path.string() + ": " + std::to_string(size) + " bytes; expected at most 1 GiB for an image");
   std::vector<std::uint8_t> bytes(static_cast<std::size_t>(size));
   std::ifstream file(path, std::ios::binary);
   file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
@@ -97,8 +97,8 @@ void refuse_crop(const std::filesystem::path& path, const std::vector<std::uint8
   };
   throw InvalidInput(path.string() + ": is a part of a panorama: " + size(*width, *height) + " of " +
                      size(*full_width, *full_height) +
-                     " pixels by its GPano data (CroppedArea...); expected the whole sphere: fill it up with black to "
-                     "that size, remake the map from such images, and give --mask for the black");
+                     " pixels by its GPano data (CroppedArea...); expected the whole sphere; pad it with black to "
+                     "that size, reconstruct the map from such images, and mask the black (--mask)");
 }
 
 Header header_of(const std::vector<std::uint8_t>& bytes) {
@@ -116,11 +116,11 @@ cv::Mat upright(const std::filesystem::path& path, const cv::Mat& image, int ori
   cv::Mat turned = image;
   const bool is_quarter = orientation >= 5;
   if (is_quarter && image.cols > image.rows) {
-    throw InvalidInput(path.string() + ": its EXIF data (orientation " + std::to_string(orientation) +
-                       ") say that it is to be turned by a quarter, which makes it " + std::to_string(image.rows) +
-                       "x" + std::to_string(image.cols) +
-                       "; expected a panorama that is twice as wide as high: remove the orientation, or put the image "
-                       "upright and remake the map");
+    throw InvalidInput(path.string() + ": EXIF orientation " + std::to_string(orientation) +
+                       " rotates it by 90 degrees, to " + std::to_string(image.rows) + "x" +
+                       std::to_string(image.cols) +
+                       "; expected a panorama that is twice as wide as high; remove the orientation, or rotate the "
+                       "image and reconstruct the map");
   }
   if (is_quarter) cv::transpose(image, turned);
   cv::Mat result = turned;
@@ -137,7 +137,7 @@ cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags) {
   const Header header = header_of(bytes);
   if (header.width * header.height > kMaxPixels)  // small files may declare gigabytes, which OpenCV would allocate
     throw IoError(path.string() + ": is " + std::to_string(header.width) + "x" + std::to_string(header.height) +
-                  " pixels, which are too many; expected 16384x8192 at most");
+                  " pixels; expected at most 16384x8192");
   if (header.is_jpeg) refuse_crop(path, bytes, header);
   if (header.truncated)
     throw IoError(path.string() + ": the JPEG ends after " + std::to_string(bytes.size()) +
@@ -175,7 +175,7 @@ void check_image_size(const std::string& what, int width, int height, const MapC
       static_cast<std::int64_t>(width) * camera.height == static_cast<std::int64_t>(height) * camera.width)
     return;
   throw InvalidInput(what + ": is " + std::to_string(width) + "x" + std::to_string(height) +
-                     ", but the map's camera '" + camera.name + "' saw " + std::to_string(camera.width) + "x" +
+                     ", but the map's camera '" + camera.name + "' has " + std::to_string(camera.width) + "x" +
                      std::to_string(camera.height) + "; expected that size or the same shape scaled");
 }
 

@@ -197,7 +197,7 @@ std::vector<std::filesystem::path> named_files(const SlamMap& map, const std::fi
 io::NamingScheme read_map_names(const SlamMap& map, const std::filesystem::path& folder,
                                 std::vector<io::NumberedFile>& files) {
   io::NamingScheme scheme;
-  scheme.meaning = "those that " + map.path.filename().string() + " gives";
+  scheme.meaning = "those in " + map.path.filename().string();
   std::vector<std::filesystem::path> found = named_files(map, folder, false);
   const auto is_empty = [](const std::filesystem::path& path) { return path.empty(); };
   if (std::all_of(found.begin(), found.end(), is_empty)) found = named_files(map, folder, true);
@@ -210,10 +210,10 @@ io::NamingScheme read_map_names(const SlamMap& map, const std::filesystem::path&
     if (image.empty()) {
       reason = "the map names no image for it";
     } else if (path.empty()) {
-      reason = "there is no " + (folder / image).string();
+      reason = (folder / image).string() + " does not exist";
     } else if (takers[path] > 1 && path != folder / image) {
       reason = path.string() + " could be the image of " + std::to_string(takers[path]) +
-               " keyframes; give the folder from which their names (" + image + ") count";
+               " keyframes; give the directory that their names (" + image + ") are relative to";
       path.clear();
     }
     scheme.file.push_back(path.empty() ? -1 : static_cast<int>(files.size()));
@@ -253,7 +253,7 @@ class ImageFolder final : public ImageSource {
       if (scheme.file[k] < 0) skipped_.push_back({map.keyframes[k].id, scheme.reason[k]});
     description_ = std::to_string(ids_.size()) + " of " + std::to_string(map.keyframes.size()) +
                    " keyframes found in " + folder.string() + ": file names are " + scheme.meaning;
-    if (told_by_images) description_ += "; names alone would allow another scheme, whose images do not fit";
+    if (told_by_images) description_ += "; names alone also fit another scheme, but its images do not";
   }
 
   const std::vector<std::int64_t>& keyframe_ids() const override { return ids_; }
@@ -337,29 +337,31 @@ std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::fi
   if (is_named) {
     std::error_code ignored;
     if (!std::filesystem::is_directory(folder, ignored)) {
-      throw IoError(folder.string() + ": there is no such folder; expected the images that " + map.path.string() +
-                    " names");
+      throw IoError(folder.string() + ": there is no such directory; expected that of the images named in " +
+                    map.path.string());
     }
     std::vector<io::NumberedFile> named;
     const io::NamingScheme scheme = read_map_names(map, folder, named);
     if (scheme.found == 0) {
-      throw InvalidInput(folder.string() + ": none of the " + std::to_string(map.keyframes.size()) +
-                         " images that the map names is there: " + scheme.reason.front() +
-                         ", nor a file whose path ends like it; names count from the folder that is given");
+      throw InvalidInput(
+          folder.string() + ": none of the " + std::to_string(map.keyframes.size()) +
+          " images that the map names exists: " + scheme.reason.front() +
+          ", nor does a file whose path ends with it; give the directory that the names are relative to");
     }
     if (!options.allow_missing) {
       const std::string missing = missing_names(map, scheme);
-      io::require_half(folder, static_cast<std::size_t>(scheme.found), map.keyframes.size(),
-                       missing.empty() ? "no more are named" : "missing: " + missing,
-                       missing.empty() ? "name them with --image-list" : "give the folder that the names count from");
+      io::require_half(
+          folder, static_cast<std::size_t>(scheme.found), map.keyframes.size(),
+          missing.empty() ? "the map names no more" : "missing: " + missing,
+          missing.empty() ? "name them with --image-list" : "give the directory that the names are relative to");
     }
     return std::make_unique<ImageFolder>(map, folder, scheme, named, false);
   }
   std::size_t unnumbered = 0;
   const std::vector<io::NumberedFile> files = io::list_numbered_images(folder, unnumbered);
   if (files.empty())
-    throw InvalidInput(folder.string() + ": no image in it (" + std::to_string(unnumbered) +
-                       " found) has a number in its name; expected keyframe ids, timestamps or frame indices");
+    throw InvalidInput(folder.string() + ": none of its " + std::to_string(unnumbered) +
+                       " images has a number in its name; expected keyframe ids, timestamps or frame indices");
   std::vector<io::NamingScheme> schemes = io::find_naming_schemes(map, files, options);
   const std::string remedy = "set --fps or --frame-offset, or name the images with --image-list";
   if (schemes.empty())
@@ -376,7 +378,7 @@ std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::fi
     schemes.erase(std::remove_if(schemes.begin(), schemes.end(), has_few), schemes.end());
     if (schemes.empty()) {
       io::require_half(folder, static_cast<std::size_t>(first.found), map.keyframes.size(),
-                       "file names taken for " + first.meaning, remedy);
+                       "file names read as " + first.meaning, remedy);
     }
   }
   const Choice choice = choose_scheme(map, schemes, files);
@@ -392,7 +394,7 @@ std::unique_ptr<ImageSource> open_image_folder(const SlamMap& map, const std::fi
   }
   if (!choice.scheme) {
     throw InvalidInput(folder.string() + ": the names of the images (such as " +
-                       files.front().path.filename().string() + ") do not say which belongs to which keyframe of " +
+                       files.front().path.filename().string() + ") do not determine their keyframes of " +
                        map.path.string() + ": " + schemes.front().meaning + " would be a guess; " + remedy);
   }
   return std::make_unique<ImageFolder>(map, folder, schemes[*choice.scheme], files,

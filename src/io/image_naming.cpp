@@ -480,7 +480,7 @@ std::vector<NumberedFile> list_numbered_images(const std::filesystem::path& fold
   std::error_code error;
   std::filesystem::directory_iterator at(folder, error);
   if (error)
-    throw IoError(folder.string() + ": cannot be listed: " + error.message() + "; expected a folder of images");
+    throw IoError(folder.string() + ": cannot be listed: " + error.message() + "; expected a directory of images");
   std::vector<std::filesystem::path> paths;
   for (; !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
     std::error_code ignored;
@@ -488,7 +488,8 @@ std::vector<NumberedFile> list_numbered_images(const std::filesystem::path& fold
   }
   if (error) throw IoError(folder.string() + ": cannot be listed: " + error.message());
   if (paths.empty())
-    throw IoError(folder.string() + ": holds no image (.jpg, .png, .tif, .bmp or .webp; subfolders are not searched)");
+    throw IoError(folder.string() +
+                  ": holds no image (.jpg, .png, .tif, .bmp or .webp; subdirectories are not searched)");
   std::sort(paths.begin(), paths.end());
   leave_out_masks(paths);
   std::vector<NumberedFile> files;
@@ -607,7 +608,7 @@ void require_half(const std::filesystem::path& images, std::size_t found, std::s
   if (2 * found >= keyframes) return;
   throw InvalidInput(images.string() + ": has images for " + std::to_string(found) + " of " +
                      std::to_string(keyframes) + " keyframes (" + how + "), expected at least half; " + remedy +
-                     ", or take what is there with --allow-missing");
+                     ", or accept that with --allow-missing");
 }
 
 std::string same_timestamp_reason(const MapKeyframe& earlier) {

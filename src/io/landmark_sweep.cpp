@@ -78,8 +78,8 @@ std::vector<Hypothesis> other_poses() {
                    }});
   }
   for (const std::ptrdiff_t shift : {-1, 1}) {
-    all.push_back({std::string("poses one keyframe ") + (shift < 0 ? "late" : "early") + ", each that of the image " +
-                       (shift < 0 ? "before" : "after"),
+    all.push_back({std::string("poses one keyframe ") + (shift < 0 ? "late" : "early") + ", each of the " +
+                       (shift < 0 ? "previous" : "next") + " image",
                    "correct the times or the order of poses or images (--frame-offset)", [shift](const Views& given) {
                      return with_poses_of(given,
                                           [shift](std::size_t i) { return static_cast<std::ptrdiff_t>(i) - shift; });
@@ -126,7 +126,7 @@ std::vector<Tally> trials(const std::vector<Views>& poses, std::size_t patches, 
 std::string figures(const LandmarkSweep::Result& result, std::size_t patches) {
   return percent(result.share) + " of " + std::to_string(patches) +
          " patches of the images are found at one depth in other images (by chance " + percent(result.by_chance) +
-         ", by poses that fit " + percent(kExpected) + " at least)";
+         ", with fitting poses at least " + percent(kExpected) + ")";
 }
 
 constexpr char kAdvice[] =
@@ -164,9 +164,9 @@ LandmarkSweep::Result check(const Views& views, ThreadPool& pool) {
   result.share = given.share();
   result.conclusive = views.size() >= kFewestViews && given.patches >= kFewestPatches;
   if (!result.conclusive) {
-    result.message = "cannot tell whether the poses fit the images: " + std::to_string(views.size()) + " images with " +
-                     std::to_string(given.patches) + " patches that show something (at least " +
-                     std::to_string(kFewestViews) + " with " + std::to_string(kFewestPatches) + " needed)";
+    result.message = "unknown whether the poses fit the images: " + std::to_string(views.size()) + " images with " +
+                     std::to_string(given.patches) + " textured patches, expected at least " +
+                     std::to_string(kFewestViews) + " with " + std::to_string(kFewestPatches);
     return result;
   }
   if (result.share >= kCertain) return result;
@@ -181,7 +181,7 @@ LandmarkSweep::Result check(const Views& views, ThreadPool& pool) {
   } else if (result.share < std::max(kLeast, kLeastOverChance * result.by_chance)) {
     result.fits = false;
     result.message = "the poses do not fit the images: only " + figures(result, given.patches) + "; " + kAdvice +
-                     "; --no-verify goes on with them";
+                     ", or use --no-verify";
   } else if (result.share < std::max(kExpected, kExpectedOverChance * result.by_chance)) {
     result.doubtful = true;
     result.message = "the poses may not fit the images: only " + figures(result, given.patches) + "; " + kAdvice;

@@ -163,8 +163,8 @@ SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& option
   std::string expected;
   for (const std::string& what : map_formats()) expected += (expected.empty() ? "" : ", ") + what;
   throw InvalidInput(path.string() + ": is no map that can be read: " +
-                     (file.is_folder() ? "the folder holds no model of COLMAP (cameras, images, points3D as .bin or "
-                                         ".txt), nor folders 0, 1, ... that do"
+                     (file.is_folder() ? "the directory holds no model of COLMAP (cameras, images, points3D as .bin or "
+                                         ".txt), nor directories 0, 1, ... that do"
                                        : "expected " + expected + "; but " + describe(file)));
 }
 

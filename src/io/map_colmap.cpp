@@ -84,7 +84,7 @@ void add_camera(Model& model, std::uint32_t id, const std::string& kind, double 
   const double down = sphere ? 2.0 * parameters[2] : parameters[1];
   if (!(std::abs(across - width) <= 1.0) || !(std::abs(down - height) <= 1.0)) {
     fail(path, where,
-         "the parameters of " + kind + " tell of a panorama of " + shown(across) + " x " + shown(down) +
+         "the parameters of " + kind + " belong to a panorama of " + shown(across) + " x " + shown(down) +
              " pixels, the camera is " + shown(width) + " x " + shown(height) + "; expected the same");
   }
   model.cameras[id] = static_cast<int>(model.map.cameras.size());
@@ -164,7 +164,7 @@ void read_points_text(Model& model, const fs::path& path) {
     in.word("the point's error");
     while (!in.at_end()) {
       in.number<std::uint32_t>("an image of the track");
-      in.number<std::uint32_t>("a place in the image of the track");
+      in.number<std::uint32_t>("an observation of the track");
     }
     model.map.landmarks.push_back(landmark);
   }
@@ -300,6 +300,6 @@ SlamMap read(MapFile& file, const ReadMapOptions& options) {
 }  // namespace
 
 extern const MapFormat kColmap;
-const MapFormat kColmap{"COLMAP", "the folder of a model of COLMAP", is_model, read};
+const MapFormat kColmap{"COLMAP", "the directory of a model of COLMAP", is_model, read};
 
 }  // namespace pmsp::map_detail

@@ -86,8 +86,7 @@ void leave_out(RawMap& raw, SlamMap& map) {
   note_lost_poses(map, static_cast<std::size_t>(keyframes.end() - poses));
   if (poses == keyframes.begin() && !keyframes.empty()) {
     fail(raw.path, "keyframes",
-         "none of the " + std::to_string(keyframes.size()) + " keyframes has a pose that is not lost; " +
-             map.notes.back());
+         "none of the " + std::to_string(keyframes.size()) + " keyframes has a valid pose; " + map.notes.back());
   }
   keyframes.erase(poses, keyframes.end());
   const auto points = std::remove_if(raw.landmarks.begin(), raw.landmarks.end(),
@@ -181,7 +180,7 @@ class ObservationFilter {
     if (!(x >= -0.5F && x <= width && y >= -0.5F && y <= height)) {  // false for NaN
       fail(raw_.path, place(raw_.dialect, "keyframes", std::to_string(keyframe.id), raw_.keypoint_field),
            text("the keypoint of landmark ", observation.landmark_id, " lies at (", x, ", ", y,
-                "), expected a place in the camera's image of ", camera.width, " x ", camera.height, " pixels"));
+                "), expected a position in the camera's image of ", camera.width, " x ", camera.height, " pixels"));
     }
     return {x + 0.5F, y + 0.5F};
   }

@@ -203,8 +203,8 @@ class PartReader {
       if (!has_image_list_) {
         fail(map_.path, "",
              "the image " + in_quotes(keyframe.image) +
-                 " appears more than once: the file does not say in which "
-                 "folder each photo lies; give --image-list with one line for each of the " +
+                 " appears more than once, and the file contains no directories of the "
+                 "photos; give --image-list with one line for each of the " +
                  std::to_string(map_.keyframes.size()) + " cameras in the order of their ids, such as left/" +
                  keyframe.image +
                  ".jpg, or rename the photos so that no two share a label and export the cameras again");

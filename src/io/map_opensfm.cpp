@@ -143,7 +143,7 @@ SlamMap read_one(const JsonValue& json) {
   if (std::filesystem::exists(tracks, ignored)) {
     read_tracks(map, ids, tracks);
   } else if (!map.landmarks.empty()) {
-    map.notes.push_back("there is no tracks.csv beside it, which would say who sees which point");
+    map.notes.push_back("tracks.csv beside it is missing, so that observations of points are unknown");
   }
   return finish_scene(std::move(map));
 }

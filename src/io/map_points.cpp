@@ -108,7 +108,7 @@ void observe_landmarks(SlamMap& map) {
 
 std::vector<MapLandmark> landmarks_from_ply(const std::filesystem::path& path) {
   const PlyCloud cloud = read_ply(path);
-  if (cloud.positions.empty()) fail(path, "", "holds no points, expected some that stand in for landmarks");
+  if (cloud.positions.empty()) fail(path, "", "contains no points, expected some for use as landmarks");
   const std::size_t stride = (cloud.positions.size() + kMostPoints - 1) / kMostPoints;
   std::vector<MapLandmark> landmarks;
   for (std::size_t i = 0; i < cloud.positions.size(); i += stride) {

@@ -139,7 +139,7 @@ void sift_observations(SlamMap& map) {
         fail(map.path, name_of(keyframe),
              "the observation of point " + std::to_string(observation.landmark_id) + " lies at (" +
                  shown(static_cast<double>(x)) + ", " + shown(static_cast<double>(y)) +
-                 "), expected a place in the image of " + std::to_string(camera.width) + " x " +
+                 "), expected a position in the image of " + std::to_string(camera.width) + " x " +
                  std::to_string(camera.height) + " pixels");
       }
       keyframe.observations[kept++] = observation;
@@ -208,7 +208,7 @@ Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::f
              ", expected at most 0.001)");
   }
   if (matrix.determinant() < 0.0) {
-    fail(path, where, "mirrors (its determinant is -1), expected a rotation: were axes swapped or negated on the way?");
+    fail(path, where, "mirrors (its determinant is -1), expected a rotation; axes may have been swapped or negated");
   }
   const Eigen::Quaterniond q(matrix);
   return canonical_rotation({q.x(), q.y(), q.z(), q.w()}, q.norm());
@@ -242,7 +242,7 @@ std::string image_name(const std::string& name, const std::filesystem::path& pat
   }
   if (!image.has_filename() || text.back() == '.') {
     fail(path, where,
-         "names the image " + in_quotes(name) + ", expected a file in the image folder, by its path there");
+         "names the image " + in_quotes(name) + ", expected a file in the image directory, by its path there");
   }
   return image.generic_string();
 }
@@ -294,8 +294,8 @@ std::filesystem::path inner_folder(const std::string& name, SlamMap& map) {
   const fs::path folder = (home / name).lexically_normal();
   const fs::path inside = folder.lexically_relative(home);
   if (!inside.empty() && *inside.begin() != "..") return map.path.parent_path() / inside;
-  map.notes.push_back("the file says that its images are in " + in_quotes(name) +
-                      ", outside its own folder; --images says where they are");
+  map.notes.push_back("images in " + in_quotes(name) +
+                      ", outside the directory of the file, are not read; give --images");
   return {};
 }
 

@@ -49,7 +49,7 @@ void check_length(const std::filesystem::path& path) {
   const auto actual = static_cast<std::uint64_t>(file.tellg());
   if (count_is_valid && actual < expected) {
     fail(path, "",
-         "the file has " + std::to_string(actual) + " bytes where its header promises " + std::to_string(expected) +
+         "the file has " + std::to_string(actual) + " bytes, its header states " + std::to_string(expected) +
              ": it is truncated; copy it again");
   }
 }
@@ -231,7 +231,7 @@ void require_columns(const Database& database, const std::string& table, const s
                      const std::vector<std::string>& required) {
   if (present.empty()) {
     fail(database.path(), "table " + table,
-         "is not there, expected the tables cameras, keyframes, landmarks and associations of a stella_vslam map");
+         "is missing, expected the tables cameras, keyframes, landmarks and associations of a stella_vslam map");
   }
   for (const std::string& name : required) {
     if (!contains(present, name)) fail(database.path(), "table " + table, "has no column " + name);

@@ -170,8 +170,8 @@ MaskImage decode_mask(const std::filesystem::path& path) {
   }
   if (photo && !mask.by_alpha)
     throw InvalidInput(path.string() + ": is no mask: it has " + std::to_string(colours.size()) +
-                       " colours, as a photo or a depth map; expected an image that is 0 (black) where to ignore and "
-                       "one other colour where to use");
+                       " colours, as a photo or a depth map; expected two colours: black (0) = ignored, "
+                       "another one = used");
   return mask;
 }
 

@@ -29,7 +29,7 @@ std::string read_text(const std::filesystem::path& path) {
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(file.gcount()));
   if (!file.is_open() || file.bad()) throw IoError(path.string() + ": cannot be read");
-  if (text.size() > kMaxBytes) throw InvalidInput(path.string() + ": larger than 1 MiB, which no configuration is");
+  if (text.size() > kMaxBytes) throw InvalidInput(path.string() + ": larger than 1 MiB, expected a configuration");
   if (text.compare(0, 3, "\xEF\xBB\xBF") == 0) text.erase(0, 3);  // byte order mark
   return text;
 }

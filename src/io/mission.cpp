@@ -77,8 +77,8 @@ void Mission::set_map(SlamMap read) {
 void Mission::check_poses() {
   if (options_.verify_map && map.observations_are_tested && !map.landmarks.empty() && convention.observations == 0) {
     log_.warning(
-        "cannot tell whether the map was read by the right conventions: too few landmarks are observed (100 times at "
-        "least needed)");
+        "unknown whether the map was read by the right conventions: too few observations of landmarks, expected at "
+        "least 100");
   }
   if (map.landmarks.empty()) {
     log_.stage("comparing the poses with the images");
@@ -117,8 +117,8 @@ void Mission::check_points() {
       refuse("its points do not fit its poses and images: " + percent(points.agree) + " of " +
              std::to_string(points.compared) + " lie where the images show a surface, while poses and images fit " +
              "each other (" + percent(poses.share) +
-             " of the patches are found at one depth); the points may be of another frame or scale: give those of the "
-             "frame of the poses, or none, so that landmarks are made from the images");
+             " of the patches are found at one depth); the points may be of another frame or scale; give points in the "
+             "frame of the poses, or none: landmarks are then made from the images");
     }
   }
   if (!poses.message.empty()) log_.warning(poses.message);

@@ -37,8 +37,8 @@ struct OtherPairing {
   bool reversed = false;
   io::Presentation presentation;
 };
-const OtherPairing kOthers[] = {{"each taken for that of the keyframe before", -1, false, {}},
-                                {"each taken for that of the keyframe after", 1, false, {}},
+const OtherPairing kOthers[] = {{"each paired with the previous keyframe", -1, false, {}},
+                                {"each paired with the next keyframe", 1, false, {}},
                                 {"in reverse order", 0, true, {}},
                                 {"mirrored", 0, false, {true, false, false}},
                                 {"flipped top to bottom", 0, false, {false, true, false}},
@@ -134,9 +134,8 @@ PairingVerifier::Verdict PairingVerifier::verdict() const {
                        !(found.tries() >= kFewFound && verdict.fit >= io::kLeastFit);
   verdict.conclusive = is_flat || (found.tries() >= kConclusive && found.images() >= kConclusiveImages);
   if (!verdict.conclusive) {
-    verdict.message =
-        "cannot tell whether the images belong to their keyframes: only " + std::to_string(verdict.comparisons) +
-        " landmarks could be compared between keyframes (at least " + std::to_string(kConclusive) + " needed)";
+    verdict.message = "unknown whether the images belong to their keyframes: " + std::to_string(verdict.comparisons) +
+                      " landmarks compared between keyframes, expected at least " + std::to_string(kConclusive);
     return verdict;
   }
   const double least = given.least_fit();
@@ -145,9 +144,9 @@ PairingVerifier::Verdict PairingVerifier::verdict() const {
   verdict.belongs = !is_flat && fits && !impl_->clearly_better(impl_->best_other(kWrongConclusive));
   verdict.doubtful = verdict.belongs && verdict.fit < io::kExpectedFit;
   if (is_flat) {
-    verdict.message = "the images do not belong to these keyframes: at " +
+    verdict.message = "the images do not belong to these keyframes: no texture at " +
                       percent(static_cast<double>(given.flat()) / given.looked_at()) + " of " +
-                      std::to_string(given.looked_at()) + " landmarks they show nothing; " + advice;
+                      std::to_string(given.looked_at()) + " landmarks; " + advice;
     return verdict;
   }
   const OtherPairing* other = impl_->best_other(kMinNamedTries);
@@ -164,10 +163,9 @@ PairingVerifier::Verdict PairingVerifier::verdict() const {
   if (!verdict.belongs) {
     verdict.message = "the images do not belong to these keyframes: only " + figures + "; " + advice;
   } else if (verdict.doubtful) {
-    verdict.message =
-        "the images may not belong to their keyframes: only " + figures +
-        (least < 0.5 * (io::kLeastFit + io::kLeastFitInNoise) ? ", as where noise hides much of what they show" : "") +
-        "; look at the result, and check --images, --video, --frame-offset and --fps";
+    verdict.message = "the images may not belong to their keyframes: only " + figures +
+                      (least < 0.5 * (io::kLeastFit + io::kLeastFitInNoise) ? ", as with strong noise" : "") +
+                      "; inspect the result, and check --images, --video, --frame-offset and --fps";
   } else {
     verdict.message = "the images belong to their keyframes: " + figures;
   }

@@ -40,7 +40,7 @@ class EntryReader {
     PlanEntry entry;
     entry.id = id_of(at("id"), "id");
     const Json& use = at("use");
-    if (!use.is_string()) refuse("use", use, "a text");
+    if (!use.is_string()) refuse("use", use, "a string");
     try {
       entry.use = keyframe_use_from_name(use.get<std::string>());
     } catch (const InvalidInput& error) {

@@ -100,7 +100,7 @@ std::vector<PoseConvention> other_conventions() {
     conventions.push_back({camera.inverted, true, camera.axes});
   }
   const char* const kQuaternion = "quaternions with w first (qw qx qy qz where qx qy qz qw is expected)";
-  const char* const kReorder = "write the poses with qw last; a cloud of them as they are would be wrong";
+  const char* const kReorder = "write the poses with qw last; a cloud of this map would be wrong";
   conventions.push_back({kQuaternion, false, axes(1, 1, 1), true, kReorder});
   conventions.push_back({std::string(kQuaternion) + " of inverted poses", true, axes(1, 1, 1), true, kReorder});
   for (const Eigen::Matrix3d& turn : axis_rotations()) {
@@ -108,14 +108,13 @@ std::vector<PoseConvention> other_conventions() {
     if (std::any_of(cameras.begin(), cameras.end(), is_listed)) continue;
     conventions.push_back({"poses of a body, an IMU's or a base's, with " + body_axes(turn), false, turn, false,
                            "give --camera-from-body FILE with these 12 numbers: " + rows(turn) +
-                               " (each 4th is the body's place seen from the camera)"});
+                               " (every fourth: position of the body in the camera frame)"});
   }
   return conventions;
 }
 
 std::string remedy_of(const PoseConvention& convention) {
-  return convention.remedy.empty() ? "put that right where the file was written, a cloud of it would be wrong"
-                                   : convention.remedy;
+  return convention.remedy.empty() ? "correct the export, a cloud of this map would be wrong" : convention.remedy;
 }
 
 }  // namespace pmsp::map_detail

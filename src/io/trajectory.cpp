@@ -246,7 +246,7 @@ Trajectory read_matrices(const std::vector<Row>& rows, const std::filesystem::pa
   Trajectory result;
   result.format = "KITTI poses";
   result.notes.emplace_back(
-      "poses have no times; line N is taken for frame N - 1, unless --image-list names the images");
+      "poses have no timestamps; line N is read as frame N - 1, unless --image-list names the images");
   for (const Row& row : rows) {
     Eigen::Matrix<double, 3, 4> m;
     for (Eigen::Index i = 0; i < 3; ++i) {
@@ -322,13 +322,13 @@ Trajectory read_trajectory(const std::filesystem::path& path) {
                   : columns.rotation == kWFirst && has_nanoseconds ? "EuRoC or VINS trajectory"
                                                                    : "TUM trajectory";
   const bool is_order_first = columns.rotation[3] < columns.rotation[0];
-  if (style.named && is_order_first) why = "as the line with the columns' names says";
+  if (style.named && is_order_first) why = "by the line with the names of the columns";
   if (!why.empty()) {
     result.notes.push_back("quaternions are read with w " + std::string(is_order_first ? "first" : "last") + ", " +
                            why +
                            (style.named      ? ""
-                            : is_order_first ? "; a first line \"# timestamp tx ty tz qx qy qz qw\" says otherwise"
-                                             : "; a first line \"# timestamp tx ty tz qw qx qy qz\" says otherwise"));
+                            : is_order_first ? "; a first line \"# timestamp tx ty tz qx qy qz qw\" selects w last"
+                                             : "; a first line \"# timestamp tx ty tz qw qx qy qz\" selects w first"));
   }
   const std::size_t last = std::max({columns.time, *std::max_element(columns.position.begin(), columns.position.end()),
                                      *std::max_element(columns.rotation.begin(), columns.rotation.end())});
@@ -411,7 +411,7 @@ RigidTransform read_camera_from_body(const std::filesystem::path& path, std::str
     result.rotation = rotation_from_matrix(turn, path, "");
     if (numbers.size() == 16 &&
         (numbers[12] != 0.0 || numbers[13] != 0.0 || numbers[14] != 0.0 || numbers[15] != 1.0)) {
-      fail(path, "", "has another last row than 0 0 0 1, expected a rotation and a translation, row by row");
+      fail(path, "", "last row is not 0 0 0 1, expected a rotation and a translation, row by row");
     }
   } else {
     fail(path, "",
@@ -422,7 +422,7 @@ RigidTransform read_camera_from_body(const std::filesystem::path& path, std::str
   if (!result.rotation.allFinite() || !is_position(result.translation)) {
     fail(path, "", std::string("is no transform, ") + kExpectedPosition);
   }
-  note = "poses are those of a body; the camera stands in it by " + path.filename().string() +
+  note = "poses are those of a body; transform to the camera: " + path.filename().string() +
          (key != nullptr ? std::string(" (") + key->name + (key->is_body_from_camera ? ", inverted)" : ")") : "");
   return key != nullptr && key->is_body_from_camera ? result.inverse() : result;
 }

@@ -28,7 +28,7 @@ class Video final : public ImageSource {
     reader_.set_fallback_fps(io::is_frame_rate(pairing_.rate) ? pairing_.rate : kFallbackFps);
     plan(map);
     description_ = std::to_string(ids_.size()) + " of " + std::to_string(map.keyframes.size()) +
-                   " keyframes looked for in " + path_.string() + ": " + pairing_.description;
+                   " keyframes searched in " + path_.string() + ": " + pairing_.description;
     if (!options.allow_missing) require_half(map.keyframes.size());
   }
 
@@ -201,8 +201,7 @@ std::unique_ptr<ImageSource> open_video(const SlamMap& map, const std::filesyste
   if (!(options.fps >= 0.0) || !std::isfinite(options.fps))
     throw InvalidOption("fps = " + io::format_number(options.fps) + ": expected a number > 0, or 0 for the map's own");
   if (options.presentation_times && options.fps > 0.0)
-    throw InvalidOption(
-        "fps and presentation_times exclude each other: one counts frames, the other takes their times");
+    throw InvalidOption("fps and presentation_times exclude each other: timestamps are counts of frames, or times");
   if (map.keyframes.empty()) throw InvalidInput(map.path.string() + ": the map has no keyframe");
   return std::make_unique<Video>(map, video, options);
 }

@@ -48,7 +48,7 @@ class Chooser {
 
   VideoPairing choose() {
     VideoPairing chosen = find();
-    chosen.description = describe(chosen) + (is_shown_ ? ", as frames and landmarks show" : "");
+    chosen.description = describe(chosen) + (is_shown_ ? ", by landmarks in the frames" : "");
     return chosen;
   }
 
@@ -85,7 +85,7 @@ class Chooser {
     if (counts && (is_unix_ || !has_times)) return {reading(Reading::kSourceFrame)};
     if (!has_times) {
       throw InvalidInput(path_.string() + ": the keyframes of " + map_.path.string() + " all have the timestamp " +
-                         format_number(first_) + " s, which places none in a video; give their images with --images");
+                         format_number(first_) + " s, which determines no frames; give the images with --images");
     }
     const bool asks_for_indices = options_.fps > 0.0 || options_.frame_offset.has_value();
     const bool has_rate = is_frame_rate(rate_);
@@ -140,14 +140,14 @@ class Chooser {
 
   [[noreturn]] void refuse_unix_times() const {
     throw InvalidInput(path_.string() + ": the timestamps of " + map_.path.string() +
-                       " are Unix times, and nothing shows which frame is that of the first keyframe; set "
-                       "--frame-offset (0 = the first frame), and --fps where the SLAM counted at another rate");
+                       " are Unix times, and the frame of the first keyframe is unknown; set --frame-offset (0 = the "
+                       "first frame), and --fps if the SLAM counted at another rate");
   }
 
   [[noreturn]] void refuse_alike() const {
     throw InvalidInput(path_.string() + ": the timestamps of " + map_.path.string() +
                        " may be presentation times or counts of frames (timestamp x " + format_number(rate_) +
-                       " fps), and the frames do not show which; set --presentation-times or --fps " +
+                       " fps), which the frames do not decide; set --presentation-times or --fps " +
                        format_number(rate_));
   }
 
@@ -245,10 +245,9 @@ class Chooser {
     if (!fitting.empty()) return best_of(fitting);
     if (poor) return poor->pairing;  // left to the pairing check
     throw InvalidInput(path_.string() + ": its frames do not show the landmarks of " + map_.path.string() +
-                       ", with the timestamps taken for " + names_of(readings) + ", at any offset within the first " +
+                       ", with the timestamps read as " + names_of(readings) + ", at any offset within the first " +
                        std::to_string(VideoFrames::kMost) +
-                       " frames; set --frame-offset, --fps or --presentation-times, or give the video that the map "
-                       "was made from");
+                       " frames; set --frame-offset, --fps or --presentation-times, or give the video of the map");
   }
 
   struct Tried {

@@ -67,7 +67,7 @@ void check(const MatchInput& input, const PatchMatchOptions& options) {
   for (const PosedPanorama& neighbour : input.neighbours) {
     const double distance =
         (neighbour.pose.cam_from_world.center() - input.reference.pose.cam_from_world.center()).norm();
-    if (!(distance <= 4e12)) throw InvalidInput("patchmatch: a neighbour is more than 4e12 scene units away");
+    if (!(distance <= 4e12)) throw InvalidInput("patchmatch: a neighbour is more than 4e12 map units away");
   }
 }
 

@@ -50,19 +50,19 @@ class PlanChecker {
     std::int64_t place = 0;
     for (const PlanEntry& entry : plan.entries) {
       const bool is_new = entries_.emplace(entry.id, Placed{&entry, place}).second;
-      if (!is_new) refuse(entry, "is there twice; expected each id once");
+      if (!is_new) refuse(entry, "appears more than once; expected unique ids");
       if (entry.used()) ++place;
     }
   }
 
   void check(const PlanEntry& entry, const std::vector<List>& lists) const {
     for (const List& list : lists) check(entry, list);
-    if (entry.near.empty()) refuse(entry, "gets a depth map, but near names nobody; expected a keyframe at least");
+    if (entry.near.empty()) refuse(entry, "has a depth map, but near is empty; expected at least one keyframe");
     if (entry.first_planes) check_first_planes(entry);
     const DepthRange& range = entry.range;
     if (range.min >= kMinDepth && range.max > range.min && range.max <= kMaxDepth) return;
     std::ostringstream text;
-    text << "gets a depth map, but its range is " << range.min << " to " << range.max << "; expected " << kMinDepth
+    text << "has a depth map, but its range is " << range.min << " to " << range.max << "; expected " << kMinDepth
          << " <= min < max <= " << kMaxDepth;
     refuse(entry, text.str());
   }
@@ -89,7 +89,7 @@ class PlanChecker {
     if (id == entry.id) refuse(entry, list, id, ", itself");
     const PlanEntry& named = *found->second.entry;
     if (!(images_only ? named.used() : named.has_depth_map())) {
-      refuse(entry, list, id, images_only ? ", which is not used" : ", which gets no depth map");
+      refuse(entry, list, id, images_only ? ", which is not used" : ", which has no depth map");
     }
     return found->second.place - entries_.at(entry.id).place;
   }
@@ -117,7 +117,7 @@ class PlanChecker {
     const bool warps = options_.advanced.init.warp_previous && !options_.unordered;
     if (warps && away == -1) return;
     refuse(entry, "first_planes", id,
-           std::string("; expected ") + (warps ? "the used keyframe before" : "nobody") + kOtherOptions);
+           std::string("; expected ") + (warps ? "the previous used keyframe" : "none") + kOtherOptions);
   }
 
   const DensifierOptions& options_;

@@ -65,8 +65,8 @@ class HaloFinder {
 void check_chain(const DensifierOptions& options) {
   if (!options.advanced.init.warp_previous || options.advanced.init.chain_keyframes != 0 || options.unordered) return;
   throw InvalidOption(
-      "init.chain_keyframes is 0: planes are handed on from keyframe to keyframe through the whole flight, so that "
-      "every result depends on all keyframes before; expected 1 to 100000, or init.warp_previous off");
+      "init.chain_keyframes is 0; expected 1 to 100000, or init.warp_previous off: planes are warped from keyframe to "
+      "keyframe through the whole mission, so that every result depends on all previous keyframes");
 }
 
 PassRange pass_range(const Shortcut* shortcut, int passes) {

@@ -68,7 +68,7 @@ Plan make_plan(const std::vector<PlanKeyframe>& keyframes, const DensifierOption
   std::unordered_set<std::int64_t> ids;
   for (const PlanKeyframe& keyframe : keyframes) {
     if (!ids.insert(keyframe.id).second) {
-      throw InvalidInput("keyframe " + std::to_string(keyframe.id) + " is there twice; expected each id once");
+      throw InvalidInput("keyframe " + std::to_string(keyframe.id) + " appears more than once; expected unique ids");
     }
   }
   Planner planner(options, previous);

@@ -192,7 +192,7 @@ DepthAlignment align_prior_depth(ImageView<const float> values, const Keyframe& 
     best.why_not = "it agrees with " + percent(best.share) + " of " + std::to_string(pairs.size()) +
                    " landmarks to 15 %; expected " + percent(kMinShare) + " or more";
   } else if (sum_of_errors(best, pairs) > kBetterThanFlat * error_of_flat(pairs)) {
-    best.why_not = "it tells little more about the landmarks than the same depth everywhere";
+    best.why_not = "it fits the landmarks hardly better than a constant depth";
   }
   return best;
 }

@@ -121,8 +121,8 @@ Mission make(Recipe recipe, const Scene& scene, Flight flight) {
   const std::optional<Hit> ahead = scene.intersect(flight.start, flight.direction);
   if (ahead && ahead->distance < length + kClearance) {
     const int most = 1 + static_cast<int>((ahead->distance - kClearance) / flight.step);
-    throw InvalidOption("keyframes = " + std::to_string(recipe.keyframes) + ": the flight would meet a wall; at most " +
-                        std::to_string(most) + " keyframes fit into this scene.");
+    throw InvalidOption("keyframes is " + std::to_string(recipe.keyframes) + "; expected at most " +
+                        std::to_string(most) + " in this scene: the path would hit a wall");
   }
   if (recipe.movers > 0) {
     recipe.mission.movers = [&](Scene& then, std::size_t index) {
@@ -443,8 +443,8 @@ Mission yard(const Recipe& recipe) {
 
 Mission flat_photos(const Recipe& recipe) {
   if (recipe.movers > 0) {
-    throw InvalidOption("movers = " + std::to_string(recipe.movers) +
-                        ": this scene has no flight beside which they walk; expected 0.");
+    throw InvalidOption("movers is " + std::to_string(recipe.movers) +
+                        "; expected 0 in this scene, which has no path to walk beside");
   }
   Textures textures(recipe);
   Scene scene;

@@ -44,7 +44,7 @@ std::string transfer(Byte* data, std::size_t bytes, std::uint64_t at, const char
 ScratchFile::ScratchFile(const std::string& folder) : folder_(folder), file_(open_nameless(folder)) {
   if (file_ >= 0) return;
   throw OutputError(folder + ": no scratch file can be made there (" + std::strerror(errno) +
-                    "); name an existing folder that may be written to");
+                    "); give an existing, writable directory");
 }
 
 ScratchFile::~ScratchFile() { ::close(file_); }
@@ -67,7 +67,7 @@ void ScratchFile::write(std::uint64_t at, const void* data, std::size_t bytes) {
                [&](const char* from, std::size_t size, off_t place) { return ::pwrite(file_, from, size, place); });
   if (why.empty()) return;
   throw OutputError(folder_ + ": scratch data cannot be written there (" + why +
-                    "); free some space or name another folder");
+                    "); free some space or give another directory");
 }
 
 void ScratchFile::read(std::uint64_t at, void* data, std::size_t bytes) const {

@@ -155,8 +155,7 @@ class Reader {
     return pose;
   }
   [[noreturn]] void refuse() const {
-    throw IoError(path_.string() +
-                  ": this file of the workspace is damaged; delete it and run again, and it is made anew");
+    throw IoError(path_.string() + ": this file of the workspace is damaged; delete it and run again");
   }
 
  private:

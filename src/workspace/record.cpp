@@ -215,7 +215,7 @@ Record record_from_json(const std::string& text, const std::string& where) {
     return record_from(json, where);
   } catch (const std::exception& error) {
     throw InvalidInput(where + ": is no record of a workspace that this version can read (" + error.what() +
-                       "); name another folder, or delete this one");
+                       "); give another directory, or delete this one");
   }
 }
 

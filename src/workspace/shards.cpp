@@ -73,7 +73,7 @@ ShardJob job_from(const Json& json) {
   job.camera_from_body = json.value("camera_from_body", "");
   job.component = json.value("component", -1);
   job.options = json.at("options").dump();
-  if (job.count < 1) throw InvalidInput(std::to_string(job.count) + " shards; expected 1 at least");
+  if (job.count < 1) throw InvalidInput(std::to_string(job.count) + " shards; expected at least 1");
   return job;
 }
 
@@ -124,7 +124,7 @@ auto read(const fs::path& path, const char* format, const From& from) {
     return from(json);
   } catch (const std::exception& error) {
     throw IoError(path.string() + ": this file of the workspace is damaged or of another version (" + error.what() +
-                  "); delete the folder that it lies in and run the shards again");
+                  "); delete the directory that it lies in and run the shards again");
   }
 }
 
@@ -153,7 +153,7 @@ std::string other_options(const std::string& mine, const std::string& job) {
     std::string name = key.substr(1);
     std::replace(name.begin(), name.end(), '/', '.');
     if (++named > 3) return text + " and more";
-    text += (named > 1 ? ", " : "") + name + " " + (found == a.end() ? "none" : found->dump()) + " in place of " +
+    text += (named > 1 ? ", " : "") + name + " " + (found == a.end() ? "none" : found->dump()) + " instead of " +
             value.dump();
   }
   return text;
@@ -255,13 +255,13 @@ void ShardFolder::remove() const {
 
 std::string difference(const ShardJob& mine, const ShardJob& job) {
   if (mine.count != job.count) {
-    return "it is shared out among " + std::to_string(job.count) + ", not " + std::to_string(mine.count);
+    return "it is one of " + std::to_string(mine.count) + " shards, not of " + std::to_string(job.count);
   }
   const std::string options = other_options(mine.options, job.options);
   if (!options.empty()) return "its options differ: " + options;
-  if (mine.map_bytes != job.map_bytes) return "its map is another one than " + job.map + " was";
+  if (mine.map_bytes != job.map_bytes) return "its map differs from " + job.map;
   if (mine.mask_bytes != job.mask_bytes) {
-    return "its mask is another one than " + (job.mask.empty() ? "theirs, which is none" : job.mask + " was");
+    return "its mask differs from " + (job.mask.empty() ? "theirs, none" : job.mask);
   }
   for (const auto& [its, others] : {std::pair(mine.engine, job.engine), std::pair(mine.build, job.build)}) {
     if (!its.empty() && its != others) return "its engine is " + quoted(its) + ", theirs is " + quoted(others);
@@ -275,7 +275,7 @@ std::string difference(const ShardJob& mine, const ShardJob& job) {
     return "--fps, --frame-offset or --presentation-times differ";
   }
   if (!mine.step.empty() && mine.step != job.step) {
-    return "the images, or what lies in the workspace, are not what they were, or it cannot read all that they could";
+    return "images or contents of the workspace have changed, or not all can be read here";
   }
   return "";
 }

@@ -64,9 +64,7 @@ Workspace::Workspace(const fs::path& folder, Access access)
   const fs::path record = folder / kRecord;
   if (!holds_record() && fs::exists(fs::symlink_status(folder, error))) {
     if (!fs::is_directory(folder, error)) {
-      throw InvalidInput(folder.string() +
-                         ": is no folder; expected one that a run with this option has made, or a new "
-                         "name");
+      throw InvalidInput(folder.string() + ": is no directory; expected a workspace of an earlier run, or a new name");
     }
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
       const std::string name = it->path().filename().string();
@@ -74,8 +72,7 @@ Workspace::Workspace(const fs::path& folder, Access access)
         continue;                 // remains of a killed run
       if (holds_record()) break;  // another shard has just created it
       throw InvalidInput(folder.string() +
-                         ": is no workspace, and not empty; expected a folder that a run with this "
-                         "option has made, or a new name");
+                         ": is no workspace, and not empty; expected a workspace of an earlier run, or a new name");
     }
   }
   make_folder(folder);

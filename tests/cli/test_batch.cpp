@@ -116,7 +116,7 @@ TEST_CASE("a batch that is killed takes its runs with it, and goes on from there
   const pid_t child = stop_run_of(missions, "c");
   const Result second = missions.batch();
   CHECK(second.code == 6);
-  CHECK_THAT(second.err, Contains("another process works in this folder of a batch"));
+  CHECK_THAT(second.err, Contains("another process works in this directory of a batch"));
   kill(command.pid(), SIGKILL);
   CHECK(command.wait().code == 137);
 #if defined(__linux__)
@@ -171,7 +171,7 @@ TEST_CASE("missions whose memory is not there wait for others, and are made then
   const bool is_a = is_running("a");
   const pid_t first = stop_run_of(missions, is_a ? "a" : "b");
   const std::string second = is_a ? "b" : "a";
-  REQUIRE(comes([&] { return command.err_so_far().find(second + ": waits until others have") != std::string::npos; }));
+  REQUIRE(comes([&] { return command.err_so_far().find(second + ": waits for memory") != std::string::npos; }));
   CHECK(missions.status(second)["state"] == "running");
   CHECK_FALSE(is_running(second.c_str()));
   CHECK_FALSE(fs::exists(missions.result(second) / "work"));
@@ -216,12 +216,12 @@ TEST_CASE("processes that have a share each make a batch together, the table say
   const Result middle = missions.bare({"--summary"});
   CHECK(middle.code == 7);
   CHECK_THAT(middle.out, Contains("1 of 5 missions done, 1 failed, 1 running, 2 waiting"));
-  CHECK_THAT(missions.batch().err, Contains("another process works in this folder of a batch"));
+  CHECK_THAT(missions.batch().err, Contains("another process works in this directory of a batch"));
 
   const std::string before = read_text(missions.result("a") / "status.json");
   const Result same = missions.batch({"--only", "0/5"});  // somebody makes it already
   CHECK(same.code == 8);
-  CHECK_THAT(same.out, Contains("another process works in this folder of a mission"));
+  CHECK_THAT(same.out, Contains("another process works in this directory of a mission"));
   CHECK(read_text(missions.result("a") / "status.json") == before);
 
   kill(first.pid(), SIGKILL);

@@ -105,8 +105,8 @@ TEST_CASE("a manifest or a command line that makes no sense ends a batch before 
     CHECK_FALSE(fs::exists(missions / "out"));
   };
   const std::string good = Missions::line("a").dump() + "\n";
-  refused(good + "\n" + good, 3, {}, "lines 1 and 3 are both called \"a\"");
-  refused("", 3, {}, "there is no mission in it");
+  refused(good + "\n" + good, 3, {}, "lines 1 and 3 are both named \"a\"");
+  refused("", 3, {}, "contains no mission");
   refused("name\tmap\tpicture\n", 3, {}, "there is no column \"picture\"");
   refused(good, 2, {"--jobs", "0"}, "--jobs is \"0\"");
   refused(good, 2, {"--memory", "0"}, "--memory is \"0\"");
@@ -138,7 +138,7 @@ TEST_CASE("a folder that is not of a batch stays as it is") {
   write_text(missions.result("b") / "status.json", "somebody's");
   const Result result = missions.batch();
   CHECK(result.code == 8);
-  CHECK_THAT(result.out, Contains("not of a batch") && Contains("is no status of a mission"));
+  CHECK_THAT(result.out, Contains("no result of a batch") && Contains("is no status of a mission"));
   CHECK(read_text(missions.result("a") / "cloud.ply") == "somebody's");
   CHECK(read_text(missions.result("b") / "status.json") == "somebody's");
 }

@@ -88,7 +88,7 @@ TEST_CASE("a call of batch that makes nothing writes nothing", "[batch]") {
   const Missions missions;
   const Result no_batch = missions.bare({"--summary"});
   CHECK(no_batch.code == 3);
-  CHECK_THAT(no_batch.err, Contains("is no folder of a batch"));
+  CHECK_THAT(no_batch.err, Contains("is no directory of a batch"));
   missions.write({Missions::line("a", {{"options", {{"fusion-window", 99}}}})});
   for (const std::vector<std::string>& call : {std::vector<std::string>{}, {"--summary"}, {"--dry-run"}}) {
     const Result result = missions.batch(call);

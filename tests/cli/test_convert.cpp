@@ -194,7 +194,7 @@ TEST_CASE("what convert cannot do is refused with the way to do it", "[convert]"
     CHECK(result.code == code);
     CHECK_THAT(result.err, Contains(why));
   };
-  refused(2, cloud, dir / "c.colmap", {}, "`run -o` writes it");
+  refused(2, cloud, dir / "c.colmap", {}, "write it with `run -o`");
   refused(2, cloud, dir / "c.nerfstudio", {}, "dataset of images");
   refused(2, cloud, dir / "c.ply", {"--align", "exif"}, "needs the images");
   refused(2, cloud, dir / "c.ply", {"--up"}, "--map MAP");

@@ -155,7 +155,7 @@ TEST_CASE("points that are not of the poses, and poses that are not of the point
   const Result few = run(map, "few");
   INFO(few.err);
   CHECK(few.code == 0);
-  CHECK_THAT(few.err, Contains("warning: cannot tell whether the images belong") && !Contains("points do not fit"));
+  CHECK_THAT(few.err, Contains("warning: unknown whether the images belong") && !Contains("points do not fit"));
 }
 
 TEST_CASE("poses that the images do not fit are refused, three images are too few to tell") {
@@ -181,7 +181,7 @@ TEST_CASE("poses that the images do not fit are refused, three images are too fe
   map.keyframes.resize(3);
   const Result few = run(map, "few");
   CHECK(few.code == 0);
-  CHECK_THAT(few.err, Contains("warning: cannot tell whether the poses fit the images: 3 images"));
+  CHECK_THAT(few.err, Contains("warning: unknown whether the poses fit the images: 3 images"));
 }
 
 TEST_CASE("a check that cannot decide gives a warning") {
@@ -190,8 +190,8 @@ TEST_CASE("a check that cannot decide gives a warning") {
   for (MapKeyframe& keyframe : map.keyframes) keyframe.observations.resize(15);
   write_opensfm(dir / "few", map);
   const Result few = densify(run_on(dir / "few/reconstruction.json", mission() / "images", dir / "few.ply"));
-  CHECK_THAT(few.err, Contains("warning: cannot tell whether the map was read by the right conventions") &&
-                          Contains("warning: cannot tell whether the images belong to their keyframes"));
+  CHECK_THAT(few.err, Contains("warning: unknown whether the map was read by the right conventions") &&
+                          Contains("warning: unknown whether the images belong to their keyframes"));
 }
 
 TEST_CASE("a consistency filter that keeps less than a fifth gives a warning") {
@@ -213,7 +213,7 @@ TEST_CASE("info tells of an import, and a wrong one is refused by name") {
   INFO(told.err);
   CHECK(told.code == 0);
   CHECK_THAT(told.out, Contains("OpenSfM") && Contains("component 0 of 2; keyframes of each: 5 2") &&
-                           Contains("projection: landmarks lie") && Contains("5 of 5 keyframes have one"));
+                           Contains("projection: landmarks are") && Contains("5 of 5 keyframes have one"));
   const Result other = densify({"info", (dir / "a/reconstruction.json").string(), "--component", "1", "--json"});
   const auto json = nlohmann::json::parse(other.out);
   CHECK(json["keyframes"] == 2);

@@ -283,11 +283,11 @@ TEST_CASE("fuse says what it needs", "[fuse]") {
   CHECK_THAT(scale.err, Contains("--depth-scale") && Contains("auto"));
   const Result own = densify(quick_fuse(dir / "depth", dir / "c.ply", {"--depth-maps", (dir / "depth").string()}));
   CHECK(own.code == 2);
-  CHECK_THAT(own.err, Contains("is the folder of the depth images"));
+  CHECK_THAT(own.err, Contains("is the directory of the depth images"));
   CHECK(densify(quick_fuse(dir / "depth", dir / "c.ply", {"--workspace", (dir / "w").string()})).code == 2);
 }
 
-TEST_CASE("depth maps are written in scene units, whatever their keyframe's unit", "[fuse]") {
+TEST_CASE("depth maps are written in map units, whatever their keyframe's unit", "[fuse]") {
   const TempDir dir;
   const SlamMap map = read_map(mission() / "map.msg");
   DepthMap depth;

@@ -129,7 +129,8 @@ TEST_CASE("masks that come with the images are used, and said", "[masks]") {
   for (int i = 0; i < 3; ++i) fs::copy(mission() / "mask.png", dir / "mission/masks" / numbered(i, ".png.png"));
   for (int i = 3; i < 5; ++i) fs::copy(mission() / "mask.png", dir / "mission/images" / numbered(i, "_mask.png"));
   const Masked found = copied_run(dir);
-  CHECK_THAT(found.result.err, Contains("5 of 5 keyframes") && Contains("3 of 5 images have one in the folder masks") &&
+  CHECK_THAT(found.result.err, Contains("5 of 5 keyframes") &&
+                                   Contains("3 of 5 images have one in the directory masks") &&
                                    Contains("2 of 5 images have one beside them") && Contains("--no-masks"));
   CHECK(found.mask["with_file"] == 5);
   const std::string cloud = read_text(dir / "c.ply");

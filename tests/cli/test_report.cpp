@@ -137,7 +137,7 @@ TEST_CASE("a report is made from a cloud or a workspace alone, and says what it 
   CHECK(cloud["unit"] == "map units");
   CHECK(cloud["keyframes"].empty());
   CHECK(cloud["normals"] == true);
-  CHECK_THAT(cloud["notes"].dump(), Contains("knows no keyframes"));
+  CHECK_THAT(cloud["notes"].dump(), Contains("without keyframes, pictures"));
   REQUIRE(report("work", "work.html").code == 0);
   const ordered_json work = data_of(read_text(dir / "work.html"));
   CHECK(work["points_in"] == stats["points_written"]);
@@ -145,7 +145,7 @@ TEST_CASE("a report is made from a cloud or a workspace alone, and says what it 
   std::size_t used = 0;
   for (const ordered_json& keyframe : work["keyframes"]) used += keyframe["use"] == "depth map" ? 1 : 0;
   CHECK(used == stats["keyframes"]["depth_maps"]);
-  CHECK_THAT(work["notes"].dump(), Contains("no pictures"));
+  CHECK_THAT(work["notes"].dump(), Contains("without pictures"));
   CHECK(report("work", "work.html").code == 6);
   CHECK(report("work", "work.html", {"--force"}).code == 0);
   CHECK(report("c.ply", "c.ply", {"--force"}).code == 2);
@@ -173,5 +173,5 @@ TEST_CASE("merged shards give a report") {
   REQUIRE(merged.code == 0);
   const ordered_json data = data_of(read_text(dir / "r.html"));
   CHECK(data["points_in"] == ordered_json::parse(read_text(dir / "s.json"))["points_written"]);
-  CHECK_THAT(data["notes"].dump(), Contains("no pictures"));
+  CHECK_THAT(data["notes"].dump(), Contains("not available from shards"));
 }

@@ -199,8 +199,8 @@ TEST_CASE("killed at any moment and run again, a shard goes on", "[shards]") {
 TEST_CASE("a shard that does not go with the others is refused, and merge says why", "[shards]") {
   const TempDir dir;
   require_ok(densify(shard(dir, "0/3")));
-  check_fails(shard(dir, "1/3", {"--seed", "7"}), 3, {"shard 1/3 does not go with", "seed 7 in place of 1"});
-  check_fails(merge(dir), 3, {"shards 1 and 2 of 3 have not finished", "shard 1 failed on ", "seed 7 in place of 1"});
+  check_fails(shard(dir, "1/3", {"--seed", "7"}), 3, {"shard 1/3 does not match", "seed 7 instead of 1"});
+  check_fails(merge(dir), 3, {"shards 1 and 2 of 3 have not finished", "shard 1 failed on ", "seed 7 instead of 1"});
   check_fails(shard(dir, "1/4"), 3, {"among 3, not 4"});
   const std::string engine = other_engine();
   if (!engine.empty()) {

@@ -102,7 +102,7 @@ TEST_CASE("usage errors give 2 and name what is wrong") {
       {{"m.msg", "--images", "a", "--date", "2026-02-29"}, "--date is \"2026-02-29\"; expected a day"},
       {{"m.msg", "--images", "a", "--depth-format", "pfm,tiff"}, "--depth-format is \"pfm,tiff\"; expected"},
       {{"m.msg", "--images", "a", "--align", "t.txt", "--up"}, "--align and --up exclude each other"},
-      {{"m.msg", "--images", "a", "--preview", "./a"}, "--preview ./a is the folder of the images"},
+      {{"m.msg", "--images", "a", "--preview", "./a"}, "--preview ./a is the directory of the images"},
   };
   for (const auto& [arguments, word] : cases) {
     const Result result = densify(arguments);
@@ -149,7 +149,7 @@ TEST_CASE("input that cannot be used gives 3 and names the file") {
       {{map, "--images", images, "--mask", "no.png", "-o", out}, "no.png"},
       {{map, "--images", images, "--mask", rubbish, "-o", out}, "rubbish"},
       {{map, "--images", images, "--config", "no.json", "-o", out}, "no.json: cannot be read: there is no such file"},
-      {{map, "--images", images, "--config", images, "-o", out}, "it is a folder"},
+      {{map, "--images", images, "--config", images, "-o", out}, "it is a directory"},
       {{"info", "no.msg"}, "no.msg"},
       {{"info", map, "--images", "no-folder"}, "no-folder"},
   };

@@ -279,7 +279,7 @@ TEST_CASE("the transform that a cloud's header names is undone, or it is refused
   header.comments.pop_back();
   write("stripped.ply");
   CHECK(m.run("cloud stripped.ply" + at_map) == 3);
-  CHECK(m.err.find("no longer says in which frame") != std::string::npos);
+  CHECK(m.err.find("the header contains no frame") != std::string::npos);
 }
 
 TEST_CASE("figures by label are in the table and in the JSON") {

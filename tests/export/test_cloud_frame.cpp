@@ -195,7 +195,7 @@ TEST_CASE("on a straight flight the orientations of a trajectory decide, and pla
 TEST_CASE("tables that are none are refused with file and line") {
   const TempDir dir;
   const std::vector<std::pair<std::string, std::string>> cases{
-      {"", "holds no line"},
+      {"", "contains no line"},
       {"1 2 3\n", "line 1: expected lines of one kind"},
       {"0 1 2 3\n10 1 2\n", "line 2: expected lines of one kind"},
       {"0 1 2 3\n11 1 2 3\n", "line 2: the map has no keyframe"},

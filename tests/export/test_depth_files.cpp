@@ -104,8 +104,8 @@ TEST_CASE("broken PFM files are refused with a reason") {
   }
   CHECK_THROWS_AS(read_pfm(dir / "missing.pfm"), IoError);
   CHECK_THROWS_WITH(read_pfm(dir / "missing.pfm"), Catch::Contains("there is no such file"));
-  CHECK_THROWS_WITH(read_pfm(dir.path()), Catch::Contains("it is a folder"));
-  CHECK_THROWS_WITH(read_png16("/dev/null", 1.0), Catch::Contains("no ordinary file"));
+  CHECK_THROWS_WITH(read_pfm(dir.path()), Catch::Contains("it is a directory"));
+  CHECK_THROWS_WITH(read_png16("/dev/null", 1.0), Catch::Contains("no regular file"));
   CHECK_THROWS_AS(write_pfm(dir / "empty.pfm", Image<float>()), InvalidInput);
   CHECK_THROWS_AS(write_pfm(dir / "no/such.pfm", ramp(2, 2)), OutputError);
 }

@@ -85,7 +85,7 @@ TEST_CASE("Too little evidence is no verdict") {
   for (const Shot& shot : flight()) nothing.add(shot.id, render_room(17).view());
   CHECK_FALSE(nothing.verdict().conclusive);
   CHECK(nothing.verdict().belongs);
-  CHECK_THAT(nothing.verdict().message, Contains("cannot tell"));
+  CHECK_THAT(nothing.verdict().message, Contains("unknown whether"));
 }
 
 TEST_CASE("Nonsense in the map does not harm the verifier") {

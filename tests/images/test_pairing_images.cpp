@@ -169,7 +169,7 @@ TEST_CASE("Images taken far apart belong to their keyframes, whatever the textur
   const auto wrong = verify(map, one_later(images_of(mission)));
   INFO(wrong.message);
   CHECK_FALSE(wrong.belongs);
-  CHECK_THAT(wrong.message, Contains("taken for that of the keyframe after"));
+  CHECK_THAT(wrong.message, Contains("paired with the next keyframe"));
 }
 
 TEST_CASE("Wrong images are refused, and where another pairing fits, it is named") {
@@ -196,8 +196,8 @@ TEST_CASE("Wrong images are refused, and where another pairing fits, it is named
                          {"turned upside down", changed(changed(right_images(), mirrored), flipped)},
                          {"turned by half a turn", changed(right_images(), turned)},
                          {"in reverse order", reversed},
-                         {"that of the keyframe after", one_later(right_images())},
-                         {"that of the keyframe before", earlier}};
+                         {"paired with the next keyframe", one_later(right_images())},
+                         {"paired with the previous keyframe", earlier}};
   for (const double sigma : {0.0, 20.0})
     for (const Wrong& it : wrong) {
       const auto verdict = verify(room_map(flight()), sigma > 0.0 ? noisy(it.images, sigma) : it.images);

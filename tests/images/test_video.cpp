@@ -201,7 +201,7 @@ TEST_CASE("What frames show finds the one of the first keyframe") {
   const auto source = open_video(room_map(shots), path);
   INFO(source->description());
   CHECK(frames_of(*source) == Frames{7, 10, 13, 16, 19, 22, 25, 28});
-  CHECK_THAT(source->description(), Contains("as frames and landmarks show"));
+  CHECK_THAT(source->description(), Contains("by landmarks in the frames"));
 }
 
 TEST_CASE("Timestamps are presentation times or counts of frames, as frames show") {

@@ -57,7 +57,7 @@ TEST_CASE("a fault is named, in every format that says who sees what") {
       CHECK_NOTHROW(require_convention(read(Fault::none)));
       CHECK_THROWS_WITH(require_convention(read(Fault::mirrored)), Contains("mirrored"));
       CHECK_THROWS_WITH(require_convention(read(Fault::inverted)), Contains("inverted poses (world_from_cam"));
-      CHECK_THROWS_WITH(require_convention(read(Fault::shifted)), Contains("half a pixel off"));
+      CHECK_THROWS_WITH(require_convention(read(Fault::shifted)), Contains("shifted by half a pixel"));
     }
   }
 }

@@ -104,7 +104,7 @@ TEST_CASE("jobs differ by what results depend on, and it is named", "[shards]") 
   CHECK_THAT(differs([](ShardJob& mine) {
                mine.options = R"({"width":96,"threads":1,"fusion":{"window":4,"spacing_px":0.75}})";
              }),
-             Contains("fusion.spacing_px 0.75 in place of 0.5") && Contains("width 96"));
+             Contains("fusion.spacing_px 0.75 instead of 0.5") && Contains("width 96"));
   CHECK_THAT(differs([](ShardJob& mine) { mine.map_bytes = "n"; }), Contains("map"));
   CHECK_THAT(differs([](ShardJob& mine) { mine.mask_bytes = "n"; }), Contains("mask"));
   CHECK_THAT(differs([](ShardJob& mine) { mine.engine = "b"; }), Contains("\"b\"") && Contains("\"a machine\""));

@@ -116,7 +116,7 @@ TEST_CASE("a file that cannot be saved fails one wait, later files are saved") {
   Workspace workspace(dir / "work");
   std::filesystem::create_directories(dir / "work" / "planes" / kKept);
   workspace.save_planes(kKept, PlaneMap(4, 2));
-  CHECK_THROWS_WITH(workspace.wait_until_saved(), Contains(kKept) && Contains("names a folder"));
+  CHECK_THROWS_WITH(workspace.wait_until_saved(), Contains(kKept) && Contains("names a directory"));
   CHECK_NOTHROW(workspace.wait_until_saved());
   workspace.save_planes(kOld, PlaneMap(4, 2));
   CHECK_NOTHROW(workspace.wait_until_saved());

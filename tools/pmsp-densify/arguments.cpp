@@ -66,18 +66,19 @@ double idle_seconds_from(const std::string& text) {
 void add_inputs(CLI::App& app, Arguments& a) {
   std::string formats;
   for (const std::string& what : map_formats()) formats += (formats.empty() ? "" : ", ") + what;
-  app.add_option("map", a.map, "What a SLAM or another program has made: " + formats)->type_name("MAP");
-  app.add_option("--images", a.images,
-                 "Folder with the keyframes' images, by the names that MAP gives, or else named by keyframe id, "
-                 "timestamp or frame index [default where MAP says that they are]")
+  app.add_option("map", a.map, "Map of a SLAM or reconstruction program: " + formats)->type_name("MAP");
+  app.add_option(
+         "--images", a.images,
+         "Directory of the keyframes' images, named as in MAP, else by keyframe id, timestamp or frame index [default: "
+         "the directory stored in MAP]")
       ->type_name("DIR")
       ->group("Input");
   app.add_option_function<std::string>(
          "--component", [&a](const std::string& text) { a.component = component_from(text); },
-         "Which reconstruction of MAP, where it holds several, from 0 [default that of most images]")
+         "Reconstruction in a MAP of several, from 0 [default: the largest]")
       ->type_name("N")
       ->group("Input");
-  app.add_option("--points", a.points, "PLY file whose points stand in for landmarks where MAP has none")
+  app.add_option("--points", a.points, "PLY file with points that are used as landmarks of a MAP without any")
       ->type_name("FILE")
       ->group("Input");
   app.add_option("--image-list", a.image_list,
@@ -85,28 +86,27 @@ void add_inputs(CLI::App& app, Arguments& a) {
       ->type_name("FILE")
       ->group("Input");
   app.add_option("--camera-from-body", a.camera_from_body,
-                 "Where the camera stands in the body (IMU, base) whose poses a trajectory holds: the transform from "
-                 "body to camera as 12 or 16 numbers, rows of a matrix, or tx ty tz qx qy qz qw; or a YAML file with "
-                 "T_cam_imu (Kalibr), T_BS (EuRoC) or body_T_cam0 (VINS)")
+                 "Transform from body to camera, for a trajectory of a body (IMU, base): 12 or 16 numbers, rows of a "
+                 "matrix, or tx ty tz qx qy qz qw; or a YAML file with T_cam_imu (Kalibr), T_BS (EuRoC) or "
+                 "body_T_cam0 (VINS)")
       ->type_name("FILE")
       ->group("Input");
-  app.add_option("--video", a.video, "The video that the SLAM saw, instead of --images")
+  app.add_option("--video", a.video, "Video that the SLAM processed, instead of --images")
       ->type_name("FILE")
       ->group("Input");
   app.add_option_function<std::string>(
          "--frame-offset", [&a](const std::string& text) { a.frame_offset = frame_offset_from(text); },
-         "Added to the frame indices of keyframes; it says that images are found by frame index: by no other naming "
-         "scheme, nor by a video's presentation times. Unix times count from the first keyframe [frames; default: "
-         "found]")
+         "Offset added to the frame indices of keyframes; images are then paired by frame index only, not by other "
+         "names or presentation times. Unix times count from the first keyframe [frames; default: estimated]")
       ->type_name("N")
       ->group("Input");
   app.add_option_function<std::string>(
          "--fps", [&a](const std::string& text) { a.fps = frame_rate_from(text); },
-         "Frame rate that turns timestamps into frame indices [1/s; default 0 = the map's]")
+         "Frame rate that turns timestamps into frame indices [1/s; default 0 = that of the map]")
       ->type_name("F")
       ->group("Input");
   app.add_flag("--presentation-times", a.presentation_times,
-               "With --video: timestamps are presentation times of its frames, no counts of frames")
+               "With --video: timestamps are presentation times of its frames, not counts of frames")
       ->group("Input");
   app.add_flag("--allow-missing", a.allow_missing, "Accept images for fewer than half of the keyframes")
       ->group("Input");
@@ -115,15 +115,14 @@ void add_inputs(CLI::App& app, Arguments& a) {
 void add_table(CLI::App& app, Arguments& a) {
   app.add_option_function<std::string>(
          "--quality", [&a](const std::string& name) { a.quality = name; },
-         "Preset: online (640 x 320, keeps up with a flight), normal (1440 x 720), high (the images' size) or paper "
-         "(Surmann et al. 2022 as published, to compare with); options of --config and flags override the preset's "
-         "[default normal]")
+         "Preset: online (640 x 320, for live use), normal (1440 x 720), high (size of the images) or paper (Surmann "
+         "et al. 2022 as published, for comparison); --config and flags override its options [default normal]")
       ->type_name("NAME")
       ->group("Configuration");
   app.add_option(
          "--config", a.config,
-         "JSON file with options, as `config` prints them, which override the preset's; flags override them. Its "
-         "key \"quality\" names the preset where --quality does not")
+         "JSON file with options, as printed by `config`, that override the preset; flags override them. Its key "
+         "\"quality\" selects the preset if --quality is not given")
       ->type_name("FILE")
       ->group("Configuration");
   for (const OptionEntry& entry : option_table()) {
@@ -137,8 +136,8 @@ void add_table(CLI::App& app, Arguments& a) {
 void add_cloud(CLI::App& app, Arguments& a) {
   const char* group = "Output";
   add_cloud_options(app, a.cloud);
-  app.add_flag("--force", a.force, "Overwrite outputs that exist")->group(group);
-  app.add_option("--stats", a.stats, "Options, counts and times of each stage, skipped keyframes (JSON)")
+  app.add_flag("--force", a.force, "Overwrite existing outputs")->group(group);
+  app.add_option("--stats", a.stats, "File for options, counts and times of each stage, ignored keyframes (JSON)")
       ->type_name("FILE")
       ->group(group);
 }
@@ -146,56 +145,57 @@ void add_cloud(CLI::App& app, Arguments& a) {
 void add_outputs(CLI::App& app, Arguments& a) {
   const char* group = "Output";
   add_cloud(app, a);
-  app.add_option("--depth-maps", a.depth_maps, "Filtered depth, normal and confidence of each keyframe, and index.json")
+  app.add_option("--depth-maps", a.depth_maps,
+                 "Directory for filtered depth, normal and confidence of each keyframe, and index.json")
       ->type_name("DIR")
       ->group(group);
   app.add_option_function<std::string>(
          "--depth-format", [&a](const std::string& list) { a.depth_formats = depth_formats_from(list); },
-         "Formats of depth maps: pfm, exr or png (16-bit), or several with commas between them [default pfm, and the "
-         "depth as png]")
+         "Formats of depth maps: pfm, exr or png (16-bit), separated by commas [default: pfm, and the depth as "
+         "png]")
       ->type_name("NAMES")
       ->group(group);
-  app.add_option("--scratch", a.scratch,
-                 "Existing folder for what keyframes leave while they wait for their points' say (normal, high; 17 "
-                 "bytes a pixel of those that wait) [default that of the cloud; of a shard the workspace]")
+  app.add_option(
+         "--scratch", a.scratch,
+         "Existing directory for temporary data of keyframes whose points are not final (normal, high; 17 bytes per "
+         "pixel of each) [default: that of the cloud; of a shard: the workspace]")
       ->type_name("DIR")
       ->group(group);
-  app.add_option("--preview", a.preview, "Pictures to judge the result by (PNG)")->type_name("DIR")->group(group);
+  app.add_option("--preview", a.preview, "Directory for pictures of the result (PNG)")->type_name("DIR")->group(group);
   add_report_options(app, a.report);
 }
 
 void add_run_outputs(CLI::App& app, Arguments& a) {
   const char* group = "Output";
   add_outputs(app, a);
-  app.add_option("--raw-depth-maps", a.raw_depth_maps, "As --depth-maps, straight from PatchMatch")
+  app.add_option("--raw-depth-maps", a.raw_depth_maps, "As --depth-maps, before filtering")
       ->type_name("DIR")
       ->group(group);
   app.add_option_function<std::string>(
          "--workspace",
          [&a](const std::string& folder) {
-           if (folder.empty()) throw UsageError("--workspace is empty; expected the name of a folder");
+           if (folder.empty()) throw UsageError("--workspace is empty; expected a directory");
            a.workspace = folder;
          },
-         "Folder that keeps what is made of each keyframe: the same command on a newer map, with more images, or "
-         "after a kill makes only what is new, has moved or is missing (16 bytes a pixel of the depth maps and 40 "
-         "a point)")
+         "Directory that caches the results of each keyframe: the same command with a newer map, with more images, or "
+         "after an interruption computes only keyframes that are new, moved or missing (16 bytes per pixel of the "
+         "depth maps and 40 per point)")
       ->type_name("DIR")
       ->group(group);
   app.add_flag(
          "--delete-workspace", a.delete_workspace,
-         "Delete the workspace when the cloud is there. It serves to go on after a kill, and keeps planes only (16 "
-         "bytes a pixel of the depth maps); none that come at more than 100 MB/s, as from a GPU: it makes them anew in "
-         "less time than they are read")
+         "Delete the workspace at the end: a single run becomes resumable. It caches plane maps only (16 bytes per "
+         "pixel of the depth maps), and none that are computed faster than 100 MB/s, as by a GPU")
       ->group(group);
   app.add_flag("--growing", a.growing,
-               "With --workspace: more keyframes will come; the newest make do with fewer passes until a run without "
-               "this option")
+               "With --workspace: more keyframes follow; the newest ones get fewer passes until a run without this "
+               "option")
       ->group(group);
   app.add_flag("--follow", a.follow, "With --workspace: run again whenever the map or the images change, until Ctrl-C")
       ->group(group);
   app.add_option_function<std::string>(
          "--until-idle", [&a](const std::string& text) { a.until_idle = idle_seconds_from(text); },
-         "With --follow: until nothing has changed for so long [s]")
+         "With --follow: end after this time without changes [s]")
       ->type_name("S")
       ->group(group);
 }
@@ -203,8 +203,8 @@ void add_run_outputs(CLI::App& app, Arguments& a) {
 void add_plan(CLI::App& app, Arguments& a) {
   const char* group = "Output";
   app.add_option("--plan", a.plan,
-                 "File for the plan (JSON): use and dependencies of each keyframe, with the options in force; images, "
-                 "where given, show which keyframes are blurred")
+                 "File for the plan (JSON): use and dependencies of each keyframe, with the options in force; blurred "
+                 "keyframes are detected if images are given")
       ->type_name("FILE")
       ->group(group);
 }
@@ -226,7 +226,7 @@ void add_behaviour(CLI::App& app, Arguments& a) {
       ->type_name("MODE")
       ->group(group);
   app.add_flag("-q,--quiet", a.quiet, "Warnings and errors only")->group(group);
-  app.add_flag("-v,--verbose", a.verbose, "One line for each keyframe, with what became of it")->group(group);
+  app.add_flag("-v,--verbose", a.verbose, "One line per keyframe, with its use")->group(group);
 }
 
 void set_mask(Arguments& a, const std::string& text) {
@@ -240,30 +240,29 @@ void add_image_inputs(CLI::App& app, Arguments& a) {
   add_inputs(app, a);
   app.add_option_function<std::string>(
          "--mask", [&a](const std::string& text) { set_mask(a, text); },
-         "auto: masks that come with the images (what MAP names, the folder masks beside them, 7_mask.png, alpha), and "
-         "the rig, where images show that something moves with the camera, which is written as CLOUD.rig-mask.png; "
-         "none; or an image whose black pixels are ignored in every keyframe; or a folder with one for each image "
-         "(7.jpg.png, 7.png, 7_mask.png or 7.mask.png for 7.jpg); or a YAML configuration of the SLAM, for its "
-         "mask_rectangles "
-         "[default auto]")
+         "auto: masks that come with the images (named in MAP, in the directory masks beside them, 7_mask.png, alpha), "
+         "and the rig, found as objects that move with the camera and written as CLOUD.rig-mask.png; none; an "
+         "image whose black pixels are ignored in all keyframes; a directory with a mask for each image (7.jpg.png, "
+         "7.png, 7_mask.png or 7.mask.png for 7.jpg); or the SLAM's YAML configuration with mask_rectangles [default "
+         "auto]")
       ->type_name("auto|none|FILE|DIR")
       ->group("Input");
   app.add_option_function<std::string>(
          "--mask-nadir", [&a](const std::string& text) { a.mask_nadir = cap_from("--mask-nadir", text); },
-         "Radius of a cap below the camera that is ignored, for a rig or a hand [deg, 0 to 90; default 0 = none]")
+         "Radius of an ignored cap below the camera, for a rig or a hand [deg, 0 to 90; default 0 = none]")
       ->type_name("DEG")
       ->group("Input");
   app.add_option_function<std::string>(
          "--mask-zenith", [&a](const std::string& text) { a.mask_zenith = cap_from("--mask-zenith", text); },
-         "The same above the camera, for a pole or a rotor [deg, 0 to 90; default 0 = none]")
+         "Radius of an ignored cap above the camera, for a pole or a rotor [deg, 0 to 90; default 0 = none]")
       ->type_name("DEG")
       ->group("Input");
   app.add_flag("--no-masks", a.no_masks,
-               "Do not use masks that come with the images: their alpha channels, what MAP names, the folder masks "
-               "beside them, 7_mask.png or 7.mask.png")
+               "Ignore masks that come with the images: alpha channels, masks named in MAP, the directory masks beside "
+               "them, 7_mask.png or 7.mask.png")
       ->group("Input");
   app.add_flag("--no-verify", a.no_verify,
-               "Do not check that the images belong to their keyframes, nor the conventions of MAP")
+               "No checks of the pairing of images with keyframes and of the conventions of MAP")
       ->group("Input");
 }
 
@@ -271,14 +270,14 @@ void add_run(CLI::App& app, Arguments& a) {
   add_image_inputs(app, a);
   app.add_option(
          "--prior-depth", a.prior_depth,
-         "Folder with a depth image for each image (7.pfm, 7.exr, 7.npy or 7.png for 7.jpg; or what --depth-maps "
-         "writes): depth or inverse depth along the rays, from a lidar or a network. It is aligned to the "
-         "landmarks, and proposed where there is little texture")
+         "Directory with a depth image for each image (7.pfm, 7.exr, 7.npy or 7.png for 7.jpg; or a directory of "
+         "--depth-maps): depth or inverse depth along the rays, from a lidar or a network, aligned to the "
+         "landmarks and proposed where there is little texture")
       ->type_name("DIR")
       ->group("Input");
   app.add_flag_callback(
          "--no-lens-calibration", [&a] { a.calibrate_lenses = false; },
-         "Do not estimate the distance of the camera's two lenses (--lens-distance) from some of the images")
+         "No estimation of the distance of the camera's two lenses (--lens-distance)")
       ->group("Input");
   add_run_outputs(app, a);
   add_behaviour(app, a);
@@ -288,15 +287,14 @@ void add_run(CLI::App& app, Arguments& a) {
 void add_fuse(CLI::App& app, Arguments& a) {
   app.add_option(
          "depth", a.given_depth,
-         "Folder with a depth image for each image (7.pfm, 7.exr, 7.npy or 7.png for 7.jpg), distances along the "
-         "rays; or what --depth-maps or --raw-depth-maps has written")
+         "Directory with a depth image for each image (7.pfm, 7.exr, 7.npy or 7.png for 7.jpg), distances along the "
+         "rays; or a directory of --depth-maps or --raw-depth-maps")
       ->type_name("DIR");
   add_image_inputs(app, a);
   app.add_option_function<std::string>(
          "--depth-scale", [&a](const std::string& text) { a.depth_scale = depth_scale_from(text); },
-         "What a value of the depth images is worth, such as 0.001; auto: scale and shift of each image are found by "
-         "the "
-         "landmarks, for depth of unknown unit and for inverse depth [unit of the map; default 1]")
+         "Length of one unit of the depth images, such as 0.001; auto: scale and shift of each image are estimated "
+         "from the landmarks, for depth of unknown unit and for inverse depth [map units; default 1]")
       ->type_name("S")
       ->group("Input");
   add_outputs(app, a);
@@ -327,7 +325,7 @@ void refuse_unknown_verb(const std::string& word) {
 
 std::vector<std::string> words_of(int argc, const char* const* argv) {
   std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
-  if (words.empty()) throw UsageError("what to densify is missing: pmsp-densify MAP --images DIR; see --help");
+  if (words.empty()) throw UsageError("MAP is missing: pmsp-densify MAP --images DIR; see --help");
   const std::vector<std::string>& all = verbs();
   const bool has_verb = std::find(all.begin(), all.end(), words[0]) != all.end();
   if (words[0] == "info" && words.size() > 1 && words[1] == "run") words.erase(words.begin() + 1);
@@ -356,12 +354,13 @@ void check_run(const Arguments& a) {
     throw UsageError(std::string("--delete-workspace and ") + (a.growing ? "--growing" : "--follow") +
                      " exclude each other: the next run needs the workspace");
   }
-  if (a.growing && a.workspace.empty()) throw UsageError("--growing needs --workspace DIR, which keeps what is made");
-  if (a.growing && a.follow) throw UsageError("--follow expects more keyframes as it is; leave out --growing");
-  if (a.follow && a.workspace.empty()) throw UsageError("--follow needs --workspace DIR, which keeps what is made");
+  if (a.growing && a.workspace.empty()) throw UsageError("--growing needs --workspace DIR");
+  if (a.growing && a.follow) throw UsageError("--growing and --follow exclude each other: --follow implies it");
+  if (a.follow && a.workspace.empty()) throw UsageError("--follow needs --workspace DIR");
   if (a.until_idle && !a.follow) throw UsageError("--until-idle needs --follow");
   if (!a.workspace.empty() && !a.raw_depth_maps.empty()) {
-    throw UsageError("--raw-depth-maps and --workspace exclude each other: a workspace keeps filtered depth maps only");
+    throw UsageError(
+        "--raw-depth-maps and --workspace exclude each other: a workspace contains filtered depth maps only");
   }
 }
 
@@ -409,25 +408,25 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   bool version = false;
   app.add_flag("--version", version, "Version, build type, instruction set");
   CLI::App& run = *app.add_subcommand("run", "Map and images to a cloud (the default verb)");
-  CLI::App& fuse = *app.add_subcommand("fuse", "Depth maps that are there to a cloud, without PatchMatch");
-  CLI::App& merge = *app.add_subcommand("merge", "What shards have made (run --shard) to a cloud");
-  CLI::App& info = *app.add_subcommand("info", "What is in a map, which images belong to it, and what a run takes");
+  CLI::App& fuse = *app.add_subcommand("fuse", "Existing depth maps to a cloud, without PatchMatch");
+  CLI::App& merge = *app.add_subcommand("merge", "Results of shards (run --shard) to a cloud");
+  CLI::App& info = *app.add_subcommand("info", "Contents of a map, pairing of its images, and forecast of a run");
   CLI::App& config = *app.add_subcommand("config", "Print the options in force as JSON, for --config");
-  app.add_subcommand("batch", "A list of missions, each by a process and in a folder of its own; see batch --help");
+  app.add_subcommand("batch", "A list of missions, each in a separate process and directory; see batch --help");
   app.add_subcommand("convert", "A cloud or a workspace in another format, frame or unit; see convert --help");
   app.add_subcommand("report", "The page of --report from a cloud or a workspace; see report --help");
-  app.add_subcommand("serve", "A report and its folder over HTTP for a browser; see serve --help");
+  app.add_subcommand("serve", "A report and its directory over HTTP for a browser; see serve --help");
   for (CLI::App* verb : {&run, &fuse, &merge, &info, &config}) verb->allow_extras();
   add_run(run, a);
   run.add_flag("--print-config", a.print_config, "Print the options in force as JSON and stop")->group("Behaviour");
   run.add_flag("--print-memory", a.print_memory,
-               "Print the memory that the run is expected to take as JSON, by the map and the size of the first image, "
+               "Print the expected memory of the run as JSON, by the map and the size of the first image, "
                "and stop")
       ->group("Behaviour");
   add_shard_options(run, a);
   add_live_options(run, a.live);
   add_fuse(fuse, a);
-  merge.add_option("workspace", a.workspace, "Workspace that the shards have worked in")->type_name("WORKSPACE");
+  merge.add_option("workspace", a.workspace, "Workspace of the shards")->type_name("WORKSPACE");
   add_cloud(merge, a);
   add_report_options(merge, a.report);
   add_behaviour(merge, a);

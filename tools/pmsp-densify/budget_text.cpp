@@ -81,16 +81,17 @@ std::string budget_text(const Budget& b) {
   char points[160];
   std::snprintf(points, sizeof(points), " points (%.2f a pixel)", b.points_per_pixel);
   std::string text = "a run:      " + std::to_string(b.depth_maps) + " depth maps of " + size + " px; about " +
-                     count_text(whole(b.points)) + points + "; as a rule within 30 %\n";
+                     count_text(whole(b.points)) + points + ", usually within 30 %\n";
   text += "  disk:     cloud " + bytes_text(b.cloud_bytes);
-  if (b.memory.scratch > 0.0) text += ", scratch file meanwhile " + bytes_text(b.memory.scratch);
-  text += ", a workspace, where one is kept, " + bytes_text(b.workspace_bytes) + "\n";
+  if (b.memory.scratch > 0.0) text += ", temporary data " + bytes_text(b.memory.scratch);
+  text += ", workspace (if used) " + bytes_text(b.workspace_bytes) + "\n";
   text += "  CPU:      " + time_text(b.cpu_seconds / b.threads) + " on " + std::to_string(b.threads) +
           (b.threads == 1 ? " thread" : " threads") + " (" + time_text(b.cpu_seconds) +
-          " of CPU time at the pace of a test on this machine), " + bytes_text(b.memory.host) + " of memory\n";
-  text += "  GPU:      " + bytes_text(b.device.all) + " of its memory";
-  if (b.device.least < 0.9 * b.device.all) text += " (" + bytes_text(b.device.least) + " do, with the scratch file)";
-  text += ", " + bytes_text(b.memory.gpu_host) + " of the host's; " + time_text(b.reference_seconds) + " with an " +
+          " of CPU time, by a benchmark on this machine), " + bytes_text(b.memory.host) + " of memory\n";
+  text += "  GPU:      " + bytes_text(b.device.all) + " of GPU memory";
+  if (b.device.least < 0.9 * b.device.all)
+    text += " (at least " + bytes_text(b.device.least) + ", with temporary data)";
+  text += ", " + bytes_text(b.memory.gpu_host) + " of host memory; " + time_text(b.reference_seconds) + " with an " +
           kReferenceGpu + "\n";
   return text;
 }

@@ -21,7 +21,7 @@ namespace {
 
 std::string describe(const LensDistance& it) {
   if (it.standard_error == 0.0) {
-    return "lenses: taken for one; too few landmarks that both would have seen (" + std::to_string(it.landmarks) + ")";
+    return "lenses: taken for one; too few landmarks in the view of both (" + std::to_string(it.landmarks) + ")";
   }
   std::ostringstream text;
   text.precision(3);
@@ -110,7 +110,7 @@ std::vector<std::string> describe(const Calibration& calibration) {
     char share[32];
     std::snprintf(share, sizeof(share), "%.1f %%", 100.0 * calibration.rig.share);
     texts.push_back("rig: " + std::string(share) +
-                    " of the sphere moves with the camera and is hidden; --mask none uses it");
+                    " of the sphere moves with the camera and is masked; --mask none disables this");
   }
   return texts;
 }

@@ -67,9 +67,9 @@ std::string names_of_formats() {
 }
 
 std::string help_of_output() {
-  std::string text = "The cloud; may be given several times. Its format follows from the extension: ";
+  std::string text = "Cloud; may be given several times. The format follows from the extension: ";
   for (const CloudFormat& format : cloud_formats()) {
-    text += std::string(format.extension) + (format.is_folder() ? ", a folder (" : " (") + format.what + "), ";
+    text += std::string(format.extension) + (format.is_folder() ? ", a directory (" : " (") + format.what + "), ";
   }
   return text.substr(0, text.size() - 2) + " [default cloud.ply]";
 }
@@ -81,30 +81,30 @@ void add_files(CLI::App& app, CloudArguments& a) {
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   app.add_option("--format", a.formats,
-                 "Formats of the -o, in their order, whatever their extensions: " + names_of_formats())
+                 "Formats of the outputs, in the order of -o, regardless of extensions: " + names_of_formats())
       ->type_name("NAME")
       ->group(kOutput)
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   app.add_flag("--double", a.double_positions,
-               "PLY: coordinates with 64 instead of 32 bits (always so far away from the origin)")
+               "PLY: coordinates with 64 instead of 32 bits (always used far from the origin)")
       ->group(kOutput);
   app.add_option_function<std::string>(
          "--resolution", [&a](const std::string& text) { a.resolution = positive_from("--resolution", text); },
-         "LAS, Potree: unit of the coordinates, which are whole numbers [unit of the cloud; default about a "
-         "ten-millionth of the mission's size]")
+         "LAS, Potree: step of the integer coordinates [unit of the cloud; default: about a ten-millionth of the "
+         "mission's extent]")
       ->type_name("U")
       ->group(kOutput);
   app.add_option("--crs", a.crs, "LAS: file with the coordinate reference system of the cloud, as WKT")
       ->type_name("FILE")
       ->group(kOutput);
   app.add_option_function<std::string>(
-         "--date", [&a](const std::string& text) { set_date(text, a); }, "LAS: day of the flight [default none]")
+         "--date", [&a](const std::string& text) { set_date(text, a); }, "LAS: date of capture [default: none]")
       ->type_name("YYYY-MM-DD")
       ->group(kOutput);
   app.add_option_function<std::string>(
          "--dataset-points", [&a](const std::string& text) { a.dataset_points = count_from("--dataset-points", text); },
-         "COLMAP, nerfstudio: points of a dataset, at most [default 1000000]")
+         "COLMAP, nerfstudio: maximum number of points of a dataset [default 1000000]")
       ->type_name("N")
       ->group(kOutput);
 }
@@ -112,10 +112,9 @@ void add_files(CLI::App& app, CloudArguments& a) {
 void add_frame(CLI::App& app, CloudArguments& a) {
   app.add_option(
          "--align", a.frame.align,
-         "Turn, scale and move the cloud so that points of the map lie where this table says: lines [NAME] x y z "
-         "X Y Z (point in the map, where it belongs), ID X Y Z or IMAGE X Y Z (keyframe, where its camera was), or "
-         "timestamp tx "
-         "ty tz qx qy qz qw (TUM trajectory); exif: where the images' EXIF data (GPS) say that the cameras were, in "
+         "Aligns the cloud by a similarity to the positions in this table: lines [NAME] x y z X Y Z (point in the map, "
+         "its target), ID X Y Z or IMAGE X Y Z (keyframe, position of its camera), or timestamp tx ty tz qx qy qz qw "
+         "(TUM trajectory); exif: to the camera positions in the images' EXIF data (GPS), in "
          "metres")
       ->type_name("FILE")
       ->group(kFrame);
@@ -124,23 +123,25 @@ void add_frame(CLI::App& app, CloudArguments& a) {
          [&a](const std::string& text) {
            a.frame.align_time_offset = number_in("--align-time-offset", text, -1e12, 1e12, "seconds");
          },
-         "Added to the keyframes' timestamps before they are looked for in a trajectory [s; default 0]")
+         "Offset added to the keyframes' timestamps, for --align with a trajectory [s; default 0]")
       ->type_name("S")
       ->group(kFrame);
-  app.add_flag("--up", a.frame.up, "Turn the cloud so that z points upwards, as the cameras stood")->group(kFrame);
+  app.add_flag("--up", a.frame.up,
+               "Rotate the cloud so that z points upwards, by the mean vertical axis of the cameras")
+      ->group(kFrame);
   app.add_option("--transform", a.frame.transform,
                  "File with a 4 x 4 matrix (rotation, scale, translation) that is applied after --align or --up")
       ->type_name("FILE")
       ->group(kFrame);
   app.add_option_function<std::string>(
          "--scale", [&a](const std::string& text) { a.frame.scale = positive_from("--scale", text); },
-         "Applied last: the cloud is then in metres; 1 where the map is in metres [m a unit of the map; default none: "
-         "map units]")
+         "Metres per map unit, applied last: the cloud is then in metres; 1 if the map is in metres [default: none, "
+         "the cloud is in map units]")
       ->type_name("S")
       ->group(kFrame);
   app.add_option_function<std::string>(
          "--crop", [&a](const std::string& text) { a.amount.crop = box_from(text); },
-         "Only points in a box of the cloud's frame, given by two corners")
+         "Only points in a box in the frame of the cloud, given by two corners")
       ->type_name("x,y,z,X,Y,Z")
       ->group(kFrame);
   app.add_option_function<std::string>(
@@ -151,7 +152,7 @@ void add_frame(CLI::App& app, CloudArguments& a) {
   app.add_option_function<std::string>(
          "--max-points",
          [&a](const std::string& text) { a.amount.thinning.max_points = count_from("--max-points", text); },
-         "An even share of the points, so many at most")
+         "Maximum number of points, selected evenly")
       ->type_name("N")
       ->group(kFrame);
 }
@@ -190,7 +191,7 @@ void check_cloud_arguments(const CloudArguments& arguments) {
                      "; expected --format with one of " + names_of_formats() + ", or the extension of one");
   }
   if (!arguments.frame.align.empty() && arguments.frame.up) {
-    throw UsageError("--align and --up exclude each other; --align tells which way is up");
+    throw UsageError("--align and --up exclude each other: --align determines the vertical axis");
   }
 }
 

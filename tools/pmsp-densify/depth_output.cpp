@@ -20,7 +20,7 @@ namespace {
 /// Meaning of confidence values at each stage, see DepthMap.
 const char* confidence_text(const std::string& kind) {
   return kind == "raw" ? "photometric score (NCC), 0 (none) to 1"
-                       : "0 (none) to 1: c stands for an expected relative error of the depth (median) of "
+                       : "0 (none) to 1: c means an expected (median) relative error of the depth of "
                          "0.5 % * (1 - c) / c, so 0.5 for 0.5 %, 0.8 for 0.13 % and 0.1 for 4.5 %";
 }
 
@@ -57,7 +57,7 @@ DepthFormats depth_formats_from(const std::string& list) {
     formats.png = formats.png || name == "png";
   }
   if (is_good) return formats;
-  throw UsageError("--depth-format is \"" + list + "\"; expected pfm, exr or png, or several with commas between them");
+  throw UsageError("--depth-format is \"" + list + "\"; expected pfm, exr or png, separated by commas");
 }
 
 double png_depth_scale(const SlamMap& map, double range_margin) {
@@ -73,11 +73,11 @@ DepthMapFolder::DepthMapFolder(const std::filesystem::path& folder, const SlamMa
       {"kind", about.kind},
       {"depth",
        "Euclidean distance from the camera centre (or from the lens, lens_distance / 2 in front of it or behind it) "
-       "along the ray of each pixel's centre, scene units; 0 = none"},
+       "along the ray of each pixel's centre, map units; 0 = none"},
       {"normal", "unit, camera frame (x right, y down, z forward), facing the camera; 0 0 0 = none"},
       {"confidence", confidence_text(about.kind)},
       {"pixel", "longitude = ((column + 0.5) / width - 0.5) * 2 pi, latitude = (0.5 - (row + 0.5) / height) * pi"},
-      {"pfm", "float32, rows from the bottom to the top, as the format wants it"},
+      {"pfm", "float32, rows from the bottom to the top, as the format requires"},
       {"png", "depth = gray value * png_scale; 0 = none, or farther than 65535 * png_scale"},
       {"normal_png", "x, y, z = red, green, blue / 65535 * 2 - 1; all 0 = none"},
       {"confidence_png", "confidence = gray value / 65535"},

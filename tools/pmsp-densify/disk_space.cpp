@@ -88,8 +88,8 @@ std::string compare_disk_space(const DiskNeed& need, double free) {
                            bytes_text(free) + " are free; ";
   constexpr double kCertain = 0.5, kCertainPoints = 0.1;  // certain shares of the forecast
   if (kCertain * need.fixed + kCertainPoints * need.points <= free) return text + "the disk may become full";
-  throw OutputError(text + "free some space, name outputs, --workspace and --scratch on another disk, or leave out " +
-                    "some of them");
+  throw OutputError(text +
+                    "free some space, give outputs, --workspace and --scratch on another disk, or omit some of them");
 }
 
 std::string check_disk_space(const std::vector<DiskNeed>& needs) {

@@ -57,7 +57,7 @@ GivenDepths::GivenDepths(const Arguments& arguments)
     : arguments_(arguments), folder_(arguments.given_depth, arguments.images) {
   if (folder_.is_indexed() || arguments.video.empty()) return;
   throw InvalidInput(arguments.given_depth.string() +
-                     ": has no index.json, and frames of a --video have no names to find depth images by; expected "
+                     ": has no index.json, and frames of a --video have no names of depth images; expected "
                      "the index of --depth-maps, or --images");
 }
 
@@ -85,7 +85,7 @@ std::vector<SkippedKeyframe> GivenDepths::look(const SlamMap& map, const ImageSo
     }
   }
   if (found_.empty()) {
-    const std::string all = arguments_.given_depth.string() + ": holds no depth image ";
+    const std::string all = arguments_.given_depth.string() + ": contains no depth image ";
     if (!skipped.empty()) throw InvalidInput(all + "that can be used; the first one: " + skipped.front().reason);
     throw InvalidInput(all + "of any of the " + std::to_string(with_image_) + " keyframes with an image; expected " +
                        (folder_.is_indexed() ? "their keyframe ids in its index.json"
@@ -127,16 +127,15 @@ void GivenDepths::check_unit(std::vector<double> ratios) const {
   std::ostringstream text;
   text.precision(3);
   text << arguments_.given_depth.string() << ": depths are " << ratio << " times those of the landmarks (median of "
-       << ratios.size() << " keyframes); expected distances along the rays in the unit of the map; --depth-scale "
+       << ratios.size() << " keyframes); expected distances along the rays in map units; give --depth-scale "
        << *arguments_.depth_scale / ratio
-       << " makes them that, --depth-scale auto finds scale and shift of each image by itself, --no-verify takes them "
-          "as they are";
+       << ", or --depth-scale auto to estimate scale and shift of each image, or --no-verify to use them unchanged";
   throw InvalidInput(text.str());
 }
 
 std::string GivenDepths::summary() const {
   return "depth: " + std::to_string(found_.size()) + " of " + std::to_string(with_image_) + " keyframes have it in " +
-         arguments_.given_depth.string() + (folder_.kind().empty() ? "" : " (" + folder_.kind() + ")") + ", taken as " +
+         arguments_.given_depth.string() + (folder_.kind().empty() ? "" : " (" + folder_.kind() + ")") + ", used at " +
          size_text(options_.width, options_.height);
 }
 

@@ -155,18 +155,18 @@ void print(const Json& j) {
   std::snprintf(times, sizeof(times), "%.3f to %.3f s, %.3f s", flight["first_timestamp"].get<double>(),
                 flight["last_timestamp"].get<double>(), span);
   std::cout << "keyframes:  " << j["keyframes"] << ", timestamps " << times << "\n"
-            << "path:       " << number(flight["path_length"]) << " scene units; from keyframe to keyframe "
+            << "path:       " << number(flight["path_length"]) << " map units; from keyframe to keyframe "
             << number(step["min"]) << " to " << number(step["max"]) << ", median " << number(step["median"]) << "\n";
   const Json& landmarks = j["landmarks"];
-  std::cout << "landmarks:  " << landmarks["count"] << ", seen " << landmarks["observations"] << " times, "
+  std::cout << "landmarks:  " << landmarks["count"] << ", " << landmarks["observations"] << " observations, "
             << number(landmarks["observations_per_keyframe"])
-            << " in a keyframe; left out: " << landmarks["observations_skipped"] << " sightings of unknown landmarks, "
-            << landmarks["observations_repeated"] << " repeated ones\n"
+            << " per keyframe; ignored: " << landmarks["observations_skipped"] << " of unknown landmarks, "
+            << landmarks["observations_repeated"] << " repeated\n"
             << "depth:      " << number(landmarks["depth"]["p2"]) << " to " << number(landmarks["depth"]["p98"])
-            << " scene units (2nd to 98th percentile), median " << number(landmarks["depth"]["median"]) << "\n";
+            << " map units (2nd to 98th percentile), median " << number(landmarks["depth"]["median"]) << "\n";
   if (j.contains("reprojection")) {
-    std::cout << "projection: landmarks lie " << number(j["reprojection"]["median_error_px"])
-              << " px from where they are observed (median of " << j["reprojection"]["observations"]
+    std::cout << "projection: landmarks are " << number(j["reprojection"]["median_error_px"])
+              << " px from their observations (median of " << j["reprojection"]["observations"]
               << "); no other convention fits better\n";
   }
   for (const Json& remark : j["remarks"]) std::cout << "remark:     " << remark.get<std::string>() << "\n";
@@ -283,7 +283,7 @@ void info(const Arguments& given) {
   } catch (const InvalidInput& error) {
     json["budget"] = {{"error", error.what()}};
     if (is_dry_run && !refusal) refusal = std::current_exception();
-    if (!is_dry_run) budget = std::string("a run:      refuses this: ") + error.what() + "\n";
+    if (!is_dry_run) budget = std::string("a run:      refused: ") + error.what() + "\n";
   }
   if (input.images) json["images"] = images_json(*input.images, check.skipped);
   if (!input.mask_report.json.is_null()) json["mask"] = input.mask_report.json;

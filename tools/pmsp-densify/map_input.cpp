@@ -40,15 +40,16 @@ std::vector<std::string> remarks(const SlamMap& map) {
     std::string text = "component " + std::to_string(map.component) + " of " +
                        std::to_string(map.component_keyframes.size()) + "; keyframes of each:";
     for (const std::size_t count : map.component_keyframes) text += " " + std::to_string(count);
-    all.insert(all.begin(), text + "; --component chooses");
+    all.insert(all.begin(), text + "; --component N selects one");
   }
   if (!map.observations_are_tested && !map.landmarks.empty()) {
-    all.push_back("nothing says which keyframe sees which point; each is given those that nothing nearer hides");
+    all.push_back(
+        "observations of points are unknown; points are assigned to the keyframes in which no nearer point hides them");
   }
   const bool has_times =
       std::any_of(map.keyframes.begin(), map.keyframes.end(), [](const MapKeyframe& k) { return k.timestamp != 0.0; });
   if (!has_times && map.keyframes.size() > 1) {
-    all.push_back("keyframes have no times; they are taken in the order of their ids, or --unordered as a set");
+    all.push_back("keyframes have no timestamps; they are in the order of their ids, or a set with --unordered");
   }
   return all;
 }

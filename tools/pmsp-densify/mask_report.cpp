@@ -46,7 +46,7 @@ std::string sources(const Arguments& arguments, const SlamMap& map, const MaskSu
   }
   if (it.named > 0) all.push_back(some(it.named) + "that " + map.path.filename().string() + " names");
   if (it.in_masks > 0) {
-    all.push_back(some(it.in_masks) + "in the folder masks beside them" +
+    all.push_back(some(it.in_masks) + "in the directory masks beside them" +
                   (it.named == 0 ? ", such as " + it.first.string() : ""));
   }
   if (it.beside > 0)
@@ -71,7 +71,7 @@ void warn_of_share(const MaskSummary& it, std::vector<std::string>& warnings) {
   if (has_files(it) && it.hidden_by_files == 0.0) {
     std::string text =
         "the mask " + it.first.string() + " hides nothing: black (0) is ignored, any other colour is used";
-    if (!it.colours.empty()) text += ", and it is " + it.colours + "; paint black what is to be ignored";
+    if (!it.colours.empty()) text += ", and it is " + it.colours + "; paint ignored parts black";
     warnings.push_back(text);
   }
   if (it.hidden <= kHidesMost) return;
@@ -80,7 +80,7 @@ void warn_of_share(const MaskSummary& it, std::vector<std::string>& warnings) {
     const bool by_alpha = it.by_alpha;
     warnings.push_back(much + ": " + (by_alpha ? "transparent" : "black (0)") + " is ignored, " +
                        (by_alpha ? "opaque" : "white (any other colour)") + " is used; if " + it.first.string() +
-                       " means it the other way round, invert it");
+                       " is inverted, invert it back");
   } else if (it.with_alpha > 0) {
     warnings.push_back(much + ": transparent pixels of images are ignored; --no-masks uses them");
   } else {
@@ -95,7 +95,7 @@ void warn_of_unused(const Arguments& arguments, const SlamMap& map, const MaskSu
   if (it.named_missing > 0) {
     warnings.push_back("missing masks that " + map.path.filename().string() +
                        " names: " + std::to_string(it.named_missing) + ", such as " + it.first_missing.string() +
-                       "; their images are used as a whole; put them there, or --mask names their folder");
+                       "; their images are used without masks; add them, or give their directory with --mask");
   }
   std::error_code error;
   const fs::path images = fs::absolute(arguments.images, error).lexically_normal();
@@ -124,7 +124,7 @@ MaskReport look_at_masks(const Arguments& arguments, const SlamMap& map, const I
   warn_of_share(it, report.warnings);
   report.text = sources(arguments, map, it) + "; " + hidden_text(it);
   if (it.named + it.in_masks + it.beside + it.with_alpha > 0)
-    report.text += "; --no-masks leaves out what comes with images";
+    report.text += "; --no-masks ignores masks that come with images";
   const bool is_each = it.in_folder + it.named + it.in_masks + it.beside > 0;
   report.json = {{"hidden", it.hidden},
                  {"least", it.least},

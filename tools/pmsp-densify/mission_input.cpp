@@ -44,8 +44,8 @@ void MissionInput::check_poses() {
   Mission::check_poses();
   if (!map.landmarks.empty()) return;
   progress_.warning(
-      "neither the map nor the images give landmarks; without them no keyframe gets a depth range, nor a depth map; "
-      "--points takes a PLY file with points of the same frame");
+      "neither the map nor the images give landmarks, so that no keyframe has a depth range or a depth map; "
+      "give a PLY file with points of the same frame (--points)");
 }
 
 void MissionInput::open_prior_depths() { prior_depths = io::PriorDepths(arguments_.prior_depth, arguments_.images); }

@@ -48,7 +48,7 @@ std::string description_of(const OptionEntry& entry) {
   static const std::pair<const char*, DensifierOptions> others[] = {
       {"online", preset(Quality::kOnline)}, {"high", preset(Quality::kHigh)}, {"paper", preset(Quality::kPaper)}};
   std::string text = std::string(entry.help) + " (" +
-                     (entry.is_switch() ? negative_flag_of(entry) + " for no" : entry.expected()) + "; default " +
+                     (entry.is_switch() ? negative_flag_of(entry) + " disables it" : entry.expected()) + "; default " +
                      entry.text_of(normal);
   for (const auto& [name, options] : others) {
     const std::string value = entry.text_of(options);

@@ -190,7 +190,7 @@ class Run {
     const bool is_known = !step_ || report_.stats.depth_maps == 0;  // otherwise counts cover this run only
     return is_known ? explain_empty(report_.stats)
                     : "the filters left none of " + std::to_string(report_.stats.depth_maps) +
-                          " depth maps; a run without --workspace says which one it was";
+                          " depth maps; a run without --workspace shows which one";
   }
 
   /// At most ten lines. Throws EmptyResult without points.
@@ -244,7 +244,7 @@ class Run {
                                                        report_.with_image, input_.threads(), live_, export_views},
                                      report_.time);
     if (merge_ != nullptr && results_->page() != nullptr) {
-      results_->page()->say("The shards have left no pictures of keyframes, and no coverage.");
+      results_->page()->say("Pictures of keyframes and coverage are not available from shards.");
     }
   }
 
@@ -259,7 +259,7 @@ class Run {
   }
 
   void look_at_given(DensifierOptions& options) {
-    progress_.stage("looking at the depth images");
+    progress_.stage("reading the depth images");
     const Spent spent(report_.time, Busy::kImages);
     for (const SkippedKeyframe& skipped : given_->look(map_, *input_.images, options)) skip(skipped);
     report_.with_image = given_->count();
@@ -286,7 +286,7 @@ class Run {
     for (const SkippedKeyframe& skipped : unreadable) skip(skipped);
     report_.with_image -= unreadable.size();
     if (!fresh.empty()) {
-      progress_.stage("looking at " + std::to_string(fresh.size()) + " new images");
+      progress_.stage("reading " + std::to_string(fresh.size()) + " new images");
       const InterruptGuard guard(nullptr);
       const std::unique_ptr<ImageSource> images = input_.images->again();
       images->restrict_to(fresh);
@@ -345,7 +345,7 @@ class Run {
   [[noreturn]] static void refuse_lost(const SkippedKeyframe& skipped) {
     throw IoError("the image of keyframe " + std::to_string(skipped.keyframe_id) +
                   ", which results depend on, can no longer be read: " + skipped.reason +
-                  "; leave images as they are while a run works, or start with a new --workspace");
+                  "; do not change images during a run, or start with a new --workspace");
   }
 
   [[noreturn]] static void refuse_images(const std::string& error) {
@@ -470,8 +470,7 @@ void fuse(const Arguments& arguments) {
 void merge(const Arguments& arguments) {
   std::error_code ignored;
   if (!std::filesystem::exists(arguments.workspace / "workspace.json", ignored)) {
-    throw InvalidInput(arguments.workspace.string() +
-                       ": is no workspace; expected the folder that shards have worked in (run --shard)");
+    throw InvalidInput(arguments.workspace.string() + ": is no workspace; expected that of shards (run --shard)");
   }
   workspace::Workspace workspace(arguments.workspace, workspace::Workspace::Access::kMerge);
   const Merge merge(arguments, workspace);

@@ -23,7 +23,7 @@ std::string percent_text(std::int64_t part, std::int64_t whole) {
 }
 
 std::string blurred_keyframes(const DensifierStats& s) {
-  return s.keyframes_blurred > 0 ? ", " + std::to_string(s.keyframes_blurred) + " left out as blurred" : "";
+  return s.keyframes_blurred > 0 ? ", " + std::to_string(s.keyframes_blurred) + " rejected as blurred" : "";
 }
 
 /// Reasons why accepted keyframes have no depth map; "" = all have one.
@@ -32,21 +32,19 @@ std::string without_depth_map(const DensifierStats& s) {
   const auto add = [&text](std::int64_t count, const char* why) {
     if (count > 0) text += ", " + std::to_string(count) + " without one (" + why + ")";
   };
-  add(s.keyframes_without_neighbour, "no neighbour to be matched with");
+  add(s.keyframes_without_neighbour, "no source view");
   add(s.keyframes_without_range, "too few landmarks for a depth range");
   return text;
 }
 
 std::string repeated_points(const DensifierStats& s) {
-  return s.points_repeated > 0
-             ? "; " + count_text(s.points_repeated) + " more left out, since their places have a better one"
-             : "";
+  return s.points_repeated > 0 ? "; " + count_text(s.points_repeated) + " duplicates removed" : "";
 }
 
 /// Effect of --crop, --voxel and --max-points.
 std::string left_out(const RunReport& report) {
   if (report.points_written == report.stats.points) return "";
-  return "; " + count_text(report.points_written) + " of them written, as asked for";
+  return "; " + count_text(report.points_written) + " of them written (--crop, --voxel, --max-points)";
 }
 
 /// A line; "" if counts do not cover the whole mission.
@@ -88,7 +86,7 @@ std::string stages_of(const DensifierStats& s) {
       {"prepare", s.seconds_prepare},         {"init", s.seconds_init},
       {"PatchMatch", s.seconds_patchmatch},   {"median", s.seconds_median},
       {"consistency", s.seconds_consistency}, {"fusion", s.seconds_fusion},
-      {"free space", s.seconds_free_space},   {"ownership", s.seconds_duplicates}};
+      {"free space", s.seconds_free_space},   {"duplicate removal", s.seconds_duplicates}};
   double all = 0.0;
   for (const auto& [name, seconds] : stages) all += seconds;
   std::string text;
@@ -225,25 +223,25 @@ std::string consistency_warning(const DensifierStats& s) {
   const std::int64_t kept = s.pixels_after_consistency + s.pixels_far;
   if (kept == 0 || 5 * kept >= s.pixels_after_median) return "";
   return "the consistency filter keeps only " + percent_text(kept, s.pixels_after_median) +
-         " of the pixels that reach it: depth maps contradict each other, as with poses that are inexact, images that "
-         "are not their keyframes', or a scene that moves; look at the page of --report before the cloud is used";
+         " of the pixels: depth maps contradict each other, as with inexact poses, wrong pairing of images, or a "
+         "moving scene; inspect the report (--report) before using the cloud";
 }
 
 std::string explain_empty(const DensifierStats& s) {
   if (s.keyframes_added == 0) {
-    return "no keyframe has an image, as the warnings say; look at --images or --video, --frame-offset and --fps";
+    return "no keyframe has an image, see the warnings; check --images or --video, --frame-offset and --fps";
   }
   if (s.depth_maps == 0 && s.keyframes_without_range > 0) {
-    return "the map has no landmarks that " + std::to_string(s.keyframes_without_range) +
-           " keyframe(s) see, so that there is no depth range; save the map with its landmarks (`pmsp-densify info` "
+    return "the map has no landmarks in " + std::to_string(s.keyframes_without_range) +
+           " keyframe(s), so that there is no depth range; save the map with its landmarks (`pmsp-densify info` "
            "counts them)";
   }
   if (s.depth_maps == 0) {
     return "the view filter left " + std::to_string(s.keyframes_accepted) +
-           " keyframe(s), none of which has a neighbour to be matched with; try --view-filter-min-share 0.05 or "
+           " keyframe(s), none with a source view; try --view-filter-min-share 0.05 or "
            "--no-view-filter-enabled";
   }
-  if (s.pixels == 0) return "the mask covers every pixel; look at --mask (black is ignored, white is used)";
+  if (s.pixels == 0) return "the mask covers every pixel; check --mask (black is ignored, white is used)";
   if (s.pixels_matched == 0) {
     return "PatchMatch matched no pixel; try --init-range-margin 10 or --patchmatch-iterations 8";
   }

@@ -42,7 +42,7 @@ void check_file(const Arguments& arguments, const Target& target, bool may_repla
   }
   if (!fs::exists(target.path, ignored)) return;
   if (!fs::is_regular_file(target.path, ignored)) {
-    throw OutputError(target.path.string() + ": cannot be written, it exists and is no ordinary file");
+    throw OutputError(target.path.string() + ": cannot be written, it exists and is no regular file");
   }
   if (!may_replace) {
     throw OutputError(target.path.string() + ": exists already; --force overwrites it, or give another " +
@@ -52,15 +52,15 @@ void check_file(const Arguments& arguments, const Target& target, bool may_repla
 
 void check_folder(const Arguments& arguments, const Target& target, bool may_replace) {
   if (!arguments.images.empty() && place_of(target.path) == place_of(arguments.images)) {
-    throw UsageError(text_of(target) + " is the folder of the images; give one of its own");
+    throw UsageError(text_of(target) + " is the directory of the images; give another one");
   }
   for (const fs::path& depth : {arguments.prior_depth, arguments.given_depth}) {
     if (depth.empty() || place_of(target.path) != place_of(depth)) continue;
-    throw UsageError(text_of(target) + " is the folder of the depth images; give one of its own");
+    throw UsageError(text_of(target) + " is the directory of the depth images; give another one");
   }
   std::error_code error;
   if (!fs::exists(target.path, error)) return;
-  if (!fs::is_directory(target.path, error)) throw OutputError(target.path.string() + ": exists and is no folder");
+  if (!fs::is_directory(target.path, error)) throw OutputError(target.path.string() + ": exists and is no directory");
   if (!AtomicFolder::is_free(target.path) && !may_replace) {
     throw OutputError(target.path.string() + ": is not empty; --force writes into it, or give another " +
                       target.option);
@@ -79,7 +79,8 @@ void check_pair(const Target& a, const Target& b) {
     throw UsageError(text_of(a) + " and " + text_of(b) + " would overwrite each other; give different names");
   }
   if (a.writes == b.writes && place_of(a.path) == place_of(b.path)) {
-    throw UsageError(text_of(a) + " and " + text_of(b) + " name one folder; their files have the same names");
+    throw UsageError(text_of(a) + " and " + text_of(b) +
+                     " are the same directory, and their files have the same names; give different ones");
   }
 }
 
@@ -118,7 +119,7 @@ void check_beside_workspace(const Arguments& arguments, const Target& target) {
   const fs::path folder = place_of(arguments.workspace);
   for (const char* inner : {"planes", "points", "looks", "shards"}) {
     if (!is_or_lies_in(place_of(target.path), folder / inner)) continue;
-    throw UsageError(text_of(target) + " lies among the files of --workspace; give another place");
+    throw UsageError(text_of(target) + " is inside --workspace; give another path");
   }
 }
 

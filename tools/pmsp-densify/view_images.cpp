@@ -121,8 +121,8 @@ void ViewImages::write_decoded(const fs::path& folder, const std::map<std::int64
     ids.erase(item->keyframe_id);
   }
   if (ids.empty()) return;
-  throw IoError("there is no longer an image of keyframe " + std::to_string(*ids.begin()) +
-                "; leave images and video as they are while a run works");
+  throw IoError("the image of keyframe " + std::to_string(*ids.begin()) +
+                " no longer exists; do not change images or video during a run");
 }
 
 }  // namespace pmsp::tool

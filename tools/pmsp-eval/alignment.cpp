@@ -42,12 +42,12 @@ std::string seconds(double value) {
   }
   std::string message = std::to_string(result.matched) + " of " + std::to_string(keyframes.size()) +
                         " keyframes have a true pose within " + seconds(options.time_tolerance) +
-                        " s, at least 3 are needed. Keyframes: " + seconds(first) + " to " + seconds(last) +
+                        " s, expected at least 3. Keyframes: " + seconds(first) + " to " + seconds(last) +
                         " s, time offset " + seconds(options.time_offset) +
                         " s, truth: " + seconds(truth.front().timestamp) + " to " + seconds(truth.back().timestamp) +
                         " s.";
   if (result.shared_timestamps > 0) {
-    message += " " + std::to_string(result.shared_timestamps) + " keyframes share their timestamp and were left out.";
+    message += " " + std::to_string(result.shared_timestamps) + " keyframes with equal timestamps were ignored.";
   }
   throw InvalidInput(message +
                      " Shift the keyframes' time with --time-offset; if both begin together it is --time-offset=" +

@@ -165,7 +165,7 @@ AlignedCloud align_cloud(const std::vector<Eigen::Vector3d>& points, const std::
       ++cloud.dropped;
     }
   }
-  if (cloud.points.empty()) throw InvalidInput("the cloud holds no points");
+  if (cloud.points.empty()) throw InvalidInput("the cloud contains no points");
   for (const TimedPose& keyframe : keyframes) {
     cloud.keyframes.push_back({keyframe.id, keyframe.timestamp, truth_from_map * keyframe.world_from_cam});
     cloud.keyframes.back().world_from_cam.translation -= origin;

@@ -52,7 +52,7 @@ Similarity keyframes_from_cloud(const CloudInfo& cloud, const CommonArguments& c
                                 std::string& description) {
   description = "frame       that of the keyframes";
   if (arguments.as_is) {
-    description += ", as --as-is says\n";
+    description += " (--as-is)\n";
     return {};
   }
   const bool is_ours = std::any_of(cloud.comments.begin(), cloud.comments.end(), [](const std::string& comment) {
@@ -61,24 +61,24 @@ Similarity keyframes_from_cloud(const CloudInfo& cloud, const CommonArguments& c
   if (!cloud.file_from_map && is_ours) {
     throw InvalidInput(
         arguments.cloud.string() +
-        ": its header no longer says in which frame it was written (a program between has dropped that); "
-        "expected the file as pmsp-densify wrote it, or --as-is for a cloud in the frame of the map");
+        ": the header contains no frame, another program may have removed it; expected the file as written by "
+        "pmsp-densify, or --as-is for a cloud in the frame of the map");
   }
   if (!cloud.file_from_map) {
-    description += ", presumably: the file names none\n";
+    description += ", assumed: the file names none\n";
     return {};
   }
   if (cloud.file_from_map->is_identity()) {
-    description += ", as its header says\n";
+    description += ", by its header\n";
     return {};
   }
   char scale[32];
   std::snprintf(scale, sizeof(scale), "%.6g", cloud.file_from_map->scale);
   if (common.map.empty()) {
-    throw InvalidInput(
-        arguments.cloud.string() + ": was written in another frame than that of its map (scale " + std::string(scale) +
-        "), and a trajectory does not say which one it is in; expected --map with the map of the cloud, or "
-        "--as-is for a trajectory in the frame of the cloud");
+    throw InvalidInput(arguments.cloud.string() + ": was written in another frame than that of its map (scale " +
+                       std::string(scale) +
+                       "), and the frame of the trajectory is unknown; expected --map with the map of the cloud, or "
+                       "--as-is for a trajectory in the frame of the cloud");
   }
   description += "; the transform that its header names is undone (scale " + std::string(scale) + ")\n";
   return inverse_of(*cloud.file_from_map);

@@ -21,7 +21,7 @@ void add_folder(const fs::path& folder, const char* extension, std::vector<Depth
     const auto id = number_in_name(it->path(), "depth_", extension);
     if (id) files.push_back({*id, it->path()});
   }
-  if (error) throw IoError(folder.string() + ": cannot list the folder: " + error.message());
+  if (error) throw IoError(folder.string() + ": cannot list the directory: " + error.message());
   if (files.size() == before) {
     throw InvalidInput(folder.string() + ": holds no depth_<keyframe id>" + extension +
                        (std::string(extension) == ".pfm" ? " (for 16-bit PNG set --png-scale)" : ""));
@@ -47,7 +47,7 @@ std::vector<DepthFile> list_depth_files(const std::vector<fs::path>& inputs, dou
                                         std::optional<std::int64_t> keyframe) {
   std::vector<DepthFile> files;
   for (const fs::path& input : inputs) {
-    if (!fs::exists(input)) throw IoError(input.string() + ": no such file or folder");
+    if (!fs::exists(input)) throw IoError(input.string() + ": no such file or directory");
     if (fs::is_directory(input)) {
       add_folder(input, png_scale > 0.0 ? ".png" : ".pfm", files);
       continue;
@@ -79,7 +79,7 @@ Image<float> load_depth(const fs::path& path, double png_scale) {
   Image<float> depth;
   if (path.extension() == ".png") {
     if (!(png_scale > 0.0)) {
-      throw InvalidInput(path.string() + ": a PNG needs --png-scale, the length of one gray level in units of the map");
+      throw InvalidInput(path.string() + ": a PNG needs --png-scale, the length of one gray level in map units");
     }
     depth = read_png16(path, png_scale);
   } else {

@@ -39,7 +39,7 @@ int row_at(const std::vector<TimedPose>& trajectory, double time) {
 }  // namespace
 
 std::vector<TimedPose> read_true_trajectory(const fs::path& folder) {
-  if (!fs::is_directory(folder)) throw IoError(folder.string() + ": no such folder of ground truth");
+  if (!fs::is_directory(folder)) throw IoError(folder.string() + ": no such directory of ground truth");
   const fs::path path = folder / "traj_tum.txt";
   std::vector<TimedPose> trajectory = read_tum(path);
   for (std::size_t i = 1; i < trajectory.size(); ++i) {

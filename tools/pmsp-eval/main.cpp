@@ -31,12 +31,12 @@ struct Arguments {
 void add_common(CLI::App& app, Arguments& a, bool truth_required) {
   CLI::Option* truth =
       app.add_option("--gt", a.common.truth,
-                     "Folder of ground truth: traj_tum.txt, and range_mm/<frame>.png (16-bit, mm) or "
-                     "range/<frame>.pfm (m); label/<frame>.png, where it is there (16-bit: 1 thin thing, "
-                     "2 mirroring surface, 3 behind glass, 0 other), gives figures by label");
+                     "Directory of ground truth: traj_tum.txt, and range_mm/<frame>.png (16-bit, mm) or "
+                     "range/<frame>.pfm (m); optional label/<frame>.png (16-bit: 1 thin object, "
+                     "2 mirroring surface, 3 behind glass, 0 other) for figures by label");
   truth->required(truth_required)->type_name("DIR");
   CLI::Option_group* poses = app.add_option_group("keyframes", "Poses of the keyframes, one of:");
-  poses->add_option("--map", a.common.map, "Map that they came from (MessagePack or SQLite)")->type_name("FILE");
+  poses->add_option("--map", a.common.map, "Map of the keyframes (MessagePack or SQLite)")->type_name("FILE");
   poses
       ->add_option("--trajectory", a.common.trajectory,
                    "TUM file, camera to world, in the frame of the result: ts tx ty tz qx qy qz qw")
@@ -44,7 +44,7 @@ void add_common(CLI::App& app, Arguments& a, bool truth_required) {
   poses->require_option(1);
   app.add_option(
          "--time-offset", a.common.alignment.time_offset,
-         "Added to the keyframes' timestamps to give the truth's time [s], for maps with Unix times; any number")
+         "Offset added to the keyframes' timestamps to give the time of the truth [s], for maps with Unix times")
       ->capture_default_str()
       ->type_name("S");
   app.add_option("--time-tolerance", a.common.alignment.time_tolerance,
@@ -52,7 +52,7 @@ void add_common(CLI::App& app, Arguments& a, bool truth_required) {
       ->capture_default_str()
       ->check(CLI::Range(1e-6, kLarge))
       ->type_name("S");
-  app.add_flag("--no-align", a.no_align, "Map and truth already share one frame and unit: fit no similarity");
+  app.add_flag("--no-align", a.no_align, "No alignment by a similarity: map and truth have the same frame and unit");
   app.add_option("--json", a.common.json,
                  "Write all figures as JSON; - = standard output (the table then goes to stderr)")
       ->type_name("FILE");
@@ -82,7 +82,7 @@ void add_measuring(CLI::App& app, Arguments& a, RenderArguments& render) {
       ->check(CLI::Range(1e-3, kLarge))
       ->type_name("FPS");
   add_thresholds(app, "--relative", a.relative_percent, "Thresholds relative to distance [%]");
-  app.add_option("--render", render.folder, "Write error pictures (PNG) into this folder")->type_name("DIR");
+  app.add_option("--render", render.folder, "Write error pictures (PNG) into this directory")->type_name("DIR");
   app.add_option("--render-keyframes", render.keyframes, "Keyframes with a picture, evenly spread; 0 = all")
       ->capture_default_str()
       ->check(CLI::Range(0, 1000000))
@@ -99,18 +99,17 @@ CLI::App* add_cloud(CLI::App& app, Arguments& a) {
       "Examples:\n  pmsp-eval cloud cloud.ply --gt gt --map map.msg\n"
       "  pmsp-eval cloud cloud.ply --gt gt --map map.msg --time-offset=-1763660000.25 --json figures.json\n"
       "  pmsp-eval cloud cloud.ply --gt gt --trajectory keyframes_tum.txt --render pictures\n\n"
-      "Measures a cloud: how much of each keyframe's view it fills, how much of that is right, and how near cloud and "
-      "true "
-      "surface lie to each other.");
+      "Measures a cloud: share of each keyframe's view that it covers, share of that which is correct, and distances "
+      "between cloud and true surface.");
   cloud
       ->add_option(
           "cloud", a.cloud.cloud,
-          "PLY, LAS, Potree folder or workspace; a transform that its header names is undone, so that it is in the "
-          "frame and unit of the keyframes")
+          "PLY, LAS, Potree directory or workspace; a transform in its header is inverted, which gives the frame and "
+          "unit of the keyframes")
       ->required()
       ->type_name("CLOUD");
   cloud->add_flag("--as-is", a.cloud.as_is,
-                  "The cloud is in the frame and unit of the keyframes, whatever its header says");
+                  "The cloud is in the frame and unit of the keyframes, regardless of its header");
   add_common(*cloud, a, true);
   add_measuring(*cloud, a, a.cloud.render);
   add_thresholds(*cloud, "--absolute", a.absolute_cm, "Thresholds for distances [cm]");
@@ -124,15 +123,16 @@ CLI::App* add_cloud(CLI::App& app, Arguments& a) {
   add_number(*cloud, "--max-range", a.cloud.measures.max_range_m,
              "True surface farther from every keyframe does not count as missing [m]", 1e-3, kLarge);
   add_number(*cloud, "--voxel", a.cloud.surface.voxel_m, "Spacing of the true surface's samples [m]", 1e-3, 10);
-  add_number(*cloud, "--gt-frames", a.cloud.surface.max_frames, "Range maps that make the true surface; 0 = all", 0,
+  add_number(*cloud, "--gt-frames", a.cloud.surface.max_frames, "Range maps used for the true surface; 0 = all", 0,
              kLarge);
-  add_number(*cloud, "--gt-stride", a.cloud.surface.stride, "Every n-th row and column of a range map is used", 1, 64);
+  add_number(*cloud, "--gt-stride", a.cloud.surface.stride, "Step between used rows and columns of a range map [px]", 1,
+             64);
   add_number(*cloud, "--gt-max-range", a.cloud.surface.max_range_m, "True range beyond which it is not used [m]", 1e-2,
              kLarge);
   add_number(*cloud, "--max-points", a.cloud.measures.max_points, "Cloud points drawn for accuracy; 0 = all", 0, 4e9);
   add_number(*cloud, "--max-gt-points", a.cloud.measures.max_truth, "Surface samples drawn for completeness; 0 = all",
              0, 4e9);
-  add_number(*cloud, "--seed", a.cloud.measures.seed, "Of the draws", 0, 1e15);
+  add_number(*cloud, "--seed", a.cloud.measures.seed, "Seed of the random samples", 0, 1e15);
   return cloud;
 }
 
@@ -143,29 +143,26 @@ CLI::App* add_depth(CLI::App& app, Arguments& a) {
                          "  pmsp-eval depth depth_maps/ --gt gt --map map.msg --png-scale 0.001 --render pictures\n"
                          "  pmsp-eval depth estimate.pfm --keyframe 42 --gt gt --map map.msg --json -\n"
                          "  pmsp-eval depth depth_maps/ --gt gt --map map.msg --calibration calibration.png\n\n"
-                         "Measures depth maps against the true range of their keyframes, pixel by pixel, and how error "
-                         "goes with confidence.");
+                         "Measures depth maps against the true range of their keyframes, pixel by pixel, and errors "
+                         "over confidence.");
   depth
       ->add_option("inputs", a.depth.inputs,
-                   "Folders of depth_<keyframe id>.pfm (with --png-scale: .png), or single files")
+                   "Directories of depth_<keyframe id>.pfm (with --png-scale: .png), or single files")
       ->required()
       ->type_name("PATH");
   add_common(*depth, a, true);
   add_measuring(*depth, a, a.depth.render);
-  depth
-      ->add_option("--keyframe", a.keyframe,
-                   "Keyframe id of a single file, or the only one to take from a folder; >= 0")
+  depth->add_option("--keyframe", a.keyframe, "Keyframe id of a single file, or the only one of a directory; >= 0")
       ->check(CLI::NonNegativeNumber)
       ->type_name("ID");
   depth
-      ->add_option("--png-scale", a.depth.png_scale,
-                   "Length of one gray level of a 16-bit PNG [units of the map]; no default")
+      ->add_option("--png-scale", a.depth.png_scale, "Length of one gray level of a 16-bit PNG [map units]; no default")
       ->check(CLI::Range(1e-12, 1e12))
       ->type_name("UNITS");
   depth->add_flag(
       "--own-scales", a.depth.own_scales,
-      "Fit each depth map's scale to its own truth (the median), not one scale to all: leaves out the drift "
-      "of a SLAM's scale");
+      "One scale per depth map (median of truth / estimate) instead of one for all: excludes the scale drift "
+      "of a SLAM");
   add_number(*depth, "--slack", a.depth.measures.slack_px,
              "Pixels of the range map about the true one that also count [px]", 0, 100);
   add_number(*depth, "--correct", a.correct_percent,
@@ -208,7 +205,8 @@ void run(const CLI::App& cloud, const CLI::App& depth, Arguments& a) {
     run_depth(a.common, a.depth);
   } else {
     if (a.common.truth.empty() && (a.align.write_trajectory.empty() || a.align.aligned || !a.common.json.empty())) {
-      throw pmsp::InvalidOption("--gt: needed for everything but a plain --write-trajectory");
+      throw pmsp::InvalidOption(
+          "--gt is missing; only --write-trajectory without --aligned and --json works without it");
     }
     run_align(a.common, a.align);
   }
@@ -224,7 +222,7 @@ int run_tool(int argc, char** argv) {
       "Examples:\n  pmsp-eval cloud cloud.ply --gt gt --map map.msg\n  pmsp-eval depth depth_maps/ --gt gt --map "
       "map.msg\n"
       "  pmsp-eval align --gt gt --map map.msg\n\n"
-      "Compares what pmsp-densify made with ground truth. Exit codes: 0 done, 2 wrong usage, 3 input unusable, 6 "
+      "Compares results of pmsp-densify with ground truth. Exit codes: 0 done, 2 wrong usage, 3 input unusable, 6 "
       "output "
       "cannot be written.",
       "pmsp-eval");
@@ -254,7 +252,7 @@ int main(int argc, char** argv) {
   } catch (const pmsp::OutputError& error) {
     return fail(pmsp::eval::kOutput, error.what());
   } catch (const std::bad_alloc&) {
-    return fail(pmsp::eval::kInput, "the input needs more memory than there is");
+    return fail(pmsp::eval::kInput, "the memory does not suffice for the input");
   } catch (const std::exception& error) {
     return fail(pmsp::eval::kInput, error.what());
   }

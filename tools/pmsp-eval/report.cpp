@@ -214,12 +214,12 @@ Json to_json(const LabelCounts& counts) {
 }
 
 std::string to_table(const Alignment& a) {
-  std::string text = format("alignment   by %s, %g m per unit of the map, %d of %zu keyframes matched\n",
-                            a.method.c_str(), a.truth_from_map.scale, a.matched, a.truth_row.size()) +
+  std::string text = format("alignment   by %s, %g m per map unit, %d of %zu keyframes matched\n", a.method.c_str(),
+                            a.truth_from_map.scale, a.matched, a.truth_row.size()) +
                      format("            position %.4f m rms, %.4f m max; rotation %.3f deg median, %.3f deg max\n",
                             a.position_rmse_m, a.position_max_m, a.rotation_median_deg, a.rotation_max_deg);
   if (a.shared_timestamps > 0) {
-    text += format("            %d keyframes share their timestamp with another one and were not matched\n",
+    text += format("            %d keyframes have the timestamp of another one and were not matched\n",
                    a.shared_timestamps);
   }
   return text;
@@ -266,7 +266,7 @@ std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions&
 std::string to_table(const Calibration& c) {
   std::string text = format("calibration %zu pixels by deciles of confidence; errors and shares in %%\n", c.pixels);
   text += "                                        plain                                   by solid angle\n";
-  const std::string columns = format("      told    median       p90   < %3g %%", 100.0 * c.threshold);
+  const std::string columns = format("  expected    median       p90   < %3g %%", 100.0 * c.threshold);
   text += "  decile   confidence " + columns + columns + "\n";
   for (std::size_t i = 0; i < c.plain.deciles.size(); ++i) {
     const CalibrationBin& bin = c.plain.deciles[i];
@@ -289,8 +289,9 @@ std::string to_table(const LabelTable& labels, const LabelOptions& options) {
   }
   const auto thin = labels.find(kThin);
   if (thin == labels.end()) return text;
-  return text + format("  thin grown      %8.3f %% of what lies beside thin things, by up to %d px, has their range\n",
-                       100.0 * thin->second.grown_share(), options.beside_px);
+  return text +
+         format("  thin grown      %8.3f %% of the pixels beside thin objects, by up to %d px, has their range\n",
+                100.0 * thin->second.grown_share(), options.beside_px);
 }
 
 std::string table_of_behind(const LabelCounts& counts, const LabelOptions& options) {

@@ -35,13 +35,13 @@ struct Arguments {
 };
 
 constexpr const char* kFooter = R"(
-What it writes into DIR:
+Files in DIR:
   images/%06d.png        the keyframes' images, named by frame index (.jpg with --jpeg)
   map.msg                the map, as stella_vslam stores it (MessagePack); frame f has the timestamp f / 10 s
   gt/traj_tum.txt        true poses, "ts tx ty tz qx qy qz qw", camera to world, metres
   gt/range_mm/%06d.png   16-bit: true distance along the ray of each pixel's centre [mm]; 0 = unknown. Through glass
-                         and movers: of what is behind
-  gt/label/%06d.png      where there are any, 16-bit: 1 thin thing, 2 mirroring surface, 3 seen through glass, 4 sky,
+                         and movers: of the surface behind
+  gt/label/%06d.png      for some scenes, 16-bit: 1 thin object, 2 mirroring surface, 3 seen through glass, 4 sky,
                          5 rider, 6 mover, 0 elsewhere; pmsp-eval reports by these labels
   mask.png               with --mask-nadir: 0 = ignore
 
@@ -70,26 +70,25 @@ void add_scene_options(CLI::App& app, Arguments& arguments) {
       ->capture_default_str()
       ->group(group);
   app.add_option("--keyframes", arguments.recipe.keyframes,
-                 "keyframes; each scene has room for about ten, gloss, thin and yard for 30")
+                 "number of keyframes, at most about ten, in gloss, thin and yard 30")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str()
       ->group(group);
-  app.add_option("--yaw", arguments.recipe.yaw_deg, "turns all cameras to the right [deg]")
+  app.add_option("--yaw", arguments.recipe.yaw_deg, "rotation of all cameras to the right [deg]")
       ->check(CLI::Range(-360.0, 360.0))
       ->capture_default_str()
       ->group(group);
   app.add_flag("--weak", arguments.recipe.weak_texture, "plaster: contrast of a few gray levels")->group(group);
-  app.add_flag("--overexposed-sky", arguments.recipe.overexposed_sky, "yard: a sky that is white all over")
-      ->group(group);
-  app.add_flag("--rider", arguments.recipe.rider,
-               "a dashboard, a hand, a head and a pole that the camera carries along")
+  app.add_flag("--overexposed-sky", arguments.recipe.overexposed_sky, "yard: a white sky")->group(group);
+  app.add_flag("--rider", arguments.recipe.rider, "a dashboard, a hand, a head and a pole that move with the camera")
       ->group(group);
   app.add_option("--movers", arguments.recipe.movers,
                  "walking figures; from the third on, a bus, too; not with flat-photos")
       ->check(CLI::Range(0, 100))
       ->capture_default_str()
       ->group(group);
-  app.add_option("--seed", arguments.recipe.texture_seed, "of textures, landmarks and noise; same seed, same bytes")
+  app.add_option("--seed", arguments.recipe.texture_seed,
+                 "seed of textures, landmarks and noise; same seed, same bytes")
       ->check(CLI::Range(0, 1000000000))
       ->capture_default_str()
       ->group(group);
@@ -98,7 +97,8 @@ void add_scene_options(CLI::App& app, Arguments& arguments) {
 void add_image_options(CLI::App& app, Arguments& arguments) {
   synth::MissionOptions& mission = arguments.recipe.mission;
   const std::string group = "Images";
-  app.add_option("-w,--width", arguments.recipe.width, "of the images [px], a multiple of 4; the height is half of it")
+  app.add_option("-w,--width", arguments.recipe.width,
+                 "width of the images [px], a multiple of 4; the height is half of it")
       ->check(CLI::Range(64, 8192))
       ->capture_default_str()
       ->group(group);
@@ -126,7 +126,7 @@ void add_image_options(CLI::App& app, Arguments& arguments) {
       ->check(CLI::Range(-1.0, 1.0))
       ->capture_default_str()
       ->group(group);
-  app.add_option("--jpeg", arguments.files.jpeg_quality, "write JPEG of this quality, 1 to 100; 0 = PNG")
+  app.add_option("--jpeg", arguments.files.jpeg_quality, "quality of JPEG images, 1 to 100; 0 = PNG")
       ->check(CLI::Range(0, 100))
       ->capture_default_str()
       ->group(group);
@@ -140,11 +140,11 @@ void add_image_options(CLI::App& app, Arguments& arguments) {
 void add_map_options(CLI::App& app, Arguments& arguments) {
   synth::LandmarkOptions& landmarks = arguments.recipe.mission.landmarks;
   const std::string group = "Map";
-  app.add_option("--landmarks", landmarks.count, "landmarks in the map")
+  app.add_option("--landmarks", landmarks.count, "number of landmarks in the map")
       ->check(CLI::Range(0, 1000000))
       ->capture_default_str()
       ->group(group);
-  app.add_option("--landmark-noise", landmarks.noise, "error of their positions, relative to their distance")
+  app.add_option("--landmark-noise", landmarks.noise, "error of landmarks, relative to their distance")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str()
       ->group(group);
@@ -178,7 +178,7 @@ void make_cheap(Arguments& arguments) {
 void run(Arguments& arguments) {
   synth::Recipe& recipe = arguments.recipe;
   if (recipe.width % 4 != 0) {
-    throw InvalidOption("--width = " + std::to_string(recipe.width) + " is no multiple of 4.");
+    throw InvalidOption("--width is " + std::to_string(recipe.width) + "; expected a multiple of 4");
   }
   recipe.height = recipe.width / 2;
   if (arguments.cheap) make_cheap(arguments);
@@ -208,10 +208,10 @@ int main(int argc, char** argv) {
     CLI::App app("Writes a synthetic 360-degree mission with known truth: images, a SLAM's map, poses and ranges.",
                  "pmsp-synth");
     app.footer(kFooter);
-    app.add_option("-o,--output", arguments.files.folder, "folder for the mission; made when it does not exist")
+    app.add_option("-o,--output", arguments.files.folder, "directory for the mission, made if it does not exist")
         ->required()
         ->option_text("DIR REQUIRED");
-    app.add_flag("--force", arguments.files.overwrite, "replace the mission that is in the folder");
+    app.add_flag("--force", arguments.files.overwrite, "replace an existing mission");
     add_scene_options(app, arguments);
     add_image_options(app, arguments);
     add_map_options(app, arguments);

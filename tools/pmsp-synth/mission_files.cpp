@@ -129,11 +129,11 @@ void check_folder(const MissionFilesOptions& options) {
     return;
   }
   if (!fs::is_directory(options.folder, error)) {
-    throw OutputError(options.folder.string() + ": exists and is no folder; give another one with --output");
+    throw OutputError(options.folder.string() + ": exists and is no directory; give another one with --output");
   }
   if (!options.overwrite && !fs::is_empty(options.folder, error)) {
     throw OutputError(options.folder.string() +
-                      ": is not empty; give a new folder, or --force to replace the mission in it");
+                      ": is not empty; give a new directory, or --force to replace the mission in it");
   }
 }
 

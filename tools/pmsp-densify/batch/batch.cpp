@@ -49,19 +49,17 @@ Lists lists_of(const BatchArguments& arguments) {
   Lists lists{read_record(arguments.output), {}};
   const std::string folder = arguments.output.string();
   if (arguments.manifest.empty() && !lists.before) {
-    throw InvalidInput(folder +
-                       ": is no folder of a batch, which has a batch.json with its missions; give their list: "
-                       "batch MANIFEST -o " +
-                       folder);
+    throw InvalidInput(
+        folder + ": is no directory of a batch, batch.json is missing; give the list of missions: batch MANIFEST -o " +
+        folder);
   }
   lists.now = arguments.manifest.empty() ? *lists.before : read_manifest(arguments.manifest);
   lists.now.options = arguments.options;
   if (!lists.before) return lists;
   const std::string change = difference(lists.before->options, arguments.options);
   if (!change.empty() && !arguments.force) {
-    throw UsageError(folder + ": holds results with other options: " + change +
-                     "; leave the option out to go on as recorded, give another -o, or --force to make the missions "
-                     "again");
+    throw UsageError(folder + ": contains results with other options: " + change +
+                     "; omit the option to resume as recorded, give another -o, or --force to repeat the missions");
   }
   lists.now.options = merged(lists.before->options, arguments.options);
   return lists;
@@ -126,7 +124,7 @@ class Batch {
     int stopped = 0;
     if (!waiting.empty() || lists_.before) {
       make_folder(output_);
-      const FolderLock lock(output_, "folder of a batch", {},
+      const FolderLock lock(output_, "directory of a batch", {},
                             arguments_.only ? FolderLock::For::kMany : FolderLock::For::kOne);
       write_record(output_, lists_.now);
       for (const BatchMission& mission : missions_) {
@@ -230,8 +228,7 @@ class Batch {
       const std::string change = before.name == mission.name ? line_difference(before, mission) : "";
       if (change.empty()) continue;
       throw UsageError(lists_.now.path + ": line " + std::to_string(mission.line) + ": mission " + mission.name +
-                       " has results of another line: " + change +
-                       "; give it another \"name\", or --force to make it again");
+                       " has results of another line: " + change + "; give another \"name\", or --force to repeat it");
     }
   }
 
@@ -373,7 +370,7 @@ class Batch {
   void print_waiting(const Slot& slot) {
     if (slot.mission == printed_waiting_) return;
     printed_waiting_ = slot.mission;
-    progress_.message(slot.mission->mission.name + ": waits until others have given back memory");
+    progress_.message(slot.mission->mission.name + ": waits for memory of others");
   }
 
   /// False if another process has completed the mission in the meantime. Throws OutputError if one is running it.
@@ -515,7 +512,7 @@ void scan(const fs::path& folder) {
     std::cout << mission.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n";
   }
   for (const fs::path& map : found.without_images) {
-    std::cerr << "warning: " << map.string() << ": no images or video beside it, left out; see batch --help\n";
+    std::cerr << "warning: " << map.string() << ": no images or video beside it, ignored; see batch --help\n";
   }
   if (found.missions.empty()) {
     throw InvalidInput(folder.string() +

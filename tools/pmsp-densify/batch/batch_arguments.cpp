@@ -18,25 +18,24 @@ namespace pmsp::tool {
 namespace {
 
 constexpr const char* kAbout =
-    "Many missions: each by a process of its own, with results, log and status in a folder of its own, DIR/NAME.\n"
-    "One that fails costs no other. DIR records the list and the options: `batch -o DIR` goes on with them.\n";
+    "Many missions, each in a separate process, with results, log and status in the directory DIR/NAME. The\n"
+    "failure of one does not affect others. DIR records the list and the options: `batch -o DIR` resumes with them.\n";
 
 constexpr const char* kMore =
-    "Options of `run` (see run --help-all) are for all missions; those of a mission come after them and override "
-    "them.\n"
-    "--depth-maps and --preview name folders in those of the missions, --report a page there. --format ply,las names\n"
-    "the formats of the clouds, which are written as cloud.ply, cloud.las and so on. Set by the batch itself: -o,\n"
-    "--stats and --workspace; not available: --growing, --follow, --raw-depth-maps and --live-view.\n"
+    "Options of `run` (see run --help-all) apply to all missions; options of a mission override them.\n"
+    "--depth-maps, --preview and --report are names inside the directories of the missions. --format ply,las selects\n"
+    "the formats of the clouds, written as cloud.ply, cloud.las and so on. -o, --stats and --workspace are set by the\n"
+    "batch; --growing, --follow, --raw-depth-maps and --live-view are not available.\n"
     "\n"
-    "MANIFEST is JSON lines, an object a mission, or tab-separated with a first line that names the columns:\n"
+    "MANIFEST is JSON lines, an object per mission, or tab-separated with the names of the columns in the first line:\n"
     "name, map, images or video, mask, options. Paths are relative to the manifest. Options are an object as in\n"
     "--config, {\"quality\": \"high\", \"fusion\": {\"window\": 7}, \"fps\": 25}, or in a table words, --quality "
     "high.\n"
-    "The default name is that of the map, or of the folder around map.*, reconstruction.json or sparse/0.\n"
+    "The default name is that of the map, or of the directory around map.*, reconstruction.json or sparse/0.\n"
     "\n"
-    "--scan lists files *.msg, *.db and reconstruction.json (OpenSfM) and folders with a model of COLMAP, such as\n"
-    "sparse/0. To each belong, in this order: the folder beside it that has its name or is called images, keyframes\n"
-    "or frames; the only other folder beside it with images; the video beside it that has its name; the only other\n"
+    "--scan lists files *.msg, *.db and reconstruction.json (OpenSfM) and directories with a model of COLMAP, such as\n"
+    "sparse/0. Inputs of each, in this order: the directory beside it with its name or the name images, keyframes\n"
+    "or frames; the only other directory beside it with images; the video beside it with its name; the only other\n"
     "video beside it. A mask.png beside it is its mask. Names of missions are paths in DIR.\n"
     "\n"
     "Examples:\n"
@@ -46,7 +45,7 @@ constexpr const char* kMore =
     "  pmsp-densify batch -o results/ --retry\n"
     "  pmsp-densify batch missions.jsonl -o results/ --slurm=submit --sbatch \"--time=2:00:00 --cpus-per-task=8\"\n"
     "\n"
-    "Exit codes: 0 all missions of the list are done, 7 some failed or are not made yet, 8 all failed (--dry-run: 0 "
+    "Exit codes: 0 all missions of the list are done, 7 some failed or are missing, 8 all failed (--dry-run: 0 "
     "all\n"
     "would run, 7 some, 8 none); 2 usage, 3 manifest, 6 output, 128 + n stopped by signal n (130 Ctrl-C, 143 SIGTERM)";
 
@@ -66,15 +65,13 @@ ProgressMode progress_from(const std::string& name) {
 void add_own(CLI::App& app, BatchArguments& a) {
   app.add_option("manifest", a.manifest, "List of missions; - = standard input [default the recorded list of DIR]")
       ->type_name("MANIFEST");
-  app.add_option("-o,--output", a.output, "Folder of the results; one batch at a time works in it, but see --only")
+  app.add_option("-o,--output", a.output, "Directory of the results, for one batch at a time (except with --only)")
       ->type_name("DIR");
-  app.add_flag("--dry-run", a.dry_run, "Make and write nothing: check each mission as `info` does");
-  app.add_flag("--summary", a.summary,
-               "Make and write nothing: the table of the missions, also while others make them");
-  app.add_flag("--retry", a.retry, "Also run failed missions again, though their inputs are the same");
+  app.add_flag("--dry-run", a.dry_run, "Check each mission as `info` does; nothing is written");
+  app.add_flag("--summary", a.summary, "Print the table of the missions, also during a batch; nothing is written");
+  app.add_flag("--retry", a.retry, "Repeat failed missions with unchanged inputs, too");
   app.add_flag("--force", a.force,
-               "Record the given options instead of others of the same names, and make the missions again that they "
-               "change");
+               "Replace recorded options by the given ones, and repeat the missions that they change");
   app.add_option_function<std::string>(
          "--jobs",
          [&a](const std::string& text) { a.jobs = number_in<int>("--jobs", text, 1, 256, "a whole number, 1 to 256"); },
@@ -86,22 +83,22 @@ void add_own(CLI::App& app, BatchArguments& a) {
          [&a](const std::string& text) {
            a.memory = number_in<double>("--memory", text, 0.001, 1e6, "a number from 0.001 to 1000000");
          },
-         "Memory of all jobs together; a mission waits while its share is not free [GiB; default the free memory at "
+         "Memory of all jobs together; a mission waits until its share is free [GiB; default: the free memory at "
          "the start]")
       ->type_name("SIZE");
   app.add_option_function<std::string>(
          "--device", [&a](const std::string& text) { a.devices = devices_from(text); },
-         "CUDA devices, such as 0,1, or all, to which jobs are assigned round-robin; of more devices than jobs each "
-         "job has several [default all with --jobs, else 0]")
+         "CUDA devices, such as 0,1, or all, assigned to jobs round-robin; each job has several if there are more "
+         "devices than jobs [default: all with --jobs, else 0]")
       ->type_name("LIST");
   app.add_option_function<std::string>(
          "--only", [&a](const std::string& text) { a.only = shard_from(text, "--only"); },
-         "Every N-th mission, from number K on (from 0); others may make theirs in DIR at the same time. auto: K and N "
-         "of this task of a SLURM job array")
+         "Every N-th mission, from number K on (from 0), for several batches in one DIR. auto: K and N of this task of "
+         "a SLURM job array")
       ->type_name("K/N");
   app.add_flag("--slurm{print}", a.slurm,
-               "Instead of all else: print a script that submits a SLURM job array over the missions, and the job of "
-               "their table; --slurm=submit runs it")
+               "Print a script that submits a SLURM job array over the missions and the job of their table, and stop; "
+               "--slurm=submit runs it")
       ->type_name("WHAT");
   app.add_option_function<std::string>(
          "--sbatch", [&a](const std::string& text) { a.sbatch = split_words(text); },
@@ -109,12 +106,12 @@ void add_own(CLI::App& app, BatchArguments& a) {
       ->type_name("WORDS");
   app.add_flag_callback(
       kKeepWorkspaces, [&a] { a.options.push_back(std::string(kKeepWorkspaces) + "=true"); },
-      "Keep the workspaces of missions that are done (DIR/NAME/work, large), for a newer map");
-  app.add_option("--scan", a.scan, "Instead of all else: print a manifest of the missions in this folder tree")
+      "Keep the workspaces of finished missions (DIR/NAME/work, large) for newer maps");
+  app.add_option("--scan", a.scan, "Print a manifest of the missions in this directory tree, and stop")
       ->type_name("DIR");
   app.add_option_function<std::string>(
          "--progress", [&a](const std::string& name) { a.progress = progress_from(name); },
-         "plain (a line for each mission that ends), json (JSON lines on stdout, instead of the table) or none "
+         "plain (a line per finished mission), json (JSON lines on stdout, instead of the table) or none "
          "[default plain]")
       ->type_name("MODE");
   app.add_flag("-q,--quiet", a.quiet, "Failed missions, warnings and errors only");
@@ -133,7 +130,7 @@ void check(const BatchArguments& a) {
     if (!a.manifest.empty() || !a.output.empty()) throw UsageError("--scan takes neither MANIFEST nor -o");
     return;
   }
-  if (a.output.empty()) throw UsageError("-o DIR is missing, the folder of the results: batch MANIFEST -o DIR");
+  if (a.output.empty()) throw UsageError("-o DIR is missing: batch MANIFEST -o DIR");
   for (const auto& [is_given, name] : {std::pair(a.summary, "--summary"), std::pair(a.dry_run, "--dry-run")}) {
     if (is_given && a.only) throw UsageError(std::string("--only and ") + name + " exclude each other");
   }
@@ -145,7 +142,7 @@ void check(const BatchArguments& a) {
       throw UsageError("--slurm is \"" + a.slurm + "\"; expected --slurm=print or --slurm=submit");
     }
     if (a.only || a.summary || a.dry_run) throw UsageError("--slurm excludes --only, --summary and --dry-run");
-    if (a.manifest == "-") throw UsageError("--slurm needs a MANIFEST that is a file, which its jobs can read");
+    if (a.manifest == "-") throw UsageError("--slurm needs a MANIFEST in a file, for its jobs");
   }
   check_options(a.options);
 }

@@ -59,11 +59,12 @@ std::vector<Line> lines_of(std::string text) {
 
 void check_name(const std::string& name) {
   if (name.find_first_not_of(kNameCharacters) != std::string::npos || name[0] == '.' || name.size() > kMaxName) {
-    throw InvalidInput("the name \"" + name +
-                       "\" cannot be that of a folder; expected up to 200 of A-Z a-z 0-9 . _ -, the first one no dot");
+    throw InvalidInput(
+        "name \"" + name +
+        "\" is no valid directory name; expected up to 200 of A-Z a-z 0-9 . _ -, not beginning with a dot");
   }
   for (const char* taken : {"lock", "batch.json", "missions.csv", "index.html", "batch.sbatch"}) {
-    if (name == taken) throw InvalidInput("the name \"" + name + "\" is taken by the batch");
+    if (name == taken) throw InvalidInput("name \"" + name + "\" is reserved by the batch");
   }
 }
 
@@ -97,7 +98,7 @@ void words_of_object(const Json& object, const std::string& prefix, std::vector<
     } else if (value.is_string() || value.is_number() || value.is_boolean()) {
       words.push_back(name + "=" + (value.is_string() ? value.get<std::string>() : value.dump()));
     } else {
-      throw InvalidInput("options: " + key + " is " + value.dump() + "; expected a number, a text, true or false");
+      throw InvalidInput("options: " + key + " is " + value.dump() + "; expected a number, a string, true or false");
     }
   }
 }
@@ -124,7 +125,7 @@ void read_object(const std::string& line, const fs::path& folder, Mission& missi
     if (!is_column(key)) {
       mistake = "there is no key \"" + key + "\"" + suggestion(key, {kColumns.begin(), kColumns.end()});
     } else if (key == "options" ? !value.is_object() : !value.is_string()) {
-      mistake = "\"" + key + "\" is " + value.dump() + "; expected " + (key == "options" ? "an object" : "a text");
+      mistake = "\"" + key + "\" is " + value.dump() + "; expected " + (key == "options" ? "an object" : "a string");
     } else if (key != "options") {
       column(mission, key) = value.get<std::string>();
     }
@@ -154,7 +155,7 @@ std::vector<std::string> columns_of(const Line& head, const std::string& path) {
       throw InvalidInput(where + "there is no column \"" + *it + "\"; expected name, map, images, video, mask, " +
                          "options, with tabs between them, or JSON lines");
     }
-    if (std::find(columns.begin(), it, *it) != it) throw InvalidInput(where + "two columns are called " + *it);
+    if (std::find(columns.begin(), it, *it) != it) throw InvalidInput(where + "two columns are named " + *it);
   }
   return columns;
 }
@@ -188,7 +189,7 @@ void name_missions(std::vector<Mission>& missions, const std::string& path) {
     const auto [other, is_new] = lines.emplace(mission.name, mission.line);
     if (is_new) continue;
     throw InvalidInput(path + ": lines " + std::to_string(other->second) + " and " + std::to_string(mission.line) +
-                       " are both called \"" + mission.name + "\"; give one of them another \"name\"");
+                       " are both named \"" + mission.name + "\"; give different \"name\"s");
   }
 }
 
@@ -272,7 +273,7 @@ Manifest read_manifest(const std::string& path) {
     }
     manifest.missions.push_back(std::move(mission));
   }
-  if (manifest.missions.empty()) throw InvalidInput(path + ": there is no mission in it; expected one a line");
+  if (manifest.missions.empty()) throw InvalidInput(path + ": contains no mission; expected one per line");
   name_missions(manifest.missions, path);
   return manifest;
 }

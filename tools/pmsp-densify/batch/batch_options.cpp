@@ -47,13 +47,13 @@ std::string value_for_mission(const std::string& name, const std::string& value,
                         value == "log.txt";
   if (is_one_of(kFoldersForResults, name) && (is_taken || !is_plain_name(value))) {
     throw UsageError(name + " is \"" + value +
-                     "\"; in a batch expected the name of a folder in that of the mission, such as \"depth\"");
+                     "\"; in a batch expected the name of a directory in that of the mission, such as \"depth\"");
   }
   const bool is_page = is_plain_name(value) && fs::path(value).extension() == ".html";
   if (name == kReport && !is_page) {
     throw UsageError(
         name + " is \"" + value +
-        "\"; in a batch expected the name of a file in the folder of the mission, such as \"report.html\"");
+        "\"; in a batch expected the name of a file in the directory of the mission, such as \"report.html\"");
   }
   return value;
 }
@@ -81,7 +81,7 @@ void refuse_words_for_missions(const CLI::App& app) {
   const std::string name = name_of_option(extras.front());
   for (const RunOption& option : run_options()) {
     const bool is_this = ("," + option.names + ",").find("," + name + ",") != std::string::npos;
-    if (is_this) throw UsageError(name + " is not for missions of a batch; leave it out (see batch --help)");
+    if (is_this) throw UsageError(name + " is not available in a batch; omit it (see batch --help)");
   }
   refuse_extra_words(app);
 }

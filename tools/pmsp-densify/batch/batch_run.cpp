@@ -90,7 +90,7 @@ void look_at(BatchMission& mission) {
     const std::optional<MissionStatus> status = read_status(mission.folder);
     if (!status && holds_anything(mission.folder)) {
       throw OutputError(mission.folder.string() +
-                        ": exists, and is not of a batch; give the mission another \"name\", or another -o");
+                        ": exists and is no result of a batch; give the mission another \"name\", or another -o");
     }
     if (!status || (has_state(*status, kDone) && !has_results(mission))) return;
     mission.status = *status;

@@ -37,7 +37,7 @@ std::optional<std::filesystem::path> report_of(const BatchMission& mission);
 bool has_results(const BatchMission& mission);
 
 /// Description of such a folder in lock messages.
-constexpr const char* kLockedFolder = "folder of a mission";
+constexpr const char* kLockedFolder = "directory of a mission";
 
 bool has_state(const MissionStatus& status, const char* state);
 /// Sets the state to failed.

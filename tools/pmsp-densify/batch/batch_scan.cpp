@@ -184,7 +184,7 @@ class Scanner {
 Scan scan_for_missions(const fs::path& folder) {
   std::error_code error;
   const fs::directory_iterator readable(folder, error);
-  if (error) throw IoError(folder.string() + ": the folder cannot be listed: " + error.message());
+  if (error) throw IoError(folder.string() + ": the directory cannot be listed: " + error.message());
   return Scanner(folder).take();
 }
 

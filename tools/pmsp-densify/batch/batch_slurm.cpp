@@ -56,7 +56,8 @@ void submit(const std::string& script) {
   const bool is_written = std::fwrite(script.data(), 1, script.size(), bash) == script.size();
   const int status = pclose(bash);
   if (is_written && WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
-  throw OutputError("the jobs could not all be submitted; see what sbatch has said, and `scancel` what was");
+  throw OutputError(
+      "not all jobs were submitted; see the output of sbatch, and cancel the submitted ones with `scancel`");
 }
 
 }  // namespace pmsp::tool

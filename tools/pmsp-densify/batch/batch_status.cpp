@@ -31,7 +31,7 @@ std::optional<MissionStatus> read_status(const fs::path& folder) {
       (state == kRunning || state == kInterrupted || state == kDone || state == kFailed)) {
     return status;
   }
-  throw InvalidInput(path.string() + ": is no status of a mission; delete the folder, or name another one with -o");
+  throw InvalidInput(path.string() + ": is no status of a mission; delete the directory, or give another one with -o");
 }
 
 bool is_unfinished_status(const std::string& name) { return target_of_temporary(name) == kFile; }

@@ -79,7 +79,7 @@ class Conversion {
     if (output.points() == 0) {
       throw EmptyResult("no points: " +
                         (output.points_in() == 0
-                             ? arguments_.from.string() + " holds none"
+                             ? arguments_.from.string() + " contains none"
                              : "none of " + std::to_string(output.points_in()) + " points lies in the box of --crop") +
                         "; nothing was written");
     }
@@ -110,8 +110,8 @@ class Conversion {
     const std::optional<Similarity>& file_from_map = cloud_->info().file_from_map;
     if (!file_from_map) {
       throw InvalidInput(arguments_.from.string() +
-                         ": does not say how its frame follows from that of --map; give --transform, or a table of "
-                         "points to --align");
+                         ": contains no transform from the frame of --map; give --transform, or --align with a "
+                         "table of points");
     }
     for (MapKeyframe& keyframe : map.keyframes) {
       keyframe.cam_from_world = (*file_from_map * keyframe.cam_from_world.inverse()).inverse();
@@ -125,7 +125,8 @@ class Conversion {
     const bool needs_cameras = options.up || !options.align.empty();
     const SlamMap map = needs_cameras ? cameras() : SlamMap{};
     if (options.up && map.keyframes.empty()) {
-      throw UsageError("--up needs the cameras, which a cloud does not hold; give --map MAP, or the workspace as IN");
+      throw UsageError(
+          "--up needs the cameras, which a cloud does not contain; give --map MAP, or the workspace as IN");
     }
     frame_ = find_cloud_frame(options, map);
     if (const std::optional<KnownLength>& length = arguments_.length) {
@@ -158,7 +159,7 @@ class Conversion {
     std::string text_of_lacks;
     for (const std::string& what : lacks()) text_of_lacks += (text_of_lacks.empty() ? "" : ", ") + what;
     if (!text_of_lacks.empty()) {
-      progress_.message("it holds no " + text_of_lacks + ": these are written as 0, colours as grey");
+      progress_.message("no " + text_of_lacks + " in it: written as 0, colours as grey");
     }
     if (!frame_.description.empty()) progress_.message("cloud: " + frame_.description);
     if (const double scale = frame_.file_from_map.scale; scale != 1.0) {
@@ -207,7 +208,7 @@ class Conversion {
       header_.wkt = info.wkt;
     } else if (!info.wkt.empty()) {
       progress_.warning("the coordinate system of " + arguments_.from.string() +
-                        " is left out, since the cloud moves away from it; --crs gives another one");
+                        " is dropped, since the cloud is transformed; give another one with --crs");
     }
     const bool has_date = arguments_.cloud.year != 0;
     header_.year = has_date ? arguments_.cloud.year : info.year;

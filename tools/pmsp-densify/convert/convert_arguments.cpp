@@ -21,11 +21,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kAbout =
-    "A cloud (PLY, LAS or Potree) or a workspace (run --workspace) in another format, frame or unit, or less of it. "
-    "It\n"
-    "needs no images. The frame of IN takes the place of the map's: --align, --up, --transform and --scale apply to "
-    "it,\n"
-    "in this order, and the header of OUT has the whole transform from the map.\n";
+    "Converts a cloud (PLY, LAS or Potree) or a workspace (run --workspace) to another format, frame, unit or amount,\n"
+    "without images. --align, --up, --transform and --scale apply to the frame of IN instead of that of the map, in\n"
+    "this order; the header of OUT contains the whole transform from the map.\n";
 
 constexpr const char* kMore =
     "Examples:\n"
@@ -57,7 +55,7 @@ KnownLength length_from(const std::vector<std::string>& words) {
     throw UsageError("--length is \"" + text +
                      "\"; expected two points of IN and the metres between them, such as 0,0,1.5 0,1.2,1.5 2.01");
   }
-  if (!((*to - *from).norm() > 0.0)) throw UsageError("--length: its two points are the same; expected two");
+  if (!((*to - *from).norm() > 0.0)) throw UsageError("--length: the two points are equal; expected different ones");
   return {*from, *to, *metres};
 }
 
@@ -67,10 +65,10 @@ void check_frame(const ConvertArguments& a) {
     const std::string name = target.format->name;
     if (name != "colmap" && name != "nerfstudio") continue;
     throw UsageError("--output " + target.path.string() + ": " + name +
-                     " is a dataset of images, which a cloud does not hold; `run -o` writes it");
+                     " is a dataset of images, which a cloud does not contain; write it with `run -o`");
   }
   if (a.cloud.frame.align == kAlignExif) {
-    throw UsageError("--align exif needs the images, which convert does without; give --align exif to `run`");
+    throw UsageError("--align exif needs the images, which convert does not read; use it with `run`");
   }
   if (a.length && a.cloud.frame.scale) throw UsageError("--length and --scale exclude each other: both set the scale");
   if (a.length && !a.cloud.frame.align.empty()) {
@@ -104,26 +102,26 @@ std::optional<ConvertArguments> parse_convert_arguments(int argc, const char* co
   std::vector<std::string> length;
   CLI::App app(kAbout, "pmsp-densify convert");
   set_up_verb(app, kMore);
-  app.add_option("from", a.from, "The cloud or the workspace")->type_name("IN");
+  app.add_option("from", a.from, "Cloud or workspace")->type_name("IN");
   add_cloud_options(app, a.cloud);
-  app.add_flag("--force", a.force, "Overwrite outputs that exist")->group("Output");
+  app.add_flag("--force", a.force, "Overwrite existing outputs")->group("Output");
   app.add_option("--length", length,
                  "Set the scale by a known distance: two points in the coordinates of IN, and the metres between them")
       ->expected(3)
       ->type_name("X,Y,Z X,Y,Z M")
       ->group("Frame and amount of the cloud");
-  app.add_option("--map", a.map, "The SLAM map, where --up or keyframes in --align need cameras that IN does not hold")
+  app.add_option("--map", a.map,
+                 "SLAM map with the cameras, for --up or keyframes in --align, if IN does not contain them")
       ->type_name("MAP")
       ->group("Frame and amount of the cloud");
-  app.add_option("--scratch", a.scratch,
-                 "Existing folder for what memory should not hold [default that of the first output]")
+  app.add_option("--scratch", a.scratch, "Existing directory for temporary data [default: that of the first output]")
       ->type_name("DIR")
       ->group("Output");
   app.add_flag("-q,--quiet", a.quiet, "Warnings and errors only")->group("Behaviour");
   app.remove_option(app.get_option("--dataset-points"));
   app.get_option("--output")
       ->description(
-          "The result; may be given several times. Its format follows from the extension: .ply, .las or .potree, a "
+          "Result; may be given several times. The format follows from the extension: .ply, .las or .potree, a "
           "folder");
   if (!parse_words(app, {argv + 2, argv + argc})) return std::nullopt;
   refuse_extra_words(app);

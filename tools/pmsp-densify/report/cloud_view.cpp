@@ -176,7 +176,7 @@ void scale_bar(Canvas& canvas, double px_per_unit) {
   const cv::Point to(30 + cvRound(length * px_per_unit), kHeight - 30);
   cv::line(canvas.image, from, to, cv::Scalar(0, 0, 0), 6);
   cv::line(canvas.image, from, to, kInk, 3);
-  canvas.text(number(length) + " scene units", {30, kHeight - 42}, 0.6, kInk);
+  canvas.text(number(length) + " map units", {30, kHeight - 42}, 0.6, kInk);
 }
 
 }  // namespace
@@ -195,8 +195,7 @@ std::string left_out_of(const ViewScene& scene) {
       100.0 * static_cast<double>(outside) / static_cast<double>(std::max<std::size_t>(scene.points.size(), 1));
   if (percent < 0.05) return "";
   char text[96];
-  std::snprintf(text, sizeof(text), "%.1f %% of the points lie outside, up to %.3g scene units away", percent,
-                farthest);
+  std::snprintf(text, sizeof(text), "%.1f %% of the points lie outside, up to %.3g map units away", percent, farthest);
   return text;
 }
 
@@ -290,7 +289,7 @@ cv::Mat draw_from_corner(const ViewScene& scene) {
     path.push_back(camera.project(frame.frame_from_world * center, depth));
   }
   canvas.path(path);
-  canvas.title("From a corner, cut off just above the camera, without surfaces seen from behind: " + scene.caption);
+  canvas.title("From a corner, cut off just above the camera, without back faces: " + scene.caption);
   return canvas.image;
 }
 

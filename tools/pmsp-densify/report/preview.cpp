@@ -65,7 +65,7 @@ std::string text(const char* pattern, double a, double b, double c) {
 
 cv::Mat strip_of(const cv::Mat& color, const DepthMap& map) {
   const DepthPicture picture = draw_depth(map, cv::COLORMAP_TURBO);
-  const std::string depth_words = text("depth: %.1f %% of the pixels; %.3g (red) to %.3g (blue) scene units",
+  const std::string depth_words = text("depth: %.1f %% of the pixels; %.3g (red) to %.3g (blue) map units",
                                        100.0 * picture.coverage, picture.near, picture.far);
   const std::string confidence_words =
       text("confidence: %g (violet) to %g (yellow), mean %.2f", 0.0, 1.0, picture.mean_confidence);

@@ -16,9 +16,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kAbout =
-    "The page of `run --report` from a cloud (PLY, LAS, Potree), or from a workspace (run --workspace), without "
-    "working\n"
-    "again. It leaves out what these do not hold, and says so.\n";
+    "The page of `run --report` from a cloud (PLY, LAS, Potree) or a workspace (run --workspace), without another\n"
+    "run. It omits and lists what these do not contain.\n";
 
 constexpr const char* kMore =
     "Examples:\n"
@@ -37,7 +36,7 @@ int panoramas_from(const std::string& text) {
 void add_points(CLI::App& app, const std::string& option, ReportArguments& a) {
   app.add_option_function<std::string>(
          option, [&a, option](const std::string& text) { a.points = points_from(option, text); },
-         "Points that the page holds at most, the most confident ones [0 to 5000000, 20 bytes each; default 1000000]")
+         "Maximum number of points in the page, the most confident ones [0 to 5000000, 20 bytes each; default 1000000]")
       ->type_name("N")
       ->group("Output");
 }
@@ -51,19 +50,18 @@ void require_report_page(const char* option) {
 void add_report_options(CLI::App& app, ReportArguments& a) {
   const char* group = "Output";
   app.add_option("--report", a.path,
-                 "One page for a browser, which needs no network: what was run, how well it went, the points to look "
-                 "at and to measure (HTML)")
+                 "Page for a browser, without network: options, quality, and points for viewing and measuring (HTML)")
       ->type_name("FILE")
       ->group(group);
   add_points(app, "--report-points", a);
   app.add_option_function<std::string>(
          "--report-panoramas", [&a](const std::string& text) { a.panoramas = panoramas_from(text); },
-         "Keyframes whose photo the page holds, at most 2048 pixels wide [0 to 1000; default 12]")
+         "Keyframes with a photo in the page, at most 2048 pixels wide [0 to 1000; default 12]")
       ->type_name("N")
       ->group(group);
   app.add_option("--report-unit", a.unit,
-                 "Name of the unit of lengths in the page; m is refused without --scale, --align or a --transform that "
-                 "scales [default m with one of these, else map units]")
+                 "Name of the unit of lengths in the page; m is refused without --scale, --align or a scaling "
+                 "--transform [default: m with one of these, else map units]")
       ->type_name("NAME")
       ->group(group);
 }
@@ -73,12 +71,12 @@ std::optional<ReportVerbArguments> parse_report_arguments(int argc, const char* 
   bool force = false;
   CLI::App app(kAbout, "pmsp-densify report");
   set_up_verb(app, kMore);
-  app.add_option("from", a.from, "The cloud or the workspace")->type_name("CLOUD|WORKSPACE");
-  app.add_option("-o,--output", a.report.path, "The page (HTML)")->type_name("FILE")->group("Output");
-  app.add_flag("--force", force, "Overwrite a page that exists")->group("Output");
+  app.add_option("from", a.from, "Cloud or workspace")->type_name("CLOUD|WORKSPACE");
+  app.add_option("-o,--output", a.report.path, "Page (HTML)")->type_name("FILE")->group("Output");
+  app.add_flag("--force", force, "Overwrite an existing page")->group("Output");
   add_points(app, "--points", a.report);
   app.add_option("--unit", a.report.unit,
-                 "Name of the unit of lengths; m is refused for a cloud without a scale [default as the cloud says]")
+                 "Name of the unit of lengths; m is refused for a cloud without a scale [default: that of the cloud]")
       ->type_name("NAME")
       ->group("Output");
   if (!parse_words(app, {argv + 2, argv + argc})) return std::nullopt;

@@ -62,12 +62,12 @@ Json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 /// Reason for an unused keyframe, for people.
 const char* words_for(const std::string& use) {
-  if (use == "no neighbour") return "no other used keyframe near it saw the same from another place";
-  if (use == "no range") return "too few landmarks tell how far away things are";
-  if (use == "too little parallax") return "it shows what the keyframe before shows, from nearly the same place";
-  if (use == "too much parallax") return "it is too far from the keyframe before to be compared with it";
-  if (use == "no landmarks") return "the map does not say what it sees";
-  if (use == "blurred") return "its image is blurrier than those around, which do without it";
+  if (use == "no neighbour") return "no other used keyframe nearby sees the same surfaces with enough parallax";
+  if (use == "no range") return "too few landmarks for a depth range";
+  if (use == "too little parallax") return "too little parallax to the previous keyframe";
+  if (use == "too much parallax") return "too far from the previous keyframe for matching";
+  if (use == "no landmarks") return "the map contains no landmarks of it";
+  if (use == "blurred") return "its image is blurrier than those of the keyframes around";
   return "";
 }
 
@@ -93,12 +93,12 @@ void check_unit(const char* option, const std::string& given, const CloudUnit& u
   if (unit.kind == CloudUnit::Kind::kMap) {
     throw UsageError(
         std::string(option) + " is \"" + given +
-        "\", but the cloud has no scale: its lengths are in map units; `run` makes them metres with --scale (1 where "
-        "the map is in metres) or --align, `convert` with these or with --length A B METRES");
+        "\", but the cloud has no scale: its lengths are in map units; scale it in `run` with --scale (1 if the "
+        "map is in metres) or --align, or in `convert` with these or --length A B METRES");
   }
   if (names(kMetre)) return;
   throw UsageError(std::string(option) + " is \"" + given + "\", but the cloud is in " + unit_text(unit) +
-                   "; leave the option out");
+                   "; omit the option");
 }
 
 ReportPage::ReportPage(const ReportArguments& arguments, const CloudHeader& header, const SlamMap& map,
@@ -247,17 +247,17 @@ std::vector<std::string> ReportPage::problems(const Json& stats, const Json& key
   };
   tell("no image", "has no usable image", "have no usable image");
   tell("blurred", "is blurred and left out", "are blurred and left out");
-  tell("too much parallax", "is too far from its neighbours to be compared",
-       "are too far from their neighbours to be compared");
+  tell("too much parallax", "is too far from its neighbours for matching",
+       "are too far from their neighbours for matching");
   tell("no landmarks", "sees no landmark of the map", "see no landmark of the map");
-  tell("no neighbour", "has no neighbour that sees the same from another place",
-       "have no neighbour that sees the same from another place");
+  tell("no neighbour", "has no neighbour that sees the same surfaces with enough parallax",
+       "have no neighbour that sees the same surfaces with enough parallax");
   tell("no range", "sees too few landmarks for a depth map", "see too few landmarks for a depth map");
   for (const std::string& problem : report_problems(stats)) all.push_back(problem);
   std::int64_t unsure = 0;
   for (std::size_t i = 0; i < 3; ++i) unsure += cloud_.confidences()[i];
   if (2 * unsure > cloud_.points_in()) {
-    all.push_back("Half of the points have a confidence below 0.3: half of their depths are off by more than 1.2 %.");
+    all.push_back("Half of the points have a confidence below 0.3: half of their depths have an error above 1.2 %.");
   }
   return all;
 }
@@ -295,14 +295,14 @@ Json ReportPage::page_json(const Json& stats) const {
   json["notes"] = notes_;
   const bool is_part = cloud_.points() < cloud_.points_in();
   if (is_part) {
-    json["notes"].push_back("The page holds the most confident points of each place, fewer than the cloud has.");
+    json["notes"].push_back("The page contains the most confident points of each place, fewer than the cloud.");
   }
   if (is_part && !potree_.empty()) {
     json["potree"] = potree_;
-    json["notes"].push_back("Where it is served (pmsp-densify serve), it takes the rest from the Potree folder " +
-                            potree_ + " as you come near.");
+    json["notes"].push_back("Over HTTP (pmsp-densify serve), it loads the others on demand from the Potree directory " +
+                            potree_ + ".");
   }
-  json["notes"].push_back("The page holds its data itself and asks no other computer for anything.");
+  json["notes"].push_back("The page contains all of its data and uses no network.");
   return json;
 }
 

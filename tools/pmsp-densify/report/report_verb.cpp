@@ -54,22 +54,19 @@ std::int64_t report_cloud(const ReportVerbArguments& arguments, CloudReader& clo
   map.path = arguments.from;
   ReportPage page(arguments.report, header, map, 0);
   const std::int64_t points = add_points(cloud, page);
-  page.say("The page was made from a cloud alone: it knows no keyframes, pictures, times or depth maps.");
+  page.say("The page was made from a cloud alone: without keyframes, pictures, times and depth maps.");
   if (!info.has_confidence) {
-    page.say(
-        "The cloud holds no confidence: errors of measurements cannot be told, and those that are shown are too "
-        "large.");
+    page.say("The cloud contains no confidence: errors of measurements are unknown, and those shown are too large.");
   }
-  if (!info.has_views) page.say("The cloud does not say how many keyframes have seen a point.");
-  if (!info.has_colors) page.say("The cloud holds no colours.");
+  if (!info.has_views) page.say("The cloud contains no number of views of its points.");
+  if (!info.has_colors) page.say("The cloud contains no colours.");
   if (!info.has_normals) {
     page.leave_out_normals();
-    page.say("The cloud holds no normals: walls and ceilings are not opened.");
+    page.say("The cloud contains no normals: walls and ceilings are not opened.");
   }
   if (info.unit.kind == CloudUnit::Kind::kUnknown) {
-    page.say(
-        "The cloud does not say what its lengths are in" +
-        (arguments.report.unit.empty() ? "." : "; that they are in " + arguments.report.unit + " is from --unit."));
+    page.say("The unit of the cloud's lengths is unknown" +
+             (arguments.report.unit.empty() ? "." : "; " + arguments.report.unit + " is from --unit."));
   }
   Json stats = stats_of(info, points);
   stats["outputs"] = {arguments.from.string()};
@@ -103,10 +100,10 @@ std::int64_t report_workspace(const ReportVerbArguments& arguments, workspace::W
   ReportPage page(arguments.report, header, map, map.keyframes.size());
   const std::int64_t points = add_points(cloud, page);
   for (const PlanEntry& entry : record.plan.entries) page.set_use(entry);
+  page.say("The page was made from a workspace: without pictures, coverage and times.");
   page.say(
-      "The page was made from a workspace: it has no pictures and no coverage, and does not know how long it took.");
-  page.say(
-      "Points are in the frame and the unit of the map, all of them, whatever clouds made from the workspace hold.");
+      "It contains all points, in the frame of the map and in map units, regardless of the options of clouds from the "
+      "workspace.");
   Json stats = stats_of(cloud.info(), points);
   stats["map"] = record.map;
   stats["images"] = record.images;

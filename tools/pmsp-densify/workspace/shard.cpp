@@ -136,8 +136,8 @@ class ShardRun {
     const std::string other = workspace::difference(my_job(), job);
     if (other.empty()) return;
     throw InvalidInput(arguments_.workspace.string() + ": shard " + text_of(shard_) +
-                       " does not go with the shards that work here: " + other +
-                       "; run it as they are, or in another workspace (for the same in other shares, delete " +
+                       " does not match the others: " + other +
+                       "; run it with equal inputs, or in another workspace (for another number of shards, delete " +
                        workspace_.shards().path().string() + ")");
   }
 
@@ -150,7 +150,7 @@ class ShardRun {
     for (const SkippedKeyframe& skipped : input_.images->skipped()) skipped_.insert(skipped.keyframe_id);
     for (const SkippedKeyframe& skipped : unreadable) skip(skipped);
     if (fresh_.empty()) return;
-    progress_.stage("looking at up to " + std::to_string(fresh_.size()) + " new images");
+    progress_.stage("reading up to " + std::to_string(fresh_.size()) + " new images");
     const InterruptGuard guard(nullptr);
     const Ids& all = input_.images->keyframe_ids();  // the same for all shards
     for (int turn = 0; turn < shard_.count; ++turn) {
@@ -227,8 +227,8 @@ class ShardRun {
     if (!lacking.empty() && arguments_.wave == Wave::kPoints) {
       throw IoError(
           arguments_.workspace.string() + ": points of shard " + text_of(shard_) +
-          " need planes that are not there: " + shared.who_lacks(lacking, {}) +
-          "; run them first, with --wave planes, or leave --wave out: this shard then makes these planes, too");
+          " need missing planes: " + shared.who_lacks(lacking, {}) +
+          "; run those shards first, with --wave planes, or omit --wave: this shard then computes these planes, too");
     }
     return make(missing, [&](const auto& made) { return step_->points_densifier(missing, lacking.empty(), made); });
   }
@@ -257,7 +257,7 @@ class ShardRun {
     const auto lost = [](const SkippedKeyframe& skipped) {
       throw IoError("the image of keyframe " + std::to_string(skipped.keyframe_id) +
                     ", which results depend on, can no longer be read: " + skipped.reason +
-                    "; leave images as they are while shards work");
+                    "; do not change images while shards run");
     };
     const auto add = [&](std::size_t index, Keyframe& keyframe) {
       keyframe.scale = step_->scale_of(keyframe.id);

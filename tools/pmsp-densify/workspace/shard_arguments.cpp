@@ -57,17 +57,17 @@ workspace::Shard shard_from(const std::string& text, const std::string& option) 
 }
 
 void add_shard_options(CLI::App& run, Arguments& a) {
-  const char* group = "Sharing a mission out";
+  const char* group = "Shards";
   run.add_option_function<std::string>(
          "--shard", [&a](const std::string& text) { a.shard = shard_from(text, "--shard"); },
-         "With --workspace: make one of N shares of the mission, number K from 0, and no cloud; `merge` joins them. "
-         "auto: K and N of this task of a SLURM job array")
+         "With --workspace: compute one of N shares of the mission, number K from 0, without a cloud; `merge` joins "
+         "them. auto: K and N of this task of a SLURM job array")
       ->type_name("K/N")
       ->group(group);
   run.add_option_function<std::string>(
          "--wave", [&a](const std::string& text) { a.wave = wave_from(text); },
-         "With --shard: its planes only, or its points only, which needs the planes of other shards [planes or "
-         "points; default both, and what planes are not there yet are made as well]")
+         "With --shard: only planes, or only points, which need the planes of other shards [planes or points; default: "
+         "both, with missing planes of other shards]")
       ->type_name("WAVE")
       ->group(group);
 }

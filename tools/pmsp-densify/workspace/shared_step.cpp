@@ -138,7 +138,7 @@ void SharedStep::require_all(const workspace::ShardJob& job) const {
     const std::string other = marker.failure.empty() ? workspace::difference(marker, job) : "";
     if (other.empty()) continue;
     throw InvalidInput("shard " + text_of(marker.shard) + " (" + name_of(marker.wave) + ", on " + marker.host +
-                       ") does not go with the others: " + other + "; run it again as they were, then merge");
+                       ") does not match the others: " + other + "; repeat it with equal inputs, then merge");
   }
   const std::set<std::int64_t> no_planes = without(workspace::Wave::kPlanes);
   const std::set<std::int64_t> no_points = without(workspace::Wave::kPoints);
@@ -159,10 +159,11 @@ Merge::Merge(const Arguments& given, workspace::Workspace& the_workspace) : work
     is_repeated = true;
   }
   if (!found) {
-    throw InvalidInput(given.workspace.string() +
-                       ": nothing was shared out in this workspace as it is now; expected what `pmsp-densify run MAP "
-                       "--images DIR --workspace " +
-                       given.workspace.string() + " --shard K/N` leaves when it knows what is to be done");
+    throw InvalidInput(
+        given.workspace.string() +
+        ": no shards for the current contents of this workspace; expected those of `pmsp-densify run MAP --images DIR "
+        "--workspace " +
+        given.workspace.string() + " --shard K/N`");
   }
   job = *found;
   const auto there = [&](const std::string& path) {
@@ -204,12 +205,13 @@ void Merge::join(WorkspaceStep& step) const {
   const std::string where = arguments.workspace.string() + ": ";
   if (!is_repeated && step.step().name != job.step) {
     throw InvalidInput(where +
-                       "cannot be merged: the images, or what lies in the workspace, are not what the shards found; "
-                       "put them back, or run the shards again after deleting " +
+                       "cannot be merged: images or contents of the workspace have changed since the shards ran; "
+                       "restore them, or run the shards again after deleting " +
                        workspace.shards().path().string());
   }
   if (is_repeated && step.has_work()) {
-    throw InvalidInput(where + "was merged before, and its inputs have changed since; share it out again, or run it");
+    throw InvalidInput(
+        where + "already merged, and its inputs have changed since; run the shards again, or a run without --shard");
   }
   try {
     if (!is_repeated) SharedStep(step, workspace.shards().markers(), job.count).require_all(job);

@@ -27,7 +27,7 @@ template <class T>
 T own(std::int64_t id, T loaded) {
   if (loaded.keyframe_id == id) return loaded;
   throw IoError("the record of the workspace names a file of keyframe " + std::to_string(loaded.keyframe_id) +
-                " as that of keyframe " + std::to_string(id) + "; delete the workspace, or name another one");
+                " as that of keyframe " + std::to_string(id) + "; delete the workspace, or give another one");
 }
 
 /// File name of an image's sharpness record, including a fingerprint of everything that it depends on.
@@ -194,7 +194,7 @@ void WorkspaceStep::refuse_loss(const workspace::Record& record, const std::stri
   if (!loss.is_nearly_all) return;
   throw OutputError(arguments_.workspace.string() + ": " + loss.difference + ": " +
                     (loss.kept == 0 ? "nothing" : std::to_string(loss.kept)) + " of " + std::to_string(loss.planes) +
-                    " depth maps can be kept; give the options that these were made with, " + cure);
+                    " depth maps can be kept; give the options of these, " + cure);
 }
 
 void WorkspaceStep::begin() const {
@@ -439,7 +439,7 @@ std::string WorkspaceStep::summary() const {
     before = ", ";
   }
   if (*before == ',') text += ")";
-  if (json["unfinished"] != 0) text += "; " + number("unfinished") + " lack passes for now";
+  if (json["unfinished"] != 0) text += "; " + number("unfinished") + " lack passes until a later run";
   return text + "; points of " + number("points_kept") + " keyframes are kept";
 }
 
