@@ -65,7 +65,7 @@ __device__ Search of_thread(const Search& search, int thread) {
            __shfl_sync(kAll, search.there.spacing, thread)}};
 }
 
-/// Searches keyframe `k` for duplicates of each thread's claim, if `asks`. Pixels crowd near the poles: instead of
+/// Searches keyframe `k` for duplicates of each thread's claim, if it is set. Pixels crowd near the poles: instead of
 /// waiting for the few threads with points there, all threads search for each of them. Called by all threads of a warp.
 __device__ Answer ask(const DuplicateArgs& args, bool asks, int k, const kernels::OpenPoint<float>& open_point) {
   const int thread = static_cast<int>(threadIdx.x);

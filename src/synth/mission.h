@@ -18,9 +18,9 @@ namespace pmsp::synth {
 struct Flight {
   Eigen::Vector3d start = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< not vertical
-  double step = 0.4;                                     ///< distance of successive keyframes [scene units]
+  double step = 0.4;                                     ///< distance of successive keyframes [m]
   int keyframes = 7;
-  double sway = 0.06;       ///< lateral amplitude [scene units]
+  double sway = 0.06;       ///< lateral amplitude [m]
   double wobble_deg = 2.0;  ///< amplitude of the camera's rotation
   double yaw_deg = 0.0;     ///< of the camera relative to the direction; positive looks to the right
 };

@@ -13,7 +13,7 @@
 namespace pmsp::synth {
 namespace {
 
-/// Clearance between the last camera and the scene ahead [scene units].
+/// Clearance between the last camera and the scene ahead [m].
 constexpr double kClearance = 0.6;
 
 constexpr double kFloor = 1.5;

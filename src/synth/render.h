@@ -28,7 +28,7 @@ struct RenderOptions {
 /// Equirectangular view with ground truth; pixels as in docs/conventions.md.
 struct RenderedView {
   Image<Rgb> image;
-  Image<float> depth;             ///< distance along the ray of the pixel's centre [scene units]; 0 = no surface
+  Image<float> depth;             ///< distance along the ray of the pixel's centre [m]; 0 = no surface
   Image<Eigen::Vector3f> normal;  ///< unit, camera frame, facing the camera; (0, 0, 0) = no surface
   Image<int> surface;             ///< Hit::surface; -1 = no surface
   Image<std::uint8_t> label;      ///< Hit::label; also 0 if there is no surface

@@ -10,7 +10,7 @@ namespace pmsp::synth {
 
 /// Solid texture: colour as a function of the position in the world, or relative to a moving object.
 struct TextureOptions {
-  double coarsest = 0.36;     ///< size of the largest blobs [scene units]
+  double coarsest = 0.36;     ///< size of the largest blobs [m]
   int octaves = 4;            ///< blobs halve in size with each
   double persistence = 0.85;  ///< ratio of amplitudes of successive octaves
   double contrast = 40.0;     ///< standard deviation of the brightness [gray levels]; 0 = a single colour
@@ -27,7 +27,7 @@ TextureOptions textured(std::uint64_t seed);
 /// Plaster: contrast of a few gray levels.
 TextureOptions weak(std::uint64_t seed);
 
-/// Paint without texture; brightness falls off slightly over metres. Scene units are metres.
+/// Paint without texture; brightness falls off slightly over metres. Units are metres.
 TextureOptions painted(std::uint64_t seed);
 
 /// One colour (red, green, blue) in every direction.

@@ -13,7 +13,7 @@ namespace pmsp::workspace {
 /// Whether the folder has a record.
 PMSP_API bool is_workspace(const std::filesystem::path& folder);
 
-/// Points of a workspace in the frame and units of the map, in the order of the plan.
+/// Points of a workspace in the frame and map units, in the order of the plan.
 class PMSP_API WorkspaceCloud final : public CloudReader {
  public:
   /// Throws as Workspace; locks it.

@@ -28,7 +28,7 @@ struct ViewScene {
   std::string caption;
 };
 
-/// Returns what is outside of the pictures' bounds: "3.1 % of the points lie outside, up to 212 scene units away"; ""
+/// Returns what is outside of the pictures' bounds: "3.1 % of the points lie outside, up to 212 map units away"; ""
 /// if negligible. Points cut off above the camera are not counted.
 std::string left_out_of(const ViewScene& scene);
 
