@@ -34,16 +34,16 @@ void collect_points(const kernels::ConstSurfelArrays& map, const kernels::GridVi
   cloud.agree.reserve(count);
   for (int pixel = 0; pixel < pixels; ++pixel) {
     if (!kernels::makes_point(statuses[pixel])) continue;
-    const kernels::EmittedPoint owned = kernels::emitted_point(map, grid, pixel);
+    const kernels::EmittedPoint emitted = kernels::emitted_point(map, grid, pixel);
     CloudPoint point;
-    point.position = to_eigen(owned.position);
-    point.normal = to_eigen(owned.normal);
-    point.color = {owned.color[0], owned.color[1], owned.color[2]};
-    point.views = static_cast<std::uint8_t>(1 + std::bitset<32>(owned.agree).count());
-    point.confidence = owned.confidence;
+    point.position = to_eigen(emitted.position);
+    point.normal = to_eigen(emitted.normal);
+    point.color = {emitted.color[0], emitted.color[1], emitted.color[2]};
+    point.views = static_cast<std::uint8_t>(1 + std::bitset<32>(emitted.agree).count());
+    point.confidence = emitted.confidence;
     cloud.points.push_back(point);
     cloud.pixels.push_back(static_cast<std::uint32_t>(pixel));
-    cloud.agree.push_back(owned.agree);
+    cloud.agree.push_back(emitted.agree);
   }
 }
 
@@ -139,19 +139,19 @@ void CpuProcessor::remove_duplicates(const kernels::DuplicateRound& stage, Dupli
   }
   std::uint32_t there = 0;
   for (int k = 0; k < stage.count; ++k) there |= stage.others[k].map.surfels == nullptr ? 0U : 1U << k;
-  std::vector<std::vector<std::uint32_t>> still(rows);
+  std::vector<std::vector<std::uint32_t>> remaining(rows);
   impl.pool.for_each(stage.height(), [&](int y) {
     const std::size_t row = static_cast<std::size_t>(y);
-    const std::uint32_t* const ask = candidates.count == 0 ? nullptr : candidates.bits.get() + first[row];
+    const std::uint32_t* const row_candidates = candidates.count == 0 ? nullptr : candidates.bits.get() + first[row];
     std::vector<std::uint32_t> left(first[row + 1] - first[row]);
-    const int count = impl.rows.duplicate_row(stage, y, ask, there, left.data());
-    still[row].assign(left.begin(), left.begin() + count);
+    const int count = impl.rows.duplicate_row(stage, y, row_candidates, there, left.data());
+    remaining[row].assign(left.begin(), left.begin() + count);
   });
   candidates = {};
-  for (const std::vector<std::uint32_t>& row : still) candidates.count += row.size();
+  for (const std::vector<std::uint32_t>& row : remaining) candidates.count += row.size();
   candidates.bits = array<std::uint32_t>(candidates.count);
   std::uint32_t* to = candidates.bits.get();
-  for (const std::vector<std::uint32_t>& row : still) to = std::copy(row.begin(), row.end(), to);
+  for (const std::vector<std::uint32_t>& row : remaining) to = std::copy(row.begin(), row.end(), to);
 }
 
 DepthMap CpuProcessor::depth_map(std::int64_t id, const KeyframePose& pose, const kernels::PlaneMapView& map,

@@ -46,12 +46,12 @@ class DuplicateChunk {
     }
     for (int i = 0; i < count; ++i) {
       open[i] = 0;
-      owned[i] = 0;
+      has_kept[i] = 0;
     }
   }
 
   /// Searches keyframe k for duplicates of the `count` pixels in `list`.
-  void ask(int k, const std::int32_t* list, int count) {
+  void search(int k, const std::int32_t* list, int count) {
     const kernels::DuplicateView& other = stage_.others[k];
     int near = 0;
     for (int i = 0; i < count; i += kLanes) {
@@ -96,7 +96,7 @@ class DuplicateChunk {
       kernels::for_each_within({x_[i], y_[i]}, spacing_[i], stage_.grid.cos_lat, other.map.width, other.map.height,
                                [&](int pixel) {
                                  const std::uint8_t status = other.map.statuses[pixel];
-                                 if (owned[open_point] != 0 || !kernels::makes_point(status)) return;
+                                 if (has_kept[open_point] != 0 || !kernels::makes_point(status)) return;
                                  if (kept == kSize) kept = compare(k, kept);
                                  claim_[kept] = open_point;
                                  row_[kept] = pixel / other.map.width;
@@ -113,7 +113,7 @@ class DuplicateChunk {
   static constexpr int kSize = 256;
   static constexpr int kRoom = kSize + 16;  ///< whole batches are read and written
   std::uint32_t open[kRoom];                ///< bits of the keyframes with kept or open duplicates
-  std::uint32_t owned[kRoom] = {};          ///< 1: a duplicate is kept
+  std::uint32_t has_kept[kRoom] = {};       ///< 1: a duplicate is kept
 
  private:
   static constexpr int kLanes = lanes<F>();
@@ -147,10 +147,10 @@ class DuplicateChunk {
       store(kernels::select_bits<F>(stands, UIntOf<F>(1U)), stand);
       for (int j = 0; j < kLanes && i + j < count; ++j) {
         if (stand[j] == 0U) continue;
-        const std::int32_t asks = claim_[i + j];
-        open[asks] |= bit;
+        const std::int32_t pixel = claim_[i + j];
+        open[pixel] |= bit;
         if ((standing_[i + j] & 3U) == static_cast<std::uint32_t>(kernels::PointStatus::kKept)) {
-          owned[asks] = 1;
+          has_kept[pixel] = 1;
         }
       }
     }
@@ -169,8 +169,8 @@ class DuplicateChunk {
 };
 
 template <class F>
-int duplicate_row(const kernels::DuplicateRound& stage, int y, const std::uint32_t* ask, std::uint32_t there,
-                  std::uint32_t* still) {
+int duplicate_row(const kernels::DuplicateRound& stage, int y, const std::uint32_t* candidates, std::uint32_t there,
+                  std::uint32_t* remaining) {
   using Chunk = DuplicateChunk<F>;
   const int width = stage.map.width;
   const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
@@ -189,29 +189,29 @@ int duplicate_row(const kernels::DuplicateRound& stage, int y, const std::uint32
       count += kernels::status_of(before[x]) == kernels::PointStatus::kOpen ? 1 : 0;
     }
     if (count == 0) continue;
-    for (int i = 0; i < count; ++i) bits[i] = ask == nullptr ? there : *ask++ & there;
+    for (int i = 0; i < count; ++i) bits[i] = candidates == nullptr ? there : *candidates++ & there;
     chunk.start(y, columns, before, count);
     for (int k = 0; k < stage.count; ++k) {
-      int asking = 0;
+      int searching = 0;
       for (int i = 0; i < count; i += lanes<F>()) {
         UIntOf<F> wanted;
-        UIntOf<F> owned;
+        UIntOf<F> has_kept;
         load(wanted, bits + i);
-        load(owned, chunk.owned + i);
-        const UIntOf<F> asks = (wanted >> k) & UIntOf<F>(1U) & ~owned;
-        asking += append(Chunk::filled(i, count) & (kernels::from_uint<F>(asks) > F(0)),
-                         columns_from<F>(i, Chunk::kRoom), list + asking);
+        load(has_kept, chunk.has_kept + i);
+        const UIntOf<F> searches = (wanted >> k) & UIntOf<F>(1U) & ~has_kept;
+        searching += append(Chunk::filled(i, count) & (kernels::from_uint<F>(searches) > F(0)),
+                            columns_from<F>(i, Chunk::kRoom), list + searching);
       }
-      if (asking > 0) chunk.ask(k, list, asking);
+      if (searching > 0) chunk.search(k, list, searching);
     }
     for (int i = 0; i < count; ++i) {
       using kernels::PointStatus;
-      const bool dropped = chunk.owned[i] != 0;
+      const bool dropped = chunk.has_kept[i] != 0;
       const bool open = !dropped && chunk.open[i] != 0U;
       statuses[columns[i]] = kernels::with_standing(before[columns[i]], dropped ? PointStatus::kDropped
                                                                         : open  ? PointStatus::kOpen
                                                                                 : PointStatus::kKept);
-      if (open) still[left++] = chunk.open[i];
+      if (open) remaining[left++] = chunk.open[i];
     }
   }
   return left;

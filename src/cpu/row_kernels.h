@@ -51,10 +51,11 @@ struct RowKernels {
   void (*start_row)(const PatchMatchPass& pass, int y);
   /// Propagation and refinement of the pixels of one colour in row y.
   void (*iterate_row)(const PatchMatchPass& pass, int y, int colour, int iteration, bool rescore);
-  /// Round of duplicate removal for the open pixels of row y. `ask`: bits of the candidates of each, in order; nullptr
-  /// = all keyframes in `there`. `still`: receives the bits of the pixels that stay open. Returns their number.
-  int (*duplicate_row)(const kernels::DuplicateRound& stage, int y, const std::uint32_t* ask, std::uint32_t there,
-                       std::uint32_t* still);
+  /// Round of duplicate removal for the open pixels of row y. `candidates`: bits of the candidates of each, in order;
+  /// nullptr = all keyframes in `there`. `remaining`: receives the bits of the pixels that stay open. Returns their
+  /// number.
+  int (*duplicate_row)(const kernels::DuplicateRound& stage, int y, const std::uint32_t* candidates,
+                       std::uint32_t there, std::uint32_t* remaining);
 };
 
 }  // namespace pmsp::cpu

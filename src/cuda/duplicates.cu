@@ -21,12 +21,12 @@ struct Search {
 };
 
 /// Whether the other map has a duplicate of a point, and whether one is kept.
-struct Answer {
-  bool stands, owned;
+struct Duplicates {
+  bool any, kept;
 };
 
-__device__ void ask_pixel(const DuplicateArgs& args, const kernels::DuplicateView& other, const Search& search,
-                          int pixel, Answer& answer) {
+__device__ void compare_pixel(const DuplicateArgs& args, const kernels::DuplicateView& other, const Search& search,
+                              int pixel, Duplicates& found) {
   const std::uint8_t status = other.map.statuses[pixel];
   if (!kernels::makes_point(status)) return;
   const Vec3<float> bearing =
@@ -35,22 +35,22 @@ __device__ void ask_pixel(const DuplicateArgs& args, const kernels::DuplicateVie
                                     search.rank, other, args.round.limits)) {
     return;
   }
-  answer.stands = true;
-  answer.owned = answer.owned || kernels::status_of(status) == PointStatus::kKept;
+  found.any = true;
+  found.kept = found.kept || kernels::status_of(status) == PointStatus::kKept;
 }
 
 /// Compares the pixels within the search radius until the answer is known: before the first round none is kept.
-__device__ Answer ask_within(const DuplicateArgs& args, const kernels::DuplicateView& other, const Search& search,
-                             int thread, int threads) {
-  Answer answer{false, false};
+__device__ Duplicates search_within(const DuplicateArgs& args, const kernels::DuplicateView& other,
+                                    const Search& search, int thread, int threads) {
+  Duplicates found{false, false};
   kernels::find_within(
       search.there.at, search.there.spacing, args.round.grid.cos_lat, other.map.width, other.map.height,
       [&](int pixel) {
-        ask_pixel(args, other, search, pixel, answer);
-        return answer.owned || (args.first && answer.stands);
+        compare_pixel(args, other, search, pixel, found);
+        return found.kept || (args.first && found.any);
       },
       thread, threads);
-  return answer;
+  return found;
 }
 
 __device__ Vec3<float> of_thread(const Vec3<float>& v, int thread) {
@@ -65,35 +65,36 @@ __device__ Search of_thread(const Search& search, int thread) {
            __shfl_sync(kAll, search.there.spacing, thread)}};
 }
 
-/// Searches keyframe `k` for duplicates of each thread's claim, if it is set. Pixels crowd near the poles: instead of
+/// Searches keyframe `k` for duplicates of each thread's claim, if `searches`. Pixels crowd near the poles: instead of
 /// waiting for the few threads with points there, all threads search for each of them. Called by all threads of a warp.
-__device__ Answer ask(const DuplicateArgs& args, bool asks, int k, const kernels::OpenPoint<float>& open_point) {
+__device__ Duplicates search_other(const DuplicateArgs& args, bool searches, int k,
+                                   const kernels::OpenPoint<float>& open_point) {
   const int thread = static_cast<int>(threadIdx.x);
   const kernels::DuplicateView& other = args.round.others[k];
-  Answer answer{false, false};
+  Duplicates found{false, false};
   Search search{{}, open_point.normal, open_point.off, open_point.rank, {}};
   bool many = false;
   search.point = kernels::transform(other.other_from_first, open_point.point);
-  if (asks && kernels::may_rank_higher(search.point, open_point.rank, other)) {
+  if (searches && kernels::may_rank_higher(search.point, open_point.rank, other)) {
     search.there = kernels::approach(search.point, open_point.reach, other);
     const kernels::Within<float> reached =
         kernels::within(search.there, args.round.grid, other.map.width, other.map.height);
-    if (reached.this_one) ask_pixel(args, other, search, reached.row * other.map.width + reached.column, answer);
+    if (reached.this_one) compare_pixel(args, other, search, reached.row * other.map.width + reached.column, found);
     many = reached.several && search.there.spacing > kMany * args.round.grid.cos_lat[reached.row];
-    if (reached.several && !many) answer = ask_within(args, other, search, 0, 1);
+    if (reached.several && !many) found = search_within(args, other, search, 0, 1);
   }
   for (unsigned int left = __ballot_sync(kAll, many); left != 0; left &= left - 1) {
     const int whose = __ffs(static_cast<int>(left)) - 1;
     const kernels::DuplicateView& its_other = args.round.others[__shfl_sync(kAll, k, whose)];
-    const Answer part = ask_within(args, its_other, of_thread(search, whose), thread, kWarp);
-    const bool stands = __any_sync(kAll, part.stands) != 0;
-    const bool owned = __any_sync(kAll, part.owned) != 0;
-    if (thread == whose) answer = {stands, owned};
+    const Duplicates part = search_within(args, its_other, of_thread(search, whose), thread, kWarp);
+    const bool any = __any_sync(kAll, part.any) != 0;
+    const bool kept = __any_sync(kAll, part.kept) != 0;
+    if (thread == whose) found = {any, kept};
   }
-  return answer;
+  return found;
 }
 
-__device__ std::uint32_t everyone(int count) { return count < 32 ? (1U << static_cast<unsigned>(count)) - 1U : ~0U; }
+__device__ std::uint32_t all_viewers(int count) { return count < 32 ? (1U << static_cast<unsigned>(count)) - 1U : ~0U; }
 
 __global__ void duplicate_kernel(const __grid_constant__ DuplicateArgs args) {
   const kernels::DuplicateRound& round = args.round;
@@ -106,20 +107,21 @@ __global__ void duplicate_kernel(const __grid_constant__ DuplicateArgs args) {
   if (inside && !decides) round.statuses[pixel] = before;
   if (__any_sync(kAll, decides) == 0) return;
   kernels::OpenPoint<float> open_point{};
-  std::uint32_t asks = 0;
+  std::uint32_t pending = 0;
   if (decides) {
     open_point = kernels::open_point_of<float>(round.map.surfels[pixel], before,
                                                kernels::bearing_at<float>(round.grid, x, y), round.map, round.limits);
-    asks = args.first ? everyone(round.count) : args.candidates[pixel];
+    pending = args.first ? all_viewers(round.count) : args.candidates[pixel];
   }
   std::uint32_t open = 0;
   bool dropped = false;
-  while (__any_sync(kAll, asks != 0) != 0) {
-    const std::uint32_t bit = asks & (0U - asks);  // the next one, or 0
-    const Answer answer = ask(args, asks != 0, max(__ffs(static_cast<int>(asks)) - 1, 0), open_point);
-    if (answer.stands) open |= bit;
-    dropped = dropped || answer.owned;
-    asks = dropped ? 0 : asks ^ bit;
+  while (__any_sync(kAll, pending != 0) != 0) {
+    const std::uint32_t bit = pending & (0U - pending);  // the next one, or 0
+    const Duplicates found =
+        search_other(args, pending != 0, max(__ffs(static_cast<int>(pending)) - 1, 0), open_point);
+    if (found.any) open |= bit;
+    dropped = dropped || found.kept;
+    pending = dropped ? 0 : pending ^ bit;
   }
   if (!decides) return;
   args.candidates[pixel] = open;
