@@ -85,7 +85,7 @@ struct PMSP_API LiveOptions {
   bool find_rig = true;
   bool previews = true;  ///< preliminary points at half the size, published when the next keyframe arrives
   /// Memory for data of keyframes except points, on a GPU that of the device [MiB], 1 to 1000000. Must hold keyframes
-  /// that depend on each other: 13 to 19 with the presets, each with about 50 bytes per pixel.
+  /// that depend on each other: 13 to 19 with the presets, each with 50 to 90 bytes per pixel, more for larger images.
   int memory_mib = 2048;
   /// Maximum number of keyframes without a depth map, 4 to 100000. If exceeded, the most redundant ones are dropped.
   int max_waiting = 100;
