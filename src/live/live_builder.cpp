@@ -445,7 +445,8 @@ std::size_t LiveBuilder::bytes() const {
       (lenses_ ? lenses_->bytes() : 0) + (rig_ ? rig_->bytes() : 0) + (preview_ ? preview_->bytes() : 0);
   for (const auto& [id, node] : nodes_) {
     if (node.image.data != nullptr) {
-      bytes += static_cast<std::size_t>(node.image.height) * static_cast<std::size_t>(node.image.width) * 3;
+      const std::size_t channels = node.image.format == PixelFormat::kGray ? 1 : 3;
+      bytes += static_cast<std::size_t>(node.image.height) * static_cast<std::size_t>(node.image.width) * channels;
     }
     if (node.prior_depth) bytes += node.prior_depth->size() * sizeof(float);
     if (node.frame) bytes += node.frame->bytes();

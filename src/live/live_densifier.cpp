@@ -10,6 +10,10 @@
 #include <thread>
 #include <utility>
 
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
+
 #include "densifier_checks.h"
 #include "live/live_builder.h"
 #include "live/live_image.h"
@@ -25,6 +29,14 @@ namespace {
 
 /// Number of newest keyframes of a map that get new landmarks; older ones are matched already.
 constexpr std::size_t kUnmatched = 128;
+
+/// Returns free heap memory to the system. Large arrays are part of the heap, too: glibc raises the size from which it
+/// maps them separately to that of the largest array freed.
+void trim_heap() {
+#if defined(__GLIBC__)
+  malloc_trim(0);
+#endif
+}
 
 void check_place(const LiveKeyframe& keyframe) {
   const std::string who = "keyframe " + std::to_string(keyframe.id) + ": ";
@@ -95,6 +107,7 @@ struct LiveDensifier::Impl {
     }
     changed_.notify_all();
     worker_.join();
+    trim_heap();
   }
 
   // ---- callers ----
@@ -361,6 +374,7 @@ struct LiveDensifier::Impl {
     const LiveStats stats = builder.stats();
     const LiveBacklog backlog = builder.backlog();
     LiveVersion version = 0;
+    bool is_over = false;
     {
       const std::lock_guard<std::mutex> lock(mutex_);
       std::vector<std::int64_t> dropped;
@@ -374,7 +388,9 @@ struct LiveDensifier::Impl {
       worker_stats_ = stats;
       backlog_ = backlog;
       idle_ = idle && queue_.empty();
+      is_over = idle_ && finishing_;
     }
+    if (is_over) trim_heap();
     if (version != 0 && callbacks_.changed) call([&] { callbacks_.changed(version); });
     if (idle) changed_.notify_all();
   }
