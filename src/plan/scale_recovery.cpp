@@ -24,7 +24,7 @@ struct Estimate {
 constexpr std::size_t kFewestBaselines = 3;
 constexpr std::size_t kFewestLandmarks = 12;
 /// Lower bound of the error, however many ratios agree: poses of a neighbourhood have correlated errors.
-constexpr double kLeastError = 1e-3;
+constexpr double kLeastError = 2.5e-3;
 /// Difference beyond which estimates contradict each other [standard errors].
 constexpr double kContradiction = 3.0;
 /// Change up to which a scale is kept [standard errors].
