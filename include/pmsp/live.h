@@ -91,7 +91,8 @@ struct PMSP_API LiveOptions {
   int max_waiting = 100;
   /// Number of newer keyframes after which one with a stable pose is used, 0 to 1000; 0 = at once. Not for previews.
   int stable_after = 3;
-  int stable_at_latest = 24;  ///< number after which it is used in any case, `stable_after` to 1000
+  /// Number after which it is used in any case, or a third of this if the worker is idle, `stable_after` to 1000.
+  int stable_at_latest = 24;
   /// Maximum motion of a stable pose between two arrivals, relative to the median distance of its landmarks, 0 to 1.
   double stable_move = 0.00012;
   /// Displacement by changes of relative pose or scale above which keyframes are matched again [px of the depth map],

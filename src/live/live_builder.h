@@ -82,8 +82,8 @@ class LiveBuilder {
 
   // Selection (live_choices.cpp).
   bool has_ended(std::int64_t map_id) const;
-  bool is_stable(const LiveNode& node) const;
-  bool decide();
+  bool is_stable(const LiveNode& node, bool idle) const;
+  bool decide(bool idle);
   bool is_crowded(const LiveNode& node) const;
   bool is_wanted(LiveNode& node, const Keyframe& keyframe);
   void use(LiveNode& node, const Keyframe& keyframe);

@@ -32,18 +32,20 @@ bool LiveBuilder::has_ended(std::int64_t map_id) const {
          arrivals_ - last->second >= std::clamp(options_.stable_at_latest, 1, kElsewhere);
 }
 
-bool LiveBuilder::is_stable(const LiveNode& node) const {
-  if (has_ended(node.map_id) || node.newer >= options_.stable_at_latest) return true;
+bool LiveBuilder::is_stable(const LiveNode& node, bool idle) const {
+  const int at_latest =
+      idle ? std::max(options_.stable_after, options_.stable_at_latest / 3) : options_.stable_at_latest;
+  if (has_ended(node.map_id) || node.newer >= at_latest) return true;
   return node.newer >= options_.stable_after && (node.at_rest || options_.stable_after == 0);
 }
 
 /// Uses or drops the first pending keyframe of a map if it is stable. Returns whether there was one.
-bool LiveBuilder::decide() {
+bool LiveBuilder::decide(bool idle) {
   std::set<std::int64_t> maps;  // whose first pending keyframe is not stable
   for (const std::int64_t id : undecided_) {
     LiveNode& node = nodes_.at(id);
     if (maps.count(node.map_id) != 0) continue;
-    if (!is_stable(node)) {
+    if (!is_stable(node, idle)) {
       maps.insert(node.map_id);
       continue;
     }
