@@ -204,7 +204,7 @@ bool LiveBuilder::work() {
   if (preview_ && preview_->work(nodes_, on_error_)) return true;
   if (decide(false) || estimate_lenses() || estimate_rig() || link()) return true;
   detect_moves();
-  return publish_points(false, group()) || match() || publish_points(false, 1) || match_again() ||
+  return publish_points(false, group(), true) || match() || publish_points(false, 1) || match_again() ||
          publish_points(true, 1) || publish_wide() || decide(true);
 }
 

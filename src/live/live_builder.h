@@ -123,7 +123,7 @@ class LiveBuilder {
 
   // Points (live_points.cpp).
   int shared_level_of(const LiveNode& node) const;
-  bool publish_points(bool because_moved, std::size_t fewest);
+  bool publish_points(bool because_moved, std::size_t fewest, bool before_matching = false);
   std::size_t group() const;
   bool publish_wide();
   void publish_points(const std::vector<LiveNode*>& nodes);

@@ -36,14 +36,14 @@ int LiveBuilder::shared_level_of(const LiveNode& node) const {
 /// Number of keyframes whose points are computed together while others wait for passes: as many as have points, so that
 /// the oldest are final early, up to kGroup.
 std::size_t LiveBuilder::group() const {
-  const auto published_passes =
+  const auto published =
       std::count_if(nodes_.begin(), nodes_.end(), [](const auto& node) { return node.second.published_passes > 0; });
-  return std::clamp<std::size_t>(static_cast<std::size_t>(published_passes), 1, kGroup);
+  return std::clamp<std::size_t>(static_cast<std::size_t>(published), 1, kGroup);
 }
 
 /// Publishes points of up to kGroup keyframes that have reached a higher level or, with `because_moved`, whose points
 /// are stale, if there are at least `fewest`. Returns whether it did.
-bool LiveBuilder::publish_points(bool because_moved, std::size_t fewest) {
+bool LiveBuilder::publish_points(bool because_moved, std::size_t fewest, bool before_matching) {
   std::vector<LiveNode*> nodes;
   std::size_t matching = 0;
   for (const auto& [map_id, sequence] : sequences_) {
@@ -57,8 +57,8 @@ bool LiveBuilder::publish_points(bool because_moved, std::size_t fewest) {
     }
   }
   if (nodes.size() < fewest) return false;
-  // While few keyframes lack passes, the full level follows soon: lower ones are skipped.
-  const bool soon_better = matching > 0 && matching <= kShortQueue && !because_moved;
+  // While passes of few keyframes are run, the full level follows soon: lower ones are skipped.
+  const bool soon_better = before_matching && matching > 0 && matching <= kShortQueue;
   if (soon_better) {
     const auto gets_better = [&](const LiveNode* node) { return shared_level_of(*node) < full_; };
     nodes.erase(std::remove_if(nodes.begin(), nodes.end(), gets_better), nodes.end());

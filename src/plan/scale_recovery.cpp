@@ -24,11 +24,13 @@ struct Estimate {
 constexpr std::size_t kFewestBaselines = 3;
 constexpr std::size_t kFewestLandmarks = 12;
 /// Lower bound of the error, however many ratios agree: poses of a neighbourhood have correlated errors.
-constexpr double kLeastError = 2.5e-3;
+constexpr double kLeastError = 1e-3;
 /// Difference beyond which estimates contradict each other [standard errors].
 constexpr double kContradiction = 3.0;
 /// Change up to which a scale is kept [standard errors].
 constexpr double kSignificant = 3.0;
+/// Change up to which it is kept in any case: bundle adjustments move neighbours together.
+constexpr double kLeastChange = 5e-3;
 /// Ratio of standard deviation to median absolute deviation, for a normal distribution.
 constexpr double kDeviationOverMedian = 1.4826;
 /// Ratio of the standard errors of median and mean.
@@ -201,7 +203,7 @@ std::vector<double> recover_scales(const std::vector<MovedKeyframe>& keyframes) 
   scales.reserve(keyframes.size());
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
     const std::optional<Estimate> change = decide(evidence, i);
-    const bool significant = change && std::abs(change->log) > kSignificant * change->error;
+    const bool significant = change && std::abs(change->log) > std::max(kLeastChange, kSignificant * change->error);
     const double scale = keyframes[i].before.scale * (significant ? std::exp(change->log) : 1.0);
     scales.push_back(std::clamp(scale, 1.0 / kMaxScale, kMaxScale));
   }

@@ -56,7 +56,7 @@ Midst closed_in_the_midst(double drift) {
   LiveCallbacks callbacks;
   callbacks.changed = [&](LiveVersion) {  // on the worker: what is told here does not depend on time
     const LiveStats stats = told->stats();
-    if (midst.passes_before == 0) {
+    if (midst.passes_before == 0 && told->snapshot()->clouds.size() >= 8) {
       midst.passes_before = stats.passes;
       told->update(slam.closed());
     }
