@@ -45,7 +45,7 @@ TEST_CASE("a batch isolates what fails, and says why in the table, as CSV and by
       {"blind", "empty"},
       {"odd", "line 5: there is no key \"picture\""},
       {"wrong", "line 6: --fusion-window is 99"},
-      {"own", "line 7: --workspace is not for missions"},
+      {"own", "line 7: --workspace is not available in a batch"},
   };
   std::istringstream table(result.out);
   std::string head;

@@ -116,7 +116,7 @@ TEST_CASE("a manifest or a command line that makes no sense ends a batch before 
   refused(good, 2, {"--summary", "--dry-run"}, "--summary and --dry-run exclude each other");
   refused(good, 2, {"--fusion-window", "99"}, "--fusion-window is 99");
   refused(good, 2, {"--fusion-windw", "9"}, "did you mean --fusion-window?");
-  refused(good, 2, {"--follow"}, "--follow is not for missions of a batch");
+  refused(good, 2, {"--follow"}, "--follow is not available in a batch");
   refused(good, 2, {"--preview", "../look"}, "--preview is \"../look\"");
   refused(good, 2, {"--preview", "work"}, "--preview is \"work\"");
   refused(good, 2, {"--report", "../r.html"}, "--report is \"../r.html\"");

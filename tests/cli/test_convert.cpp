@@ -243,7 +243,7 @@ TEST_CASE("a cloud of another program is converted, and what it lacks stays know
              "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\nproperty double "
              "z\nend_header\n500000.25 0 0\n500001.25 2 3\n500002.5 1 1\n");
   const Result result = require_ok(convert(dir / "a.ply", dir / "b.las"));
-  CHECK_THAT(result.err, Contains("holds no normals, colours, confidence, views"));
+  CHECK_THAT(result.err, Contains("no normals, colours, confidence, views"));
   const CloudInfo info = info_of(dir / "b.las");
   CHECK((!info.has_normals && !info.has_colors && !info.has_confidence && !info.has_views));
   CHECK(info.unit.kind == CloudUnit::Kind::kUnknown);

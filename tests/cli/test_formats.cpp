@@ -263,7 +263,7 @@ TEST_CASE("named images are found by that name only") {
   fs::create_directory(dir / "empty");
   const Result none = densify(run_on(dir / "model", dir / "empty", dir / "e.ply"));
   CHECK(none.code == 3);
-  CHECK_THAT(none.err, Contains("none of the 5 images that the map names is there"));
+  CHECK_THAT(none.err, Contains("none of the 5 images that the map names exists"));
 }
 
 TEST_CASE("a workspace and shards work on a folder of COLMAP") {

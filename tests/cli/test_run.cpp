@@ -231,7 +231,7 @@ TEST_CASE("the summary and the statistics name keyframes without a depth map") {
   report.stats.depth_maps = 6;
   report.stats.keyframes_without_neighbour = 1;
   report.stats.keyframes_without_range = 2;
-  CHECK_THAT(tool::summary(report), Contains("6 depth maps, 1 without one (no neighbour to be matched with), "
+  CHECK_THAT(tool::summary(report), Contains("6 depth maps, 1 without one (no source view), "
                                              "2 without one (too few landmarks for a depth range)\n"));
   const auto keyframes = tool::to_json(report)["keyframes"];
   CHECK(keyframes["without_neighbour"] == 1);

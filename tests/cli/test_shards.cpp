@@ -116,7 +116,8 @@ TEST_CASE("in two waves each shard's planes are made before points that need the
     return shard(dir, which, more);
   };
   require_ok(densify(wave("1/3", "planes")));
-  check_fails(wave("1/3", "points"), 3, {"points of shard 1/3 need planes", "shards 0 and 2 of 3 have not finished"});
+  check_fails(wave("1/3", "points"), 3,
+              {"points of shard 1/3 need missing planes", "shards 0 and 2 of 3 have not finished"});
   check_fails(merge(dir), 3, {"shards 0, 1 and 2 of 3 have not finished (planes of ", "shard 1 failed on "});
   CHECK_FALSE(fs::exists(dir / "c.ply"));
   require_ok(densify(wave("0/3", "planes")));

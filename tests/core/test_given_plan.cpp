@@ -59,7 +59,7 @@ struct Mistake {
 
 const std::vector<Mistake>& mistakes() {
   static const std::vector<Mistake> kMistakes = {
-      {"an id twice", [](Plan& p, std::size_t i) { p.entries[i].id = p.entries[i + 1].id; }, "twice"},
+      {"an id twice", [](Plan& p, std::size_t i) { p.entries[i].id = p.entries[i + 1].id; }, "more than once"},
       {"a neighbour that is not there", [](Plan& p, std::size_t i) { p.entries[i].near[0] = 9999; }, "9999"},
       {"itself", [](Plan& p, std::size_t i) { p.entries[i].viewers[0] = p.entries[i].id; }, "itself"},
       {"a viewer twice", [](Plan& p, std::size_t i) { p.entries[i].viewers[0] = p.entries[i].viewers[1]; }, "twice"},

@@ -205,7 +205,7 @@ TEST_CASE("tables that are none are refused with file and line") {
       {"1 2 3 4 5 6\n", "at least 3"},
       {"1 2 3 4 5 6\n1 2 3 4 5 6\n1 2 3 4 5 6\n", "on a line"},
       {"0 0 0 0 0 0 0 2.1\n", "has length 2.1"},
-      {"100 0 0 0 0 0 0 1\n101 0 0 0 0 0 0 1\n", "tells the place of 0 of 12 keyframes"}};
+      {"100 0 0 0 0 0 0 1\n101 0 0 0 0 0 0 1\n", "positions of 0 of 12 keyframes"}};
   for (const auto& [text, expected] : cases) {
     write_text(dir / "table", text);
     INFO(text);

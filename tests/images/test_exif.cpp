@@ -238,5 +238,5 @@ TEST_CASE("a cloud is aligned with the places in the images' EXIF data", "[exif]
 
   files.erase(map.keyframes[0].id);
   files.erase(map.keyframes[1].id);
-  CHECK_THROWS_WITH(find_cloud_frame(options, map, files), Contains("EXIF") && Contains("2 places"));
+  CHECK_THROWS_WITH(find_cloud_frame(options, map, files), Contains("EXIF") && Contains("2 positions"));
 }

@@ -433,7 +433,7 @@ TEST_CASE("Folders that cannot be used are refused") {
   std::filesystem::create_directory(folder / "000002.jpg");
   CHECK_THROWS_AS(open_image_folder(map, folder.path()), IoError);
   write_gray_frame(folder / "panorama.png", 1);
-  CHECK_THROWS_WITH(open_image_folder(map, folder.path()), Contains("no image") && Contains("number"));
+  CHECK_THROWS_WITH(open_image_folder(map, folder.path()), Contains("none of its 1 images") && Contains("number"));
   write_gray_frame(folder / "panorama 777777.png", 1);
   CHECK_THROWS_WITH(open_image_folder(map, folder.path()),
                     Contains("panorama 777777.png") && Contains("hand-made.msg"));

@@ -75,7 +75,7 @@ TEST_CASE("a file that is no map is told by what it looks like") {
   CHECK_THAT(error("SQLite format 3"), StartsWith("InvalidInput: ") && Contains("SQLite"));
   CHECK_THAT(error("\xC1\x01"), Contains("0xc1"));
   CHECK_THAT(error_of(folder / "none"), StartsWith("IoError: ") && Contains("no such file"));
-  CHECK_THAT(error_of(folder.path()), StartsWith("InvalidInput: ") && Contains("folder"));
+  CHECK_THAT(error_of(folder.path()), StartsWith("InvalidInput: ") && Contains("directory"));
 }
 
 TEST_CASE("a map without its sections, or without keyframes, is refused") {

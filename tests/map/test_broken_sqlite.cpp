@@ -41,7 +41,7 @@ TEST_CASE("views and generated columns are not run") {
   const std::string endless = "(WITH RECURSIVE r(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM r) SELECT i FROM r)";
   CHECK_THAT(error_after("DROP TABLE landmarks; CREATE VIEW landmarks AS SELECT i AS id, zeroblob(24) AS pos_w FROM " +
                          endless),
-             Contains("table landmarks: is not there"));
+             Contains("table landmarks: is missing"));
   CHECK_THAT(
       error_after("ALTER TABLE landmarks DROP COLUMN pos_w; ALTER TABLE landmarks ADD COLUMN pos_w GENERATED ALWAYS "
                   "AS (zeroblob(900000000)) VIRTUAL"),

@@ -214,7 +214,7 @@ TEST_CASE("special surfaces lie where the missions' names say") {
 TEST_CASE("a flight that would leave the scene is refused, with the number of keyframes that fit") {
   Recipe recipe = small(100);
   CHECK_THROWS_AS(textured_room(recipe), InvalidOption);
-  CHECK_THROWS_WITH(textured_room(recipe), Catch::Contains("keyframes = 100") && Catch::Contains("at most"));
+  CHECK_THROWS_WITH(textured_room(recipe), Catch::Contains("keyframes is 100") && Catch::Contains("at most"));
 }
 
 TEST_CASE("share_within counts pixels with truth only") {

@@ -81,7 +81,7 @@ TEST_CASE("the first job stays, for others to compare with", "[shards]") {
   CHECK(first.frame_offset == -3);
   CHECK(first.images == "../images");
   CHECK(first.options == some_job().options);
-  CHECK_THAT(difference(job, first), Contains("among 3, not 4"));
+  CHECK_THAT(difference(job, first), Contains("one of 4 shards, not of 3"));
   CHECK_FALSE(folder.job("fedcba9876543210"));
   CHECK(folder.ended_job(job.step));
   CHECK_FALSE(folder.ended_job("other"));
