@@ -132,7 +132,7 @@ TEST_CASE("depth maps of a run, fused again, give its cloud", "[fuse]") {
       const Result result = densify(quick_fuse(dir / kind, dir / (name + ".ply"), {"--force"}));
       INFO(result.err);
       REQUIRE(result.code == 0);
-      CHECK_THAT(result.err, Contains("(" + std::string(kind) + "), taken as 128 x 64"));
+      CHECK_THAT(result.err, Contains("(" + std::string(kind) + "), used at 128 x 64"));
       return dir / (name + ".ply");
     };
     CAPTURE(kind);
@@ -250,7 +250,7 @@ TEST_CASE("what cannot be used is left out of a fusion, and said", "[fuse]") {
   for (const fs::path& file : files) fs::remove(file);
   const Result none = densify(quick_fuse(dir / "depth", dir / "none.ply"));
   CHECK(none.code == 3);
-  CHECK_THAT(none.err, Contains("holds no depth image of any of the 5 keyframes") && Contains("a/7.pfm"));
+  CHECK_THAT(none.err, Contains("contains no depth image of any of the 5 keyframes") && Contains("a/7.pfm"));
   CHECK(densify(quick_fuse(dir / "nothing", dir / "none.ply")).code == 3);
   CHECK_FALSE(fs::exists(dir / "none.ply"));
 }
