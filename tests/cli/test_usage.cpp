@@ -320,7 +320,7 @@ TEST_CASE("info predicts what a run takes") {
   const std::string images = (mission() / "images").string();
   const Result people = densify({"info", map, "--images", images, "--quality", "normal"});
   CHECK(people.code == 0);
-  for (const char* word : {"a run:", "1440 x 720", "disk:", "scratch file", "CPU:", "CPU time", "GPU:", "H200"}) {
+  for (const char* word : {"a run:", "1440 x 720", "disk:", "temporary data", "CPU:", "CPU time", "GPU:", "H200"}) {
     CHECK_THAT(people.out, Contains(word));
   }
   const nlohmann::json online = budget_of({map, "--images", images, "--quality", "online"});
