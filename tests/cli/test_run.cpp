@@ -206,7 +206,7 @@ TEST_CASE("each stage that may lose all points is named with an option that exis
   stats.keyframes_added = 9;
   stats.keyframes_accepted = 1;
   stats.keyframes_without_neighbour = 1;
-  check("neighbour");
+  check("source view");
   stats.keyframes_without_range = 1;
   CHECK_THAT(tool::explain_empty(stats), Contains("no landmarks") && Contains("pmsp-densify info"));
   stats.depth_maps = 1;
