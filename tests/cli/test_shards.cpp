@@ -202,7 +202,7 @@ TEST_CASE("a shard that does not go with the others is refused, and merge says w
   require_ok(densify(shard(dir, "0/3")));
   check_fails(shard(dir, "1/3", {"--seed", "7"}), 3, {"shard 1/3 does not match", "seed 7 instead of 1"});
   check_fails(merge(dir), 3, {"shards 1 and 2 of 3 have not finished", "shard 1 failed on ", "seed 7 instead of 1"});
-  check_fails(shard(dir, "1/4"), 3, {"among 3, not 4"});
+  check_fails(shard(dir, "1/4"), 3, {"one of 4 shards, not of 3"});
   const std::string engine = other_engine();
   if (!engine.empty()) {
     check_fails(shard(dir, "1/3", {"--simd", engine}), 3, {"engine", "CPU, plain code", "CPU, fused multiply-add"});
