@@ -117,8 +117,7 @@ __global__ void duplicate_kernel(const __grid_constant__ DuplicateArgs args) {
   bool dropped = false;
   while (__any_sync(kAll, pending != 0) != 0) {
     const std::uint32_t bit = pending & (0U - pending);  // the next one, or 0
-    const Duplicates found =
-        search_other(args, pending != 0, max(__ffs(static_cast<int>(pending)) - 1, 0), open_point);
+    const Duplicates found = search_other(args, pending != 0, max(__ffs(static_cast<int>(pending)) - 1, 0), open_point);
     if (found.any) open |= bit;
     dropped = dropped || found.kept;
     pending = dropped ? 0 : pending ^ bit;
