@@ -168,12 +168,12 @@ void LiveBuilder::move(const std::vector<LiveMove>& places) {
     if (node->frame) node->frame->pose = place.pose;
     moved_ = true;
     if (node->map_id == place.map_id) continue;
-    if (node->used) leave_sequence(*node);
+    if (node->used()) leave_sequence(*node);
     node->map_id = place.map_id;
-    if (!node->used) continue;
+    if (!node->used()) continue;
     Sequence& to = sequences_[place.map_id];
     to.insert(std::lower_bound(to.begin(), to.end(), node->id), node->id);
-    planes_changed(*node);
+    depth_map_changed(*node);
     reselect_neighbours_around(*node);
   }
 }
@@ -189,7 +189,7 @@ void LiveBuilder::erase(std::int64_t id) {
     const auto names = [&](const std::vector<std::int64_t>& ids) {
       return std::find(ids.begin(), ids.end(), id) != ids.end();
     };
-    if (other.published_passes > 0 && (names(other.duplicate_views) || names(other.viewers))) other.points_due = true;
+    if (names(other.duplicate_views) || names(other.viewers)) invalidate(other, LiveCause::kView);
   }
 }
 
@@ -200,17 +200,98 @@ void LiveBuilder::stay_within_memory() {
   while (drop_late()) make_room();
 }
 
-bool LiveBuilder::work() {
-  if (preview_ && preview_->work(nodes_, on_error_)) return true;
-  if (decide(false) || estimate_lenses() || estimate_rig() || link()) return true;
-  detect_moves();
-  return publish_points(false, group(), true) || match() || publish_points(false, 1) || match_again() ||
-         publish_points(true, 1) || publish_wide() || decide(true);
+LiveBuilder::Task LiveBuilder::next_task() const {
+  // What a person sees first, then decisions that the passes need: these take little time.
+  if (preview_ && preview_->has_work()) return {Step::kPreview, {}};
+  if (const LiveNode* const node = next_stable(false)) return {Step::kDecide, {node->id}};
+  if (lenses_ && is_estimate_due(lenses_->keyframes(), lens_keyframes_)) return {Step::kEstimateLenses, {}};
+  if (rig_ && is_estimate_due(rig_->keyframes(), rig_keyframes_)) return {Step::kEstimateRig, {}};
+  if (const LiveNode* const node = next_selected()) return {Step::kChooseSources, {node->id}};
+  // Points before further passes once a group has them, else all keyframes would be final late.
+  if (Ids nodes = next_points(true); nodes.size() >= group()) return {Step::kPublish, std::move(nodes)};
+  if (const LiveNode* const node = next_match()) return {Step::kMatch, {node->id}};
+  if (Ids nodes = next_points(false); !nodes.empty()) return {Step::kPublish, std::move(nodes)};
+  // Corrections, once all keyframes have their points.
+  if (const LiveNode* const node = next_rematch()) return {Step::kRematch, {node->id}};
+  if (Ids nodes = next_stale_points(); !nodes.empty()) return {Step::kPublish, std::move(nodes)};
+  if (Ids nodes = next_wide(); !nodes.empty()) return {Step::kPublishWide, std::move(nodes)};
+  if (const LiveNode* const node = next_stable(true)) return {Step::kDecide, {node->id}};
+  return {};
 }
 
-/// Marks points stale that depend on the node's depth map.
-void LiveBuilder::planes_changed(const LiveNode& node) {
-  for (LiveNode* other : around(node, reach_.points, true)) other->points_due = true;
+bool LiveBuilder::work() {
+  detect_moves();
+  const Task task = next_task();
+  const auto node = [&]() -> LiveNode& { return nodes_.at(task.nodes.front()); };
+  switch (task.step) {
+    case Step::kNone:
+      return false;
+    case Step::kPreview:
+      preview_->work(nodes_, on_error_);
+      break;
+    case Step::kDecide:
+      decide(node());
+      break;
+    case Step::kEstimateLenses:
+      estimate_lenses();
+      break;
+    case Step::kEstimateRig:
+      estimate_rig();
+      break;
+    case Step::kChooseSources:
+      choose_sources(node());
+      break;
+    case Step::kMatch:
+      match(node());
+      break;
+    case Step::kRematch:
+      rematch(node());
+      break;
+    case Step::kPublish:
+      publish_points(task.nodes, false);
+      break;
+    case Step::kPublishWide:
+      publish_points(task.nodes, true);
+      break;
+  }
+  return true;
+}
+
+void LiveBuilder::invalidate(LiveNode& node, LiveCause cause) {
+  if (!node.has_map()) return;
+  const bool published = node.published_passes > 0;
+  switch (cause) {
+    case LiveCause::kView:
+      node.stale.points = node.stale.points || published;
+      break;
+    case LiveCause::kDepthMap:
+    case LiveCause::kRig:
+      node.stale.points = true;
+      break;
+    case LiveCause::kInputs:
+      node.stale.points = true;
+      node.stale.duplicates = node.stale.duplicates || searches_all_;
+      break;
+    case LiveCause::kNewPoints:
+      node.stale.duplicates = node.stale.duplicates || searches_all_;
+      break;
+    case LiveCause::kOverlap:
+      node.stale.duplicates = node.stale.duplicates || published;
+      break;
+    case LiveCause::kLenses:
+      node.filtered_made = node.fused_made = 0;
+      node.stale.points = true;
+      if (!can_match(node)) break;
+      node.stale.planes_px = node.deferred_px = 0.0;
+      node.restarted = false;  // same priority as new keyframes
+      node.last_pass_photometric = false;
+      node.passes = 0;
+      break;
+  }
+}
+
+void LiveBuilder::depth_map_changed(const LiveNode& node) {
+  for (LiveNode* other : around(node, reach_.points, true)) invalidate(*other, LiveCause::kDepthMap);
 }
 
 LiveInput LiveBuilder::input(const LiveNode& other, const LiveNode& own, std::uint64_t made) const {
@@ -244,17 +325,14 @@ void LiveBuilder::detect_moves() {
       return most;
     };
     const double moved = furthest(node.matched);
-    if (moved > options_.max_move_px) node.moved_px = moved;
+    if (moved > options_.max_move_px) node.stale.planes_px = moved;
     if (node.published_passes == 0) continue;
-    if (std::max(furthest(node.fused), furthest(node.tested)) > kMaxInputMove) {
-      node.points_due = true;
-      node.wide_due = node.wide_due || searches_all_;
-    }
+    if (std::max(furthest(node.fused), furthest(node.tested)) > kMaxInputMove) invalidate(node, LiveCause::kInputs);
     const LiveInput in_world{id, 0, KeyframePose{}, node.wide ? node.wide_pose : node.first_pose};
     if (moved_angle(in_world, KeyframePose{}, node.pose, node.range) > kMinWorldMove) rearranged.insert(node.map_id);
   }
   for (auto& [id, node] : nodes_) {
-    if (node.published_passes > 0 && node.has_map() && rearranged.count(node.map_id) != 0) node.wide_due = true;
+    if (rearranged.count(node.map_id) != 0) invalidate(node, LiveCause::kOverlap);
   }
 }
 
@@ -276,7 +354,7 @@ std::vector<const LiveNode*> LiveBuilder::neighbours_of(const LiveNode& node) co
 }
 
 bool LiveBuilder::can_match(const LiveNode& node) const {
-  if (!node.has_depth || !node.has_image || !node.frame) return false;
+  if (node.phase != LivePhase::kMatching || !node.has_image) return false;
   return std::any_of(node.near.begin(), node.near.end(),
                      [&](std::int64_t id) { return neighbour(node, id) != nullptr; });
 }
@@ -291,26 +369,26 @@ int LiveBuilder::level_of(const LiveNode& node) const {
   return level;
 }
 
-/// Runs the next pass of the most urgent keyframe: while few lack passes the first one, else one of the lowest level,
-/// so that all have points early; restarted keyframes with points come last. Geometric passes wait for the previous
-/// pass of the source views and, after the first points, for their due photometric ones. After a restart they also wait
-/// until the source views have restarted. Returns whether there was one.
-bool LiveBuilder::match() {
-  std::vector<LiveNode*> candidates;
+/// Returns the most urgent keyframe that lacks passes: while few do the first one, else one of the lowest level, so
+/// that all have points early; restarted keyframes with points come last. Geometric passes wait for the previous pass
+/// of the source views and, after the first points, for their due photometric ones. After a restart they also wait
+/// until the source views have restarted.
+const LiveNode* LiveBuilder::next_match() const {
+  std::vector<const LiveNode*> candidates;
   for (const auto& [map_id, sequence] : sequences_) {
     for (const std::int64_t id : sequence) {
-      LiveNode& node = nodes_.at(id);
+      const LiveNode& node = nodes_.at(id);
       if (!lacks_passes(node) || restarts(node)) continue;
       candidates.push_back(&node);
     }
   }
   const bool all_at_once = candidates.size() <= kShortQueue;
-  LiveNode* best = nullptr;
-  for (LiveNode* node : candidates) {
+  const LiveNode* best = nullptr;
+  for (const LiveNode* node : candidates) {
     const std::vector<const LiveNode*> near = neighbours_of(*node);
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
       if (node->passes == 0 || node->needs_photometric_pass(kPhotometricFactor * options_.max_move_px)) return true;
-      if (!other->linked || (other->passes < node->passes && lacks_passes(*other))) return false;
+      if (other->phase == LivePhase::kSelected || (other->passes < node->passes && lacks_passes(*other))) return false;
       if (node->passes >= kLevels[0] && restarts(*other)) return false;
       const bool has_points = node->published_passes > 0;
       if (node->restarted && (has_points ? needs_rematch(*other) : restarts(*other))) return false;
@@ -324,14 +402,12 @@ bool LiveBuilder::match() {
     };
     if (best == nullptr || urgency(*node) < urgency(*best)) best = node;
   }
-  if (best == nullptr) return false;
-  match(*best);
-  return true;
+  return best;
 }
 
 /// Whether neighbours have moved so far that its depth map is worthless.
 bool LiveBuilder::restarts(const LiveNode& node) const {
-  return node.passes > 0 && node.moved_px > kRestartFactor * options_.max_move_px && can_match(node);
+  return node.passes > 0 && node.stale.planes_px > kRestartFactor * options_.max_move_px && can_match(node);
 }
 
 /// Whether all passes must be run again: neighbours have moved since the last photometric pass, or before one in
@@ -341,31 +417,37 @@ bool LiveBuilder::needs_rematch(const LiveNode& node) const {
 }
 
 /// Returns the previous keyframe of its sequence; nullptr for the first one.
-LiveNode* LiveBuilder::previous_of(const LiveNode& node) {
+const LiveNode* LiveBuilder::previous_of(const LiveNode& node) const {
   const std::size_t place = place_of(node);
   return place > 0 ? find(sequences_.at(node.map_id)[place - 1]) : nullptr;
 }
 
-/// Matches again, from the first pass, the keyframe with the largest displacement among those that need it. Previous
-/// ones that restart, too, come first: their planes are the start of the next. Returns whether there was one.
-bool LiveBuilder::match_again() {
-  LiveNode* worst = nullptr;
-  for (auto& [id, node] : nodes_) {
+/// Returns the keyframe with the largest displacement among those that must be matched again. Previous ones that
+/// restart, too, come first: their planes are the start of the next.
+const LiveNode* LiveBuilder::next_rematch() const {
+  const LiveNode* worst = nullptr;
+  for (const auto& [id, node] : nodes_) {
     if (!needs_rematch(node)) continue;
     if (worst == nullptr || node.displacement_px() > worst->displacement_px()) worst = &node;
   }
-  if (worst == nullptr) return false;
-  for (LiveNode* before = previous_of(*worst); before != nullptr && restarts(*before); before = previous_of(*worst)) {
+  if (worst == nullptr) return nullptr;
+  for (const LiveNode* before = previous_of(*worst); before != nullptr && restarts(*before);
+       before = previous_of(*worst)) {
     worst = before;
   }
-  ++stats_.matched_again;
-  worst->restarted = worst->published_passes > 0 || restarts(*worst);
-  worst->passes = 0;
-  worst->deferred_px = 0.0;
-  match(*worst);
-  return true;
+  return worst;
 }
 
+/// Matches a keyframe again, from the first pass.
+void LiveBuilder::rematch(LiveNode& node) {
+  ++stats_.matched_again;
+  node.restarted = node.published_passes > 0 || restarts(node);
+  node.passes = 0;
+  node.deferred_px = 0.0;
+  match(node);
+}
+
+/// Runs the next pass.
 void LiveBuilder::match(LiveNode& node) {
   const Keyframe keyframe = node.keyframe();
   Engine::MatchTask task;
@@ -377,13 +459,13 @@ void LiveBuilder::match(LiveNode& node) {
   const double far = kPhotometricFactor * options_.max_move_px;
   std::vector<const LiveNode*> neighbours = neighbours_of(node);
   const auto outdated = std::stable_partition(neighbours.begin(), neighbours.end(),
-                                              [&](const LiveNode* near) { return near->moved_px <= far; });
+                                              [&](const LiveNode* near) { return near->stale.planes_px <= far; });
   for (const LiveNode* near : neighbours) {
     task.neighbours.push_back(near->frame.get());
     inputs.push_back(input(*near, node, near->planes_made));
   }
   const bool in_between = node.needs_photometric_pass(far);
-  if (in_between) node.deferred_px = node.moved_px;
+  if (in_between) node.deferred_px = node.stale.planes_px;
   const bool photometric = node.passes == 0 || in_between;
   task.near = photometric ? 0 : static_cast<std::size_t>(outdated - neighbours.begin());
   task.range = node.depths;
@@ -401,9 +483,9 @@ void LiveBuilder::match(LiveNode& node) {
   node.planes_made = ++results_made_;
   if (photometric) {
     node.matched = std::move(inputs);
-    node.moved_px = 0.0;
+    node.stale.planes_px = 0.0;
   }
-  planes_changed(node);
+  depth_map_changed(node);
 }
 
 void LiveBuilder::filter(LiveNode& node) {
@@ -462,12 +544,10 @@ void LiveBuilder::make_room() {
   const Eigen::Vector3d center = nodes_.rbegin()->second.pose.cam_from_world.center();
   std::vector<std::pair<double, LiveNode*>> order;  // farthest first
   for (auto& [id, node] : nodes_) {
-    if (!node.frame || (node.published_passes == 0 && (!node.linked || node.has_depth))) continue;
+    if (!node.frame || (node.published_passes == 0 && node.phase != LivePhase::kNoDepth)) continue;
     const std::vector<LiveNode*> near = around(node, reach_.neighbours, false);
-    if (std::any_of(near.begin(), near.end(),
-                    [](const LiveNode* other) { return !other->linked || (other->has_depth && other->passes == 0); })) {
-      continue;  // still needed as source view
-    }
+    const auto needs_views = [](const LiveNode* other) { return other->lacks_first_pass(); };
+    if (std::any_of(near.begin(), near.end(), needs_views)) continue;  // still needed as source view
     order.emplace_back(-(node.pose.cam_from_world.center() - center).norm(), &node);
   }
   std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
@@ -486,7 +566,8 @@ void LiveBuilder::make_room() {
     if (now <= most) return;
     now -= node->frame->bytes();
     node->frame.reset();
-    node->points_due = node->wide_due = false;
+    node->phase = LivePhase::kFrozen;
+    node->stale = {};
     ++stats_.keyframes_frozen;
   }
 }
@@ -495,11 +576,11 @@ LiveBacklog LiveBuilder::backlog() const {
   LiveBacklog backlog;
   backlog.unstable = static_cast<std::int64_t>(undecided_.size());
   for (const auto& [id, node] : nodes_) {
-    if (!node.used || (node.linked && !node.has_depth)) continue;
+    if (node.phase != LivePhase::kSelected && node.phase != LivePhase::kMatching) continue;
     if (node.published_passes == 0) {
       ++backlog.waiting;
-    } else if (node.frame && (node.points_due || node.wide_due || lacks_passes(node) ||
-                              (node.displacement_px() > 0.0 && can_match(node)))) {
+    } else if (node.stale.points || node.stale.duplicates || lacks_passes(node) ||
+               (node.displacement_px() > 0.0 && can_match(node))) {
       ++backlog.refining;
     }
   }

@@ -80,30 +80,59 @@ class LiveBuilder {
     std::size_t points;       ///< depth maps that affect a keyframe's points
   };
 
+  /// Kinds of tasks.
+  enum class Step {
+    kNone,
+    kPreview,  ///< of the newest keyframe
+    kDecide,   ///< kPending -> kSelected, or drop
+    kEstimateLenses,
+    kEstimateRig,
+    kChooseSources,  ///< kSelected -> kMatching or kNoDepth
+    kMatch,          ///< next pass
+    kRematch,        ///< first pass again
+    kPublish,        ///< points
+    kPublishWide     ///< points without duplicates beyond the fusion window
+  };
+  using Ids = std::vector<std::int64_t>;
+  struct Task {
+    Step step = Step::kNone;
+    Ids nodes;
+  };
+
+  /// Returns the most urgent task; kNone = idle.
+  Task next_task() const;
+
+  /// Marks results stale. The only function that does, but for displacements of source views (detect_moves).
+  void invalidate(LiveNode& node, LiveCause cause);
+  void depth_map_changed(const LiveNode& node);  ///< invalidates points that depend on the node's depth map
+  void detect_moves();
+
   // Selection (live_choices.cpp).
   bool has_ended(std::int64_t map_id) const;
   bool is_stable(const LiveNode& node, bool idle) const;
-  bool decide(bool idle);
+  const LiveNode* next_stable(bool idle) const;
+  void decide(LiveNode& node);
   bool is_crowded(const LiveNode& node) const;
   bool is_wanted(LiveNode& node, const Keyframe& keyframe);
-  void use(LiveNode& node, const Keyframe& keyframe);
+  void select(LiveNode& node, const Keyframe& keyframe);
   void reselect_neighbours_around(const LiveNode& node);
   void leave_sequence(LiveNode& node);
   void drop(std::int64_t id);
   bool drop_late();
-  bool link();
-  void link(LiveNode& node);
+  const LiveNode* next_selected() const;
+  void choose_sources(LiveNode& node);
 
   // Lenses and rig (live_calibration.cpp).
   void begin_with_lenses();
   void begin_with_rig();
   void collect_for_calibration(const LiveNode& node, const Keyframe& keyframe);
-  bool estimate_rig();
   std::shared_ptr<const Image<std::uint8_t>> mask_for(int width, int height);
   void publish_cloud(const KeyframeCloud& cloud, std::uint64_t serial, bool preliminary) const;
+  bool is_estimate_due(std::size_t count, std::size_t previous) const;
   template <class Estimator>
-  bool is_time_for(Estimator& estimator, std::size_t& looked_at) const;
-  bool estimate_lenses();
+  void update_poses(Estimator& estimator) const;
+  void estimate_rig();
+  void estimate_lenses();
   void set_lens_distance(double distance);
 
   // Depth maps.
@@ -112,27 +141,28 @@ class LiveBuilder {
   bool can_match(const LiveNode& node) const;
   int level_of(const LiveNode& node) const;
   bool lacks_passes(const LiveNode& node) const { return node.passes < full_ && can_match(node); }
-  bool match();
   bool restarts(const LiveNode& node) const;
   bool needs_rematch(const LiveNode& node) const;
-  LiveNode* previous_of(const LiveNode& node);
-  bool match_again();
+  const LiveNode* previous_of(const LiveNode& node) const;
+  const LiveNode* next_match() const;
+  const LiveNode* next_rematch() const;
   void match(LiveNode& node);
+  void rematch(LiveNode& node);
   void filter(LiveNode& node);
   void fuse(LiveNode& node);
 
   // Points (live_points.cpp).
   int shared_level_of(const LiveNode& node) const;
-  bool publish_points(bool because_moved, std::size_t fewest, bool before_matching = false);
   std::size_t group() const;
-  bool publish_wide();
-  void publish_points(const std::vector<LiveNode*>& nodes);
+  template <class IsNext>
+  Ids first_group(const IsNext& is_next) const;
+  Ids next_points(bool before_matching) const;
+  Ids next_stale_points() const;
+  Ids next_wide() const;
+  void publish_points(const Ids& ids, bool wide);
   void choose_test_views(LiveNode& node);
-  std::vector<LiveNode*> with_depth(const std::vector<std::int64_t>& ids, std::int64_t map_id);
+  std::vector<LiveNode*> with_depth(const Ids& ids, std::int64_t map_id);
 
-  // Stale results.
-  void detect_moves();
-  void planes_changed(const LiveNode& node);
   bool is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const;
   LiveInput input(const LiveNode& other, const LiveNode& own, std::uint64_t made) const;
 

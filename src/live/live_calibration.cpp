@@ -27,34 +27,30 @@ void LiveBuilder::collect_for_calibration(const LiveNode& node, const Keyframe& 
   if (rig_) rig_->add(keyframe, engine_->executor());
 }
 
-/// Whether an estimate is due: there are enough keyframes, or new ones and no more are expected for now. If so, updates
-/// the estimator's poses.
-template <class Estimator>
-bool LiveBuilder::is_time_for(Estimator& estimator, std::size_t& looked_at) const {
-  const std::size_t count = estimator.keyframes();
-  const bool last = finishing_ && undecided_.empty() && count >= kFewest && count != looked_at;
-  if (count < kEnough && !last) return false;
-  looked_at = count;
-  for (const auto& [id, node] : nodes_) {
-    if (node.used) estimator.move(node.keyframe());
-  }
-  return true;
+/// Whether an estimate from `count` keyframes is due: there are enough, or new ones since the last estimate from
+/// `previous` and no more are expected.
+bool LiveBuilder::is_estimate_due(std::size_t count, std::size_t previous) const {
+  return count >= kEnough || (finishing_ && undecided_.empty() && count >= kFewest && count != previous);
 }
 
-/// Estimates the rig mask if due. Returns whether it was.
-bool LiveBuilder::estimate_rig() {
-  if (!rig_ || !is_time_for(*rig_, rig_keyframes_)) return false;
+template <class Estimator>
+void LiveBuilder::update_poses(Estimator& estimator) const {
+  for (const auto& [id, node] : nodes_) {
+    if (node.used()) estimator.move(node.keyframe());
+  }
+}
+
+void LiveBuilder::estimate_rig() {
+  update_poses(*rig_);
+  rig_keyframes_ = rig_->keyframes();
   const bool enough = rig_->keyframes() >= kEnough;
   RigMask found = rig_->estimate(engine_->executor());
   if (enough || !found.mask.empty()) rig_.reset();
-  if (found.mask.empty()) return true;
+  if (found.mask.empty()) return;
   stats_.rig = found.share;
   rig_mask_ = std::move(found.mask);
   mask_.reset();
-  for (auto& [id, node] : nodes_) {
-    if (node.has_map()) node.points_due = true;
-  }
-  return true;
+  for (auto& [id, node] : nodes_) invalidate(node, LiveCause::kRig);
 }
 
 /// Returns the mask of images of this size: the caller's mask with the rig; nullptr = none.
@@ -97,9 +93,9 @@ void LiveBuilder::begin_with_lenses() {
   lens_keyframes_ = 0;
 }
 
-/// Estimates the lens distance if due. Returns whether it was.
-bool LiveBuilder::estimate_lenses() {
-  if (!lenses_ || !is_time_for(*lenses_, lens_keyframes_)) return false;
+void LiveBuilder::estimate_lenses() {
+  update_poses(*lenses_);
+  lens_keyframes_ = lenses_->keyframes();
   const bool enough = lenses_->keyframes() >= kEnough;
   const LensDistance found = lenses_->estimate(engine_->executor());
   if (found.significant) {
@@ -110,23 +106,12 @@ bool LiveBuilder::estimate_lenses() {
   } else if (enough) {
     lenses_.reset();
   }
-  return true;
 }
 
-/// Sets the lens distance and marks all results for one centre as stale.
 void LiveBuilder::set_lens_distance(double distance) {
   densifier_.lens_distance = distance;
   if (preview_) preview_->set_lens_distance(distance);
-  for (auto& [id, node] : nodes_) {
-    if (!node.has_map()) continue;
-    node.filtered_made = node.fused_made = 0;
-    node.points_due = true;
-    if (!can_match(node)) continue;
-    node.restarted = false;  // same priority as new keyframes
-    node.last_pass_photometric = false;
-    node.passes = 0;
-    node.moved_px = node.deferred_px = 0.0;
-  }
+  for (auto& [id, node] : nodes_) invalidate(node, LiveCause::kLenses);
 }
 
 }  // namespace pmsp

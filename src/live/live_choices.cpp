@@ -39,33 +39,29 @@ bool LiveBuilder::is_stable(const LiveNode& node, bool idle) const {
   return node.newer >= options_.stable_after && (node.at_rest || options_.stable_after == 0);
 }
 
-/// Uses or drops the first pending keyframe of a map if it is stable. Returns whether there was one.
-bool LiveBuilder::decide(bool idle) {
-  std::set<std::int64_t> maps;  // whose first pending keyframe is not stable
+/// Returns a keyframe that is the first pending one of its map and stable; nullptr = none.
+const LiveNode* LiveBuilder::next_stable(bool idle) const {
+  std::set<std::int64_t> maps;
   for (const std::int64_t id : undecided_) {
-    LiveNode& node = nodes_.at(id);
-    if (maps.count(node.map_id) != 0) continue;
-    if (!is_stable(node, idle)) {
-      maps.insert(node.map_id);
-      continue;
-    }
-    undecided_.erase(id);
-    Image<Rgb> converted;
-    const auto mask = mask_for(node.image.width, node.image.height);
-    const Keyframe keyframe = node.keyframe(mask.get(), converted);
-    try {
-      if (!is_crowded(node) && is_wanted(node, keyframe)) {
-        use(node, keyframe);
-        return true;
-      }
-      ++stats_.not_needed;
-    } catch (const InvalidInput& error) {
-      on_error_(error.what());
-    }
-    drop(id);
-    return true;
+    const LiveNode& node = nodes_.at(id);
+    if (maps.insert(node.map_id).second && is_stable(node, idle)) return &node;
   }
-  return false;
+  return nullptr;
+}
+
+/// Selects or drops a pending keyframe.
+void LiveBuilder::decide(LiveNode& node) {
+  undecided_.erase(node.id);
+  Image<Rgb> converted;
+  const auto mask = mask_for(node.image.width, node.image.height);
+  const Keyframe keyframe = node.keyframe(mask.get(), converted);
+  try {
+    if (!is_crowded(node) && is_wanted(node, keyframe)) return select(node, keyframe);
+    ++stats_.not_needed;
+  } catch (const InvalidInput& error) {
+    on_error_(error.what());
+  }
+  drop(node.id);
 }
 
 /// Whether enough keyframes around are used: bounds the memory of a mission that stays in one room.
@@ -100,10 +96,10 @@ bool LiveBuilder::is_wanted(LiveNode& node, const Keyframe& keyframe) {
   return !chain.is_blurred(node.sharpness.landmarks);
 }
 
-void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
+void LiveBuilder::select(LiveNode& node, const Keyframe& keyframe) {
   if (densifier_.width == 0 || densifier_.height == 0) set_size(node.image.width, node.image.height);
   node.frame = engine_->prepare(keyframe);
-  node.used = true;
+  node.phase = LivePhase::kSelected;
   node.has_image = true;
   collect_for_calibration(node, keyframe);
   node.image = {};
@@ -116,12 +112,12 @@ void LiveBuilder::use(LiveNode& node, const Keyframe& keyframe) {
 /// Makes unmatched keyframes around choose source views again.
 void LiveBuilder::reselect_neighbours_around(const LiveNode& node) {
   for (LiveNode* other : around(node, reach_.neighbours, false)) {
-    if (other->passes == 0) other->linked = other->has_depth = false;
+    if (other->passes == 0 && other->frame) other->phase = LivePhase::kSelected;
   }
 }
 
 void LiveBuilder::leave_sequence(LiveNode& node) {
-  planes_changed(node);
+  depth_map_changed(node);
   reselect_neighbours_around(node);
   Sequence& sequence = sequences_[node.map_id];
   sequence.erase(std::lower_bound(sequence.begin(), sequence.end(), node.id));
@@ -131,7 +127,7 @@ void LiveBuilder::leave_sequence(LiveNode& node) {
 void LiveBuilder::drop(std::int64_t id) {
   LiveNode& node = nodes_.at(id);
   undecided_.erase(id);
-  if (node.used) leave_sequence(node);
+  if (node.used()) leave_sequence(node);
   dropped_.emplace_back(id, node.serial);
   nodes_.erase(id);
 }
@@ -145,8 +141,8 @@ bool LiveBuilder::drop_late() {
   double least_gap = std::numeric_limits<double>::infinity();
   for (const auto& [map_id, sequence] : sequences_) {
     for (std::size_t i = 0; i < sequence.size(); ++i) {
-      LiveNode& node = nodes_.at(sequence[i]);
-      if (node.passes > 0 || (node.linked && !node.has_depth)) continue;
+      const LiveNode& node = nodes_.at(sequence[i]);
+      if (!node.lacks_first_pass()) continue;
       ++waiting;
       if (i == 0 || i + 1 == sequence.size()) continue;
       const Eigen::Vector3d before = nodes_.at(sequence[i - 1]).pose.cam_from_world.center();
@@ -171,21 +167,20 @@ bool LiveBuilder::drop_late() {
   return true;
 }
 
-/// Chooses source views of the first keyframe with all candidates available. Returns whether there was one.
-bool LiveBuilder::link() {
+/// Returns the first selected keyframe with all candidates for its source views; nullptr = none.
+const LiveNode* LiveBuilder::next_selected() const {
   for (const auto& [map_id, sequence] : sequences_) {
     for (std::size_t i = 0; i < sequence.size(); ++i) {
-      LiveNode& node = nodes_.at(sequence[i]);
-      if (node.linked) continue;
+      const LiveNode& node = nodes_.at(sequence[i]);
+      if (node.phase != LivePhase::kSelected) continue;
       if (i + reach_.neighbours >= sequence.size() && !has_ended(map_id)) break;
-      link(node);
-      return true;
+      return &node;
     }
   }
-  return false;
+  return nullptr;
 }
 
-void LiveBuilder::link(LiveNode& node) {
+void LiveBuilder::choose_sources(LiveNode& node) {
   std::vector<Keyframe> keyframes;
   std::size_t own = 0;
   for (const LiveNode* around : this->around(node, reach_.neighbours, false)) {
@@ -200,8 +195,8 @@ void LiveBuilder::link(LiveNode& node) {
     node.near.push_back(sequence[k]->id);
   }
   node.depths = depth_range(keyframes[own], densifier_.advanced.init);
-  node.linked = true;
-  node.has_depth = !node.near.empty() && node.depths.max > node.depths.min;
+  const bool has_depth = !node.near.empty() && node.depths.max > node.depths.min;
+  node.phase = has_depth ? LivePhase::kMatching : LivePhase::kNoDepth;
 }
 
 }  // namespace pmsp

@@ -36,8 +36,37 @@ inline double moved_angle(const LiveInput& then, const KeyframePose& other, cons
   return moved_angle({then.other, then.own}, {other, own}, range);
 }
 
+/// Phase of a keyframe; docs/architecture.md draws the transitions.
+enum class LivePhase {
+  kPending,   ///< pose not yet stable; holds its image
+  kSelected,  ///< accepted by the view filter; candidates for its source views are incomplete
+  kMatching,  ///< has source views: gets a depth map and points
+  kNoDepth,   ///< no source view or no depth range: source view of others only
+  kFrozen     ///< depth map released; points are only moved
+};
+
+/// Causes of stale results, see LiveBuilder::invalidate.
+enum class LiveCause {
+  kDepthMap,   ///< a depth map near it was replaced, added or removed
+  kView,       ///< a viewer or duplicate view was erased
+  kInputs,     ///< inputs of its points have moved
+  kOverlap,    ///< a keyframe of its map has moved in the world
+  kNewPoints,  ///< its points are published again, with duplicates beyond the fusion window
+  kRig,        ///< a rig mask was found
+  kLenses      ///< a lens distance was found
+};
+
+/// Stale results of a keyframe.
+struct LiveStale {
+  /// Last displacement of its source views since the last photometric pass, if above `max_move_px`; 0 = valid [px].
+  double planes_px = 0.0;
+  bool points = false;      ///< published points
+  bool duplicates = false;  ///< duplicates beyond the fusion window
+};
+
 /// A keyframe of a live mission, from its arrival to its removal.
 struct LiveNode {
+  LivePhase phase = LivePhase::kPending;
   std::int64_t id = 0;
   std::int64_t map_id = 0;
   std::uint64_t serial = 0;  ///< see LiveBuilder::add
@@ -53,23 +82,20 @@ struct LiveNode {
   bool at_rest = false;                              ///< moved by at most `stable_move` before the last of them
   Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< position when that one was added
 
-  // Set when it is stable.
-  bool used = false;
+  // Since kSelected.
   SharpnessRecord sharpness;
-
-  // Of used keyframes.
-  std::unique_ptr<Engine::Frame> frame;  ///< nullptr once frozen
+  std::unique_ptr<Engine::Frame> frame;  ///< nullptr if kFrozen
   bool has_image = false;                ///< can be matched and serve as source view
-  bool linked = false;                   ///< `near` and `depths` are set
-  std::vector<std::int64_t> near;        ///< ids of source views; some may be erased
-  DepthRange depths;                     ///< [keyframe's unit]
-  bool has_depth = false;                ///< gets a depth map: has source views and a depth range
-  int passes = 0;                        ///< completed passes of PatchMatch, without those in between
-  double moved_px = 0.0;                 ///< last displacement of `matched` above `max_move_px`, 0 = none [px]
-  double deferred_px = 0.0;              ///< displacement at the last photometric pass in between [px]
-  bool last_pass_photometric = false;    ///< the last pass was a photometric one in between
-  bool restarted = false;                ///< all passes are run again
-  std::uint64_t planes_made = 0;         ///< numbers of results, increasing over all keyframes; 0 = none
+
+  // Since kMatching.
+  std::vector<std::int64_t> near;  ///< ids of source views; some may be erased
+  DepthRange depths;               ///< [keyframe's unit]
+  LiveStale stale;
+  int passes = 0;                      ///< completed passes of PatchMatch, without those in between
+  double deferred_px = 0.0;            ///< displacement at the last photometric pass in between [px]
+  bool last_pass_photometric = false;  ///< the last pass was a photometric one in between
+  bool restarted = false;              ///< all passes are run again
+  std::uint64_t planes_made = 0;       ///< numbers of results, increasing over all keyframes; 0 = none
   std::uint64_t filtered_made = 0;
   std::uint64_t fused_made = 0;
   LiveInputs matched;  ///< inputs of the last photometric pass
@@ -78,19 +104,21 @@ struct LiveNode {
   std::vector<std::int64_t> viewers, duplicate_views;  ///< ids
   KeyframePose first_pose;                             ///< pose when points were first published
   int published_passes = 0;                            ///< number of passes of the published points; 0 = none
-  bool points_due = false;                             ///< the published points are stale
   KeyframePose wide_pose;                              ///< pose at the last wide duplicate removal
   bool wide = false;                                   ///< duplicate views extend beyond the fusion window
-  bool wide_due = false;                               ///< wide duplicate removal is due
 
   /// Returns the displacement that running all passes again would correct [px].
-  double displacement_px() const { return std::max(moved_px, deferred_px); }
+  double displacement_px() const { return std::max(stale.planes_px, deferred_px); }
+  bool lacks_first_pass() const {
+    return phase == LivePhase::kSelected || (phase == LivePhase::kMatching && passes == 0);
+  }
+  bool used() const { return phase != LivePhase::kPending; }
   bool has_map() const { return planes_made != 0 && frame; }  ///< has a depth map
 
   /// Whether its next pass must be photometric, since its map is from before a move by more than `tolerance_px`. Not
   /// twice in a row, nor before the two passes of the first points.
   bool needs_photometric_pass(double tolerance_px) const {
-    return passes > 1 && moved_px > tolerance_px && !last_pass_photometric;
+    return passes > 1 && stale.planes_px > tolerance_px && !last_pass_photometric;
   }
   /// Returns the keyframe at its current pose, with landmarks [map units], without image.
   Keyframe keyframe() const;

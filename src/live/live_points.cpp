@@ -27,8 +27,8 @@ int LiveBuilder::shared_level_of(const LiveNode& node) const {
   int level = level_of(node);
   for (std::size_t i = place > reach ? place - reach : 0; i < std::min(sequence.size(), place + reach + 1); ++i) {
     const LiveNode& other = nodes_.at(sequence[i]);
-    if (!other.linked) return 0;
-    if (other.has_depth) level = std::min(level, level_of(other));
+    if (other.phase == LivePhase::kSelected) return 0;
+    if (other.phase == LivePhase::kMatching) level = std::min(level, level_of(other));
   }
   return level;
 }
@@ -41,52 +41,49 @@ std::size_t LiveBuilder::group() const {
   return std::clamp<std::size_t>(static_cast<std::size_t>(published), 1, kGroup);
 }
 
-/// Publishes points of up to kGroup keyframes that have reached a higher level or, with `because_moved`, whose points
-/// are stale, if there are at least `fewest`. Returns whether it did.
-bool LiveBuilder::publish_points(bool because_moved, std::size_t fewest, bool before_matching) {
-  std::vector<LiveNode*> nodes;
-  std::size_t matching = 0;
+/// Returns up to kGroup used keyframes, in order, for which `is_next` holds.
+template <class IsNext>
+LiveBuilder::Ids LiveBuilder::first_group(const IsNext& is_next) const {
+  Ids ids;
   for (const auto& [map_id, sequence] : sequences_) {
     for (const std::int64_t id : sequence) {
-      LiveNode& node = nodes_.at(id);
-      matching += lacks_passes(node) ? 1 : 0;
-      if (nodes.size() == kGroup || (because_moved ? !node.points_due : node.published_passes >= full_)) continue;
-      const int level = shared_level_of(node);
-      if (because_moved ? level >= std::max(node.published_passes, 1) : level > node.published_passes)
-        nodes.push_back(&node);
+      if (ids.size() < kGroup && is_next(nodes_.at(id))) ids.push_back(id);
     }
   }
-  if (nodes.size() < fewest) return false;
-  // While passes of few keyframes are run, the full level follows soon: lower ones are skipped.
-  const bool soon_better = before_matching && matching > 0 && matching <= kShortQueue;
-  if (soon_better) {
-    const auto gets_better = [&](const LiveNode* node) { return shared_level_of(*node) < full_; };
-    nodes.erase(std::remove_if(nodes.begin(), nodes.end(), gets_better), nodes.end());
-    if (nodes.size() < fewest) return false;
-  }
-  for (LiveNode* node : nodes) node->wide_due = node->wide_due || searches_all_;
-  publish_points(nodes);
-  return true;
+  return ids;
 }
 
-/// Wide duplicate removal: removes duplicates beyond the fusion window, for many keyframes together, and publishes
-/// their points. Returns whether there were any.
-bool LiveBuilder::publish_wide() {
-  if (densifier_.advanced.fusion.spacing_px == 0.0) return false;
-  std::vector<LiveNode*> nodes;
-  for (auto& [id, node] : nodes_) {
-    if (nodes.size() < kWideGroup && node.wide_due && node.published_passes > 0 &&
+/// Returns a group of keyframes that have reached a higher level than their points. `before_matching`: while passes of
+/// few keyframes are run, the full level follows soon, and lower ones are skipped.
+LiveBuilder::Ids LiveBuilder::next_points(bool before_matching) const {
+  const auto matching =
+      std::count_if(nodes_.begin(), nodes_.end(), [&](const auto& node) { return lacks_passes(node.second); });
+  const bool soon_better = before_matching && matching > 0 && static_cast<std::size_t>(matching) <= kShortQueue;
+  return first_group([&](const LiveNode& node) {
+    if (node.published_passes >= full_) return false;
+    const int level = shared_level_of(node);
+    return level > node.published_passes && (!soon_better || level >= full_);
+  });
+}
+
+/// Returns a group of keyframes whose points are stale.
+LiveBuilder::Ids LiveBuilder::next_stale_points() const {
+  return first_group([&](const LiveNode& node) {
+    return node.stale.points && shared_level_of(node) >= std::max(node.published_passes, 1);
+  });
+}
+
+/// Returns the keyframes of the next wide duplicate removal, beyond the fusion window.
+LiveBuilder::Ids LiveBuilder::next_wide() const {
+  if (densifier_.advanced.fusion.spacing_px == 0.0) return {};
+  Ids ids;
+  for (const auto& [id, node] : nodes_) {
+    if (ids.size() < kWideGroup && node.stale.duplicates && node.published_passes > 0 &&
         shared_level_of(node) >= node.published_passes)
-      nodes.push_back(&node);
+      ids.push_back(id);
   }
-  if (nodes.empty() || (searches_all_ && !finishing_ && nodes.size() < kWideFewest)) return false;
-  for (LiveNode* node : nodes) {
-    node->wide = true;
-    node->wide_due = false;
-    node->wide_pose = node->pose;
-  }
-  publish_points(nodes);
-  return true;
+  const std::size_t fewest = searches_all_ && !finishing_ ? kWideFewest : 1;
+  return ids.size() >= fewest ? ids : Ids{};
 }
 
 /// Chooses viewers, the fusion window and others within reach on all sides, and duplicate views. Unless all keyframes
@@ -126,7 +123,7 @@ void LiveBuilder::choose_test_views(LiveNode& node) {
   node.duplicate_views = node.wide ? choose(node.duplicate_views) : window;
 }
 
-std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& ids, std::int64_t map_id) {
+std::vector<LiveNode*> LiveBuilder::with_depth(const Ids& ids, std::int64_t map_id) {
   std::vector<LiveNode*> result;
   for (const std::int64_t id : ids) {
     LiveNode* const node = find(id);
@@ -135,9 +132,21 @@ std::vector<LiveNode*> LiveBuilder::with_depth(const std::vector<std::int64_t>& 
   return result;
 }
 
-/// Computes and publishes points. Each round of duplicate removal needs the previous round of the duplicate views.
-void LiveBuilder::publish_points(const std::vector<LiveNode*>& nodes) {
+/// Computes and publishes points. `wide`: without duplicates beyond the fusion window. Each round of duplicate removal
+/// needs the previous round of the duplicate views.
+void LiveBuilder::publish_points(const Ids& ids, bool wide) {
   const int rounds = duplicate_rounds(densifier_);
+  std::vector<LiveNode*> nodes;
+  for (const std::int64_t id : ids) {
+    LiveNode& node = *nodes.emplace_back(&nodes_.at(id));
+    if (wide) {
+      node.wide = true;
+      node.wide_pose = node.pose;
+      node.stale.duplicates = false;
+    } else {
+      invalidate(node, LiveCause::kNewPoints);
+    }
+  }
   for (LiveNode* node : nodes) choose_test_views(*node);
   std::vector<std::vector<LiveNode*>> levels{nodes};  // keyframes of the last round, of the round before it, etc.
   std::set<std::int64_t> there;
@@ -175,11 +184,11 @@ void LiveBuilder::publish_points(const std::vector<LiveNode*>& nodes) {
     engine_->emit(*node->frame);
     if (node->published_passes == 0) node->first_pose = node->pose;
     node->published_passes = shared_level_of(*node);
-    node->points_due = false;
+    node->stale.points = false;
     node->restarted = node->restarted && node->published_passes < full_;
     node->tested.clear();
-    for (const std::vector<std::int64_t>* ids : {&node->viewers, &node->duplicate_views}) {
-      for (const LiveNode* other : with_depth(*ids, node->map_id)) node->tested.push_back(input(*other, *node, 0));
+    for (const Ids* views : {&node->viewers, &node->duplicate_views}) {
+      for (const LiveNode* other : with_depth(*views, node->map_id)) node->tested.push_back(input(*other, *node, 0));
     }
   }
   engine_->deliver(true);

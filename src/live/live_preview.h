@@ -29,6 +29,8 @@ class LivePreview {
   void erase(std::int64_t id);
   void set_lens_distance(double distance) { options_.lens_distance = distance; }
 
+  bool has_work() const { return !arrived_.empty(); }
+
   /// Computes the next preview, newest arrivals first. Returns whether there was one.
   bool work(const Nodes& nodes, const std::function<void(const std::string&)>& on_error);
 

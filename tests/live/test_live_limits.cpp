@@ -146,12 +146,12 @@ TEST_CASE("What is kept stays within the memory that is allowed", PMSP_ACCURACY)
 
 TEST_CASE("Images that come while work stands still do not fill the memory") {
   LiveOptions options = small_live(width_of_any(128));
-  options.memory_mib = kSanitized ? 1 : 9;
+  options.memory_mib = kSanitized ? 2 : 9;
   LiveDensifier live(options);
   live.pause();
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
-  constexpr std::int64_t kCount = kSanitized ? 1500 : 500;
-  constexpr std::int64_t kMost = kSanitized ? 900 : 400;  // more than finds room
+  constexpr std::int64_t kCount = kSanitized ? 2200 : 500;
+  constexpr std::int64_t kMost = kSanitized ? 1500 : 400;  // more than finds room
   for (std::int64_t id = 0; id < kCount; ++id) {
     LiveKeyframe keyframe = keyframes[static_cast<std::size_t>(id) % keyframes.size()];
     keyframe.id = id;
