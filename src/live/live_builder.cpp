@@ -105,6 +105,11 @@ const LiveNode* LiveBuilder::find(std::int64_t id) const {
   return found == nodes_.end() ? nullptr : &found->second;
 }
 
+std::int64_t LiveBuilder::pending() const {
+  return std::count_if(nodes_.begin(), nodes_.end(),
+                       [](const auto& node) { return node.second.phase == LivePhase::kPending; });
+}
+
 /// Returns the index of a used keyframe in its sequence.
 std::size_t LiveBuilder::place_of(const LiveNode& node) const {
   const Sequence& sequence = sequences_.at(node.map_id);
@@ -130,9 +135,8 @@ std::vector<LiveNode*> LiveBuilder::around(const LiveNode& node, std::size_t rea
 void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
   finishing_ = false;
   last_arrivals_[keyframe.map_id] = ++arrivals_;
-  for (const std::int64_t id : undecided_) {
-    LiveNode& node = nodes_.at(id);
-    if (node.map_id != keyframe.map_id) continue;
+  for (auto& [id, node] : nodes_) {
+    if (node.phase != LivePhase::kPending || node.map_id != keyframe.map_id) continue;
     ++node.newer;
     const Eigen::Vector3d center = node.pose.cam_from_world.center();
     node.at_rest = (center - node.center).norm() <= options_.stable_move * node.range * node.pose.scale;
@@ -148,7 +152,6 @@ void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
   node.pose_error = keyframe.pose_error;
   node.prior_depth = keyframe.prior_depth;
   node.take_landmarks(keyframe.landmarks, keyframe.cam_from_world);
-  undecided_.insert(keyframe.id);
   if (preview_) preview_->add(keyframe.id);
 }
 
@@ -523,15 +526,14 @@ void LiveBuilder::fuse(LiveNode& node) {
 std::size_t LiveBuilder::most_bytes() const { return static_cast<std::size_t>(options_.memory_mib) << 20U; }
 
 std::size_t LiveBuilder::bytes() const {
-  std::size_t bytes =
-      (lenses_ ? lenses_->bytes() : 0) + (rig_ ? rig_->bytes() : 0) + (preview_ ? preview_->bytes() : 0);
+  std::size_t bytes = (lenses_ ? lenses_->bytes() : 0) + (rig_ ? rig_->bytes() : 0);
   for (const auto& [id, node] : nodes_) {
     if (node.image.data != nullptr) {
       const std::size_t channels = node.image.format == PixelFormat::kGray ? 1 : 3;
       bytes += static_cast<std::size_t>(node.image.height) * static_cast<std::size_t>(node.image.width) * channels;
     }
     if (node.prior_depth) bytes += node.prior_depth->size() * sizeof(float);
-    if (node.frame) bytes += node.frame->bytes();
+    for (const Engine::Frame* frame : {node.frame.get(), node.preview.get()}) bytes += frame ? frame->bytes() : 0;
   }
   return bytes;
 }
@@ -574,7 +576,7 @@ void LiveBuilder::make_room() {
 
 LiveBacklog LiveBuilder::backlog() const {
   LiveBacklog backlog;
-  backlog.unstable = static_cast<std::int64_t>(undecided_.size());
+  backlog.unstable = pending();
   for (const auto& [id, node] : nodes_) {
     if (node.phase != LivePhase::kSelected && node.phase != LivePhase::kMatching) continue;
     if (node.published_passes == 0) {

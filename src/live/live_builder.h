@@ -175,6 +175,7 @@ class LiveBuilder {
 
   LiveNode* find(std::int64_t id);
   const LiveNode* find(std::int64_t id) const;
+  std::int64_t pending() const;  ///< number of pending keyframes
   std::size_t place_of(const LiveNode& node) const;
   std::vector<LiveNode*> around(const LiveNode& node, std::size_t reach, bool with_depth);
 
@@ -193,7 +194,6 @@ class LiveBuilder {
   std::unique_ptr<LivePreview> preview_;
   std::map<std::int64_t, LiveNode> nodes_;       ///< pending and used keyframes
   std::map<std::int64_t, Sequence> sequences_;   ///< by map
-  std::set<std::int64_t> undecided_;             ///< ids of pending keyframes
   std::optional<LensDistanceEstimator> lenses_;  ///< until the distance is fixed
   std::optional<RigMaskEstimator> rig_;          ///< until the mask is fixed
   std::int64_t calibration_map_ = 0;             ///< map of the keyframes of both estimators

@@ -30,7 +30,7 @@ void LiveBuilder::collect_for_calibration(const LiveNode& node, const Keyframe& 
 /// Whether an estimate from `count` keyframes is due: there are enough, or new ones since the last estimate from
 /// `previous` and no more are expected.
 bool LiveBuilder::is_estimate_due(std::size_t count, std::size_t previous) const {
-  return count >= kEnough || (finishing_ && undecided_.empty() && count >= kFewest && count != previous);
+  return count >= kEnough || (finishing_ && pending() == 0 && count >= kFewest && count != previous);
 }
 
 template <class Estimator>

@@ -42,8 +42,8 @@ bool LiveBuilder::is_stable(const LiveNode& node, bool idle) const {
 /// Returns a keyframe that is the first pending one of its map and stable; nullptr = none.
 const LiveNode* LiveBuilder::next_stable(bool idle) const {
   std::set<std::int64_t> maps;
-  for (const std::int64_t id : undecided_) {
-    const LiveNode& node = nodes_.at(id);
+  for (const auto& [id, node] : nodes_) {
+    if (node.phase != LivePhase::kPending) continue;
     if (maps.insert(node.map_id).second && is_stable(node, idle)) return &node;
   }
   return nullptr;
@@ -51,7 +51,6 @@ const LiveNode* LiveBuilder::next_stable(bool idle) const {
 
 /// Selects or drops a pending keyframe.
 void LiveBuilder::decide(LiveNode& node) {
-  undecided_.erase(node.id);
   Image<Rgb> converted;
   const auto mask = mask_for(node.image.width, node.image.height);
   const Keyframe keyframe = node.keyframe(mask.get(), converted);
@@ -126,7 +125,6 @@ void LiveBuilder::leave_sequence(LiveNode& node) {
 /// Removes the keyframe with all its data.
 void LiveBuilder::drop(std::int64_t id) {
   LiveNode& node = nodes_.at(id);
-  undecided_.erase(id);
   if (node.used()) leave_sequence(node);
   dropped_.emplace_back(id, node.serial);
   nodes_.erase(id);
@@ -161,9 +159,11 @@ bool LiveBuilder::drop_late() {
     drop(least);
     return true;
   }
-  if (!full || undecided_.size() < 2) return false;
+  if (!full || pending() < 2) return false;
+  const auto first = std::find_if(nodes_.begin(), nodes_.end(),
+                                  [](const auto& node) { return node.second.phase == LivePhase::kPending; });
   ++stats_.dropped_late;  // images of pending keyframes fill the memory
-  drop(*undecided_.begin());
+  drop(first->first);
   return true;
 }
 

@@ -64,8 +64,9 @@ void LiveOptions::validate() const {
   check_option("max_move_px", max_move_px, 0.001, 100.0);
 }
 
-/// Calls update tracker and map under one short lock and queue their changes for the worker, whose builder has no other
-/// access to data of the callers.
+/// Calls only check and queue their changes. `settle` applies these to tracker and map, before any of the two is read,
+/// and queues them for the worker, whose builder has no other access to data of the callers. Estimation of scales thus
+/// runs on threads that read, never on those of a SLAM that holds its own locks.
 struct LiveDensifier::Impl {
   Impl(const LiveOptions& options, LiveCallbacks callbacks) : options_(options), callbacks_(std::move(callbacks)) {
     options_.validate();
@@ -115,20 +116,20 @@ struct LiveDensifier::Impl {
   void add(LiveKeyframe keyframe) {
     check_place(keyframe);
     post([&] {
-      if (tracker_.knows(keyframe.id)) return move({&keyframe});
+      if (knows(keyframe.id)) return move({state_of(keyframe)});
       check_image_of(keyframe);
-      arrive(keyframe);
+      arrive(std::move(keyframe));
     });
   }
 
   void update(const std::vector<LiveKeyframe>& keyframes) {
-    for (const LiveKeyframe& keyframe : keyframes) check_place(keyframe);
-    post([&] {
-      std::vector<const LiveKeyframe*> all;
-      all.reserve(keyframes.size());
-      for (const LiveKeyframe& keyframe : keyframes) all.push_back(&keyframe);
-      move(all);
-    });
+    std::vector<LiveKeyframe> states;
+    states.reserve(keyframes.size());
+    for (const LiveKeyframe& keyframe : keyframes) {
+      check_place(keyframe);
+      states.push_back(state_of(keyframe));
+    }
+    post([&] { move(std::move(states)); });
   }
 
   void sync(const std::vector<LiveKeyframe>& keyframes) {
@@ -140,29 +141,22 @@ struct LiveDensifier::Impl {
       check_place(keyframe);
     }
     post([&] {
-      for (const LiveKeyframe& keyframe : keyframes) {
-        if (keyframe.image.data != nullptr && !tracker_.knows(keyframe.id)) check_image_of(keyframe);
-      }
-      std::vector<std::int64_t> gone;
-      for (const std::int64_t id : tracker_.ids()) {
-        if (there.count(id) == 0) gone.push_back(id);
-      }
-      erase_known(gone);
-      std::vector<const LiveKeyframe*> known;
+      std::vector<LiveKeyframe> known;
       std::vector<const LiveKeyframe*> fresh;
       for (const LiveKeyframe& keyframe : keyframes) {
-        if (tracker_.knows(keyframe.id)) {
-          known.push_back(&keyframe);
+        if (knows(keyframe.id)) {
+          known.push_back(state_of(keyframe));
         } else if (keyframe.image.data != nullptr) {
+          check_image_of(keyframe);
           fresh.push_back(&keyframe);
         }
       }
-      move(known);
+      std::vector<std::int64_t> gone;
+      std::set_difference(known_.begin(), known_.end(), there.begin(), there.end(), std::back_inserter(gone));
+      erase_known(gone);
+      move(std::move(known));
       std::sort(fresh.begin(), fresh.end(), [](const auto* a, const auto* b) { return a->id < b->id; });
-      for (const LiveKeyframe* keyframe : fresh) {
-        LiveKeyframe copy = *keyframe;
-        arrive(copy);
-      }
+      for (const LiveKeyframe* keyframe : fresh) arrive(*keyframe);
     });
   }
 
@@ -172,13 +166,18 @@ struct LiveDensifier::Impl {
 
   void reset() {
     // Freed outside the lock: owners of images may acquire any lock.
-    std::deque<std::function<void(LiveBuilder&)>> dropped;
+    std::deque<Task> dropped_tasks;
+    std::deque<Change> dropped_changes;
     post([&] {
       ++stats_.resets;
       ++generation_;
-      tracker_.reset();
-      map_.reset();
-      queue_.swap(dropped);
+      queue_.swap(dropped_tasks);
+      changes_.swap(dropped_changes);
+      known_.clear();
+      changes_.emplace_back([this] {
+        tracker_.reset();
+        map_.reset();
+      });
       finishing_ = false;
       queued_images_ = taken_images_ = 0;
       cancel_.store(true, std::memory_order_relaxed);  // work in progress is obsolete
@@ -188,7 +187,7 @@ struct LiveDensifier::Impl {
   void finish() {
     post([&] {
       finishing_ = true;
-      queue_.emplace_back([](LiveBuilder& builder) { builder.finish(); });
+      changes_.emplace_back([this] { enqueue({[](LiveBuilder& builder) { builder.finish(); }}); });
     });
   }
 
@@ -204,9 +203,7 @@ struct LiveDensifier::Impl {
 
   LiveStats stats() const {
     const std::lock_guard<std::mutex> lock(mutex_);
-    LiveStats stats = sum(stats_, worker_stats_);
-    stats.rescaled = tracker_.rescaled();
-    return stats;
+    return sum(stats_, worker_stats_);
   }
 
   LiveBacklog backlog() const {
@@ -217,7 +214,10 @@ struct LiveDensifier::Impl {
     return backlog;
   }
 
-  const LiveMap& map() const { return map_; }
+  const LiveMap& map() {
+    settle();
+    return map_;
+  }
   std::string backend() const {
     const std::lock_guard<std::mutex> lock(mutex_);
     return backend_;
@@ -237,41 +237,96 @@ struct LiveDensifier::Impl {
 
   void check_image_of(const LiveKeyframe& keyframe) const { check_image(keyframe, options_.mask.get()); }
 
+  /// Returns a copy without images.
+  static LiveKeyframe state_of(const LiveKeyframe& keyframe) {
+    LiveKeyframe state;
+    state.id = keyframe.id;
+    state.map_id = keyframe.map_id;
+    state.cam_from_world = keyframe.cam_from_world;
+    state.landmarks = keyframe.landmarks;
+    return state;
+  }
+
   // With `mutex_` locked.
 
-  void arrive(LiveKeyframe& keyframe) {
+  bool knows(std::int64_t id) const { return known_.count(id) != 0; }
+
+  void arrive(LiveKeyframe keyframe) {
     ++stats_.added;
     ++queued_images_;
     finishing_ = false;
-    tracker_.add(keyframe, ++serial_);
-    queue_.emplace_back(
-        [keyframe = std::move(keyframe), serial = serial_](LiveBuilder& builder) { builder.add(keyframe, serial); });
+    known_.insert(keyframe.id);
+    changes_.emplace_back([this, keyframe = std::move(keyframe), serial = ++serial_]() mutable {
+      tracker_.add(keyframe, serial);
+      enqueue(
+          {[keyframe = std::move(keyframe), serial](LiveBuilder& builder) { builder.add(keyframe, serial); }, serial});
+    });
   }
 
-  void move(const std::vector<const LiveKeyframe*>& keyframes) {
-    std::vector<LiveMove> moved = tracker_.move(keyframes);
-    if (!moved.empty()) {
-      map_.move(moved);
-      queue_.emplace_back([moved = std::move(moved)](LiveBuilder& builder) { builder.move(moved); });
-    }
-    for (const LiveKeyframe* keyframe : keyframes) {
-      if (keyframe->landmarks.empty() || !tracker_.is_recent(keyframe->id, kUnmatched)) continue;
-      queue_.emplace_back([id = keyframe->id, landmarks = keyframe->landmarks, pose = keyframe->cam_from_world](
-                              LiveBuilder& builder) { builder.set_landmarks(id, landmarks, pose); });
-    }
+  void move(std::vector<LiveKeyframe> states) {
+    changes_.emplace_back([this, states = std::move(states)]() mutable {
+      std::vector<LiveMove> moved = tracker_.move(states);
+      if (!moved.empty()) {
+        map_.move(moved);
+        enqueue({[moved = std::move(moved)](LiveBuilder& builder) { builder.move(moved); }});
+      }
+      for (LiveKeyframe& state : states) {
+        if (state.landmarks.empty() || !tracker_.is_recent(state.id, kUnmatched)) continue;
+        enqueue({[state = std::move(state)](LiveBuilder& builder) {
+          builder.set_landmarks(state.id, state.landmarks, state.cam_from_world);
+        }});
+      }
+    });
   }
 
   void erase_known(const std::vector<std::int64_t>& ids) {
     for (const std::int64_t id : ids) {
-      if (!tracker_.knows(id)) continue;
+      if (known_.erase(id) == 0) continue;
       ++stats_.erased;
-      tracker_.erase(id);
-      queue_.emplace_back([id](LiveBuilder& builder) { builder.erase(id); });
+      changes_.emplace_back([this, id] {
+        tracker_.erase(id);
+        map_.remove({id});
+        enqueue({[id](LiveBuilder& builder) { builder.erase(id); }});
+      });
     }
-    map_.remove(ids);
   }
 
-  bool is_idle() const { return idle_ && queue_.empty(); }
+  bool is_idle() const { return idle_ && queue_.empty() && changes_.empty(); }
+
+  // ---- tracker and map ----
+
+  using Change = std::function<void()>;
+  struct Task {
+    std::function<void(LiveBuilder&)> run;
+    std::uint64_t serial = 0;      ///< of the keyframe that it adds; 0 = none
+    std::uint64_t generation = 0;  ///< obsolete after a further reset
+  };
+
+  /// Applies the changes of the callers. Calls after it see these of all calls before it.
+  void settle() {
+    const std::lock_guard<std::mutex> lock(state_mutex_);
+    settle_locked();
+  }
+
+  // With `state_mutex_` locked.
+
+  void settle_locked() {
+    std::deque<Change> changes;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      changes.swap(changes_);
+      settled_generation_ = generation_;
+    }
+    for (Change& change : changes) change();
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stats_.rescaled = tracker_.rescaled();
+  }
+
+  void enqueue(Task task) {
+    task.generation = settled_generation_;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    queue_.push_back(std::move(task));
+  }
 
   static LiveStats sum(LiveStats a, const LiveStats& b) {
     for (const auto member :
@@ -302,7 +357,8 @@ struct LiveDensifier::Impl {
     auto copy = std::make_shared<const KeyframeCloud>(cloud);
     LiveVersion version = 0;
     {
-      const std::lock_guard<std::mutex> lock(mutex_);
+      const std::lock_guard<std::mutex> lock(state_mutex_);
+      settle_locked();
       if (tracker_.serial_of(cloud.keyframe_id) != serial) return;
       map_.publish(tracker_.place_of(cloud.keyframe_id), std::move(copy), preliminary);
       version = map_.version();
@@ -334,33 +390,43 @@ struct LiveDensifier::Impl {
   }
 
   void work(std::unique_ptr<LiveBuilder> builder) {
-    std::uint64_t generation = 0;
+    std::uint64_t generation = 0;  // of the builder
     while (true) {
-      std::deque<std::function<void(LiveBuilder&)>> posted;
-      bool restart = false;
-      bool paused = false;
       {
         std::unique_lock<std::mutex> lock(mutex_);
-        changed_.wait(lock,
-                      [&] { return stop_ || generation != generation_ || !queue_.empty() || (!idle_ && !paused_); });
-        if (stop_) return;
-        restart = generation != generation_;
-        generation = generation_;
-        cancel_.store(false, std::memory_order_relaxed);
-        posted.swap(queue_);
-        taken_ = serial_;
-        taken_images_ = queued_images_;
-        if (restart) stats_ = sum(stats_, worker_stats_);
-        if (restart) worker_stats_ = {};
-        paused = paused_;
+        changed_.wait(lock, [&] {
+          return stop_ || generation != generation_ || !queue_.empty() || !changes_.empty() || (!idle_ && !paused_);
+        });
       }
       try {
+        settle();
+        std::deque<Task> tasks;
+        bool restart = false;
+        bool paused = false;
+        {
+          const std::lock_guard<std::mutex> lock(mutex_);
+          if (stop_) return;
+          restart = generation != generation_;
+          generation = generation_;
+          cancel_.store(false, std::memory_order_relaxed);
+          tasks.swap(queue_);
+          for (const Task& task : tasks) {
+            if (task.generation != generation || task.serial == 0) continue;
+            taken_ = task.serial;
+            ++taken_images_;
+          }
+          if (restart) stats_ = sum(stats_, worker_stats_);
+          if (restart) worker_stats_ = {};
+          paused = paused_;
+        }
         if (restart) {
           builder.reset();  // first, to free its memory
           builder = make_builder();
         }
-        for (const auto& post : posted) post(*builder);
-        posted.clear();
+        for (const Task& task : tasks) {
+          if (task.generation == generation) task.run(*builder);
+        }
+        tasks.clear();
         builder->stay_within_memory();
         const bool busy = !paused && builder->work();
         after(*builder, !busy && !paused);
@@ -376,18 +442,19 @@ struct LiveDensifier::Impl {
     LiveVersion version = 0;
     bool is_over = false;
     {
-      const std::lock_guard<std::mutex> lock(mutex_);
+      const std::lock_guard<std::mutex> state_lock(state_mutex_);
       std::vector<std::int64_t> dropped;
       for (const auto& [id, serial] : builder.take_dropped()) {
         if (tracker_.serial_of(id) == serial) dropped.push_back(id);
       }
       for (const std::int64_t id : dropped) tracker_.forget_landmarks(id);
       if (map_.remove_preliminary(dropped)) version = map_.version();
+      const std::lock_guard<std::mutex> lock(mutex_);
       backend_ = builder.backend();
       queued_images_ -= std::exchange(taken_images_, 0);
       worker_stats_ = stats;
       backlog_ = backlog;
-      idle_ = idle && queue_.empty();
+      idle_ = idle && queue_.empty() && changes_.empty();
       is_over = idle_ && finishing_;
     }
     if (is_over) trim_heap();
@@ -406,14 +473,19 @@ struct LiveDensifier::Impl {
     } catch (const std::exception& why) {
       again = why.what();
     }
-    std::deque<std::function<void(LiveBuilder&)>> dropped;
+    std::deque<Task> dropped_tasks;
+    std::deque<Change> dropped_changes;
     {
+      const std::lock_guard<std::mutex> state_lock(state_mutex_);
       const std::lock_guard<std::mutex> lock(mutex_);
       stats_ = sum(stats_, worker_stats_);
       worker_stats_ = {};
       queued_images_ -= std::exchange(taken_images_, 0);
       stats_.failed = !again.empty();
-      if (stats_.failed) queue_.swap(dropped);
+      if (stats_.failed) {
+        queue_.swap(dropped_tasks);
+        changes_.swap(dropped_changes);
+      }
       if (builder && finishing_) builder->finish();
       std::set<std::int64_t> finished;
       for (const LiveCloud& cloud : map_.snapshot()->clouds) {
@@ -423,7 +495,10 @@ struct LiveDensifier::Impl {
       for (const std::int64_t id : tracker_.ids()) {
         if (finished.count(id) == 0 && tracker_.serial_of(id) <= taken_) forgotten.push_back(id);
       }
-      for (const std::int64_t id : forgotten) tracker_.erase(id);
+      for (const std::int64_t id : forgotten) {
+        tracker_.erase(id);
+        known_.erase(id);
+      }
       map_.remove(forgotten);
       idle_ = false;
     }
@@ -434,14 +509,18 @@ struct LiveDensifier::Impl {
 
   LiveOptions options_;
   const LiveCallbacks callbacks_;
-  mutable std::mutex mutex_;
+  mutable std::mutex mutex_;  ///< for short work only
   mutable std::condition_variable changed_;
+  std::set<std::int64_t> known_;  ///< keyframes of the callers
+  std::deque<Change> changes_;    ///< of the callers, for `settle`
+  std::deque<Task> queue_;        ///< changes for the worker
+  std::mutex state_mutex_;        ///< of the following three; locked before `mutex_`
   LiveTracker tracker_;
   LiveMap map_;
-  std::deque<std::function<void(LiveBuilder&)>> queue_;  ///< changes for the worker
-  std::int64_t queued_images_ = 0;                       ///< new keyframes that are not in `backlog_`
-  std::int64_t taken_images_ = 0;                        ///< number of these in the worker
-  std::uint64_t generation_ = 0;                         ///< number of resets
+  std::uint64_t settled_generation_ = 0;  ///< `generation_` at the last `settle`
+  std::int64_t queued_images_ = 0;        ///< new keyframes that are not in `backlog_`
+  std::int64_t taken_images_ = 0;         ///< number of these in the worker
+  std::uint64_t generation_ = 0;          ///< number of resets
   bool paused_ = false;
   bool idle_ = true;
   bool stop_ = false;

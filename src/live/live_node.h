@@ -74,6 +74,7 @@ struct LiveNode {
   LiveImage image;                                  ///< released when it is prepared
   double pose_error = 0.0;                          ///< see Keyframe
   std::shared_ptr<const Image<float>> prior_depth;  ///< released with `image`; nullptr = none
+  std::unique_ptr<Engine::Frame> preview;           ///< of LivePreview's engine; nullptr unless it is one of the newest
   std::vector<Landmark> seen;  ///< observed landmarks [camera frame, keyframe's unit], independent of the pose
   double range = 0.0;          ///< median distance of these [keyframe's unit]; 0 = no landmarks
 

@@ -15,8 +15,8 @@ namespace {
 
 constexpr int kLargestWidth = 640;
 constexpr int kNeighbours = 2;
-/// Number of prepared keyframes retained for the next preview.
-constexpr std::size_t kKept = 5;
+/// Number of newest keyframes that are prepared.
+constexpr std::size_t kKept = 4;
 /// Maximum age of an arrival; older ones get no preview.
 constexpr std::chrono::milliseconds kLate{3000};
 
@@ -53,12 +53,11 @@ LivePreview::LivePreview(const LiveOptions& options, const std::atomic<bool>& ca
 void LivePreview::add(std::int64_t id) { arrived_.push_back({id, Clock::now()}); }
 
 void LivePreview::erase(std::int64_t id) {
-  entries_.erase(id);
   arrived_.erase(std::remove_if(arrived_.begin(), arrived_.end(), [&](const Arrival& one) { return one.id == id; }),
                  arrived_.end());
 }
 
-bool LivePreview::work(const Nodes& nodes, const std::function<void(const std::string&)>& on_error) {
+bool LivePreview::work(Nodes& nodes, const std::function<void(const std::string&)>& on_error) {
   while (!arrived_.empty()) {
     const Arrival newest = arrived_.back();
     arrived_.pop_back();
@@ -77,56 +76,53 @@ bool LivePreview::work(const Nodes& nodes, const std::function<void(const std::s
   return false;
 }
 
-bool LivePreview::prepare(const LiveNode& node) {
-  Entry& entry = entries_[node.id];
-  if (!entry.frame && node.image.data != nullptr) {
+bool LivePreview::prepare(LiveNode& node) {
+  if (!node.preview && node.image.data != nullptr) {
     Image<Rgb> converted;
-    entry.frame = engine_->prepare(node.keyframe(mask_.get(), converted));
+    node.preview = engine_->prepare(node.keyframe(mask_.get(), converted));
   }
-  if (!entry.frame) return false;
-  entry.frame->pose = node.pose;
+  if (!node.preview) return false;
+  node.preview->pose = node.pose;
   return true;
 }
 
 /// Computes the preview of the keyframe before `newest`, which lies between its source views. Returns false if `newest`
 /// is erased or its image released.
-bool LivePreview::make(const Nodes& nodes, std::int64_t newest) {
+bool LivePreview::make(Nodes& nodes, std::int64_t newest) {
   const auto last = nodes.find(newest);
   if (last == nodes.end() || !prepare(last->second)) return false;
-  std::vector<const LiveNode*> around{&last->second};  // newest first
-  for (auto at = last; at != nodes.begin() && around.size() < kKept - 1;) {
+  std::vector<LiveNode*> around{&last->second};  // newest first
+  for (auto at = last; at != nodes.begin() && around.size() < kKept;) {
     --at;
     if (at->second.map_id != last->second.map_id) continue;
-    const bool known = entries_.count(at->first) != 0 || around.size() == 1;
+    const bool known = at->second.preview || around.size() == 1;
     if (known && prepare(at->second)) around.push_back(&at->second);
   }
-  for (auto at = entries_.begin(); at != entries_.end() && entries_.size() > kKept;) {
-    const bool wanted =
-        std::any_of(around.begin(), around.end(), [&](const LiveNode* node) { return node->id == at->first; });
-    at = wanted ? std::next(at) : entries_.erase(at);
+  for (auto& [id, node] : nodes) {
+    if (std::find(around.begin(), around.end(), &node) == around.end()) node.preview.reset();
   }
   if (around.size() < 2) return true;
   std::reverse(around.begin(), around.end());
   const std::size_t own = around.size() - 2;
   const LiveNode& node = *around[own];
-  if (node.published_passes > 0 || entries_.at(node.id).frame->matched) return true;
+  if (node.published_passes > 0 || node.preview->matched) return true;
 
   std::vector<Keyframe> keyframes;
   std::vector<const Keyframe*> sequence;
   for (const LiveNode* each : around) keyframes.push_back(each->keyframe());
   for (const Keyframe& keyframe : keyframes) sequence.push_back(&keyframe);
   Engine::MatchTask task;
-  task.reference = entries_.at(node.id).frame.get();
+  task.reference = node.preview.get();
   task.keyframe = sequence[own];
   for (const std::size_t k : choose_neighbours(sequence, own, kNeighbours)) {
-    task.neighbours.push_back(entries_.at(sequence[k]->id).frame.get());
+    task.neighbours.push_back(around[k]->preview.get());
   }
   task.near = task.neighbours.size();
   task.range = depth_range(keyframes[own], options_.advanced.init);
   if (task.neighbours.empty() || !(task.range.max > task.range.min)) return true;
   std::vector<const Engine::Frame*> others;
   for (std::size_t i = 0; i < own; ++i) {
-    const Engine::Frame* const frame = entries_.at(around[i]->id).frame.get();
+    const Engine::Frame* const frame = around[i]->preview.get();
     if (frame->matched) others.push_back(frame);
   }
   if (!others.empty()) task.previous = others.back();
@@ -138,12 +134,6 @@ bool LivePreview::make(const Nodes& nodes, std::int64_t newest) {
   engine_->emit(*task.reference);
   engine_->deliver(true);
   return true;
-}
-
-std::size_t LivePreview::bytes() const {
-  std::size_t sum = 0;
-  for (const auto& [id, entry] : entries_) sum += entry.frame ? entry.frame->bytes() : 0;
-  return sum;
 }
 
 }  // namespace pmsp

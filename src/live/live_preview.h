@@ -32,23 +32,19 @@ class LivePreview {
   bool has_work() const { return !arrived_.empty(); }
 
   /// Computes the next preview, newest arrivals first. Returns whether there was one.
-  bool work(const Nodes& nodes, const std::function<void(const std::string&)>& on_error);
+  bool work(Nodes& nodes, const std::function<void(const std::string&)>& on_error);
 
   std::int64_t late() const { return late_; }
-  std::size_t bytes() const;
 
  private:
-  struct Entry {
-    std::unique_ptr<Engine::Frame> frame;
-  };
   using Clock = std::chrono::steady_clock;
   struct Arrival {
     std::int64_t id;
     Clock::time_point at;
   };
 
-  bool make(const Nodes& nodes, std::int64_t newest);
-  bool prepare(const LiveNode& node);
+  bool make(Nodes& nodes, std::int64_t newest);
+  bool prepare(LiveNode& node);
 
   DensifierOptions options_;
   std::shared_ptr<const Image<std::uint8_t>> mask_;
@@ -57,8 +53,7 @@ class LivePreview {
   DensifierStats stats_;
   KeyframeSource reload_image_;  ///< never set
   std::string backend_;
-  std::unique_ptr<Engine> engine_;         ///< declared before the frames, which must not outlive it
-  std::map<std::int64_t, Entry> entries_;  ///< of the newest keyframes
+  std::unique_ptr<Engine> engine_;  ///< must outlive LiveNode::preview
   std::vector<Arrival> arrived_;
   const std::atomic<bool>& cancel_;
   std::int64_t late_ = 0;

@@ -114,26 +114,26 @@ void LiveTracker::measure_ranges(Track& track, const LiveKeyframe& keyframe) {
                                                                : ranges_of(keyframe.landmarks, keyframe.cam_from_world);
 }
 
-std::vector<LiveMove> LiveTracker::move(const std::vector<const LiveKeyframe*>& keyframes) {
+std::vector<LiveMove> LiveTracker::move(const std::vector<LiveKeyframe>& keyframes) {
   std::map<std::int64_t, LiveMove> changed;
   std::vector<const LiveKeyframe*> still;  // their landmarks may have moved, as with the keyframe at the origin
-  for (const LiveKeyframe* keyframe : keyframes) {
-    const auto found = tracks_.find(keyframe->id);
+  for (const LiveKeyframe& keyframe : keyframes) {
+    const auto found = tracks_.find(keyframe.id);
     if (found == tracks_.end()) continue;
     Track& track = found->second;
-    if (track.now.cam_from_world == keyframe->cam_from_world && track.map_id == keyframe->map_id) {
-      if (!keyframe->landmarks.empty()) still.push_back(keyframe);
+    if (track.now.cam_from_world == keyframe.cam_from_world && track.map_id == keyframe.map_id) {
+      if (!keyframe.landmarks.empty()) still.push_back(&keyframe);
       continue;
     }
-    track.now.cam_from_world = keyframe->cam_from_world;
-    if (track.map_id != keyframe->map_id) {
+    track.now.cam_from_world = keyframe.cam_from_world;
+    if (track.map_id != keyframe.map_id) {
       Sequence& from = sequences_[track.map_id];
-      from.erase(place(from, keyframe->id));
-      Sequence& to = sequences_[keyframe->map_id];
-      to.insert(place(to, keyframe->id), {keyframe->id, &track});
-      track.map_id = keyframe->map_id;
+      from.erase(place(from, keyframe.id));
+      Sequence& to = sequences_[keyframe.map_id];
+      to.insert(place(to, keyframe.id), {keyframe.id, &track});
+      track.map_id = keyframe.map_id;
     }
-    measure_ranges(track, *keyframe);
+    measure_ranges(track, keyframe);
     changed[found->first] = {found->first, track.now, track.map_id};
   }
   if (changed.empty()) return {};

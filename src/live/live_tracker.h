@@ -17,7 +17,6 @@ namespace pmsp {
 /// (plan/scale_recovery.h).
 class LiveTracker {
  public:
-  bool knows(std::int64_t id) const { return tracks_.count(id) != 0; }
   /// `id`: known.
   LiveMove place_of(std::int64_t id) const;
   /// Ascending.
@@ -36,7 +35,7 @@ class LiveTracker {
   void forget_landmarks(std::int64_t id);
 
   /// Ignores unknown ids. Returns all keyframes with a new pose, map or scale.
-  std::vector<LiveMove> move(const std::vector<const LiveKeyframe*>& keyframes);
+  std::vector<LiveMove> move(const std::vector<LiveKeyframe>& keyframes);
 
   void erase(std::int64_t id);
   void reset();

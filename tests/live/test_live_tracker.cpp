@@ -32,20 +32,13 @@ std::vector<LiveKeyframe> flight(double uneven) {
   return keyframes;
 }
 
-/// Tells where keyframes are now.
-void move(LiveTracker& tracker, const std::vector<LiveKeyframe>& keyframes) {
-  std::vector<const LiveKeyframe*> all;
-  for (const LiveKeyframe& keyframe : keyframes) all.push_back(&keyframe);
-  tracker.move(all);
-}
-
 }  // namespace
 
 TEST_CASE("A scale is found again however far keyframes were moved before without one", "[live]") {
   LiveTracker tracker;
   for (const LiveKeyframe& keyframe : flight(0.0)) tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
   std::vector<LiveKeyframe> keyframes = flight(0.1);  // a bundle adjustment: some baselines get longer, others shorter
-  move(tracker, keyframes);
+  tracker.move(keyframes);
   for (const LiveKeyframe& keyframe : keyframes) {
     CAPTURE(keyframe.id);
     CHECK(tracker.place_of(keyframe.id).pose.scale == 1.0);
@@ -55,7 +48,7 @@ TEST_CASE("A scale is found again however far keyframes were moved before withou
     keyframe.cam_from_world.translation *= kUnit;
     keyframe.landmarks.clear();
   }
-  move(tracker, keyframes);
+  tracker.move(keyframes);
   for (const LiveKeyframe& keyframe : keyframes) {
     CAPTURE(keyframe.id);
     CHECK(tracker.place_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-6));
@@ -70,7 +63,7 @@ TEST_CASE("Small changes of scale add up, after maps were merged, too", "[live]"
     tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
   }
   for (LiveKeyframe& keyframe : keyframes) keyframe.map_id = 0;
-  move(tracker, keyframes);
+  tracker.move(keyframes);
   double unit = 1.0;
   for (int step = 0; step < 10; ++step) {  // each less than what counts as a change
     unit *= 0.998;
@@ -78,7 +71,7 @@ TEST_CASE("Small changes of scale add up, after maps were merged, too", "[live]"
       keyframe.cam_from_world.translation *= 0.998;
       keyframe.landmarks.clear();
     }
-    move(tracker, keyframes);
+    tracker.move(keyframes);
   }
   for (std::size_t k = 4; k < 8; ++k) {  // in the middle, where most baselines tell
     CAPTURE(k);
@@ -106,12 +99,12 @@ TEST_CASE("Landmarks of a keyframe whose pose stays tell of its scale, too", "[l
   };
   constexpr double kUnit = 0.8;
   shrink(kUnit, 0.0);
-  move(tracker, keyframes);
+  tracker.move(keyframes);
   for (std::int64_t id = 0; id < static_cast<std::int64_t>(kKeyframes); ++id) {
     if (id != 4 && id != 5) tracker.erase(id);
   }
   shrink(kUnit, 1e-6);
-  move(tracker, {keyframes[4], keyframes[5]});  // too few for baselines
+  tracker.move({keyframes[4], keyframes[5]});  // too few for baselines
   for (const std::int64_t id : {4, 5}) {
     CAPTURE(id);
     CHECK(tracker.place_of(id).pose.scale == Approx(kUnit).epsilon(1e-3));
@@ -127,7 +120,7 @@ TEST_CASE("Ranges of landmarks go with the scale that baselines have told", "[li
     keyframe.cam_from_world.translation *= kUnit;
     keyframe.landmarks.clear();  // not told this time
   }
-  move(tracker, keyframes);
+  tracker.move(keyframes);
   for (std::int64_t id = 0; id < static_cast<std::int64_t>(kKeyframes); ++id) {
     if (id != 4 && id != 5) tracker.erase(id);
   }
@@ -138,7 +131,7 @@ TEST_CASE("Ranges of landmarks go with the scale that baselines have told", "[li
     keyframe.cam_from_world.translation.y() += 1e-6;
     for (Landmark& landmark : keyframe.landmarks) landmark.position_world *= kUnit;
   }
-  move(tracker, keyframes);
+  tracker.move(keyframes);
   for (const LiveKeyframe& keyframe : keyframes) {
     CAPTURE(keyframe.id);
     CHECK(tracker.place_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-3));
