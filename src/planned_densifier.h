@@ -61,7 +61,6 @@ using KeyframeSource = std::function<Keyframe(std::int64_t id)>;
 /// image; other keyframes are counted and ignored. It also throws InvalidInput if the plan lacks the keyframe, or a
 /// required keyframe before it in the plan is missing. `flush` throws InvalidInput, naming the first missing keyframe,
 /// with no effect, if required images are missing.
-/// missing that is needed, naming the first such keyframe: all is as if the call had not been made.
 class PMSP_API PlannedDensifier : public Densifier {
  public:
   /// Makes the plan (see make_plan) incrementally. Throws as Densifier.

@@ -22,14 +22,14 @@ using LiveVersion = std::uint64_t;
 struct LiveCloud {
   std::int64_t keyframe_id = 0;
   std::int64_t map_id = 0;  ///< map of the SLAM, see LiveKeyframe::map_id
-  KeyframePose pose;        ///< newest pose; that of `cloud` is the pose at which the points were computed
+  KeyframePose pose;        ///< current pose and scale, to draw `cloud->points` with; `cloud->pose` is older
   std::shared_ptr<const KeyframeCloud> cloud;  ///< never null, immutable
   bool preliminary = false;                    ///< to be replaced by final points
   LiveVersion cloud_since = 0;                 ///< version that added these points
   LiveVersion pose_since = 0;                  ///< version that set this pose
 };
 
-/// Immutable state of a live map at one version. Holding it keeps only its clouds alive.
+/// Immutable state of a live map at one version. Retains its clouds, no images or depth maps.
 struct LiveSnapshot {
   LiveVersion version = 0;
   std::vector<LiveCloud> clouds;  ///< by ascending keyframe id
@@ -42,14 +42,14 @@ struct LiveChanges {
   bool reset = false;  ///< the map was reset in between: remove all clouds first; `added` contains the complete map
   std::vector<LiveCloud> added;
   std::vector<LiveCloud> replaced;  ///< with other points, possibly at another pose
-  std::vector<LiveCloud> moved;     ///< same points at another pose or in another map
+  std::vector<LiveCloud> moved;     ///< same points at another pose or scale, or in another map
   std::vector<std::int64_t> removed;
   bool empty() const { return !reset && added.empty() && replaced.empty() && moved.empty() && removed.empty(); }
 };
 
 enum class PixelFormat { kRgb, kBgr, kGray };  ///< 3, 3 and 1 bytes per pixel
 
-/// Image of a keyframe, shared by the caller and the LiveDensifier; pixels must not change after the call.
+/// Equirectangular image of a keyframe, 8 bits per channel. Shared: pixels must not change while `owner` is held.
 struct LiveImage {
   std::shared_ptr<const void> owner;  ///< keeps the pixels alive; released as soon as they are no longer needed
   const std::uint8_t* data = nullptr;
@@ -59,7 +59,7 @@ struct LiveImage {
   PixelFormat format = PixelFormat::kRgb;
 };
 
-/// State of a keyframe, in frames and units of Keyframe. New keyframes only: image, prior depth, pose error.
+/// State of a keyframe, in frames and units of Keyframe. Image, prior depth and pose error: for new keyframes only.
 struct LiveKeyframe {
   std::int64_t id = 0;
   RigidTransform cam_from_world;
@@ -68,35 +68,40 @@ struct LiveKeyframe {
   /// See Keyframe::prior_depth; in the unit of the SLAM at the time of `add`; null = none. Must not change any more.
   std::shared_ptr<const Image<float>> prior_depth;
   double pose_error = 0.0;  ///< see Keyframe::pose_error
-  std::int64_t map_id = 0;  ///< map of the SLAM; keyframes of different maps are never compared
+  std::int64_t map_id = 0;  ///< map of the SLAM; keyframes of different maps never share points or depth
 };
 
 struct PMSP_API LiveOptions {
-  /// Size, preset, seed, backend. With `free_space.whole_mission` duplicates are removed among all keyframes, else
-  /// within the fusion window and between keyframes that a loop closure has brought together. `unordered` must be false
+  /// Size, preset, seed, backend. Duplicates are points of one surface from several keyframes. With
+  /// `free_space.whole_mission` they are removed among all keyframes, else within the fusion window
+  /// (FusionOptions::window) and between keyframes that a loop closure has brought together. `unordered` must be false
   /// and `scratch_folder` empty; `pipelined` and `expected_keyframes` are ignored.
   DensifierOptions densifier = preset(Quality::kOnline);
-  int nice = 19;  ///< niceness added to the worker threads, 0 to 19, Linux only; 19 = idle cores only
+  int nice = 19;  ///< niceness added to the worker threads, 0 to 19, Linux only; 19 = nearly idle cores only
   /// Estimates `densifier.lens_distance`, if that is 0, with a LensDistanceEstimator from the first 24 used keyframes,
-  /// or from at least 8 at `finish`. A significant distance is applied, keyframes matched before are matched again, and
-  /// it is fixed from then on. Memory: up to 2 MiB for each of these keyframes.
+  /// or from at least 8 at `finish`. A significant distance is fixed then, and earlier depth maps are computed again.
+  /// Memory: up to 2 MiB for each of these keyframes.
   bool calibrate_lenses = true;
-  /// Finds the rig with a RigMaskEstimator from the same keyframes. Its points are removed from all clouds.
+  /// Masks the rig (camera mount, vehicle, operator) with a RigMaskEstimator, from the same keyframes, in all clouds.
   bool find_rig = true;
-  bool previews = true;  ///< preliminary points at half the size, published when the next keyframe arrives
-  /// Memory for data of keyframes except points, on a GPU that of the device [MiB], 1 to 1000000. Must hold keyframes
-  /// that depend on each other: 13 to 19 with the presets, each with 50 to 90 bytes per pixel, more for larger images.
+  bool previews = true;  ///< preliminary points at half the resolution, published when the next keyframe arrives
+  /// Maximum memory of images and depth maps, with CUDA of the device [MiB], 1 to 1000000. Must hold keyframes that
+  /// depend on each other, else InvalidOption: 13 to 19 with the presets, each with 50 to 90 bytes per pixel, more if
+  /// images are larger than depth maps.
   int memory_mib = 2048;
-  /// Maximum number of keyframes without a depth map, 4 to 100000. If exceeded, the most redundant ones are dropped.
+  /// Maximum number of used keyframes without a depth map, 4 to 100000; beyond it the most redundant ones are dropped.
   int max_waiting = 100;
-  /// Number of newer keyframes after which one with a stable pose is used, 0 to 1000; 0 = at once. Not for previews.
+  /// Number of newer keyframes after which one with a stable pose is processed, 0 to 1000; 0 = at once. Not for
+  /// previews.
   int stable_after = 3;
-  /// Number after which it is used in any case, or a third of this if the worker is idle, `stable_after` to 1000.
+  /// Number of newer keyframes after which it is processed in any case, `stable_after` to 1000; a third of it if the
+  /// worker is idle.
   int stable_at_latest = 24;
-  /// Maximum motion of a stable pose between two arrivals, relative to the median distance of its landmarks, 0 to 1.
+  /// Maximum translation of a stable pose between two `add`, relative to the median distance of its landmarks, 0 to 1.
   double stable_move = 0.00012;
-  /// Displacement by changes of relative pose or scale above which keyframes are matched again [px of the depth map],
-  /// 0.001 to 100. With a baseline of a tenth of the depth, 0.04 px of 640 correspond to 0.4 % of the depth.
+  /// Displacement of surface points in source views, by changes of relative pose or scale, above which a depth map is
+  /// computed again [px of the depth map], 0.001 to 100. With a baseline of a tenth of the depth, 0.04 px of 640
+  /// correspond to 0.4 % of the depth.
   double max_move_px = 0.04;
   std::shared_ptr<const Image<std::uint8_t>> mask;  ///< for all keyframes, see Keyframe::mask; null = none
 
@@ -114,22 +119,22 @@ struct LiveStats {
   std::int64_t previews = 0;          ///< preliminary clouds
   std::int64_t previews_late = 0;     ///< previews skipped because the work fell behind
   std::int64_t passes = 0;            ///< passes of PatchMatch for final points
-  std::int64_t matched_again = 0;     ///< keyframes matched again because poses had changed
+  std::int64_t matched_again = 0;     ///< depth maps computed again because poses had changed
   std::int64_t clouds = 0;            ///< published final clouds, each version counted
   std::int64_t rescaled = 0;          ///< changes of a keyframe's scale
-  std::int64_t images_dropped = 0;    ///< images released for memory; these keyframes are not matched again
+  std::int64_t images_dropped = 0;    ///< images released for memory; their depth maps are not computed again
   std::int64_t keyframes_frozen = 0;  ///< depth maps released for memory; their points are only moved
   std::int64_t errors = 0;            ///< failed keyframes, exceptions of callbacks, device errors
   std::string last_error;
   bool failed = false;          ///< the worker stopped on an unrecoverable error; further calls are ignored
   std::int64_t memory_mib = 0;  ///< current memory, see LiveOptions::memory_mib
   double lens_distance = 0.0;   ///< in effect, see LiveOptions::calibrate_lenses [map units]; 0 = one centre
-  double rig = 0.0;             ///< share of the sphere covered by the rig, see LiveOptions::find_rig
+  double rig = 0.0;             ///< share of the solid angle covered by the rig, 0 to 1, see LiveOptions::find_rig
 };
 
 /// Pending work.
 struct LiveBacklog {
-  std::int64_t unstable = 0;  ///< keyframes with poses that are not yet stable
+  std::int64_t unstable = 0;  ///< keyframes whose poses are not yet stable
   std::int64_t waiting = 0;   ///< used keyframes without final points
   std::int64_t refining = 0;  ///< used keyframes with final points that are still improved
   bool idle = true;           ///< no work until the next call
@@ -137,51 +142,52 @@ struct LiveBacklog {
 
 /// Called on a worker thread. May call all members except `wait` and the destructor; exceptions count as errors.
 struct LiveCallbacks {
-  std::function<void(LiveVersion)> changed;          ///< points have changed
+  std::function<void(LiveVersion)> changed;          ///< new version of points
   std::function<void(const std::string&)> on_error;  ///< error message, with the keyframe or device concerned
 };
 
 /// Maintains the dense map of a running SLAM while keyframes are added, moved and removed.
 ///
-/// Members return at once, except `wait` and the destructor, may be called from any thread, acquire no lock of the
-/// caller and have no effect if they throw. Snapshots taken after `update`, `sync`, `erase` or `reset` contain its
+/// Members return at once, except `wait` and the destructor, may be called from any thread, invoke no callback on
+/// it, and have no effect if they throw. Snapshots taken after `update`, `sync`, `erase` or `reset` contain its
 /// effect. Work is done by own threads at low priority; results depend on timing.
 ///
 /// If the work falls behind, keyframes get fewer passes, then the most redundant ones are dropped. Skipped passes are
-/// run when the worker is idle. Scale changes after a monocular loop closure need not be reported; they are estimated
-/// from baselines and landmarks.
+/// run when the worker is idle. Scale changes after a monocular loop closure are estimated from baselines and
+/// landmarks; the caller passes poses only.
 class PMSP_API LiveDensifier {
  public:
   /// Throws InvalidOption, BackendUnavailable, DeviceError.
   explicit LiveDensifier(const LiveOptions& options, LiveCallbacks callbacks = {});
-  ~LiveDensifier();  ///< cancels work in progress
+  ~LiveDensifier();  ///< cancels work in progress; blocks until the worker has ended
   LiveDensifier(const LiveDensifier&) = delete;
   LiveDensifier& operator=(const LiveDensifier&) = delete;
 
-  /// Adds a keyframe with image, by ascending id; updates an existing one. Throws InvalidInput as Densifier::add.
+  /// Adds a keyframe with image, ids ascending in time; updates an existing one. Throws InvalidInput as Densifier::add.
   void add(LiveKeyframe keyframe);
 
-  /// Sets poses, map ids and landmarks, if any, of existing keyframes; ignores unknown ids. Throws InvalidInput.
+  /// Sets pose and map id of existing keyframes, and landmarks unless empty. Ignores unknown ids. Throws InvalidInput.
   void update(const std::vector<LiveKeyframe>& keyframes);
 
-  /// Sets the complete state of a SLAM that can only be polled: updates existing keyframes, adds new ones with image,
-  /// erases all others. Throws InvalidInput.
+  /// Sets the complete state of a SLAM that can only be polled: updates existing keyframes, adds new ones that have
+  /// an image, ignores new ones without, erases all others. Throws InvalidInput.
   void sync(const std::vector<LiveKeyframe>& keyframes);
 
-  /// Removes keyframes and their points; restores duplicates of these in other keyframes. Ignores unknown ids.
+  /// Removes keyframes and their points; other keyframes get back points removed as duplicates of these. Ignores
+  /// unknown ids.
   void erase(const std::vector<std::int64_t>& ids);
 
-  void reset();   ///< removes all keyframes; ids may restart
-  void pause();   ///< starts no further work; pose updates still move points
+  void reset();   ///< removes all keyframes; ids may restart, lens distance and rig are estimated again
+  void pause();   ///< starts no further work; changes are queued, pose updates still move points
   void resume();  ///< ends `pause`
-  void finish();  ///< no more keyframes for now: pending ones are used at once; the next `add` revokes it
+  void finish();  ///< expects no more keyframes: pending ones are processed at once; ends with the next `add`
 
-  /// Blocks until the worker is idle or `at_most` has elapsed. Returns true if idle, never while paused. Deadlocks, as
-  /// the destructor does, if the caller holds a lock that a callback acquires.
+  /// Blocks until the worker is idle or `at_most` has elapsed. Returns whether it is idle, never while paused. The
+  /// worker does not become idle, and the destructor deadlocks, while the caller holds a lock that a callback acquires.
   bool wait(std::chrono::milliseconds at_most) const;
 
   std::shared_ptr<const LiveSnapshot> snapshot() const;  ///< current state, never null
-  LiveChanges changes_since(LiveVersion version) const;  ///< `version`: of a snapshot, a callback or LiveChanges::to
+  LiveChanges changes_since(LiveVersion version) const;  ///< the complete map if it was reset since
   LiveStats stats() const;
   LiveBacklog backlog() const;
   std::string backend() const;  ///< see Densifier::backend

@@ -10,14 +10,15 @@
 
 namespace pmsp {
 
-/// Instruction set of the CPU backend. kAvx2 and kAvx512 give the same bytes; kScalar rounds multiply-adds twice.
+/// Instruction set of the CPU backend. kAvx2 and kAvx512 give the same bytes; kScalar has no fused
+/// multiply-add: last digits differ.
 enum class Simd { kAuto, kScalar, kAvx2, kAvx512 };
 
-/// Processor of the stages.
+/// Compute backend.
 enum class Backend {
   kAuto,  ///< CUDA if built in, with a usable device of sufficient memory; else the CPU
   kCpu,
-  kCuda,
+  kCuda,  ///< BackendUnavailable if there is none
 };
 
 /// Presets: time per depth map against detail.
@@ -33,28 +34,28 @@ constexpr int kMostDevices = 16;  ///< maximum number of DensifierOptions::devic
 /// Options of a Densifier; `preset` returns those of a Quality.
 struct PMSP_API DensifierOptions {
   /// Width of the depth maps [px], even, 32 to 16384. 0 = twice the height if that is set, else the width of the
-  /// images, at most 5760; widths below 1440 are enlarged by 1.5, up to 1440.
+  /// images, at most 5760; image widths below 1440 are enlarged by 1.5, up to 1440.
   int width = 640;
   int height = 320;        ///< height of the depth maps [px], even, 16 to 8192; 0 = by the aspect ratio of the images
-  std::uint64_t seed = 1;  ///< of the random numbers; same input, seed, backend and simd give the same bytes
+  std::uint64_t seed = 1;  ///< random seed; same input, seed, backend and simd give the same bytes
   Backend backend = Backend::kAuto;
   /// CUDA devices as numbered by the driver, 0 to 255, at most 16; empty = all. One that is listed twice processes two
-  /// keyframes at a time. Results do not depend on them.
+  /// keyframes at a time. Results do not depend on the devices.
   std::vector<int> devices = {0};
   int threads = 0;          ///< number of threads, 1 to 1024; 0 = one per CPU available to the process
   Simd simd = Simd::kAuto;  ///< kAuto = the widest of the machine
-  /// Existing directory for temporary data of keyframes whose points are not final (about 17 bytes per pixel, for long
-  /// with `free_space.whole_mission`), of images that may be needed again (2.5 bytes per pixel), and of all pending
-  /// keyframes of unordered sets; "" = in memory. With CUDA it is used only for sets and for sequences that exceed the
-  /// device memory. Does not change results.
+  /// Existing directory for temporary data of keyframes whose points are not final (about 17 bytes per pixel of
+  /// the depth map; with `free_space.whole_mission` of most keyframes), of images that may be needed again (2.5 bytes
+  /// per pixel), and of pending keyframes of `unordered`; "" = in memory. The data are deleted at the end. With CUDA
+  /// it is used only if `unordered`, or for sequences that exceed the device memory. Does not change results.
   std::string scratch_folder;
-  /// Distance of the camera's two lenses along its forward axis, for panoramas stitched as if both had one centre,
-  /// -1e12 to 1e12 [map units; LiveDensifier: unit of the SLAM when the keyframe is added]; 0 = one centre. The forward
-  /// half (z > 0) is seen from half of it in front of the centre, the other half from as much behind it. Depth maps
-  /// contain ranges from the lens; clouds are in the camera frame. See LensDistanceEstimator (pmsp/calibration.h).
+  /// Baseline between the camera's two lens centres, along its forward axis, for panoramas stitched with one centre,
+  /// -1e12 to 1e12 [map units; LiveDensifier: unit of the SLAM when the keyframe is added]; 0 = one centre. Rays with z
+  /// > 0 start at (0, 0, lens_distance / 2), others at (0, 0, -lens_distance / 2). Depth maps contain ranges from the
+  /// lens; clouds are in the camera frame. See LensDistanceEstimator (pmsp/calibration.h).
   double lens_distance = 0.0;
-  bool unordered = false;  ///< keyframes are a set without temporal order, such as photos
-  AdvancedOptions advanced;
+  bool unordered = false;    ///< no temporal order, as of photos: source views are chosen among all keyframes
+  AdvancedOptions advanced;  ///< options of the stages
 
   void validate() const;  ///< checks all fields; throws InvalidOption
 };

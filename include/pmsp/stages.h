@@ -13,15 +13,17 @@
 #include "pmsp/options.h"
 #include "pmsp/types.h"
 
-/// The stages of the Densifier as functions of plain data, on the CPU, with the same bytes. For each keyframe:
+/// The stages of the Densifier as functions of plain data, with the results of its CPU backend, bit by bit. For each
+/// keyframe:
 /// 1. ViewFilter: selection.
 /// 2. planes_from_landmarks, warp_planes: initial planes.
 /// 3. patchmatch: a first pass, then geometric passes with the maps of the source views and plane_priors.
 /// 4. median_filter, weighted_median_filter, scores_without_priors, consistency_filter.
-/// 5. fuse_pixels, free_space_filter, duplicate_round, kept_points. After a loop closure, the free-space test and
+/// 5. fuse_pixels, range_map, free_space_filter, duplicate_round, kept_points. After a loop closure, the free-space
+/// test and
 ///    duplicate removal run again with the new poses, without matching.
 ///
-/// `lens_distance`: see DensifierOptions::lens_distance, in the unit of the keyframes; the same in all calls.
+/// `lens_distance`: see DensifierOptions::lens_distance; the same in all calls.
 namespace pmsp {
 
 /// Threads and instruction set of the stages. Results do not depend on the number of threads, and are the same with
@@ -61,7 +63,7 @@ struct PlaneMap {
   double scale = 1.0;             ///< scale when the keyframe was added
   KeyframePose pose() const { return {cam_from_world, scale}; }
   Image<float> x, y, z;
-  Image<float> score;  ///< photometric (NCC, at most 1), plus the bonus of priors (scores_without_priors)
+  Image<float> score;  ///< photometric (NCC, at most 1), plus the bonus of priors, see patchmatch
 };
 
 /// Converts planes to depth, normal and confidence; far pixels get none. `confidence`: of each pixel, 0 = no depth;
@@ -72,8 +74,8 @@ PMSP_API DepthMap depth_map_of(const PlaneMap& planes, const Image<float>* confi
 PMSP_API PlaneMap plane_map_of(const DepthMap& map, const Executor& executor);
 
 /// Estimates DepthMap::normal from depths: the plane that fits 5 x 5 samples, 1/640 of the circle and at least a pixel
-/// apart, without those beyond an edge (a tenth of the depth). Slanted by at most 80 degrees, along the ray if there
-/// are too few samples. Depths out of range (0, not finite) are ignored.
+/// apart, without those beyond an edge (a tenth of the depth). Normals are at most 80 degrees from the direction to
+/// the camera, and point to it if there are too few samples. Depths out of range (0, not finite) are ignored.
 PMSP_API Image<Eigen::Vector3f> estimate_normals(const Image<float>& depth, const Executor& executor);
 
 struct PanoramaData;
@@ -81,8 +83,8 @@ struct PanoramaData;
 /// Resizes a mask: 255 where all covered pixels are used (nonzero), else 0.
 PMSP_API Image<std::uint8_t> shrink_mask(ImageView<const std::uint8_t> mask, int width, int height);
 
-/// Image prepared for matching: colours on the grid of the depth map, gray levels, possibly finer, on a cube map.
-/// Resampling averages over the area of a pixel, towards the poles as wide as at the equator.
+/// Image prepared for matching: colours on the grid of the depth map, gray levels, up to `image_scale` times finer, on
+/// a cube map. Resampling averages over the area of a pixel, towards the poles as wide as at the equator.
 class PMSP_API Panorama {
  public:
   /// `image`: equirectangular, of even size. `mask`: of the same size, 0 = ignored; empty = none. `width`, `height`: of
@@ -110,7 +112,7 @@ constexpr double kMinDepth = 1e-6;
 constexpr double kMaxDepth = 1e6;
 inline bool is_usable_depth(double depth) { return depth >= kMinDepth && depth <= kMaxDepth; }
 
-/// Depth range of a keyframe's pixels.
+/// Depth range of a keyframe's pixels [keyframe's unit].
 struct DepthRange {
   double min = 0.0;
   double max = 0.0;
@@ -149,8 +151,8 @@ struct LandmarkSharpness {
   float vertical = 0.0F;
 };
 
-/// Accepts keyframes with enough useful parallax to the newest accepted one (Surmann et al. 2022, section III-A), the
-/// first one, and those without common landmarks (tracking loss). Rejects others without landmarks.
+/// Accepts the first keyframe, those with enough useful parallax to the newest accepted one (Surmann et al. 2022,
+/// section III-A), and those that have landmarks, but none in common with it (tracking loss).
 ///
 /// Rejects blurred keyframes if overlap suffices without them: half of the landmarks in common with the newest accepted
 /// one, and a parallax below a quarter of `max_parallax_deg`. Sharpness is compared at common landmarks, so that lack
@@ -186,8 +188,8 @@ struct MatchInput {
   PosedPanorama reference;
   std::vector<PosedPanorama> neighbours;             ///< source views, 1 to 8, of the same size, at other positions
   DepthRange range;                                  ///< [reference's unit]
-  const PlaneMap* landmarks = nullptr;               ///< further initial planes, of the same size; nullptr = none
-  const PlaneMap* warped = nullptr;                  ///< as `landmarks`
+  const PlaneMap* landmarks = nullptr;               ///< planes_from_landmarks, of the same size; nullptr = none
+  const PlaneMap* warped = nullptr;                  ///< warp_planes, of the same size; nullptr = none
   int first_iteration = 0;                           ///< number of iterations of previous passes
   const PlaneMap* start = nullptr;                   ///< map of the reference view; nullptr = random planes
   const PlaneMap* prior = nullptr;                   ///< result of plane_priors; nullptr = none
@@ -197,8 +199,9 @@ struct MatchInput {
 
 /// Red-black PatchMatch on the sphere (Barnes et al. 2009; Galliani et al. 2015; Surmann et al. 2022): returns for each
 /// unmasked pixel of the reference view the plane of the best score: NCC (-1 to 1), less a penalty for disagreement
-/// with the maps of the source views, plus up to 0.3 for agreement with a prior. `seed` and the keyframe id determine
-/// all random numbers. Returns early with an empty map when `cancel` becomes true. Throws InvalidInput, InvalidOption.
+/// with the maps of the source views, plus up to 0.3 (1 for far priors) for agreement with a prior. `seed` and the
+/// keyframe id determine all random numbers. Returns early with an empty map when `cancel` becomes true. Throws
+/// InvalidInput, InvalidOption.
 PMSP_API PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, std::uint64_t seed,
                              const Executor& executor, const std::atomic<bool>* cancel = nullptr);
 
@@ -211,10 +214,10 @@ PMSP_API PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& o
 /// (uncertain ones 6 %), three of which surround the pixel; planes of other pixels are taken if they explain its
 /// surroundings better. Supports in front of the plane count less against it than those behind.
 ///
-/// Other pixels get (0, 0, 0) or, with `prior_depth` (see Keyframe), its plane in and around a cell of 1/160 of the
-/// width, corrected by the supports around: at least three, with 60 % of the weight, must agree on the correction
-/// within 10 %. Planes lie within `range`, their normals within 80 degrees of the ray. Throws InvalidInput if sizes
-/// differ or the number of `neighbours` is wrong.
+/// Other pixels get (0, 0, 0) or, with `prior_depth` (see Keyframe), the plane that fits its depths in and around a
+/// cell of 1/160 of the width, scaled to the supports around: at least three, with 60 % of their weight, must agree on
+/// the scale within 10 %. Planes lie within `range`, their normals within 80 degrees of the ray. Throws InvalidInput if
+/// sizes differ or the number of `neighbours` is wrong.
 PMSP_API PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama,
                                const std::vector<KeyframePose>& neighbours, const DepthRange& range,
                                const Executor& executor, ImageView<const float> prior_depth = {},
@@ -235,8 +238,8 @@ struct FilterStats {
 PMSP_API PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, const Executor& executor,
                                 FilterStats* stats = nullptr);
 
-/// Moves depth edges to image edges: each pixel that deviates by more than 0.5 % gets the plane of the weighted median
-/// of the depths around it (every other of 13 x 13 pixels, wider towards the poles), weighted by colour, distance and
+/// Moves depth edges to image edges: each pixel that deviates by more than 0.5 % from the weighted median of the depths
+/// around it (every other of 13 x 13 pixels, wider towards the poles), weighted by colour, distance and
 /// score. Unmasked pixels without a plane get one. `map`: after the median filter. Reference: Ma et al. 2013, "Constant
 /// time weighted median filtering for stereo matching and beyond". Throws InvalidInput if sizes differ.
 PMSP_API PlaneMap weighted_median_filter(const PlaneMap& map, const Panorama& panorama, const Executor& executor);
@@ -247,9 +250,10 @@ PMSP_API PlaneMap weighted_median_filter(const PlaneMap& map, const Panorama& pa
 ///
 /// A map agrees with a point if its surface in that direction is as far within `options.max_relative_depth`, and
 /// contradicts it if clearly farther (seen through). A point needs the agreement of `options.min_views` maps, `map`
-/// included, or of all that do not hide it, at least one other (in proportion with fewer maps than `options.window`),
-/// and more weight of these than of contradictions; weights are the inverse fourth power of the distance of camera and
-/// point. Thin structures, in front of the pixels on both sides, may be up to two pixels off in other maps.
+/// included, less in proportion if there are fewer maps than `options.window`, or of all in which it is not occluded,
+/// at least one other; and more weight of these than of contradictions; weights are the inverse fourth power of the
+/// distance of camera and point. Thin structures, in front of the pixels on both sides, may be up to two pixels off in
+/// other maps.
 ///
 /// Confidence follows from the expected error (see DepthMap): spread of agreeing maps, deviation of surrounding planes,
 /// depth resolution at the parallax, `pose_error`, share of agreeing among unhidden maps, photometric score. Without
@@ -281,7 +285,7 @@ struct FusionMap {
 };
 
 /// Points of a keyframe before free-space test and duplicate removal, encoded as in kernels/surfel.h: 10 bytes per
-/// pixel with windows of up to 9 maps (11 up to 17), of which other keyframes read `surfels` and `statuses`.
+/// pixel with windows of up to 9 maps, 11 up to 17. Other keyframes need `surfels` and `statuses` only.
 struct SurfelMap {
   std::int64_t keyframe_id = 0;
   Image<std::uint32_t> surfels;          ///< depth (to 0.013 %) and normal (2 degrees); 0 = no point
@@ -324,11 +328,11 @@ struct SurfelsFrom {
   KeyframePose pose;
 };
 
-/// Round of duplicate removal (after Luby 1986, with ranks instead of random numbers): returns the new status of the
-/// pixels of `reference`. Duplicates of a pixel are points of the viewers on the same side of the same surface, within
-/// `options.spacing_px` of its pixels, of higher rank: finer sampling (by octaves), then higher confidence, then
-/// smaller keyframe id. A pixel is dropped if a duplicate is kept, kept if none is kept or open, else stays open.
-/// Pixels that are open after the last round count as kept.
+/// Round of duplicate removal (maximal independent set, Luby 1986, with ranks instead of random numbers): returns the
+/// new status of the pixels of `reference`. Duplicates of a pixel are points of the viewers on the same side of the
+/// same surface, within `options.spacing_px` of its pixels, of higher rank: finer sampling (by octaves), then higher
+/// confidence, then smaller keyframe id. A pixel is dropped if a duplicate is kept, kept if none is kept or open, else
+/// stays open. Pixels that are open after the last round count as kept.
 ///
 /// All inputs have the status of the previous round. `candidates`: empty before the first round; for each open pixel,
 /// in row order, bit k is set while viewers[k] may contain a duplicate. `viewers`: at most 32, the same in each round;
