@@ -66,9 +66,9 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map
   const F along_ray = dot(plane, turned);
   const F rest = F(1) - dot(plane, t);
   const auto valid = (depth_ratio > F(0)) & (along_ray > F(0)) & (rest > F(0));
-  const Vec3<F> turn = cross(turned, t);
+  const Vec3<F> batch = cross(turned, t);
   const F square = dot(p, p);
-  const F gain = depth * sqrt(dot(turn, turn)) / max(square, F(1e-30F));
+  const F gain = depth * sqrt(dot(batch, batch)) / max(square, F(1e-30F));
   const F weight = evidence_weight(F(depth * depth * dot(turned, turned)), square);
   return {select(valid, depth_ratio, F(0)),
           select(valid, rest / select(valid, along_ray, F(1)), F(0)),

@@ -107,21 +107,21 @@ PMSP_HD F error_of_confidence(const F& confidence) {
 /// Maximum number of maps that a map is compared with.
 constexpr int kMaxCompared = 30;
 
-template <class Machine>
+template <class Views>
 struct ComparedMap {
-  typename Machine::Map planes;
+  typename Views::Map planes;
   Rigid other_from_first;
 };
 
 /// Consistency filter (pmsp::consistency_filter); a stage. Counts pixels with a plane, kept pixels with a depth, kept
 /// far pixels.
-template <class Machine>
+template <class Views>
 struct ConsistencyFilter {
   static constexpr int kCounts = 3;
 
-  typename Machine::Map map;
+  typename Views::Map map;
   GridView grid;
-  ComparedMap<Machine> others[kMaxCompared];
+  ComparedMap<Views> others[kMaxCompared];
   int count;  ///< of `others`; 0 = the filter is disabled
   int wanted;
   float tolerance;
@@ -146,7 +146,7 @@ struct ConsistencyFilter {
       const MaskOf<F> thin = kept & is_thin(at, bearing, surface.depth);
       Votes<F> votes;
       for (int k = 0; k < count; ++k) {
-        const ComparedMap<Machine>& other = others[k];
+        const ComparedMap<Views>& other = others[k];
         Agreement<F> seen = agreement(bearing, surface.depth, other.planes, other.other_from_first);
         const MaskOf<F> missed = thin & is_seen_through(seen, tolerance);
         if (any(missed)) {

@@ -6,11 +6,11 @@
 namespace pmsp::kernels {
 
 /// Depths, normals and confidences of a plane map for the user (pmsp::DepthMap); a stage.
-template <class Machine>
+template <class Views>
 struct DepthImage {
   static constexpr int kCounts = 0;
 
-  typename Machine::Map map;
+  typename Views::Map map;
   const float* sure;  ///< confidence of each pixel, 0 = no depth; nullptr = the score, clamped to 0 to 1
   GridView grid;
   float* depth;

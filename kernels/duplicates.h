@@ -48,8 +48,8 @@ struct DuplicateLimits {
 /// Keyframe that may contain duplicates.
 struct DuplicateView {
   SurfelView map;
-  Rigid other_from_first;  ///< from the first keyframe's unit into the other's: the rotation times `zoom`
-  float zoom;              ///< first keyframe's scale / the other's
+  Rigid other_from_first;  ///< from the first keyframe's unit into the other's: the rotation times `scale_ratio`
+  float scale_ratio;       ///< first keyframe's scale / the other's
   bool before;             ///< at equal ranks, pixels of the other keyframe come first
 };
 
@@ -58,12 +58,12 @@ constexpr float kSameSurfaceErrors = 4.0F;
 
 /// Distance of a point from its surface along the normal: expected, and maximum to count as on it.
 template <class F>
-struct OffSurface {
+struct SurfaceDistance {
   F error, most;
 };
 template <class F>
-PMSP_HD OffSurface<F> off_surface(const F& depth, const Vec3<F>& normal, const Vec3<F>& bearing, const F& confidence,
-                                  float max_relative_depth) {
+PMSP_HD SurfaceDistance<F> off_surface(const F& depth, const Vec3<F>& normal, const Vec3<F>& bearing,
+                                       const F& confidence, float max_relative_depth) {
   const F across = depth * abs(dot(normal, bearing));
   const F error = error_of_confidence(confidence);
   return {across * sqrt(fma(error, error, F(kCommonError * kCommonError))), across * F(max_relative_depth)};
@@ -73,7 +73,7 @@ PMSP_HD OffSurface<F> off_surface(const F& depth, const Vec3<F>& normal, const V
 template <class F>
 struct OpenPoint {
   Vec3<F> point, normal;
-  OffSurface<F> off;
+  SurfaceDistance<F> off;
   F reach;  ///< maximum distance of duplicates
   F rank;
 };
@@ -112,7 +112,7 @@ template <class F>
 PMSP_HD Approach<F> approach(const Vec3<F>& p, const F& reach, const DuplicateView& other) {
   const F range = sqrt(max(dot(p, p), F(1e-30F)));
   return {project(p, F(static_cast<float>(other.map.width)), F(static_cast<float>(other.map.height))),
-          min(F(other.zoom / pixel_angle(other.map)) * reach / range, F(kMaxReach))};
+          min(F(other.scale_ratio / pixel_angle(other.map)) * reach / range, F(kMaxReach))};
 }
 
 /// Pixels of another map within the search radius of a claim's point: for most points at most one, the pixel that
@@ -140,18 +140,18 @@ PMSP_HD Within<F> within(const Approach<F>& there, const GridView& grid, int wid
 /// Whether a kept or open pixel of another map is a duplicate of a claim. `p`: the claim's point in the other's frame.
 template <class F>
 PMSP_HD MaskOf<F> is_duplicate(const UIntOf<F>& surfel, const UIntOf<F>& status, const Vec3<F>& bearing,
-                               const Vec3<F>& p, const Vec3<F>& claim_normal, const OffSurface<F>& claim_off,
+                               const Vec3<F>& p, const Vec3<F>& claim_normal, const SurfaceDistance<F>& claim_off,
                                const F& claim_rank, const DuplicateView& other, const DuplicateLimits& limits) {
   const F depth = depth_of_surfel<F>(surfel);
   const UIntOf<F> level = status >> 2;
   const F own_rank = rank(F(other.map.scale * pixel_angle(other.map)) * depth, from_uint<F>(level));
   const Vec3<F> there = normal_of_surfel<F>(surfel);
-  const Vec3<F> normal = F(1.0F / other.zoom) * rotate(other.other_from_first, claim_normal);
+  const Vec3<F> normal = F(1.0F / other.scale_ratio) * rotate(other.other_from_first, claim_normal);
   const Vec3<F> apart = depth * bearing - p;
-  const OffSurface<F> off =
+  const SurfaceDistance<F> off =
       off_surface(depth, there, bearing, confidence_of_level<F>(level), limits.max_relative_depth);
-  const F tolerance = min(F(kSameSurfaceErrors) * fma(F(other.zoom), claim_off.error, off.error),
-                          max(F(other.zoom) * claim_off.most, off.most));
+  const F tolerance = min(F(kSameSurfaceErrors) * fma(F(other.scale_ratio), claim_off.error, off.error),
+                          max(F(other.scale_ratio) * claim_off.most, off.most));
   // Ranks are whole numbers.
   return (own_rank < claim_rank + F(other.before ? 0.5F : -0.5F)) & (dot(there, normal) >= F(limits.min_cos_normals)) &
          (min(abs(dot(apart, there)), abs(dot(apart, normal))) <= tolerance);
@@ -204,7 +204,7 @@ struct Eligibility {
     for (int k = 0; k < count; ++k) {
       const Viewer& viewer = viewers[k];
       const RangeVote<F> seen = range_vote(point, viewer.ranges, viewer.other_from_first, limits);
-      const F weight = evidence_weight(F(F(viewer.zoom * viewer.zoom) * own), seen.square);
+      const F weight = evidence_weight(F(F(viewer.scale_ratio * viewer.scale_ratio) * own), seen.square);
       on_surface = on_surface + select(seen.on_surface, weight, F(0));
       through = through + select(seen.through, weight, F(0));
     }

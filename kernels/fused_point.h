@@ -13,12 +13,12 @@
 namespace pmsp::kernels {
 
 /// Map of the fusion window.
-template <class Machine>
+template <class Views>
 struct FusionView {
-  FilteredMap<typename Machine::Map> map;
+  FilteredMap<typename Views::Map> map;
   const std::uint32_t* color;  ///< per pixel red, green, blue, from the lowest byte
-  Rigid other_from_first;      ///< from the first keyframe's unit into the other's: the rotation times `zoom`
-  float zoom;                  ///< first keyframe's scale / the other's
+  Rigid other_from_first;      ///< from the first keyframe's unit into the other's: the rotation times `scale_ratio`
+  float scale_ratio;           ///< first keyframe's scale / the other's
 };
 
 struct FusionLimits {
@@ -57,13 +57,13 @@ struct ConstSurfelArrays {
 };
 
 /// Fuses the pixels of a keyframe; a stage. Counts points.
-template <class Machine>
+template <class Views>
 struct FusePixels {
   static constexpr int kCounts = 1;
 
-  FusionView<Machine> first;
+  FusionView<Views> first;
   GridView grid;
-  FusionView<Machine> others[kMaxAgree];
+  FusionView<Views> others[kMaxAgree];
   int count;  ///< of `others`
   FusionLimits limits;
   float pose_error;  ///< of the first map's keyframe [rad]; not yet in the confidences, added to those of the points
@@ -95,7 +95,7 @@ struct FusePixels {
     F maps(0);
     F square_gain(0);
     for (int k = 0; k < count; ++k) {
-      const FusionView<Machine>& other = others[k];
+      const FusionView<Views>& other = others[k];
       const Agreement<F> seen = agreement(bearing, depth, other.map, other.other_from_first);
       const MaskOf<F> near = known & (abs(seen.depth_ratio - F(1)) <= F(limits.max_relative_depth));
       if (!any(near)) continue;
@@ -103,11 +103,11 @@ struct FusePixels {
       square_gain = square_gain + select(near, seen.parallax_gain * seen.parallax_gain, F(0));
       const Vec3<F> there = select(near, plane_at<F>(other.map, seen.index), plane);
       const Vec3<F> turned =
-          F(1.0F / other.zoom) * rotate_back(other.other_from_first, Vec3<F>(F(-1) * normalized(there)));
+          F(1.0F / other.scale_ratio) * rotate_back(other.other_from_first, Vec3<F>(F(-1) * normalized(there)));
       const MaskOf<F> same = near & (dot(turned, normal) >= F(limits.min_cos_normals));
       const Vec3<F> p = transform(other.other_from_first, Vec3<F>(depth * bearing));
       const F depth_ratio = select(same, seen.depth_ratio, F(1));
-      const F other_depth = sqrt(dot(p, p)) / (F(other.zoom) * depth_ratio);  // in the first keyframe's unit
+      const F other_depth = sqrt(dot(p, p)) / (F(other.scale_ratio) * depth_ratio);  // in the first keyframe's unit
       const F weight = select(same, fusion_weight(gather<F>(other.map.confidence, seen.index), other_depth), F(0));
       weights = weights + weight;
       depths = fma(weight, seen.implied_depth, depths);

@@ -52,11 +52,11 @@ struct SplatLandmarks {
 };
 
 /// Warps the pixels of a map into another keyframe; a stage over the map.
-template <class Machine, class Keys>
+template <class Views, class Keys>
 struct WarpPixels {
   static constexpr int kCounts = 0;
 
-  typename Machine::Map map;
+  typename Views::Map map;
   GridView grid;  ///< of the map
   Rigid other_from_map;
   int other_width, other_height;
@@ -105,13 +105,13 @@ PMSP_HD Vec3<F> plane_at(const WarpedPlanes<Map>& planes, int pixel) {
 }
 
 /// Writes the planes selected by keys to a map; a stage. Scores are 0.
-template <class Machine, class Source>
+template <class Views, class Source>
 struct PlanesOfKeys {
   static constexpr int kCounts = 0;
 
   Source source;  ///< LandmarkPlanes or WarpedPlanes
   GridView grid;
-  typename Machine::Planes to;
+  typename Views::Planes to;
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }

@@ -148,12 +148,12 @@ PMSP_HD NeighbourRing neighbour_ring(int width, int height, int y, int colour, i
 }
 
 /// Reorders planes from row order to checkerboard order (grid_view.h), or back; a stage.
-template <class Machine>
+template <class Views>
 struct ReorderPlanes {
   static constexpr int kCounts = 0;
 
-  typename Machine::Map from;
-  typename Machine::Planes to;
+  typename Views::Map from;
+  typename Views::Planes to;
   bool to_rows;
 
   PMSP_HD int width() const { return from.width; }
@@ -168,17 +168,17 @@ struct ReorderPlanes {
   }
 };
 
-/// Subtracts the bonus of priors from the scores (pmsp::scores_without_priors): maps that agree with a prior share its
+/// Subtracts the bonus of priors from the scores (pmsp::subtract_priors): maps that agree with a prior share its
 /// error, and their scores must not hide a lack of image evidence. A stage; `to` may be `map`.
-template <class Machine>
+template <class Views>
 struct ScoresWithoutPriors {
   static constexpr int kCounts = 0;
 
-  typename Machine::Map map;
-  typename Machine::Map priors;
+  typename Views::Map map;
+  typename Views::Map priors;
   GridView grid;
   PriorBonus bonus;
-  typename Machine::Planes to;
+  typename Views::Planes to;
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
@@ -195,7 +195,7 @@ struct ScoresWithoutPriors {
 
 /// Pixel of one colour in a visit; for a batch, the first of consecutive pixels of the row's ring.
 template <class F>
-struct Turn {
+struct PixelBatch {
   int y, colour, k;
   int count;               ///< pixels from k to the end of the ring
   std::size_t ring;        ///< index of the ring's first pixel, in checkerboard order
@@ -203,49 +203,49 @@ struct Turn {
 };
 
 /// Pass of PatchMatch over a keyframe. `State`: its pixels in checkerboard order (grid_view.h).
-template <class Machine>
+template <class Views>
 struct PatchMatchPass {
-  Matching<typename Machine::Cube> matching;
+  Matching<typename Views::Cube> matching;
   GridView grid;
-  typename Machine::State state;
-  typename Machine::Mask mask;
-  typename Machine::Map priors;           ///< prior planes; empty = none
-  typename Machine::Landmarks landmarks;  ///< initial planes; empty = none
-  typename Machine::Warped warped;
+  typename Views::State state;
+  typename Views::Mask mask;
+  typename Views::Map priors;           ///< prior planes; empty = none
+  typename Views::Landmarks landmarks;  ///< initial planes; empty = none
+  typename Views::Warped warped;
 
   /// Initial planes: random ones, those of landmarks, and those of the previous keyframe.
   template <class F, class Patch>
-  PMSP_HD void start(Visit<F, Patch>& visit, const Turn<F>& turn) const {
+  PMSP_HD void start(Visit<F, Patch>& visit, const PixelBatch<F>& batch) const {
     Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
-    const MaskOf<F> usable = is_usable<F>(mask, turn.index);
+    const MaskOf<F> usable = is_usable<F>(mask, batch.index);
     if (any(usable)) {
-      begin(visit, turn);
-      const Vec3<F> first = random_start<F>(as_uint<F>(turn.index), visit.frame.bearing, matching);
+      begin(visit, batch);
+      const Vec3<F> first = random_start<F>(as_uint<F>(batch.index), visit.frame.bearing, matching);
       PMSP_ROLL
       for (int kind = 0; kind < 3; ++kind) {
         propose(best,
                 kind == 0   ? first
-                : kind == 1 ? proposed(landmarks, turn)
-                            : proposed(warped, turn),
+                : kind == 1 ? proposed(landmarks, batch)
+                            : proposed(warped, batch),
                 visit, matching, false);
       }
     }
-    keep(best, usable, turn);
+    keep(best, usable, batch);
   }
 
   /// Propagation and refinement. The pixel's current plane comes first, since it determines the weights of the views.
   /// `rescore`: the planes have no valid scores yet.
   template <class F, class Patch>
-  PMSP_HD void iterate(Visit<F, Patch>& visit, const Turn<F>& turn, int iteration, bool rescore) const {
-    const MaskOf<F> usable = is_usable<F>(mask, turn.index);
+  PMSP_HD void iterate(Visit<F, Patch>& visit, const PixelBatch<F>& batch, int iteration, bool rescore) const {
+    const MaskOf<F> usable = is_usable<F>(mask, batch.index);
     if (!any(usable)) return;
-    begin(visit, turn);
+    begin(visit, batch);
     const int half = grid.width / 2;
     const auto neighbour_at = [&](const NeighbourOffset& offset) {
-      const NeighbourRing from = neighbour_ring(grid.width, grid.height, turn.y, turn.colour, offset.dx, offset.dy);
-      return in_ring<F>(state, ring_index(grid.width, from.y, 1 - turn.colour), turn.k + from.shift, half);
+      const NeighbourRing from = neighbour_ring(grid.width, grid.height, batch.y, batch.colour, offset.dx, offset.dy);
+      return in_ring<F>(state, ring_index(grid.width, from.y, 1 - batch.colour), batch.k + from.shift, half);
     };
-    const Hypothesis<F> before = in_ring<F>(state, turn.ring, turn.k, half);
+    const Hypothesis<F> before = in_ring<F>(state, batch.ring, batch.k, half);
     const bool own = rescore || matching.num_views >= kLeastWeighedViews;
     Hypothesis<F> best = before;
     if (own) best = {{F(0), F(0), F(0)}, F(-1)};
@@ -254,37 +254,37 @@ struct PatchMatchPass {
       if (i == -1 && !rescore) continue;
       Vec3<F> plane;
       if (i < 0) {
-        plane = i == -2 ? before.plane : proposed(priors, turn);
+        plane = i == -2 ? before.plane : proposed(priors, batch);
       } else if (i < kNeighbours) {
         plane = neighbour_plane<F>(i, neighbour_at);
       } else {
-        plane = refined(best, as_uint<F>(turn.index), iteration, i - kNeighbours, visit.frame.bearing, matching);
+        plane = refined(best, as_uint<F>(batch.index), iteration, i - kNeighbours, visit.frame.bearing, matching);
       }
       propose(best, plane, visit, matching, i == -2);
     }
-    keep(best, usable, turn);
+    keep(best, usable, batch);
   }
 
  private:
   /// The zero plane is no proposal.
   template <class F, class Planes>
-  PMSP_HD static Vec3<F> proposed(const Planes& planes, const Turn<F>& turn) {
+  PMSP_HD static Vec3<F> proposed(const Planes& planes, const PixelBatch<F>& batch) {
     if (is_empty(planes)) return {F(0), F(0), F(0)};
-    return plane_at<F>(planes, turn.index);
+    return plane_at<F>(planes, batch.index);
   }
 
   template <class F, class Patch>
-  PMSP_HD void begin(Visit<F, Patch>& visit, const Turn<F>& turn) const {
-    begin_visit(visit, matching, gather<F>(grid.sin_lon, turn.column), gather<F>(grid.cos_lon, turn.column),
-                F(grid.sin_lat[turn.y]), F(grid.cos_lat[turn.y]));
+  PMSP_HD void begin(Visit<F, Patch>& visit, const PixelBatch<F>& batch) const {
+    begin_visit(visit, matching, gather<F>(grid.sin_lon, batch.column), gather<F>(grid.cos_lon, batch.column),
+                F(grid.sin_lat[batch.y]), F(grid.cos_lat[batch.y]));
     weigh_alike(visit.weights);
-    visit.prior = dot(proposed(priors, turn), visit.frame.bearing);
+    visit.prior = dot(proposed(priors, batch), visit.frame.bearing);
   }
 
   template <class F>
-  PMSP_HD void keep(const Hypothesis<F>& best, const MaskOf<F>& usable, const Turn<F>& turn) const {
+  PMSP_HD void keep(const Hypothesis<F>& best, const MaskOf<F>& usable, const PixelBatch<F>& batch) const {
     const Vec3<F> none{F(0), F(0), F(0)};
-    put(state, turn.ring + static_cast<std::size_t>(turn.k), turn.count,
+    put(state, batch.ring + static_cast<std::size_t>(batch.k), batch.count,
         Hypothesis<F>{select(usable, best.plane, none), select(usable, best.score, F(-1))});
   }
 };

@@ -49,17 +49,17 @@ PMSP_HD F median_filtered(F* around, const F& score, const F& max_relative_devia
 }
 
 /// Median filter (pmsp::median_filter); a stage. Counts unmasked pixels, pixels with a plane, kept ones.
-template <class Machine>
+template <class Views>
 struct MedianFilter {
   static constexpr int kCounts = 3;
 
-  typename Machine::Map map;
+  typename Views::Map map;
   GridView grid;
-  typename Machine::Mask mask;
+  typename Views::Mask mask;
   bool enabled;
   float max_relative_deviation;
   float min_score;
-  typename Machine::Planes to;
+  typename Views::Planes to;
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }

@@ -6,11 +6,11 @@
 namespace pmsp::kernels {
 
 /// Planes of a map for the user (pmsp::PlaneMap); a stage.
-template <class Machine>
+template <class Views>
 struct PlaneImage {
   static constexpr int kCounts = 0;
 
-  typename Machine::Map map;
+  typename Views::Map map;
   GridView grid;
   float* x;
   float* y;

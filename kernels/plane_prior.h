@@ -53,7 +53,7 @@ constexpr float kWhite = 250.0F;       ///< minimum gray level of bare surfaces 
 constexpr float kWhiteCost = 0.3F;     ///< kOccluderCost, if whiteness is the only evidence for sky
 
 /// First support in each direction; (0, 0, 0) = none within reach.
-struct Surroundings {
+struct NearestSupports {
   float x[kPriorDirections], y[kPriorDirections], z[kPriorDirections];
   float errors[kPriorDirections];     ///< of the supports, relative
   float tightness[kPriorDirections];  ///< 1 / maximum relative distance of a support on a plane; 0 = no support
@@ -82,17 +82,17 @@ PMSP_HD PriorPlane no_plane() { return {{0.0F, 0.0F, 0.0F}, 0, static_cast<float
 /// Best support in a share of a cell's pixels.
 struct SupportPixel {
   float cost;
-  int index;    ///< of the map; -1 = none
-  bool unsure;  ///< whether there are unsure pixels
-  int pixels;   ///< number
-  int far;      ///< number of far ones
+  int index;       ///< of the map; -1 = none
+  bool uncertain;  ///< whether there are unsure pixels
+  int pixels;      ///< number
+  int far;         ///< number of far ones
 };
 
 /// All cells, in row order, with input and intermediate results.
-template <class Machine>
+template <class Views>
 struct PriorCells {
-  typename Machine::Map map;  ///< current planes
-  typename Machine::Cube image;
+  typename Views::Map map;  ///< current planes
+  typename Views::Cube image;
   GridView grid;           ///< of the map
   Baselines baselines;     ///< to the source views
   float spacing;           ///< of samples (tangent of the angle)
@@ -106,8 +106,8 @@ struct PriorCells {
   const Vec3<float>* external;  ///< planes of the cells from an external depth image, 0 = none; nullptr = no image
   Vec3<float>* supports;        ///< points of the surface; (0, 0, 0) = none
   float* errors;                ///< of the supports, relative
-  unsigned char* unsure;        ///< whether a cell has unsure pixels
-  Surroundings* around;
+  unsigned char* uncertain;     ///< whether a cell has unsure pixels
+  NearestSupports* around;
   const PriorPlane* before;  ///< planes of the previous step
   PriorPlane* found;         ///< output
   SupportPixel* pixels;      ///< best of each share: [cell][share]
@@ -126,8 +126,8 @@ PMSP_HD bool is_far_point(const Vec3<float>& p) { return dot(p, p) > 1.0F / (kFa
 PMSP_HD bool is_finite_point(const Vec3<float>& p) { return is_point(p) && !is_far_point(p); }
 
 /// Number of the pixels two steps around pixel (x, y) on its plane.
-template <class Machine>
-PMSP_HD int neighbours_on_plane(const PriorCells<Machine>& cells, int x, int y, const Vec3<float>& plane) {
+template <class Views>
+PMSP_HD int neighbours_on_plane(const PriorCells<Views>& cells, int x, int y, const Vec3<float>& plane) {
   int count = 0;
   for (int i = 0; i < 9; ++i) {
     const int row = y + 2 * (i / 3 - 1);
@@ -141,21 +141,21 @@ PMSP_HD int neighbours_on_plane(const PriorCells<Machine>& cells, int x, int y, 
 }
 
 /// Relative error of a pixel's depth, as far as it follows from the image.
-template <class Machine>
-PMSP_HD float matching_error(const PriorCells<Machine>& cells, int index, float inverse_depth) {
+template <class Views>
+PMSP_HD float matching_error(const PriorCells<Views>& cells, int index, float inverse_depth) {
   return matching_error(cells.variance[index], cells.certainty[index], score_at<float>(cells.map, index), cells.spacing,
                         inverse_depth);
 }
 
 /// Whether the image evidence for a pixel's depth is insufficient.
-template <class Machine>
-PMSP_HD bool is_unsure(const PriorCells<Machine>& cells, int index, float inverse_depth) {
+template <class Views>
+PMSP_HD bool is_unsure(const PriorCells<Views>& cells, int index, float inverse_depth) {
   return cells.variance[index] < cells.min_variance || matching_error(cells, index, inverse_depth) > kSureError;
 }
 
 /// Error of a pixel's inverse depth, as far as it follows from the image; huge without texture.
-template <class Machine>
-PMSP_HD float inverse_error(const PriorCells<Machine>& cells, int index) {
+template <class Views>
+PMSP_HD float inverse_error(const PriorCells<Views>& cells, int index) {
   const float score = score_at<float>(cells.map, index);
   if (score * cells.variance[index] < cells.far_variance) return 1e9F;
   return matching_noise(cells.variance[index], score, cells.spacing) / (sqrt(cells.certainty[index]) + 1e-9F);
@@ -163,16 +163,16 @@ PMSP_HD float inverse_error(const PriorCells<Machine>& cells, int index) {
 
 /// Whether the image shows that a pixel is far: its parallax lies within the error, which that of the largest finite
 /// depth does not.
-template <class Machine>
-PMSP_HD bool looks_far(const PriorCells<Machine>& cells, int index, float inverse_depth) {
+template <class Views>
+PMSP_HD bool looks_far(const PriorCells<Views>& cells, int index, float inverse_depth) {
   const float error = inverse_error(cells, index);
   return error < kFarSure * cells.limits.min_inverse_depth &&
          inverse_depth < max(kFarErrors * error, cells.limits.min_inverse_depth + error);
 }
 
 /// Point of a pixel's plane with the best image evidence, for instance on an edge beside the pixel.
-template <class Machine>
-PMSP_HD Vec3<float> best_known(const PriorCells<Machine>& cells, int x, int y) {
+template <class Views>
+PMSP_HD Vec3<float> best_known(const PriorCells<Views>& cells, int x, int y) {
   const PatchFrame<float> frame = patch_frame(cells.grid.sin_lon[x], cells.grid.cos_lon[x], cells.grid.sin_lat[y],
                                               cells.grid.cos_lat[y], cells.spacing);
   const Vec3<float> ray = depth_evidence(cells.image, frame, cells.spacing, cells.baselines).best;
@@ -181,8 +181,8 @@ PMSP_HD Vec3<float> best_known(const PriorCells<Machine>& cells, int x, int y) {
 }
 
 /// Writes `pixels` of a cell, for a share of its pixels in row order.
-template <class Machine>
-PMSP_HD void examine_pixels(const PriorCells<Machine>& cells, int column, int row, int share) {
+template <class Views>
+PMSP_HD void examine_pixels(const PriorCells<Views>& cells, int column, int row, int share) {
   SupportPixel best{2.0F * kSupportMaxError, -1, false, 0, 0};
   const int x0 = column * cells.map.width / cells.columns;
   const int y0 = row * cells.map.height / cells.rows;
@@ -200,7 +200,7 @@ PMSP_HD void examine_pixels(const PriorCells<Machine>& cells, int column, int ro
       ++best.far;
       continue;
     }
-    best.unsure = best.unsure || is_unsure(cells, index, inverse_depth);
+    best.uncertain = best.uncertain || is_unsure(cells, index, inverse_depth);
     const float score = score_at<float>(cells.map, index);
     const float error = matching_error(cells, index, inverse_depth);
     if (!(score > kSupportMinScore) || !(error < kSupportMaxError)) continue;
@@ -222,23 +222,23 @@ PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
 }
 
 /// Writes `supports`, `errors` and `unsure` of a cell. The best pixel becomes the support; of equal ones the first.
-template <class Machine>
-PMSP_HD void find_support(const PriorCells<Machine>& cells, int column, int row) {
+template <class Views>
+PMSP_HD void find_support(const PriorCells<Views>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
   const SupportPixel* const pixels = cells.pixels + cell * cells.shares;
   SupportPixel best = pixels[0];
   for (int share = 1; share < cells.shares; ++share) {
     const SupportPixel& other = pixels[share];
-    const bool unsure = best.unsure || other.unsure;
+    const bool uncertain = best.uncertain || other.uncertain;
     const int all = best.pixels + other.pixels;
     const int far = best.far + other.far;
     const bool is_first = other.cost == best.cost && other.index < best.index;
     if (other.index >= 0 && (other.cost < best.cost || is_first)) best = other;
-    best.unsure = unsure;
+    best.uncertain = uncertain;
     best.pixels = all;
     best.far = far;
   }
-  cells.unsure[cell] = best.unsure ? 1 : 0;
+  cells.uncertain[cell] = best.uncertain ? 1 : 0;
   cells.errors[cell] = kSupportMaxError;
   cells.supports[cell] = {0.0F, 0.0F, 0.0F};
   if (best.far > 0 && 2 * best.far >= best.pixels) {
@@ -259,11 +259,11 @@ PMSP_HD int great_circle_steps(int rows) {
 }
 
 /// Writes the first support in a direction from a cell with unsure pixels.
-template <class Machine>
-PMSP_HD void find_surroundings(const PriorCells<Machine>& cells, int column, int row, int direction) {
+template <class Views>
+PMSP_HD void find_surroundings(const PriorCells<Views>& cells, int column, int row, int direction) {
   const int cell = row * cells.columns + column;
-  if (cells.unsure[cell] == 0) return;
-  Surroundings& around = cells.around[cell];
+  if (cells.uncertain[cell] == 0) return;
+  NearestSupports& around = cells.around[cell];
   around.put(direction, {0.0F, 0.0F, 0.0F}, 0.0F, 0.0F);
   const int steps = great_circle_steps(cells.rows);
   const int* const great_circle = cells.great_circles + (row * kPriorDirections + direction) * steps;
@@ -290,7 +290,7 @@ PMSP_HD bool surround(std::uint32_t directions) {
 
 /// Replaces `best` by a plane that explains the surroundings better. `anywhere`: also if the supports on it do not
 /// surround the cell.
-PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const Surroundings& around,
+PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const NearestSupports& around,
                       const Vec3<float>& bearing, const PlaneLimits& limits, int min_supports = kPriorMinSupports,
                       bool anywhere = false) {
   if (!is_allowed(plane, bearing, limits)) return;
@@ -330,7 +330,7 @@ PMSP_HD Vec3<float> plane_through(const Vec3<float>& a, const Vec3<float>& b, co
 }
 
 /// Least-squares plane of the supports that lie on `plane`, weighted by proximity to it and by certainty.
-PMSP_HD Vec3<float> refitted(const Surroundings& around, const Vec3<float>& plane) {
+PMSP_HD Vec3<float> refitted(const NearestSupports& around, const Vec3<float>& plane) {
   Vec3<float> rows[3] = {};
   Vec3<float> sum{};
   PMSP_UNROLL
@@ -354,7 +354,7 @@ PMSP_HD Vec3<float> refitted(const Surroundings& around, const Vec3<float>& plan
   return (1.0F / determinant) * scaled;
 }
 
-PMSP_HD int supports_around(const Surroundings& around) {
+PMSP_HD int supports_around(const NearestSupports& around) {
   int count = 0;
   for (int d = 0; d < kPriorDirections; ++d) count += around.tightness[d] > 0.0F ? 1 : 0;
   return count;
@@ -366,15 +366,15 @@ PMSP_HD bool has_candidates(int column, int row) { return ((column + row) & 1) =
 
 /// Writes `candidates` of a cell with has_candidates: the plane that explains the surroundings best, of a share of the
 /// planes through three supports that surround the cell.
-template <class Machine>
-PMSP_HD void try_planes(const PriorCells<Machine>& cells, int column, int row, int share) {
+template <class Views>
+PMSP_HD void try_planes(const PriorCells<Views>& cells, int column, int row, int share) {
   constexpr int kWide = kPriorDirections / 2;  // with a wider gap, the cell would lie outside the triangle
   constexpr int kNarrow = 3;                   // a narrower one makes no good triangle
   constexpr int kGaps = kWide - kNarrow + 1;
   const int cell = row * cells.columns + column;
   PriorPlane best = no_plane();
-  const Surroundings& around = cells.around[cell];
-  if (cells.unsure[cell] != 0 && supports_around(around) >= kPriorMinSupports) {
+  const NearestSupports& around = cells.around[cell];
+  if (cells.uncertain[cell] != 0 && supports_around(around) >= kPriorMinSupports) {
     const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
     for (int triangle = share; triangle < kGaps * kGaps * kWide; triangle += cells.shares) {
       const int i = triangle % kWide;  // less than `rest`
@@ -393,25 +393,25 @@ PMSP_HD void try_planes(const PriorCells<Machine>& cells, int column, int row, i
 }
 
 /// Replaces `best` by the best candidate of a cell if that explains the surroundings better, and refits the result.
-template <class Machine>
-PMSP_HD void take_candidate(const PriorCells<Machine>& cells, int column, int row, PriorPlane& best) {
+template <class Views>
+PMSP_HD void take_candidate(const PriorCells<Views>& cells, int column, int row, PriorPlane& best) {
   const int cell = row * cells.columns + column;
   for (int share = 0; share < cells.shares; ++share) {
     const PriorPlane& other = cells.candidates[cell * cells.shares + share];
     if (other.cost < best.cost) best = other;
   }
   if (best.supports == 0) return;
-  const Surroundings around = cells.around[cell];  // read at once
+  const NearestSupports around = cells.around[cell];  // read at once
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
   consider(best, refitted(around, best.plane), around, center, cells.limits);
 }
 
 /// Replaces `best` by the far plane if that explains the surroundings better: all finite supports lie in front of it.
 /// With too few far supports around, only white cells may be far.
-template <class Machine>
-PMSP_HD void consider_far(const PriorCells<Machine>& cells, int column, int row, PriorPlane& best) {
+template <class Views>
+PMSP_HD void consider_far(const PriorCells<Views>& cells, int column, int row, PriorPlane& best) {
   const int cell = row * cells.columns + column;
-  if (cells.unsure[cell] == 0) return;
+  if (cells.uncertain[cell] == 0) return;
   int far = 0;
   int finite = 0;
   for (int d = 0; d < kPriorDirections; ++d) {
@@ -428,11 +428,11 @@ PMSP_HD void consider_far(const PriorCells<Machine>& cells, int column, int row,
 }
 
 /// Writes `found` of a cell, the best of its candidates, and the number of supports around.
-template <class Machine>
-PMSP_HD void find_plane(const PriorCells<Machine>& cells, int column, int row) {
+template <class Views>
+PMSP_HD void find_plane(const PriorCells<Views>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
-  Surroundings& around = cells.around[cell];
-  around.count = cells.unsure[cell] != 0 ? supports_around(around) : 0;
+  NearestSupports& around = cells.around[cell];
+  around.count = cells.uncertain[cell] != 0 ? supports_around(around) : 0;
   PriorPlane best = no_plane();
   if (has_candidates(column, row)) take_candidate(cells, column, row, best);
   consider_far(cells, column, row, best);
@@ -445,8 +445,8 @@ PMSP_HD float support_weight(const Vec3<float>& p, const Vec3<float>& center) {
 }
 
 /// Factor that moves the external plane at a support to the support; 0 = no external plane.
-template <class Machine>
-PMSP_HD float external_ratio(const PriorCells<Machine>& cells, const Vec3<float>& p) {
+template <class Views>
+PMSP_HD float external_ratio(const PriorCells<Views>& cells, const Vec3<float>& p) {
   const float external_plane = dot(cells.external[pixel_index(p, cells.columns, cells.rows)], p);
   return external_plane > 0.0F ? 1.0F / external_plane : 0.0F;
 }
@@ -457,8 +457,8 @@ struct ExternalRatio {
   float share;
   int count;
 };
-template <class Machine>
-PMSP_HD ExternalRatio mean_ratio(const PriorCells<Machine>& cells, const Surroundings& around,
+template <class Views>
+PMSP_HD ExternalRatio mean_ratio(const PriorCells<Views>& cells, const NearestSupports& around,
                                  const Vec3<float>& center, float from, float tolerance) {
   ExternalRatio mean{0.0F, 0.0F, 0};
   float all = 0.0F;
@@ -480,7 +480,7 @@ PMSP_HD ExternalRatio mean_ratio(const PriorCells<Machine>& cells, const Surroun
 }
 
 /// Moves a plane through the supports that nearly lie on it, as far as they determine it.
-PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surroundings& around) {
+PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const NearestSupports& around) {
   Vec3<float> rows[3] = {};
   Vec3<float> sum{};
   float squares = 0.0F;
@@ -507,12 +507,12 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const Surrounding
 }
 
 /// External plane of a cell, corrected by the factors of the reliable surface around. Zero if these do not agree.
-template <class Machine>
-PMSP_HD Vec3<float> corrected_external(const PriorCells<Machine>& cells, int column, int row) {
+template <class Views>
+PMSP_HD Vec3<float> corrected_external(const PriorCells<Views>& cells, int column, int row) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
   const int cell = row * cells.columns + column;
   const Vec3<float> external = cells.external[cell];
-  const Surroundings& around = cells.around[cell];
+  const NearestSupports& around = cells.around[cell];
   if (!is_point(external) || around.count < kExternalMinSupports) return none;
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
   const ExternalRatio all = mean_ratio(cells, around, center, 1.0F, 1e6F);
@@ -526,10 +526,10 @@ PMSP_HD Vec3<float> corrected_external(const PriorCells<Machine>& cells, int col
 /// Plane of at least four supports, anywhere around the cell, that agrees with the external plane. The external plane
 /// selects the supports of the cell's surface, these determine its position. Zero if there is none. `external_plane`:
 /// corrected_external, not zero.
-template <class Machine>
-PMSP_HD Vec3<float> agreeing_plane(const PriorCells<Machine>& cells, int column, int row,
+template <class Views>
+PMSP_HD Vec3<float> agreeing_plane(const PriorCells<Views>& cells, int column, int row,
                                    const Vec3<float>& external_plane) {
-  const Surroundings& around = cells.around[row * cells.columns + column];
+  const NearestSupports& around = cells.around[row * cells.columns + column];
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
   PriorPlane best = no_plane();
   const float there = dot(external_plane, center);
@@ -556,15 +556,15 @@ PMSP_HD Vec3<float> agreeing_plane(const PriorCells<Machine>& cells, int column,
 }
 
 /// Whether a cell may adopt planes of other cells.
-template <class Machine>
-PMSP_HD bool may_adopt(const PriorCells<Machine>& cells, int cell) {
+template <class Views>
+PMSP_HD bool may_adopt(const PriorCells<Views>& cells, int cell) {
   return cells.around[cell].count >= kPriorMinSupports;
 }
 
 /// Writes `candidates` of a cell: the plane that explains the surroundings best, of a share of the planes of cells
 /// `stride` away.
-template <class Machine>
-PMSP_HD void try_adopted(const PriorCells<Machine>& cells, int column, int row, int share) {
+template <class Views>
+PMSP_HD void try_adopted(const PriorCells<Views>& cells, int column, int row, int share) {
   const int cell = row * cells.columns + column;
   if (!may_adopt(cells, cell)) return;
   PriorPlane best = no_plane();
@@ -582,8 +582,8 @@ PMSP_HD void try_adopted(const PriorCells<Machine>& cells, int column, int row, 
 
 /// Writes `found` of a cell: its previous plane, or that of another cell if that explains the surroundings better.
 /// Without either after the last step: a plane that agrees with the external one, or else the external one.
-template <class Machine>
-PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row) {
+template <class Views>
+PMSP_HD void choose_plane(const PriorCells<Views>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
   PriorPlane best = cells.before[cell];
   if (may_adopt(cells, cell)) take_candidate(cells, column, row, best);
@@ -599,13 +599,13 @@ PMSP_HD void choose_plane(const PriorCells<Machine>& cells, int column, int row)
 enum class PriorStep { kPixels, kSupports, kSurroundings, kCandidates, kPlanes, kOffers, kChoice };
 
 /// A step; a stage over the cells, over the directions of each cell, or over its shares.
-template <class Machine, PriorStep step>
+template <class Views, PriorStep step>
 struct PriorCellStep {
   static constexpr int kCounts = 0;
   static constexpr bool kShared =
       step == PriorStep::kPixels || step == PriorStep::kCandidates || step == PriorStep::kOffers;
 
-  PriorCells<Machine> cells;
+  PriorCells<Views> cells;
 
   PMSP_HD int width() const {
     if (step == PriorStep::kCandidates) return (cells.columns + 1) / 2 * cells.shares;
@@ -635,8 +635,8 @@ struct PriorCellStep {
 /// Prior plane of a pixel of the map; zero = none. Far planes of cells are not used for pixels with a finite depth
 /// according to the image, unless these are white: the patch of an overexposed pixel has the depth of the edge beside
 /// it.
-template <class Machine>
-PMSP_HD Vec3<float> prior_at(const PriorCells<Machine>& cells, int x, int y) {
+template <class Views>
+PMSP_HD Vec3<float> prior_at(const PriorCells<Views>& cells, int x, int y) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
   const int index = y * cells.map.width + x;
   const Vec3<float> bearing = cells.bearing_at(x, y);
@@ -651,11 +651,11 @@ PMSP_HD Vec3<float> prior_at(const PriorCells<Machine>& cells, int x, int y) {
 }
 
 /// Image evidence of each pixel's depth; a stage.
-template <class Machine>
+template <class Views>
 struct FindEvidence {
   static constexpr int kCounts = 0;
 
-  typename Machine::Cube image;
+  typename Views::Cube image;
   GridView grid;
   Baselines baselines;
   float spacing;     ///< of samples (tangent of the angle)
@@ -676,12 +676,12 @@ struct FindEvidence {
 };
 
 /// Prior planes of the pixels; a stage.
-template <class Machine>
+template <class Views>
 struct PixelPriors {
   static constexpr int kCounts = 0;
 
-  PriorCells<Machine> cells;
-  typename Machine::Planes to;  ///< scores are 0
+  PriorCells<Views> cells;
+  typename Views::Planes to;  ///< scores are 0
 
   PMSP_HD int width() const { return cells.map.width; }
   PMSP_HD int height() const { return cells.map.height; }

@@ -51,19 +51,19 @@ constexpr int kMaxViewers = 32;
 /// Viewer of the free-space test.
 struct Viewer {
   RangeMapView ranges;
-  Rigid other_from_first;  ///< from the first keyframe's unit into the other's: the rotation times `zoom`
-  float zoom;              ///< first keyframe's scale / the other's
+  Rigid other_from_first;  ///< from the first keyframe's unit into the other's: the rotation times `scale_ratio`
+  float scale_ratio;       ///< first keyframe's scale / the other's
 };
 
 /// Side of a cell [px].
 constexpr int kRangeCell = 2;
 
 /// Range map of a keyframe (pmsp::range_map); a stage over its cells.
-template <class Machine>
+template <class Views>
 struct FindRanges {
   static constexpr int kCounts = 0;
 
-  FilteredMap<typename Machine::Map> map;
+  FilteredMap<typename Views::Map> map;
   GridView grid;  ///< of the map
   float* nearest;
   float* farthest;

@@ -16,7 +16,7 @@
 //   int width() const; int height() const;         // of the image
 //   template <class F> void operator()(const Place<F>& at, MaskOf<F>* counted) const;
 //
-// `Machine` names the view types of a processor: Map (planes to read), Planes (planes to write), State (planes in
+// `Views` names the view types of a processor: Map (planes to read), Planes (planes to write), State (planes in
 // checkerboard order), Cube (images), Mask (unmasked pixels), Landmarks and Warped (initial planes).
 namespace pmsp::kernels {
 
@@ -96,7 +96,7 @@ PMSP_HD MaskOf<F> is_usable(const ByteMask& mask, const IntOf<F>& index) {
 }
 
 /// View types of the CPU.
-struct HostMachine {
+struct HostViews {
   using Map = PlaneMapView;
   using Planes = PlaneArrays;
   using State = PlaneArrays;

@@ -33,15 +33,15 @@ constexpr float kThinThingShare = 0.05F;   ///< minimum weight of the samples on
 PMSP_HD int median_offset(int k) { return kMedianStep * (k - kMedianSide / 2); }
 
 /// Replaces planes by the weighted median of the surroundings; a stage. Unmasked pixels without a plane get one.
-template <class Machine>
+template <class Views>
 struct WeightedMedian {
   static constexpr int kCounts = 0;
 
-  typename Machine::Map map;
+  typename Views::Map map;
   GridView grid;
   const std::uint32_t* color;  ///< per pixel red, green, blue, from the lowest byte
-  typename Machine::Mask mask;
-  typename Machine::Planes to;
+  typename Views::Mask mask;
+  typename Views::Planes to;
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }

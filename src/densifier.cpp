@@ -45,7 +45,7 @@ Pipeline::Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, 
 
 void Pipeline::make_engine() {
   engine_ = pmsp::make_engine({options_, results_, stats_, cancel_, reload_image_}, options_, backend_);
-  order_.set_in_step(options_.backend == Backend::kCuda && options_.devices.size() > 1);
+  order_.set_multi_device(options_.backend == Backend::kCuda && options_.devices.size() > 1);
 }
 
 bool Pipeline::add(const Keyframe& keyframe) {
@@ -68,13 +68,13 @@ void Pipeline::flush() {
 }
 
 void Pipeline::run(const KeyframeSource& keyframes) {
-  if (!part_) throw InvalidInput("run: there is no plan that says which keyframes to ask for; expected a given plan");
-  if (!keyframes) throw InvalidInput("run: there is nobody to ask for keyframes");
+  if (!part_) throw InvalidInput("run: no plan; expected a Densifier with a given plan");
+  if (!keyframes) throw InvalidInput("run: the keyframe source is empty");
   const auto pull = [&](std::int64_t id) {
     Keyframe keyframe = keyframes(id);
     if (keyframe.id == id || stopped()) return keyframe;
-    throw InvalidInput("keyframe " + std::to_string(id) + " was asked for, keyframe " + std::to_string(keyframe.id) +
-                       " came");
+    throw InvalidInput("run: the keyframe source returned keyframe " + std::to_string(keyframe.id) +
+                       "; expected keyframe " + std::to_string(id));
   };
   struct UntilTheEnd {
     KeyframeSource& source;
@@ -87,8 +87,8 @@ void Pipeline::run(const KeyframeSource& keyframes) {
     return keyframe;
   };
   or_stop([&] {
-    while (!stopped() && taken_ < part_->taking_part().size()) {
-      add(pull(part_->entry(part_->taking_part()[taken_]).id));
+    while (!stopped() && taken_ < part_->required().size()) {
+      add(pull(part_->entry(part_->required()[taken_]).id));
     }
     flush();
   });
@@ -97,7 +97,7 @@ void Pipeline::run(const KeyframeSource& keyframes) {
 std::vector<std::int64_t> Pipeline::images() const {
   std::vector<std::int64_t> ids;
   if (!part_) return ids;
-  for (const std::size_t place : part_->taking_part()) ids.push_back(part_->entry(place).id);
+  for (const std::size_t place : part_->required()) ids.push_back(part_->entry(place).id);
   return ids;
 }
 
@@ -106,7 +106,7 @@ bool Pipeline::takes_part(std::int64_t id) const {
   if (!part_) return true;
   const std::size_t place = part_->place_of(id);
   if (!part_->takes_part(place) || ids_.count(id) != 0) return false;
-  const std::size_t expected = part_->taking_part()[taken_];
+  const std::size_t expected = part_->required()[taken_];
   if (place == expected) return true;
   throw InvalidInput("keyframe " + std::to_string(id) + " comes before keyframe " +
                      std::to_string(part_->entry(expected).id) +
@@ -115,8 +115,8 @@ bool Pipeline::takes_part(std::int64_t id) const {
 
 /// Throws InvalidInput if required keyframes of the given plan are missing.
 void Pipeline::check_complete() const {
-  if (taken_ == part_->taking_part().size()) return;
-  throw InvalidInput("keyframe " + std::to_string(part_->entry(part_->taking_part()[taken_]).id) +
+  if (taken_ == part_->required().size()) return;
+  throw InvalidInput("keyframe " + std::to_string(part_->entry(part_->required()[taken_]).id) +
                      " has not come, which the results depend on; expected all images of the halo");
 }
 
@@ -153,7 +153,7 @@ void Pipeline::finish() {
   dropped_ = places_;
   drop_entries(planner_.entries().size());
   first_ = 0;
-  stats_.work_to_come = 0.0;  // removes rounding errors
+  stats_.work_remaining = 0.0;  // removes rounding errors
   order_.clear();
 }
 
@@ -169,7 +169,7 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
   views_.push_back({keyframe, engine_->prepare(keyframe), place});
   views_.back().frame->emits_results = !part_ || part_->emits(place);
   for (const Stage& stage : order_.schedule().stages()) {
-    if (runs(stage, views_.back())) stats_.work_to_come += stage.cost();
+    if (runs(stage, views_.back())) stats_.work_remaining += stage.cost();
   }
   views_.back().keyframe.image = {};
   views_.back().keyframe.mask = {};
@@ -198,7 +198,7 @@ void Pipeline::run_task(const Task& task, bool last) {
   order_.mark(task);
   release(last);
   stats_.work_done += cost;
-  stats_.work_to_come -= cost;
+  stats_.work_remaining -= cost;
   if (callbacks_.worked) callbacks_.worked();
 }
 
@@ -215,7 +215,7 @@ bool Pipeline::may_run(const Task& task, bool last) {
 /// Whether the inputs of the task are decided, and their keyframes have been added.
 bool Pipeline::is_planned(const Task& task) {
   const Stage& stage = order_.schedule().stages()[task.stage];
-  if (part_) return !options_.unordered && task.keyframe + stage.lead < order_.end();
+  if (part_) return !options_.unordered && task.keyframe + stage.lookahead < order_.end();
   return view(task.keyframe).place - dropped_ < planned_for(stage.kind);
 }
 
@@ -240,9 +240,9 @@ void Pipeline::run(const Stage& stage, std::int64_t i) {
   const PlanEntry& entry = entry_of(reference);
   if (stage.kind == Stage::Kind::kMatch) {
     load_earlier_planes(reference, stage.step);
-    const bool rests =
-        part_ && part_->shortcut(reference.place) && stage.step < options_.advanced.patchmatch.geometric_passes;
-    if (rests && !runs(stage, reference)) engine_->reuse_planes(*reference.frame, stage.step);
+    const bool skips_pass =
+        part_ && part_->reuse(reference.place) && stage.step < options_.advanced.patchmatch.geometric_passes;
+    if (skips_pass && !runs(stage, reference)) engine_->reuse_planes(*reference.frame, stage.step);
   }
   if (!runs(stage, reference)) return;
   if (stage.kind == Stage::Kind::kMatch) return match(reference, stage.step);
@@ -265,15 +265,15 @@ void Pipeline::run(const Stage& stage, std::int64_t i) {
 }
 
 PassRange Pipeline::passes_of(const View& view) const {
-  const Shortcut* shortcut = nullptr;
-  if (part_ && part_->shortcut(view.place)) shortcut = &*part_->shortcut(view.place);
-  return pass_range(shortcut, options_.advanced.patchmatch.geometric_passes);
+  const PlaneReuse* reuse = nullptr;
+  if (part_ && part_->reuse(view.place)) reuse = &*part_->reuse(view.place);
+  return pass_range(reuse, options_.advanced.patchmatch.geometric_passes);
 }
 
 /// Loads planes of an earlier run before the first pass that reads them; results of the last pass, at that pass.
 void Pipeline::load_earlier_planes(const View& reference, int pass) {
   if (!part_ || !part_->needs_earlier(reference.place)) return;
-  const bool is_result = part_->shortcut(reference.place)->planes == Shortcut::Planes::kResult;
+  const bool is_result = part_->reuse(reference.place)->planes == PlaneReuse::Planes::kResult;
   if (pass != (is_result ? passes_of(reference).last : 0)) return;
   const PlaneMap planes = load_planes_(reference.keyframe.id);
   if (planes.width() != options_.width || planes.height() != options_.height) {
@@ -295,8 +295,8 @@ void Pipeline::match(const View& reference, int pass) {
   task.keyframe = &reference.keyframe;
   for (const std::int64_t id : entry.near) task.neighbours.push_back(frame_of(id));
   const PassRange passes = passes_of(reference);
-  const bool images_alone = part_ && part_->shortcut(reference.place) &&
-                            part_->shortcut(reference.place)->images_first && pass == passes.first;
+  const bool images_alone =
+      part_ && part_->reuse(reference.place) && part_->reuse(reference.place)->images_first && pass == passes.first;
   task.near = images_alone ? 0 : entry.near.size();
   const double scale = reference.keyframe.scale;
   task.range = {std::clamp(entry.range.min / scale, kMinDepth, kMaxDepth),
@@ -361,16 +361,15 @@ PlannedDensifier::PlannedDensifier(const DensifierOptions& options, PlannedCallb
   impl_ = std::make_unique<Impl>(options, std::nullopt, std::move(callbacks));
 }
 PlannedDensifier::PlannedDensifier(const DensifierOptions& options, const Plan& plan,
-                                   const std::vector<std::int64_t>& ids, PlannedCallbacks callbacks,
-                                   Shortcuts shortcuts)
+                                   const std::vector<std::int64_t>& ids, PlannedCallbacks callbacks, PlaneReuses reuses)
     : Densifier(nullptr) {
   options.validate();
-  PlanPart part(plan, ids, options, wanted_by(callbacks), shortcuts.keyframes);
-  for (const auto& [id, shortcut] : shortcuts.keyframes) {
-    if (shortcuts.load || shortcut.planes == Shortcut::Planes::kNone) continue;
-    throw InvalidInput("there is nobody to load planes of keyframe " + std::to_string(id));
+  PlanPart part(plan, ids, options, wanted_by(callbacks), reuses.keyframes);
+  for (const auto& [id, reuse] : reuses.keyframes) {
+    if (reuses.load || reuse.planes == PlaneReuse::Planes::kNone) continue;
+    throw InvalidInput("no function to load planes; required for keyframe " + std::to_string(id));
   }
-  impl_ = std::make_unique<Impl>(options, std::move(part), std::move(callbacks), std::move(shortcuts.load));
+  impl_ = std::make_unique<Impl>(options, std::move(part), std::move(callbacks), std::move(reuses.load));
 }
 Densifier::~Densifier() = default;
 Densifier::Densifier(Densifier&&) noexcept = default;

@@ -67,14 +67,14 @@ void check_pose(const std::string& where, const RigidTransform& cam_from_world) 
   if (rotation && is_reasonable(cam_from_world.translation)) return;
   throw InvalidInput(where +
                      "cam_from_world is no rigid transform; expected an orthonormal rotation and a translation "
-                     "within 1e12 scene units");
+                     "within 1e12 map units");
 }
 
 void check_landmarks(const std::string& where, const std::vector<Landmark>& landmarks) {
   for (const Landmark& landmark : landmarks) {
     if (is_reasonable(landmark.position_world)) continue;
     throw InvalidInput(where + "landmark " + std::to_string(landmark.id) +
-                       " is not at a finite position within 1e12 scene units");
+                       " is not at a finite position within 1e12 map units");
   }
 }
 

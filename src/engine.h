@@ -65,8 +65,9 @@ class Engine {
     /// 0 = photometric, else geometric: starts from the map of the previous pass and is compared with those of the
     /// first `near` neighbours. Neighbours with complete passes provide their final map.
     int pass = 0;
-    bool last = true;    ///< the map is complete: emitted and median filtered
-    bool draft = false;  ///< with `last`: another pass follows before the map is used; no weighted median filter
+    bool last = true;  ///< the map is complete: emitted and median filtered
+    bool skip_weighted_median =
+        false;  ///< with `last`: another pass follows before the map is used; no weighted median filter
   };
 
   virtual ~Engine() = default;

@@ -49,7 +49,7 @@ std::size_t free_device_memory(int device) {
   return found.why_not.empty() ? found.free_bytes : 0;
 }
 
-int device_count() { return std::min(kMostDevices, cuda::device_count()); }
+int device_count() { return std::min(kMaxDevices, cuda::device_count()); }
 
 std::unique_ptr<Engine> make_engine(const EngineContext& context, DensifierOptions& options, std::string& description) {
   Executor executor(options.threads, options.simd);

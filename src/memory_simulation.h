@@ -27,13 +27,13 @@ class MemorySimulation {
     double candidates = 0.0;  ///< of `ranked`: before the last round
   };
 
-  /// `in_step`: as with several devices that share a sequence.
-  explicit MemorySimulation(const DensifierOptions& options, bool in_step = false)
+  /// `multi_device`: as with several devices that share a sequence.
+  explicit MemorySimulation(const DensifierOptions& options, bool multi_device = false)
       : passes_(options.advanced.patchmatch.geometric_passes),
         rounds_(duplicate_rounds(options)),
         has_evidence_(passes_ > 0 && options.advanced.patchmatch.plane_priors),
         order_(options, true) {
-    order_.set_in_step(in_step);
+    order_.set_multi_device(multi_device);
   }
 
   /// Simulates a number of keyframes; calls `look` with the counts after each change.
@@ -88,7 +88,7 @@ class MemorySimulation {
   template <class Look>
   void advance(bool last, const Look& look) {
     const auto is_planned = [&](const Task& task) {
-      return last || task.keyframe + schedule().stages()[task.stage].lead < order_.end();
+      return last || task.keyframe + schedule().stages()[task.stage].lookahead < order_.end();
     };
     order_.advance(last, is_planned, [&](const Task& task) {
       order_.mark(task);

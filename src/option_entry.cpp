@@ -36,25 +36,25 @@ std::string range_text(const OptionEntry& entry, bool whole) {
   const char* kind = entry.numbers == OptionEntry::Numbers::kEven  ? "an even"
                      : entry.numbers == OptionEntry::Numbers::kOdd ? "an odd"
                                                                    : "a whole";
-  return (entry.zero_too ? "0, or " : "") + std::string(kind) + " number from " + end(entry.min) + " to " +
+  return (entry.allows_zero ? "0, or " : "") + std::string(kind) + " number from " + end(entry.min) + " to " +
          end(entry.max);
 }
 
 bool is_in_range(const OptionEntry& entry, double value) {
-  if (entry.zero_too && value == 0.0) return true;
+  if (entry.allows_zero && value == 0.0) return true;
   if (!(value >= entry.min && value <= entry.max)) return false;  // false for NaN
   if (entry.numbers == OptionEntry::Numbers::kAll) return true;
   return (std::fmod(value, 2.0) == 0.0) == (entry.numbers == OptionEntry::Numbers::kEven);
 }
 
-bool is_fine(const OptionEntry&, bool) { return true; }
-bool is_fine(const OptionEntry&, std::uint64_t) { return true; }
-bool is_fine(const OptionEntry&, Simd) { return true; }
-bool is_fine(const OptionEntry&, Backend) { return true; }
-bool is_fine(const OptionEntry& entry, int value) { return is_in_range(entry, value); }
-bool is_fine(const OptionEntry& entry, double value) { return is_in_range(entry, value); }
-bool is_fine(const OptionEntry& entry, const std::vector<int>& list) {
-  return list.size() <= static_cast<std::size_t>(kMostDevices) &&
+bool is_valid(const OptionEntry&, bool) { return true; }
+bool is_valid(const OptionEntry&, std::uint64_t) { return true; }
+bool is_valid(const OptionEntry&, Simd) { return true; }
+bool is_valid(const OptionEntry&, Backend) { return true; }
+bool is_valid(const OptionEntry& entry, int value) { return is_in_range(entry, value); }
+bool is_valid(const OptionEntry& entry, double value) { return is_in_range(entry, value); }
+bool is_valid(const OptionEntry& entry, const std::vector<int>& list) {
+  return list.size() <= static_cast<std::size_t>(kMaxDevices) &&
          std::all_of(list.begin(), list.end(), [&](int value) { return is_in_range(entry, value); });
 }
 
@@ -113,7 +113,7 @@ std::string OptionEntry::expected() const {
           return "auto, cpu or cuda";
         } else if constexpr (std::is_same_v<T, std::vector<int>>) {
           return "numbers from " + number_text(min) + " to " + number_text(max) + " such as 0,1, " +
-                 number_text(kMostDevices) + " at most, or all";
+                 number_text(kMaxDevices) + " at most, or all";
         } else if constexpr (std::is_same_v<T, std::uint64_t>) {
           return "a whole number from 0 to 18446744073709551615";
         } else {
@@ -134,7 +134,7 @@ void OptionEntry::set(DensifierOptions& options, const std::string& text, const 
       [&](auto at) {
         auto value = read<std::decay_t<decltype(at(options))>>(text);
         if (!value) throw InvalidOption(where + " is \"" + text + "\"; expected " + expected());
-        if (!is_fine(*this, *value)) throw InvalidOption(where + " is " + text + "; expected " + expected());
+        if (!is_valid(*this, *value)) throw InvalidOption(where + " is " + text + "; expected " + expected());
         at(options) = std::move(*value);
       },
       access);
@@ -144,7 +144,7 @@ void OptionEntry::check(const DensifierOptions& options) const {
   DensifierOptions copy = options;
   std::visit(
       [&](auto at) {
-        if (is_fine(*this, at(copy))) return;
+        if (is_valid(*this, at(copy))) return;
         throw InvalidOption(std::string(key) + " is " + text(at(copy)) + "; expected " + expected());
       },
       access);

@@ -28,7 +28,7 @@ class Table {
   Table& range(double min, double max) { return set(&OptionEntry::min, min).set(&OptionEntry::max, max); }
   Table& even() { return set(&OptionEntry::numbers, OptionEntry::Numbers::kEven); }
   Table& odd() { return set(&OptionEntry::numbers, OptionEntry::Numbers::kOdd); }
-  Table& zero_too() { return set(&OptionEntry::zero_too, true); }
+  Table& allows_zero() { return set(&OptionEntry::allows_zero, true); }
   Table& normal(double value) { return preset(Quality::kNormal, value); }
   Table& high(double value) { return preset(Quality::kHigh, value); }
   Table& paper(double value) { return preset(Quality::kPaper, value); }
@@ -67,14 +67,14 @@ void machine(Table& table) {
       .unit("px")
       .range(32, 16384)
       .even()
-      .zero_too()
+      .allows_zero()
       .normal(1440)
       .high(0);
   PMSP_OPTION(height, "Height of the depth maps; 0, or only a width: by the aspect ratio of the images")
       .unit("px")
       .range(16, 8192)
       .even()
-      .zero_too()
+      .allows_zero()
       .normal(720)
       .high(0);
   PMSP_OPTION(seed, "Seed of the random numbers; same input, seed, backend and simd give the same bytes")
@@ -87,7 +87,7 @@ void machine(Table& table) {
       .range(0, 255);
   PMSP_ADVANCED_OPTION(pipelined,
                        "CUDA: copies and kernels of successive keyframes overlap; results come one keyframe later");
-  PMSP_OPTION(threads, "Number of threads; 0 = one per CPU available to the process").range(1, 1024).zero_too();
+  PMSP_OPTION(threads, "Number of threads; 0 = one per CPU available to the process").range(1, 1024).allows_zero();
   PMSP_OPTION(simd, "Instruction set; auto: the widest of the machine");
   PMSP_OPTION(lens_distance,
               "Distance of the camera's two lenses along its forward axis, for panoramas stitched as if both had one "

@@ -31,7 +31,7 @@ struct PMSP_API OptionEntry {
   double min = 0.0;             ///< of numbers, and of each number of a list; inclusive
   double max = 0.0;
   Numbers numbers = Numbers::kAll;
-  bool zero_too = false;  ///< 0 is allowed, too: "automatic"
+  bool allows_zero = false;  ///< 0 is allowed, too: "automatic"
   /// Values of the presets that differ from the default, by Quality: numbers, or 0 and 1 for switches.
   std::array<std::optional<double>, 4> presets{};
 

@@ -18,8 +18,8 @@ struct PlannedCallbacks : DensifierCallbacks {
   PlannedCallbacks(DensifierCallbacks callbacks = {})  // NOLINT(google-explicit-constructor)
       : DensifierCallbacks(std::move(callbacks)) {}
 
-  /// Planes after the last pass and the median filter, for Shortcuts: of all matched keyframes, with a given plan also
-  /// of those that only serve others. In the order of computation.
+  /// Planes after the last pass and the median filter, for PlaneReuses: of all matched keyframes, with a given plan
+  /// also of those that only serve others. In the order of computation.
   std::function<void(const PlaneMap&)> planes;
   /// Whether to call `planes` for a keyframe, queried before its planes are made. Unset: always.
   std::function<bool(std::int64_t keyframe_id)> wants_planes;
@@ -28,7 +28,7 @@ struct PlannedCallbacks : DensifierCallbacks {
 };
 
 /// Matching of a keyframe with fewer passes, in a run of a given plan.
-struct Shortcut {
+struct PlaneReuse {
   /// Available planes of an earlier run (PlannedCallbacks::planes).
   enum class Planes {
     kNone,
@@ -43,9 +43,9 @@ struct Shortcut {
       false;  ///< kStart: the first pass is photometric, since planes from before a move confirm each other
 };
 
-/// Shortcuts of a run of a given plan.
-struct Shortcuts {
-  std::map<std::int64_t, Shortcut> keyframes;  ///< others are matched in all passes
+/// PlaneReuses of a run of a given plan.
+struct PlaneReuses {
+  std::map<std::int64_t, PlaneReuse> keyframes;  ///< others are matched in all passes
   std::function<PlaneMap(std::int64_t id)>
       load;  ///< returns planes of an earlier run; called when needed, once per keyframe at most
 };
@@ -81,7 +81,7 @@ class PMSP_API PlannedDensifier : public Densifier {
   /// `shortcuts`: throws InvalidInput for keyframes that the plan lacks, unsuitable numbers of passes, or a missing
   /// `load`. If loaded planes differ in size from the depth maps, `add`, `flush` and `run` throw InvalidInput.
   PlannedDensifier(const DensifierOptions& options, const Plan& plan, const std::vector<std::int64_t>& ids,
-                   PlannedCallbacks callbacks, Shortcuts shortcuts = {});
+                   PlannedCallbacks callbacks, PlaneReuses reuses = {});
 
   /// Runs a given plan completely: queries the required keyframes, one at a time in the order of the plan, instead of
   /// `add`, and flushes. Without a scratch folder, images of unordered sets are queried again in each pass that reads

@@ -35,45 +35,47 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   const std::size_t filtered = add(Kind::kFilter, 0, {{matched, reach.consistency}}, reach.near + reach.windows);
   keep(Artefact::kImage, 0, {{matched, reach.near}});
   keep(Artefact::kLandmarks, 0, {{0, 0}});
-  keep(Artefact::kPassPlanes, stages_.front().lead, {{matched, reach.near}});
-  const std::int64_t last_match = stages_[matched].lead;
+  keep(Artefact::kPassPlanes, stages_.front().lookahead, {{matched, reach.near}});
+  const std::int64_t last_match = stages_[matched].lookahead;
   std::vector<Lifetime::Reader> median{{filtered, reach.consistency}};
   if (matched == 0 && options.advanced.init.warp_previous)
     median.push_back({0, 1});  // planes of the only pass are warped, too
   if (!points) {
     keep(Artefact::kColor, 0, {{matched, 0}});
     keep(Artefact::kFinalPlanes, last_match, std::move(median));
-    keep(Artefact::kFiltered, stages_[filtered].lead, {{filtered, 0}});
+    keep(Artefact::kFiltered, stages_[filtered].lookahead, {{filtered, 0}});
     return;
   }
   const std::size_t fused = add(Kind::kFuse, 0, {{filtered, reach.fusion}}, 0);
   keep(Artefact::kColor, 0, {{fused, reach.fusion}, {matched, 0}});  // keyframes of a halo may not be fused
   median.push_back({fused, reach.fusion});
   keep(Artefact::kFinalPlanes, last_match, std::move(median));
-  keep(Artefact::kFiltered, stages_[filtered].lead, {{fused, reach.fusion}});
+  keep(Artefact::kFiltered, stages_[filtered].lookahead, {{fused, reach.fusion}});
   std::size_t decided = fused;
   if (options.advanced.free_space.enabled) {
     decided = add(Kind::kFreeSpace, 0, {{fused, 0}, {filtered, reach.viewers_after}}, reach.near + reach.viewers_after);
-    keep(Artefact::kRangeMap, stages_[filtered].lead, {{decided, reach.viewers_before}});
+    keep(Artefact::kRangeMap, stages_[filtered].lookahead, {{decided, reach.viewers_before}});
   }
   const int rounds = duplicate_rounds(options);
   for (int round = 1; round <= rounds; ++round) {
     decided = add(Kind::kDuplicates, round, {{decided, reach.duplicate_views}}, reach.near + reach.viewers_after);
   }
   const std::size_t handed_out = add(Kind::kEmit, 0, {{decided, 0}}, 0);
-  keep(Artefact::kSurfels, stages_[fused].lead, {{decided, rounds > 0 ? reach.duplicate_views : 0}, {handed_out, 0}});
+  keep(Artefact::kSurfels, stages_[fused].lookahead,
+       {{decided, rounds > 0 ? reach.duplicate_views : 0}, {handed_out, 0}});
 }
 
 std::size_t Schedule::add(Stage::Kind kind, int step, std::vector<Stage::Need> needs, std::int64_t plan_delay) {
-  std::int64_t lead = plan_delay;
-  for (const Stage::Need& need : needs) lead = std::max(lead, stages_[need.stage].lead + need.ahead);
-  stages_.push_back({kind, step, std::move(needs), lead});
+  std::int64_t lookahead = plan_delay;
+  for (const Stage::Need& need : needs) lookahead = std::max(lookahead, stages_[need.stage].lookahead + need.ahead);
+  stages_.push_back({kind, step, std::move(needs), lookahead});
   return stages_.size() - 1;
 }
 
 void Schedule::keep(Artefact artefact, std::int64_t made_at, std::vector<Lifetime::Reader> readers) {
   std::int64_t until = made_at;
-  for (const Lifetime::Reader& reader : readers) until = std::max(until, stages_[reader.stage].lead + reader.behind);
+  for (const Lifetime::Reader& reader : readers)
+    until = std::max(until, stages_[reader.stage].lookahead + reader.behind);
   lifetimes_.push_back({artefact, std::move(readers), until - made_at + 1});
 }
 

@@ -31,9 +31,9 @@ struct Stage {
   };
 
   Kind kind;
-  int step = 0;             ///< pass of PatchMatch, or round of duplicate removal from 1
-  std::vector<Need> needs;  ///< earlier stages
-  std::int64_t lead = 0;    ///< number of later keyframes that must have been added
+  int step = 0;                ///< pass of PatchMatch, or round of duplicate removal from 1
+  std::vector<Need> needs;     ///< earlier stages
+  std::int64_t lookahead = 0;  ///< number of later keyframes that must have been added
 
   /// Returns the approximate time per keyframe on a CPU [passes of PatchMatch], for progress and remaining time.
   double cost() const;

@@ -50,7 +50,7 @@ class Spillable {
     for (const auto& [holder, copy] : copies_) {
       if (holder == &reader) return copy;
     }
-    return copies_.emplace_back(&reader, reader.bring(array_, count_, on_, made_)).second;
+    return copies_.emplace_back(&reader, reader.copy_from(array_, count_, on_, made_)).second;
   }
   std::size_t count() const { return count_; }
 

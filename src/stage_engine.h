@@ -42,7 +42,7 @@ class StageEngine final : public Engine {
     great_circles_.resize(processors_.size());
   }
   ~StageEngine() override {
-    for (const auto& on : processors_) on->settle();
+    for (const auto& on : processors_) on->synchronize();
   }
   StageEngine(const StageEngine&) = delete;
   StageEngine& operator=(const StageEngine&) = delete;
@@ -82,7 +82,7 @@ class StageEngine final : public Engine {
     reference.matched = !cancelled();
     if (!reference.matched) return;
     if (task.last) {
-      finish_match(reference, raw, priors, task.draft, on);
+      finish_match(reference, raw, priors, task.skip_weighted_median, on);
     } else {
       passed_on.put(std::move(raw), on.plane_numbers());
     }
@@ -150,7 +150,7 @@ class StageEngine final : public Engine {
       const Held& its =
           held.emplace_back(Held{member.final_planes.get(on), member.confidence.get(on), member.color.get(on)});
       return kernels::FusionView<Views>{filtered(its.planes, its.confidence, on), on.color(its.color),
-                                        to.other_from_first, to.zoom};
+                                        to.other_from_first, to.scale_ratio};
     };
     reference.window_ids.clear();
     kernels::FusePixels<Views> stage{};
@@ -204,7 +204,7 @@ class StageEngine final : public Engine {
       stage.viewers[stage.count++] = {{nearest, farthest, context_.options.width / kernels::kRangeCell,
                                        context_.options.height / kernels::kRangeCell},
                                       to.other_from_first,
-                                      to.zoom};
+                                      to.scale_ratio};
       from_viewers.push_back(relation(reference.pose, viewer.pose, lens()).other_from_first);
     }
     stage.limits = free_space_limits(context_.options.advanced.free_space);
@@ -244,7 +244,7 @@ class StageEngine final : public Engine {
     for (const Frame* other : others) {
       const StageFrame& viewer = stage_frame(*other);
       const Relation to = relation(viewer.pose, reference.pose, lens());
-      stage.others[stage.count++] = {view(viewer), to.other_from_first, to.zoom, viewer.id < reference.id};
+      stage.others[stage.count++] = {view(viewer), to.other_from_first, to.scale_ratio, viewer.id < reference.id};
     }
     stage.limits = duplicate_limits(context_.options.advanced.fusion);
     stage.statuses = statuses.get();
@@ -436,7 +436,7 @@ class StageEngine final : public Engine {
                           pass.matching.reference, reference.noise, reference.evidence, pass.matching.limits,
                           on.to(sources.priors));
         pass.priors = on.map(sources.priors);
-        if (task.last && !task.draft) reference.evidence = {};
+        if (task.last && !task.skip_weighted_median) reference.evidence = {};
       }
     });
     on.timed(stats.seconds_patchmatch, [&] {
@@ -619,7 +619,8 @@ class StageEngine final : public Engine {
   }
 
   /// Emits and filters the planes of the last pass, which have no other reader.
-  void finish_match(StageFrame& reference, const Planes& raw, const Planes& priors, bool draft, Processor& on) {
+  void finish_match(StageFrame& reference, const Planes& raw, const Planes& priors, bool skip_weighted_median,
+                    Processor& on) {
     if (context_.results.raw_depth && reference.emits_results) {
       const Planes alone = priors ? on.planes() : Planes{};
       if (priors) subtract_prior_bonus(raw, priors, alone, on);
@@ -630,7 +631,7 @@ class StageEngine final : public Engine {
         context_.stats.seconds_median,
         [&](Counts* counts) {
           median = median_of(reference, raw, counts, on);
-          if (draft) return;
+          if (skip_weighted_median) return;
           if (context_.options.advanced.median.weighted) median = weighted_median_of(reference, median, on);
           if (priors) subtract_prior_bonus(median, priors, median, on);
         },

@@ -28,7 +28,7 @@ class TaskOrder {
   }
 
   /// Whether several devices share the sequence; default: one does.
-  void set_in_step(bool in_step) { in_step_ = in_step; }
+  void set_multi_device(bool multi_device) { multi_device_ = multi_device; }
 
   const Schedule& schedule() const { return schedule_; }
 
@@ -58,7 +58,7 @@ class TaskOrder {
   /// `last`: no keyframe follows.
   bool is_ready(const Task& task, bool last) const {
     for (const Stage::Need& need : schedule_.stages()[task.stage].needs) {
-      std::int64_t until = unordered_ ? end_ : task.keyframe + need.ahead + 1 + (in_step_ ? 1 : 0);
+      std::int64_t until = unordered_ ? end_ : task.keyframe + need.ahead + 1 + (multi_device_ ? 1 : 0);
       if (last) until = std::min(until, end_);
       if (next_[need.stage] < until) return false;
     }
@@ -90,7 +90,7 @@ class TaskOrder {
   /// Calls run(task), which marks it, for each task that may run now, in order. Returns early once it is false.
   template <class MayRun, class Run>
   void advance(bool last, const MayRun& may_run, const Run& run) {
-    if (!in_step_) {
+    if (!multi_device_) {
       while (const std::optional<Task> task = first_ready(last, may_run)) {
         if (!run(*task)) return;
       }
@@ -134,7 +134,7 @@ class TaskOrder {
 
  private:
   bool unordered_;
-  bool in_step_ = false;
+  bool multi_device_ = false;
   Schedule schedule_;
   std::vector<std::int64_t> next_;              ///< by stage
   std::vector<std::set<std::int64_t>> beyond_;  ///< by stage, keyframes after `next_` that it has run on

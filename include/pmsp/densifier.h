@@ -30,7 +30,7 @@ struct DensifierStats {
   std::int64_t points_repeated = 0;  ///< removed as duplicates, after the free-space test
   std::int64_t points = 0;           ///< in the cloud; 0 without `DensifierCallbacks::cloud`
   double work_done = 0.0;            ///< [passes of PatchMatch, approximately]
-  double work_to_come = 0.0;         ///< remaining, for the keyframes added so far [as work_done]
+  double work_remaining = 0.0;       ///< remaining, for the keyframes added so far [as work_done]
   double seconds_prepare = 0.0;      ///< resizing, gray levels, cube maps [s]
   double seconds_init = 0.0;         ///< initial planes and plane priors [s]
   double seconds_patchmatch = 0.0;   ///< [s]

@@ -29,7 +29,7 @@ enum class Quality {
   kHigh,    ///< size of the images (DensifierOptions::width = 0), 6 source views
 };
 
-constexpr int kMostDevices = 16;  ///< maximum number of DensifierOptions::devices
+constexpr int kMaxDevices = 16;  ///< maximum number of DensifierOptions::devices
 
 /// Options of a Densifier; `preset` returns those of a Quality.
 struct PMSP_API DensifierOptions {

@@ -18,8 +18,8 @@
 /// 1. ViewFilter: selection.
 /// 2. planes_from_landmarks, warp_planes: initial planes.
 /// 3. patchmatch: a first pass, then geometric passes with the maps of the source views and plane_priors.
-/// 4. median_filter, weighted_median_filter, scores_without_priors, consistency_filter.
-/// 5. fuse_pixels, range_map, free_space_filter, duplicate_round, kept_points. After a loop closure, the free-space
+/// 4. median_filter, weighted_median_filter, subtract_priors, consistency_filter.
+/// 5. fuse_pixels, range_map, free_space_filter, duplicate_round, extract_points. After a loop closure, the free-space
 /// test and
 ///    duplicate removal run again with the new poses, without matching.
 ///
@@ -226,7 +226,7 @@ PMSP_API PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama,
 /// Subtracts the bonus of `priors` in patchmatch() from the scores and clamps them to 0 to 1: agreement with a prior
 /// helps selection and median filters, but is no evidence of accuracy. To be called after the median filters and before
 /// consistency_filter. Throws InvalidInput if sizes differ.
-PMSP_API PlaneMap scores_without_priors(const PlaneMap& map, const PlaneMap& priors, const Executor& executor);
+PMSP_API PlaneMap subtract_priors(const PlaneMap& map, const PlaneMap& priors, const Executor& executor);
 
 struct FilterStats {
   std::int64_t before = 0;  ///< pixels with a plane
@@ -245,7 +245,7 @@ PMSP_API PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& 
 PMSP_API PlaneMap weighted_median_filter(const PlaneMap& map, const Panorama& panorama, const Executor& executor);
 
 /// Compares a plane map with others along the ray and returns confidences, 0 = dropped. `map`, `others`: after the
-/// median filters, `map` after scores_without_priors; at most 30 others. `pose_error`: see Keyframe; 0 for confidences
+/// median filters, `map` after subtract_priors; at most 30 others. `pose_error`: see Keyframe; 0 for confidences
 /// that are passed to fuse_pixels and range_map.
 ///
 /// A map agrees with a point if its surface in that direction is as far within `options.max_relative_depth`, and
@@ -304,7 +304,7 @@ PMSP_API SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t
                                const Executor& executor, double lens_distance = 0.0);
 
 /// Viewer of the free-space test.
-struct RangeMapFrom {
+struct PosedRangeMap {
   const RangeMap* ranges = nullptr;  ///< its pose is ignored
   KeyframePose pose;
 };
@@ -317,12 +317,12 @@ struct RangeMapFrom {
 ///
 /// May be repeated with other poses. `viewers`: at most 32, of the same size. Throws InvalidOption, InvalidInput.
 PMSP_API Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& pose,
-                                               const std::vector<RangeMapFrom>& viewers,
+                                               const std::vector<PosedRangeMap>& viewers,
                                                const FreeSpaceOptions& options, const Executor& executor,
                                                double lens_distance = 0.0);
 
 /// Points of a keyframe with their current status.
-struct SurfelsFrom {
+struct PosedSurfels {
   const SurfelMap* map = nullptr;                 ///< its `statuses` are ignored
   const Image<std::uint8_t>* statuses = nullptr;  ///< of fuse_pixels, free_space_filter or duplicate_round
   KeyframePose pose;
@@ -337,11 +337,11 @@ struct SurfelsFrom {
 /// All inputs have the status of the previous round. `candidates`: empty before the first round; for each open pixel,
 /// in row order, bit k is set while viewers[k] may contain a duplicate. `viewers`: at most 32, the same in each round;
 /// those without map are ignored. Throws InvalidOption; InvalidInput also if `candidates` does not match the status.
-PMSP_API Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& candidates,
-                                             const std::vector<SurfelsFrom>& viewers, const FusionOptions& options,
+PMSP_API Image<std::uint8_t> duplicate_round(const PosedSurfels& reference, std::vector<std::uint32_t>& candidates,
+                                             const std::vector<PosedSurfels>& viewers, const FusionOptions& options,
                                              const Executor& executor, double lens_distance = 0.0);
 
 /// Returns the kept and open points of a keyframe, in the order of its pixels, with their keys. Needs the complete map.
-PMSP_API KeyframeCloud kept_points(const SurfelsFrom& points, double lens_distance = 0.0);
+PMSP_API KeyframeCloud extract_points(const PosedSurfels& points, double lens_distance = 0.0);
 
 }  // namespace pmsp

@@ -19,13 +19,13 @@ namespace pmsp {
 /// Address and limits of an HTTP server.
 struct HttpOptions {
   std::string address = "127.0.0.1";
-  std::uint16_t port = 0;                         ///< 0 = any free port
-  std::size_t connections = 64;                   ///< maximum number; connections without token are closed first
-  std::size_t header_bytes = 8192;                ///< maximum size of request headers
-  std::chrono::milliseconds for_headers{10'000};  ///< timeout for a request
-  std::chrono::milliseconds for_chunk{20'000};    ///< timeout for the transfer of 64 KiB
-  std::chrono::milliseconds patience{10'000};     ///< maximum hold time of requests for changes (long polling)
-  int nice = 0;                                   ///< niceness added to its thread
+  std::uint16_t port = 0;                               ///< 0 = any free port
+  std::size_t connections = 64;                         ///< maximum number; connections without token are closed first
+  std::size_t header_bytes = 8192;                      ///< maximum size of request headers
+  std::chrono::milliseconds for_headers{10'000};        ///< timeout for a request
+  std::chrono::milliseconds for_chunk{20'000};          ///< timeout for the transfer of 64 KiB
+  std::chrono::milliseconds long_poll_timeout{10'000};  ///< maximum hold time of requests for changes (long polling)
+  int nice = 0;                                         ///< niceness added to its thread
 };
 
 /// Source of a live map, as the members of LiveDensifier.
@@ -65,8 +65,9 @@ class PMSP_API LiveServer {
 
   std::string url() const;  ///< with the token that all requests need
 
-  void set_page(LivePage page, std::vector<LivePlace> flight);  ///< `flight`: trajectory; empty = keyframes with points
-  void set_camera(const RigidTransform& cam_from_world);        ///< sets the current pose
+  /// `trajectory`: all keyframes in order; empty = those with points.
+  void set_page(LivePage page, std::vector<LivePlace> trajectory);
+  void set_camera(const RigidTransform& cam_from_world);  ///< sets the current pose
   /// Announces the end of the map and blocks until all browsers have fetched it, or `at_most` has elapsed.
   void finish(std::chrono::milliseconds at_most);
 

@@ -41,7 +41,7 @@ void collect_points(const kernels::ConstSurfelArrays& map, const kernels::GridVi
 /// CPU processor: calls return when their work is done (see processor.h).
 class CpuProcessor {
  public:
-  using Views = kernels::HostMachine;
+  using Views = kernels::HostViews;
   using Keys = HostKeys;
   using Planes = Array<float>;  ///< x, y, z and score of all pixels, consecutively
   using Color = std::uint32_t;
@@ -74,10 +74,10 @@ class CpuProcessor {
   std::size_t number() const { return 0; }
   Mark mark() const { return nullptr; }
   template <class T>
-  Array<T> bring(const Array<T>& from, std::size_t /*count*/, const CpuProcessor& /*home*/, Mark /*made*/) const {
+  Array<T> copy_from(const Array<T>& from, std::size_t /*count*/, const CpuProcessor& /*home*/, Mark /*made*/) const {
     return from;
   }
-  void settle() const {}
+  void synchronize() const {}
 
   int enter() const { return 0; }
   void set_size(int width, int height) {

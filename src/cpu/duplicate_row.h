@@ -137,7 +137,8 @@ class DuplicateChunk {
       load(y, row_ + i);
       load(status, standing_ + i);
       const kernels::Vec3<F> p = kernels::transform(other.other_from_first, gathered(point_, open_point));
-      const kernels::OffSurface<F> off{kernels::gather<F>(error_, open_point), kernels::gather<F>(most_, open_point)};
+      const kernels::SurfaceDistance<F> off{kernels::gather<F>(error_, open_point),
+                                            kernels::gather<F>(most_, open_point)};
       const UIntOf<F> surfel = kernels::gather_words<F>(other.map.surfels, IntOf<F>(y * IntOf<F>(other.map.width) + x));
       const auto stands = kernels::is_duplicate<F>(surfel, status, kernels::bearing_at<F>(stage_.grid, x, y), p,
                                                    gathered(normal_, open_point), off,

@@ -19,7 +19,7 @@
 // instruction sets and therefore contains plain data only.
 namespace pmsp::cpu {
 
-using kernels::HostMachine;
+using kernels::HostViews;
 
 /// Function for row y of a stage; adds to its counts.
 template <class Stage>
@@ -32,17 +32,17 @@ template <class... Stages>
 struct StageList {
   using Rows = std::tuple<RowOf<Stages>...>;
 };
-using RowStages = StageList<kernels::MedianFilter<HostMachine>, kernels::WeightedMedian<HostMachine>,
-                            kernels::ConsistencyFilter<HostMachine>, kernels::FindRanges<HostMachine>,
-                            kernels::FusePixels<HostMachine>, kernels::Eligibility, kernels::FindMirrored,
-                            kernels::ConfirmMirrors, kernels::FindEvidence<HostMachine>>;
+using RowStages =
+    StageList<kernels::MedianFilter<HostViews>, kernels::WeightedMedian<HostViews>,
+              kernels::ConsistencyFilter<HostViews>, kernels::FindRanges<HostViews>, kernels::FusePixels<HostViews>,
+              kernels::Eligibility, kernels::FindMirrored, kernels::ConfirmMirrors, kernels::FindEvidence<HostViews>>;
 
 template <class Stage, class... Stages>
 constexpr bool has_rows(StageList<Stages...> /*list*/) {
   return (std::is_same_v<Stage, Stages> || ...);
 }
 
-using PatchMatchPass = kernels::PatchMatchPass<HostMachine>;
+using PatchMatchPass = kernels::PatchMatchPass<HostViews>;
 
 /// Functions of one instruction set.
 struct RowKernels {

@@ -35,7 +35,7 @@ void stage_row(const Stage& stage, int y, std::int64_t* counts) {
 
 /// Pixels of a colour from the k-th on, one per lane.
 template <class F>
-PMSP_HD kernels::Turn<F> turn_of(const PatchMatchPass& pass, int y, int colour, int k) {
+PMSP_HD kernels::PixelBatch<F> batch_of(const PatchMatchPass& pass, int y, int colour, int k) {
   const int half = pass.grid.width / 2;
   const IntOf<F> column = columns_from<F>(k, half) * IntOf<F>(2) + IntOf<F>((y + colour) & 1);
   return {y,
@@ -51,7 +51,7 @@ template <class F>
 void start_row(const PatchMatchPass& pass, int y) {
   kernels::Visit<F> visit;
   for (int colour = 0; colour < 2; ++colour) {
-    for (int k = 0; k < pass.grid.width / 2; k += lanes<F>()) pass.start(visit, turn_of<F>(pass, y, colour, k));
+    for (int k = 0; k < pass.grid.width / 2; k += lanes<F>()) pass.start(visit, batch_of<F>(pass, y, colour, k));
   }
 }
 
@@ -59,7 +59,7 @@ template <class F>
 void iterate_row(const PatchMatchPass& pass, int y, int colour, int iteration, bool rescore) {
   kernels::Visit<F> visit;
   for (int k = 0; k < pass.grid.width / 2; k += lanes<F>()) {
-    pass.iterate(visit, turn_of<F>(pass, y, colour, k), iteration, rescore);
+    pass.iterate(visit, batch_of<F>(pass, y, colour, k), iteration, rescore);
   }
 }
 

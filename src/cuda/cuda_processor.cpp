@@ -63,7 +63,7 @@ void CudaProcessor::bring_bytes(void* to, std::shared_ptr<const void> from, std:
   borrowed_.emplace_back(here, std::move(from));
 }
 
-void CudaProcessor::settle() {
+void CudaProcessor::synchronize() {
   const DeviceScope scope = enter();
   cudaStreamSynchronize(across_.get());
   borrowed_.clear();
@@ -195,7 +195,7 @@ void CudaProcessor::emit_depths(std::int64_t id, const KeyframePose& pose, const
                                 const float* confidence, std::function<void(const DepthMap&)> to) {
   MapDownload<DepthMap>& download = free_one(depths_);
   launch(
-      kernels::DepthImage<DeviceMachine>{map, confidence, grid(), download.part(0), download.part(1), download.part(2)},
+      kernels::DepthImage<DeviceViews>{map, confidence, grid(), download.part(0), download.part(1), download.part(2)},
       nullptr);
   emit(download, id, pose, std::move(to));
 }
@@ -203,8 +203,8 @@ void CudaProcessor::emit_depths(std::int64_t id, const KeyframePose& pose, const
 void CudaProcessor::emit_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
                                 std::function<void(const PlaneMap&)> to) {
   MapDownload<PlaneMap>& download = free_one(planes_);
-  launch(kernels::PlaneImage<DeviceMachine>{map(planes), grid(), download.part(0), download.part(1), download.part(2),
-                                            download.part(3)},
+  launch(kernels::PlaneImage<DeviceViews>{map(planes), grid(), download.part(0), download.part(1), download.part(2),
+                                          download.part(3)},
          nullptr);
   emit(download, id, pose, std::move(to));
 }
@@ -239,8 +239,8 @@ void CudaProcessor::emit_points(const kernels::ConstSurfelArrays& map, KeyframeC
   const std::shared_ptr<PointsDownload> lent = clouds_.get(pixels());
   ++clouds_out_;
   const auto select = [&](Counts* counts) {
-    kept_points({grid(), map, lent->points.get(), lent->pixels.get(), lent->agree.get(), counts->of},
-                select_scratch_.get(), select_scratch_.size(), compute_.get());
+    extract_points({grid(), map, lent->points.get(), lent->pixels.get(), lent->agree.get(), counts->of},
+                   select_scratch_.get(), select_scratch_.size(), compute_.get());
   };
   counted(seconds, select,
           [this, lent, cloud = std::move(cloud), to = std::move(to)](const std::int64_t* numbers) mutable {

@@ -50,7 +50,7 @@ class ResultQueue {
 /// order, by `deliver` or earlier.
 class CudaProcessor {
  public:
-  using Views = DeviceMachine;
+  using Views = DeviceViews;
   using Keys = DeviceKeys;
   using Planes = Array<float4>;
   using Counts = cuda::Counts;
@@ -78,12 +78,12 @@ class CudaProcessor {
   std::size_t number() const { return number_; }
   Mark mark();  ///< nullptr with a single device
   template <class T>
-  Array<T> bring(const Array<T>& from, std::size_t count, const CudaProcessor& home, const Mark& made) {
+  Array<T> copy_from(const Array<T>& from, std::size_t count, const CudaProcessor& home, const Mark& made) {
     const Array<T> copy = copies_.get<T>(count);
     bring_bytes(copy.get(), {from, from.get()}, count * sizeof(T), home, made);
     return copy;
   }
-  void settle();
+  void synchronize();
 
   DeviceScope enter() const { return DeviceScope(device_number_); }
   void set_size(int width, int height);

@@ -15,7 +15,7 @@ constexpr float kMany = 8.0F;  ///< half width of the search in a row [px] from 
 /// Search of a thread in another keyframe, in its frame.
 struct Search {
   Vec3<float> point, normal;
-  kernels::OffSurface<float> off;
+  kernels::SurfaceDistance<float> off;
   float rank;
   kernels::Approach<float> there;
 };

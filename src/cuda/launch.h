@@ -7,7 +7,7 @@
 // fails.
 namespace pmsp::cuda {
 
-using PatchMatchPass = kernels::PatchMatchPass<DeviceMachine>;
+using PatchMatchPass = kernels::PatchMatchPass<DeviceViews>;
 
 /// Whether this build contains code for the current device.
 bool runs_here();
@@ -40,8 +40,8 @@ void iterate_pixels(const PatchMatchPass& pass, int colour, int iteration, bool 
 /// Round of duplicate removal for all pixels of a keyframe.
 void remove_duplicates(const DuplicateArgs& args, cudaStream_t stream);
 
-/// Kept points of a keyframe, in row order (pmsp::kept_points). `scratch`: at least emit_scratch_bytes.
-void kept_points(const EmitArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
+/// Kept points of a keyframe, in row order (pmsp::extract_points). `scratch`: at least emit_scratch_bytes.
+void extract_points(const EmitArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
 std::size_t emit_scratch_bytes(int pixels);
 
 }  // namespace pmsp::cuda

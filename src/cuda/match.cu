@@ -15,30 +15,30 @@ constexpr int kBlockHeight = kPatchThreads / kBlockWidth;
 constexpr int kMinBlocks = 12;  ///< per multiprocessor: 768 threads with 80 registers each
 
 /// Pixel of a thread. Returns false outside the image.
-__device__ bool turn_of_thread(const PatchMatchPass& pass, int colour, kernels::Turn<float>& turn) {
+__device__ bool batch_of_thread(const PatchMatchPass& pass, int colour, kernels::PixelBatch<float>& batch) {
   const int half = pass.grid.width / 2;
   const int k = static_cast<int>(blockIdx.x * kBlockWidth + threadIdx.x);
   const int y = static_cast<int>(blockIdx.y * kBlockHeight + threadIdx.y);
   const int x = 2 * k + ((y + colour) & 1);
-  turn = {y, colour, k, half - k, kernels::ring_index(pass.grid.width, y, colour), x, y * pass.grid.width + x};
+  batch = {y, colour, k, half - k, kernels::ring_index(pass.grid.width, y, colour), x, y * pass.grid.width + x};
   return k < half && y < pass.grid.height;
 }
 
 __global__ void __launch_bounds__(kPatchThreads, kMinBlocks) start_kernel(const __grid_constant__ PatchMatchPass pass) {
   __shared__ __half2 samples[kernels::kPatchSamples * kPatchThreads];
-  kernels::Turn<float> turn;
-  if (!turn_of_thread(pass, static_cast<int>(blockIdx.z), turn)) return;
+  kernels::PixelBatch<float> batch;
+  if (!batch_of_thread(pass, static_cast<int>(blockIdx.z), batch)) return;
   Visit visit{{}, SharedPatch(samples)};
-  pass.start(visit, turn);
+  pass.start(visit, batch);
 }
 
 __global__ void __launch_bounds__(kPatchThreads, kMinBlocks)
     iterate_kernel(const __grid_constant__ PatchMatchPass pass, int colour, int iteration, bool rescore) {
   __shared__ __half2 samples[kernels::kPatchSamples * kPatchThreads];
-  kernels::Turn<float> turn;
-  if (!turn_of_thread(pass, colour, turn)) return;
+  kernels::PixelBatch<float> batch;
+  if (!batch_of_thread(pass, colour, batch)) return;
   Visit visit{{}, SharedPatch(samples)};
-  pass.iterate(visit, turn, iteration, rescore);
+  pass.iterate(visit, batch, iteration, rescore);
 }
 
 dim3 colour_grid(const kernels::GridView& grid, int colours) {

@@ -45,7 +45,7 @@ std::size_t emit_scratch_bytes(int pixels) {
   return bytes;
 }
 
-void kept_points(const EmitArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream) {
+void extract_points(const EmitArgs& args, void* scratch, std::size_t scratch_bytes, cudaStream_t stream) {
   const int pixels = args.grid.width * args.grid.height;
   select(args.map.statuses, args.indices, args.count, pixels, scratch, scratch_bytes, stream);
   owned_kernel<<<static_cast<unsigned>(std::min(blocks(pixels, kThreads), 8192)), kThreads, 0, stream>>>(args);

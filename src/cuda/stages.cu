@@ -32,7 +32,7 @@ __global__ void stage_kernel(const __grid_constant__ Stage stage, unsigned int* 
   for (int i = 0; i < Stage::kCounts; ++i) count_if(counted[i], counts + i);
 }
 
-using WeightedMedian = kernels::WeightedMedian<DeviceMachine>;
+using WeightedMedian = kernels::WeightedMedian<DeviceViews>;
 
 /// Numbers of a thread in shared memory, interleaved with those of its block's other threads.
 struct SharedNumbers {
@@ -77,10 +77,10 @@ void launch(const WeightedMedian& stage, Counts* /*counts*/, cudaStream_t stream
   PMSP_CUDA_LAUNCHED();
 }
 
-template void launch(const kernels::MedianFilter<DeviceMachine>&, Counts*, cudaStream_t);
-template void launch(const kernels::ConsistencyFilter<DeviceMachine>&, Counts*, cudaStream_t);
-template void launch(const kernels::FindRanges<DeviceMachine>&, Counts*, cudaStream_t);
-template void launch(const kernels::FusePixels<DeviceMachine>&, Counts*, cudaStream_t);
+template void launch(const kernels::MedianFilter<DeviceViews>&, Counts*, cudaStream_t);
+template void launch(const kernels::ConsistencyFilter<DeviceViews>&, Counts*, cudaStream_t);
+template void launch(const kernels::FindRanges<DeviceViews>&, Counts*, cudaStream_t);
+template void launch(const kernels::FusePixels<DeviceViews>&, Counts*, cudaStream_t);
 template void launch(const kernels::Eligibility&, Counts*, cudaStream_t);
 template void launch(const kernels::FitFields&, Counts*, cudaStream_t);
 template void launch(const kernels::MeasureFields&, Counts*, cudaStream_t);
@@ -91,9 +91,9 @@ template void launch(const kernels::ConfirmMirrors&, Counts*, cudaStream_t);
 template void launch(const kernels::CountMirrored&, Counts*, cudaStream_t);
 template void launch(const kernels::SumMirrored&, Counts*, cudaStream_t);
 template void launch(const kernels::ChooseMirrors&, Counts*, cudaStream_t);
-template void launch(const kernels::FindEvidence<DeviceMachine>&, Counts*, cudaStream_t);
+template void launch(const kernels::FindEvidence<DeviceViews>&, Counts*, cudaStream_t);
 template <kernels::PriorStep step>
-using PriorStage = kernels::PriorCellStep<DeviceMachine, step>;
+using PriorStage = kernels::PriorCellStep<DeviceViews, step>;
 template void launch(const PriorStage<kernels::PriorStep::kPixels>&, Counts*, cudaStream_t);
 template void launch(const PriorStage<kernels::PriorStep::kSupports>&, Counts*, cudaStream_t);
 template void launch(const PriorStage<kernels::PriorStep::kSurroundings>&, Counts*, cudaStream_t);
@@ -101,12 +101,12 @@ template void launch(const PriorStage<kernels::PriorStep::kCandidates>&, Counts*
 template void launch(const PriorStage<kernels::PriorStep::kPlanes>&, Counts*, cudaStream_t);
 template void launch(const PriorStage<kernels::PriorStep::kOffers>&, Counts*, cudaStream_t);
 template void launch(const PriorStage<kernels::PriorStep::kChoice>&, Counts*, cudaStream_t);
-template void launch(const kernels::PixelPriors<DeviceMachine>&, Counts*, cudaStream_t);
-template void launch(const kernels::ReorderPlanes<DeviceMachine>&, Counts*, cudaStream_t);
-template void launch(const kernels::ScoresWithoutPriors<DeviceMachine>&, Counts*, cudaStream_t);
-template void launch(const kernels::WarpPixels<DeviceMachine, DeviceKeys>&, Counts*, cudaStream_t);
-template void launch(const kernels::DepthImage<DeviceMachine>&, Counts*, cudaStream_t);
-template void launch(const kernels::PlaneImage<DeviceMachine>&, Counts*, cudaStream_t);
+template void launch(const kernels::PixelPriors<DeviceViews>&, Counts*, cudaStream_t);
+template void launch(const kernels::ReorderPlanes<DeviceViews>&, Counts*, cudaStream_t);
+template void launch(const kernels::ScoresWithoutPriors<DeviceViews>&, Counts*, cudaStream_t);
+template void launch(const kernels::WarpPixels<DeviceViews, DeviceKeys>&, Counts*, cudaStream_t);
+template void launch(const kernels::DepthImage<DeviceViews>&, Counts*, cudaStream_t);
+template void launch(const kernels::PlaneImage<DeviceViews>&, Counts*, cudaStream_t);
 
 void splat_landmarks(const kernels::SplatLandmarks<DeviceKeys>& splat, int count, cudaStream_t stream) {
   constexpr int kPointThreads = 64;

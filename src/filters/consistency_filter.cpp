@@ -26,8 +26,8 @@ Image<float> consistency_filter(const PlaneMap& map, const std::vector<const Pla
   const SphereGrid grid(map.width(), map.height());
   Image<float> confidence(map.width(), map.height());
   Image<float> reported(map.width(), map.height());
-  auto stage = consistency_stage<kernels::HostMachine>(view_of(map), grid.view(), others.size(), options, pose_error,
-                                                       confidence.pixels().data(), reported.pixels().data());
+  auto stage = consistency_stage<kernels::HostViews>(view_of(map), grid.view(), others.size(), options, pose_error,
+                                                     confidence.pixels().data(), reported.pixels().data());
   for (std::size_t k = 0; k < others.size(); ++k) {
     if (!same_size(*others[k], map)) throw InvalidInput("consistency_filter: the maps differ in size");
     check_scale("consistency_filter: ", others[k]->scale);

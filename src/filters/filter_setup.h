@@ -12,10 +12,10 @@
 // Stages of the filters, for all backends.
 namespace pmsp {
 
-template <class Machine>
-kernels::MedianFilter<Machine> median_stage(const typename Machine::Map& map, const kernels::GridView& grid,
-                                            const typename Machine::Mask& mask, const MedianFilterOptions& options,
-                                            const typename Machine::Planes& to) {
+template <class Views>
+kernels::MedianFilter<Views> median_stage(const typename Views::Map& map, const kernels::GridView& grid,
+                                          const typename Views::Mask& mask, const MedianFilterOptions& options,
+                                          const typename Views::Planes& to) {
   return {map,
           grid,
           mask,
@@ -34,11 +34,11 @@ inline int agreeing_maps_wanted(const ConsistencyFilterOptions& options, std::si
 
 /// Consistency filter without the other maps, `count` of them. `pose_error`: Keyframe::pose_error; `reported`:
 /// confidences that include it.
-template <class Machine>
-kernels::ConsistencyFilter<Machine> consistency_stage(const typename Machine::Map& map, const kernels::GridView& grid,
-                                                      std::size_t count, const ConsistencyFilterOptions& options,
-                                                      double pose_error, float* confidence, float* reported) {
-  kernels::ConsistencyFilter<Machine> stage{};
+template <class Views>
+kernels::ConsistencyFilter<Views> consistency_stage(const typename Views::Map& map, const kernels::GridView& grid,
+                                                    std::size_t count, const ConsistencyFilterOptions& options,
+                                                    double pose_error, float* confidence, float* reported) {
+  kernels::ConsistencyFilter<Views> stage{};
   stage.map = map;
   stage.grid = grid;
   stage.count = options.enabled ? static_cast<int>(count) : 0;

@@ -16,7 +16,7 @@ PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, 
   filtered.scale = map.scale;
   const SphereGrid grid(map.width(), map.height());
   const auto counts = inside(executor).run(
-      median_stage<kernels::HostMachine>(view_of(map), grid.view(), {nullptr}, options, arrays_of(filtered)));
+      median_stage<kernels::HostViews>(view_of(map), grid.view(), {nullptr}, options, arrays_of(filtered)));
   if (stats != nullptr) *stats = {counts[1], counts[2]};
   return filtered;
 }

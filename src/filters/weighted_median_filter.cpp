@@ -25,7 +25,7 @@ PlaneMap weighted_median_filter(const PlaneMap& map, const Panorama& panorama, c
   const SphereGrid grid(map.width(), map.height());
   const Array<std::uint32_t> color = color_words(panorama.color(), executor);
   const std::uint8_t* const usable = panorama.usable().empty() ? nullptr : panorama.usable().row(0);
-  inside(executor).run(kernels::WeightedMedian<kernels::HostMachine>{
+  inside(executor).run(kernels::WeightedMedian<kernels::HostViews>{
       view_of(map), grid.view(), color.get(), {usable}, arrays_of(filtered)});
   return filtered;
 }

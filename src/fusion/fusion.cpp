@@ -38,7 +38,7 @@ void check(const std::vector<FusionMap>& window, std::size_t current) {
   }
 }
 
-void check_surfels(const char* stage, const SurfelsFrom& points) {
+void check_surfels(const char* stage, const PosedSurfels& points) {
   check_scale(std::string(stage) + ": ", points.pose.scale);
   if (points.map == nullptr || points.statuses == nullptr) {
     throw InvalidInput(std::string(stage) + ": a keyframe lacks its points or their statuses");
@@ -48,7 +48,7 @@ void check_surfels(const char* stage, const SurfelsFrom& points) {
   }
 }
 
-kernels::SurfelView view_of(const SurfelsFrom& points) {
+kernels::SurfelView view_of(const PosedSurfels& points) {
   const Image<std::uint32_t>& surfels = points.map->surfels;
   return {surfels.pixels().data(), points.statuses->pixels().data(), surfels.width(), surfels.height(),
           static_cast<float>(points.pose.scale)};
@@ -58,7 +58,7 @@ kernels::SurfelView view_of(const SurfelsFrom& points) {
 
 SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
                       const Executor& executor, double lens_distance) {
-  using kernels::HostMachine;
+  using kernels::HostViews;
   options.validate();
   check(window, current);
   const PlaneMap& map = *window[current].map;
@@ -69,7 +69,7 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   fused.surfels = Image<std::uint32_t>(map.width(), map.height());
   fused.details = Image<std::uint32_t>(map.width(), map.height());
   fused.statuses = Image<std::uint8_t>(map.width(), map.height());
-  kernels::FusePixels<HostMachine> stage{};
+  kernels::FusePixels<HostViews> stage{};
   stage.grid = grid.view();
   stage.limits = fusion_limits(options);
   stage.pose_error = static_cast<float>(window[current].pose_error);
@@ -77,8 +77,8 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
     const FusionMap& input = window[k];
     const Relation to = relation(input.pose, window[current].pose, 0.5 * lens_distance);
     colors.push_back(color_words(*input.color, executor));
-    const kernels::FusionView<HostMachine> view{view_of(*input.map, *input.confidence), colors.back().get(),
-                                                to.other_from_first, to.zoom};
+    const kernels::FusionView<HostViews> view{view_of(*input.map, *input.confidence), colors.back().get(),
+                                              to.other_from_first, to.scale_ratio};
     if (k == current) {
       stage.first = view;
       continue;
@@ -94,7 +94,7 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
 }
 
 Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& pose,
-                                      const std::vector<RangeMapFrom>& viewers, const FreeSpaceOptions& options,
+                                      const std::vector<PosedRangeMap>& viewers, const FreeSpaceOptions& options,
                                       const Executor& executor, double lens_distance) {
   options.validate();
   check_scale("free_space_filter: ", pose.scale);
@@ -111,7 +111,7 @@ Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& 
   stage.limits = free_space_limits(options);
   stage.max_contradiction = static_cast<float>(options.max_contradiction);
   stage.statuses = statuses.pixels().data();
-  for (const RangeMapFrom& viewer : viewers) {
+  for (const PosedRangeMap& viewer : viewers) {
     if (viewer.ranges == nullptr) throw InvalidInput("free_space_filter: a viewer lacks its range map");
     const Image<float>& nearest = viewer.ranges->nearest;
     if (2 * nearest.width() != width || 2 * nearest.height() != height) {
@@ -122,7 +122,7 @@ Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& 
     stage.viewers[stage.count++] = {
         {nearest.pixels().data(), viewer.ranges->farthest.pixels().data(), nearest.width(), nearest.height()},
         to.other_from_first,
-        to.zoom};
+        to.scale_ratio};
     from_viewers.push_back(relation(pose, viewer.pose, 0.5 * lens_distance).other_from_first);
   }
   if (!options.enabled) stage.count = 0;
@@ -132,8 +132,8 @@ Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& 
   return statuses;
 }
 
-Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<std::uint32_t>& candidates,
-                                    const std::vector<SurfelsFrom>& viewers, const FusionOptions& options,
+Image<std::uint8_t> duplicate_round(const PosedSurfels& reference, std::vector<std::uint32_t>& candidates,
+                                    const std::vector<PosedSurfels>& viewers, const FusionOptions& options,
                                     const Executor& executor, double lens_distance) {
   options.validate();
   check_count("duplicate_round", viewers.size());
@@ -149,13 +149,13 @@ Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<st
   stage.limits = duplicate_limits(options);
   stage.statuses = statuses.pixels().data();
   for (std::size_t k = 0; k < viewers.size(); ++k) {
-    const SurfelsFrom& viewer = viewers[k];
+    const PosedSurfels& viewer = viewers[k];
     ++stage.count;
     if (viewer.map == nullptr) continue;
     check_surfels("duplicate_round", viewer);
     if (!same_size(viewer.map->surfels, map.surfels)) throw InvalidInput("duplicate_round: maps differ in size");
     const Relation to = relation(viewer.pose, reference.pose, 0.5 * lens_distance);
-    stage.others[k] = {view_of(viewer), to.other_from_first, to.zoom, viewer.map->keyframe_id < map.keyframe_id};
+    stage.others[k] = {view_of(viewer), to.other_from_first, to.scale_ratio, viewer.map->keyframe_id < map.keyframe_id};
   }
   const CpuProcessor on(executor, width, height);
   DuplicateCandidates still{on.upload(candidates), candidates.size()};
@@ -164,7 +164,7 @@ Image<std::uint8_t> duplicate_round(const SurfelsFrom& reference, std::vector<st
   return statuses;
 }
 
-KeyframeCloud kept_points(const SurfelsFrom& points, double lens_distance) {
+KeyframeCloud extract_points(const PosedSurfels& points, double lens_distance) {
   check_surfels("kept_points", points);
   const SurfelMap& map = *points.map;
   const SphereGrid grid(map.surfels.width(), map.surfels.height());

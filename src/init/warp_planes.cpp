@@ -9,25 +9,25 @@ namespace pmsp {
 
 PlaneMap warp_planes(const PlaneMap& previous, const KeyframePose& pose, int width, int height,
                      const Executor& executor, double lens_distance) {
-  using kernels::HostMachine;
+  using kernels::HostViews;
   check_scale("warp_planes: ", previous.scale);
   check_scale("warp_planes: ", pose.scale);
   const SphereGrid from(previous.width(), previous.height());
   const CpuProcessor on(executor, width, height);
   const auto keys = on.keys();
   on.launch(
-      kernels::WarpPixels<HostMachine, HostKeys>{view_of(previous),
-                                                 from.view(),
-                                                 relation(pose, previous.pose(), 0.5 * lens_distance).other_from_first,
-                                                 width,
-                                                 height,
-                                                 {keys.get()}},
+      kernels::WarpPixels<HostViews, HostKeys>{view_of(previous),
+                                               from.view(),
+                                               relation(pose, previous.pose(), 0.5 * lens_distance).other_from_first,
+                                               width,
+                                               height,
+                                               {keys.get()}},
       nullptr);
   PlaneMap planes(width, height);
   planes.cam_from_world = pose.cam_from_world;
   planes.scale = pose.scale;
   on.launch(
-      kernels::PlanesOfKeys<HostMachine, kernels::WarpedPlanes<kernels::PlaneMapView>>{
+      kernels::PlanesOfKeys<HostViews, kernels::WarpedPlanes<kernels::PlaneMapView>>{
           {keys.get(), view_of(previous), relation(previous.pose(), pose, 0.5 * lens_distance).other_from_first},
           on.grid(),
           arrays_of(planes)},

@@ -127,7 +127,7 @@ ImageReader::Read ImageReader::next() {
   return read;
 }
 
-void ImageReader::let_go(ImageSource::Item item) {
+void ImageReader::release_async(ImageSource::Item item) {
   std::optional<ImageSource::Item> before;  // not yet picked up by the thread
   const std::lock_guard<std::mutex> lock(mutex_);
   before = std::exchange(done_, std::move(item));
@@ -146,7 +146,7 @@ ImageLoop::End ImageLoop::operator()() const {
     }
     if (!read.item) break;
     visit(end.images, read.keyframe);
-    images.let_go(std::move(*read.item));
+    images.release_async(std::move(*read.item));
     if (check) check();
   }
   if (end.images == 0) end.first_error = images.first_error();

@@ -70,7 +70,7 @@ class PMSP_API ImageReader {
   Read next();
 
   /// Releases the image's memory on the thread, since that takes time.
-  void let_go(ImageSource::Item item);
+  void release_async(ImageSource::Item item);
 
   /// See Decoder::first_error; valid after the last image.
   const std::string& first_error() const { return decoder_.first_error(); }

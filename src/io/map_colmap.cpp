@@ -23,31 +23,31 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kNoPoint = -1;
-constexpr int kForksOwn = 16;  ///< SPHERICAL before it got its number; COLMAP's own 16, EUCM, has 6 parameters
-constexpr int kSphere = 11;    ///< SphereSfM's SPHERE; COLMAP's own 11 has 16 parameters
+constexpr int kSphericalForkId = 16;  ///< SPHERICAL before it got its number; COLMAP's own 16, EUCM, has 6 parameters
+constexpr int kSphere = 11;           ///< SphereSfM's SPHERE; COLMAP's own 11 has 16 parameters
 /// COLMAP's models, by id.
-struct Kind {
+struct CameraModel {
   const char* name;
   int parameters;
 };
-constexpr std::array<Kind, 18> kKinds{{{"SIMPLE_PINHOLE", 3},
-                                       {"PINHOLE", 4},
-                                       {"SIMPLE_RADIAL", 4},
-                                       {"RADIAL", 5},
-                                       {"OPENCV", 8},
-                                       {"OPENCV_FISHEYE", 8},
-                                       {"FULL_OPENCV", 12},
-                                       {"FOV", 5},
-                                       {"SIMPLE_RADIAL_FISHEYE", 4},
-                                       {"RADIAL_FISHEYE", 5},
-                                       {"THIN_PRISM_FISHEYE", 12},
-                                       {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
-                                       {"SIMPLE_DIVISION", 4},
-                                       {"DIVISION", 5},
-                                       {"SIMPLE_FISHEYE", 3},
-                                       {"FISHEYE", 4},
-                                       {"EUCM", 6},
-                                       {"EQUIRECTANGULAR", 2}}};
+constexpr std::array<CameraModel, 18> kKinds{{{"SIMPLE_PINHOLE", 3},
+                                              {"PINHOLE", 4},
+                                              {"SIMPLE_RADIAL", 4},
+                                              {"RADIAL", 5},
+                                              {"OPENCV", 8},
+                                              {"OPENCV_FISHEYE", 8},
+                                              {"FULL_OPENCV", 12},
+                                              {"FOV", 5},
+                                              {"SIMPLE_RADIAL_FISHEYE", 4},
+                                              {"RADIAL_FISHEYE", 5},
+                                              {"THIN_PRISM_FISHEYE", 12},
+                                              {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
+                                              {"SIMPLE_DIVISION", 4},
+                                              {"DIVISION", 5},
+                                              {"SIMPLE_FISHEYE", 3},
+                                              {"FISHEYE", 4},
+                                              {"EUCM", 6},
+                                              {"EQUIRECTANGULAR", 2}}};
 
 struct Model {
   SlamMap map;
@@ -92,9 +92,9 @@ void add_camera(Model& model, std::uint32_t id, const std::string& kind, double 
 }
 
 /// The keyframe that an image gives, without observations; nullopt for one of another camera.
-std::optional<MapKeyframe> keyframe_of(Model& model, std::uint32_t id, const std::array<double, 4>& wxyz,
-                                       const Eigen::Vector3d& translation, std::uint32_t camera,
-                                       const std::string& name, const fs::path& path, const std::string& where) {
+std::optional<MapKeyframe> parse_keyframe(Model& model, std::uint32_t id, const std::array<double, 4>& wxyz,
+                                          const Eigen::Vector3d& translation, std::uint32_t camera,
+                                          const std::string& name, const fs::path& path, const std::string& where) {
   const auto found = model.cameras.find(camera);
   if (found == model.cameras.end()) {
     fail(path, where,
@@ -141,7 +141,7 @@ void read_images_text(Model& model, const fs::path& path) {
     for (double& value : translation) value = in.number_or_nan("the translation");
     const auto camera = in.number<std::uint32_t>("the camera's id");
     const std::string name = in.rest("the image's name");
-    std::optional<MapKeyframe> keyframe = keyframe_of(model, id, wxyz, translation, camera, name, path, in.here());
+    std::optional<MapKeyframe> keyframe = parse_keyframe(model, id, wxyz, translation, camera, name, path, in.here());
     if (!in.next_line()) in.refuse("the line with the observations of image " + std::to_string(id) + " is missing");
     while (keyframe && !in.at_end()) {
       const auto x = in.number("an observation's x");
@@ -174,11 +174,11 @@ void read_points_text(Model& model, const fs::path& path) {
 
 /// The kind of all cameras of a file, of which the first has the id. Models of forks took numbers that COLMAP has given
 /// to others since: the file's length tells which is meant.
-Kind kind_of(int id, BinaryInput& in, std::uint64_t cameras) {
+CameraModel camera_model_of(int id, BinaryInput& in, std::uint64_t cameras) {
   constexpr std::uint64_t kFixed = 4 + 4 + 8 + 8;
   const std::uint64_t each = in.size() > 8 && cameras > 0 ? (in.size() - 8) / cameras : 0;
   const auto length_says = [&](std::uint64_t count) { return each == kFixed + 8 * count; };
-  if (id == kForksOwn && length_says(2)) return {"SPHERICAL", 2};
+  if (id == kSphericalForkId && length_says(2)) return {"SPHERICAL", 2};
   if (id == kSphere && length_says(3)) return {"SPHERE", 3};
   if (id >= 0 && id < static_cast<int>(kKinds.size())) return kKinds[static_cast<std::size_t>(id)];
   in.refuse("the camera's model is " + std::to_string(id) + ", expected 0 to 17");
@@ -189,7 +189,7 @@ void read_cameras_binary(Model& model, const fs::path& path) {
   const std::uint64_t count = in.count("cameras", 24);
   for (std::uint64_t i = 0; i < count; ++i) {
     const auto id = in.number<std::uint32_t>();
-    const Kind kind = kind_of(in.number<std::int32_t>(), in, count);
+    const CameraModel kind = camera_model_of(in.number<std::int32_t>(), in, count);
     const auto width = static_cast<double>(in.number<std::uint64_t>());
     const auto height = static_cast<double>(in.number<std::uint64_t>());
     std::vector<double> parameters(static_cast<std::size_t>(kind.parameters));
@@ -210,7 +210,7 @@ void read_images_binary(Model& model, const fs::path& path) {
     for (double& value : translation) value = in.number<double>();
     const auto camera = in.number<std::uint32_t>();
     const std::string name = in.text();
-    std::optional<MapKeyframe> keyframe = keyframe_of(model, id, wxyz, translation, camera, name, path, in.here());
+    std::optional<MapKeyframe> keyframe = parse_keyframe(model, id, wxyz, translation, camera, name, path, in.here());
     const std::uint64_t observations = in.count("observations", 3 * 8);
     for (std::uint64_t k = 0; k < observations; ++k) {
       const auto x = in.number<double>();

@@ -81,9 +81,9 @@ RigidTransform checked_pose(const RawMap& raw, const RawKeyframe& keyframe, int 
 void leave_out(RawMap& raw, SlamMap& map) {
   std::vector<RawKeyframe>& keyframes = raw.keyframes;
   const auto poses = std::remove_if(keyframes.begin(), keyframes.end(), [](const RawKeyframe& k) {
-    return is_lost(k.rotation_xyzw) || !k.translation.allFinite();
+    return is_invalid_pose(k.rotation_xyzw) || !k.translation.allFinite();
   });
-  note_lost_poses(map, static_cast<std::size_t>(keyframes.end() - poses));
+  note_invalid_poses(map, static_cast<std::size_t>(keyframes.end() - poses));
   if (poses == keyframes.begin() && !keyframes.empty()) {
     fail(raw.path, "keyframes",
          "none of the " + std::to_string(keyframes.size()) + " keyframes has a valid pose; " + map.notes.back());
@@ -91,7 +91,7 @@ void leave_out(RawMap& raw, SlamMap& map) {
   keyframes.erase(poses, keyframes.end());
   const auto points = std::remove_if(raw.landmarks.begin(), raw.landmarks.end(),
                                      [](const MapLandmark& l) { return !l.position_world.allFinite(); });
-  note_lost_points(map, static_cast<std::size_t>(raw.landmarks.end() - points));
+  note_invalid_points(map, static_cast<std::size_t>(raw.landmarks.end() - points));
   if (points == raw.landmarks.begin() && !raw.landmarks.empty()) {
     fail(raw.path, "landmarks",
          "none of the " + std::to_string(raw.landmarks.size()) + " landmarks is at a finite position");

@@ -35,7 +35,7 @@ bool is_panorama(const std::string& projection) { return projection == "spherica
 
 Eigen::Matrix3d rotation_of(const JsonValue& value) {
   const Eigen::Vector3d turn = value.vector3();
-  if (!turn.allFinite()) return lost_rotation();
+  if (!turn.allFinite()) return invalid_rotation();
   const double angle = turn.norm();
   const Eigen::Matrix3d rotation =
       angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();

@@ -71,18 +71,18 @@ void sort_cameras(SlamMap& map) {
 }
 
 /// Drops lost poses: NaN, or quaternions of norm 0.
-void leave_out_lost(SlamMap& map) {
+void drop_invalid_poses(SlamMap& map) {
   const auto poses = std::remove_if(map.keyframes.begin(), map.keyframes.end(), [](const MapKeyframe& k) {
     return !k.cam_from_world.rotation.allFinite() || !k.cam_from_world.translation.allFinite();
   });
-  note_lost_poses(map, static_cast<std::size_t>(map.keyframes.end() - poses));
+  note_invalid_poses(map, static_cast<std::size_t>(map.keyframes.end() - poses));
   map.keyframes.erase(poses, map.keyframes.end());
   const auto points = std::remove_if(map.landmarks.begin(), map.landmarks.end(),
                                      [](const MapLandmark& l) { return !l.position_world.allFinite(); });
   if (points == map.landmarks.begin() && !map.landmarks.empty()) {
     fail(map.path, "", "none of its " + std::to_string(map.landmarks.size()) + " points is at a finite position");
   }
-  note_lost_points(map, static_cast<std::size_t>(map.landmarks.end() - points));
+  note_invalid_points(map, static_cast<std::size_t>(map.landmarks.end() - points));
   map.landmarks.erase(points, map.landmarks.end());
 }
 
@@ -123,14 +123,14 @@ void sort_keyframes(SlamMap& map) {
   check_images_once(map, map.path);
 }
 
-void sift_observations(SlamMap& map) {
-  LandmarkFilter sieve(map);
+void filter_observations(SlamMap& map) {
+  LandmarkFilter filter(map);
   for (MapKeyframe& keyframe : map.keyframes) {
-    sieve.begin_keyframe();
+    filter.begin_keyframe();
     const MapCamera& camera = map.cameras[static_cast<std::size_t>(keyframe.camera)];
     std::size_t kept = 0;
     for (const MapObservation& observation : keyframe.observations) {
-      if (sieve.pass(observation.landmark_id) == nullptr) continue;
+      if (filter.pass(observation.landmark_id) == nullptr) continue;
       const float x = observation.pixel.x();
       const float y = observation.pixel.y();
       const auto width = static_cast<float>(camera.width);
@@ -188,7 +188,7 @@ Eigen::Matrix3d canonical_rotation(const std::array<double, 4>& xyzw, double nor
 Eigen::Matrix3d rotation_from_quaternion(const std::array<double, 4>& q, const std::filesystem::path& path,
                                          const std::string& where, std::size_t& unnormalised) {
   const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  if (is_lost(q)) return lost_rotation();
+  if (is_invalid_pose(q)) return invalid_rotation();
   if (norm < 0.5 || norm > 2.0) {
     fail(path, where,
          "the quaternion (x, y, z, w) = (" + shown(q[0]) + ", " + shown(q[1]) + ", " + shown(q[2]) + ", " +
@@ -200,7 +200,7 @@ Eigen::Matrix3d rotation_from_quaternion(const std::array<double, 4>& q, const s
 
 Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::filesystem::path& path,
                                      const std::string& where) {
-  if (!matrix.allFinite() || matrix.isZero(0.0)) return lost_rotation();
+  if (!matrix.allFinite() || matrix.isZero(0.0)) return invalid_rotation();
   const double error = (matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(error <= 1e-3)) {  // true for NaN
     fail(path, where,
@@ -218,13 +218,13 @@ void note_unnormalised(SlamMap& map, std::size_t count) {
   if (count > 0) map.notes.push_back("quaternions that were not of length 1, normalised: " + std::to_string(count));
 }
 
-void note_lost_poses(SlamMap& map, std::size_t count) {
+void note_invalid_poses(SlamMap& map, std::size_t count) {
   if (count == 0) return;
   map.notes.push_back("keyframes left out, whose poses are lost (not finite, or a quaternion of length 0): " +
                       std::to_string(count));
 }
 
-void note_lost_points(SlamMap& map, std::size_t count) {
+void note_invalid_points(SlamMap& map, std::size_t count) {
   if (count > 0) map.notes.push_back("points left out, whose positions are not finite: " + std::to_string(count));
 }
 
@@ -359,11 +359,11 @@ void round_camera_sizes(SlamMap& map) {
 }
 
 SlamMap finish_scene(SlamMap&& map) {
-  leave_out_lost(map);
+  drop_invalid_poses(map);
   sort_keyframes(map);
   sort_cameras(map);
   sort_landmarks(map);
-  sift_observations(map);
+  filter_observations(map);
   round_camera_sizes(map);
   if (map.component_keyframes.empty()) map.component_keyframes = {map.keyframes.size()};
   return std::move(map);

@@ -39,26 +39,28 @@ constexpr int kMaxImageWidth = 1 << 16;
 Eigen::Matrix3d canonical_rotation(const std::array<double, 4>& xyzw, double norm);
 
 /// NaN, marks a lost pose, whose keyframe finish_scene drops.
-inline Eigen::Matrix3d lost_rotation() { return Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN()); }
+inline Eigen::Matrix3d invalid_rotation() {
+  return Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN());
+}
 
 /// True if the values of a pose are not finite or all zero.
 template <class Values>
-bool is_lost(const Values& values) {
+bool is_invalid_pose(const Values& values) {
   double squares = 0.0;
   for (const double value : values) squares += value * value;
   return !std::isfinite(squares) || squares == 0.0;
 }
 
-/// canonical_rotation of the file's values; lost_rotation if is_lost. Throws InvalidInput unless the quaternion has
-/// norm 0.5 to 2, or the matrix is a rotation within 0.001. `unnormalised`: counts quaternions whose norm deviates from
-/// 1 by more than 0.001.
+/// canonical_rotation of the file's values; invalid_rotation if is_invalid_pose. Throws InvalidInput unless the
+/// quaternion has norm 0.5 to 2, or the matrix is a rotation within 0.001. `unnormalised`: counts quaternions whose
+/// norm deviates from 1 by more than 0.001.
 Eigen::Matrix3d rotation_from_quaternion(const std::array<double, 4>& xyzw, const std::filesystem::path& path,
                                          const std::string& where, std::size_t& unnormalised);
 Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::filesystem::path& path,
                                      const std::string& where);
 void note_unnormalised(SlamMap& map, std::size_t count);
-void note_lost_poses(SlamMap& map, std::size_t count);
-void note_lost_points(SlamMap& map, std::size_t count);
+void note_invalid_poses(SlamMap& map, std::size_t count);
+void note_invalid_points(SlamMap& map, std::size_t count);
 
 /// Returns a file's image name as a path inside the image folder, "left/0001.jpg": slashes for backslashes, without
 /// drive, leading separators and "..". Throws InvalidInput if nothing remains.

@@ -216,8 +216,8 @@ MaskSummary MaskSource::look(const std::vector<fs::path>& images, int width, int
   std::vector<fs::path> masked;
   for (const fs::path& image : images) {
     const auto named = impl_->options.named.find(image);
-    const bool is_lost = named != impl_->options.named.end() && !is_file(named->second);
-    if (is_lost && summary.named_missing++ == 0) summary.first_missing = named->second;
+    const bool is_invalid_pose = named != impl_->options.named.end() && !is_file(named->second);
+    if (is_invalid_pose && summary.named_missing++ == 0) summary.first_missing = named->second;
     if (!has_mask(image)) continue;
     masked.push_back(image);
     const fs::path file = file_for(image);

@@ -140,7 +140,7 @@ Mission::ImageCheck Mission::check_images() const {
       check.height = read.keyframe.image.height;
     }
     const bool is_clear = !check.pairing || (check.pairing->conclusive && !check.pairing->doubtful);
-    reader.let_go(*std::move(read.item));
+    reader.release_async(*std::move(read.item));
     if (is_clear && count >= kClearImages) return check;
   }
   if (check.width == 0 && !reader.first_error().empty()) {

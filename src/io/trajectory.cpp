@@ -161,7 +161,7 @@ std::optional<double> steadiness(const std::vector<Row>& rows, const Columns& co
   const Row* before = nullptr;
   for (const Row& row : rows) {
     const std::array<double, 4> q = quaternion_of(row, columns.rotation);
-    if (is_lost(q)) continue;
+    if (is_invalid_pose(q)) continue;
     if (before != nullptr) {
       Eigen::Vector3d step;
       for (std::size_t i = 0; i < 3; ++i) {
@@ -193,7 +193,7 @@ bool is_upright(const std::vector<Row>& rows, const Columns& columns) {
   std::size_t poses = 0;
   for (const Row& row : rows) {
     const std::array<double, 4> q = quaternion_of(row, columns.rotation);
-    if (is_lost(q)) continue;
+    if (is_invalid_pose(q)) continue;
     down += Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized() * Eigen::Vector3d::UnitY();
     ++poses;
   }
@@ -209,8 +209,8 @@ bool is_w_first(const std::vector<Row>& rows, bool likely, std::string& why) {
   constexpr double kSteadier = 0.25;
   Columns w_last, w_first;
   w_first.rotation = kWFirst;
-  const auto first = std::find_if(rows.begin(), rows.end(),
-                                  [&](const Row& row) { return !is_lost(quaternion_of(row, w_last.rotation)); });
+  const auto first = std::find_if(
+      rows.begin(), rows.end(), [&](const Row& row) { return !is_invalid_pose(quaternion_of(row, w_last.rotation)); });
   if (first == rows.end()) return likely;
   const auto is_usual = [&](const Columns& columns) {
     return angle_of(*first, columns) < kUnturned || is_upright(rows, columns);
@@ -240,7 +240,7 @@ bool are_nanoseconds(const std::vector<Row>& rows, std::size_t column) {
   return !steps.empty() && median(steps) >= kMillisecond;
 }
 
-RigidTransform lost_pose() { return {lost_rotation(), Eigen::Vector3d::Constant(std::nan(""))}; }
+RigidTransform lost_pose() { return {invalid_rotation(), Eigen::Vector3d::Constant(std::nan(""))}; }
 
 Trajectory read_matrices(const std::vector<Row>& rows, const std::filesystem::path& path) {
   Trajectory result;

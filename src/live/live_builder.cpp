@@ -111,7 +111,7 @@ std::int64_t LiveBuilder::pending() const {
 }
 
 /// Returns the index of a used keyframe in its sequence.
-std::size_t LiveBuilder::place_of(const LiveNode& node) const {
+std::size_t LiveBuilder::index_of(const LiveNode& node) const {
   const Sequence& sequence = sequences_.at(node.map_id);
   return static_cast<std::size_t>(std::lower_bound(sequence.begin(), sequence.end(), node.id) - sequence.begin());
 }
@@ -120,7 +120,7 @@ std::size_t LiveBuilder::place_of(const LiveNode& node) const {
 /// only those with a depth map.
 std::vector<LiveNode*> LiveBuilder::around(const LiveNode& node, std::size_t reach, bool with_depth) {
   const Sequence& sequence = sequences_.at(node.map_id);
-  const std::size_t place = place_of(node);
+  const std::size_t place = index_of(node);
   std::vector<LiveNode*> result;
   for (std::size_t i = place > reach ? place - reach : 0; i < std::min(sequence.size(), place + reach + 1); ++i) {
     LiveNode& other = nodes_.at(sequence[i]);
@@ -282,7 +282,7 @@ void LiveBuilder::invalidate(LiveNode& node, LiveCause cause) {
       node.stale.duplicates = node.stale.duplicates || published;
       break;
     case LiveCause::kLenses:
-      node.filtered_made = node.fused_made = 0;
+      node.filtered_version = node.fused_version = 0;
       node.stale.points = true;
       if (!can_match(node)) break;
       node.stale.planes_px = node.deferred_px = 0.0;
@@ -297,15 +297,15 @@ void LiveBuilder::depth_map_changed(const LiveNode& node) {
   for (LiveNode* other : around(node, reach_.points, true)) invalidate(*other, LiveCause::kDepthMap);
 }
 
-LiveInput LiveBuilder::input(const LiveNode& other, const LiveNode& own, std::uint64_t made) const {
-  return {other.id, made, other.pose, own.pose};
+LiveInput LiveBuilder::input(const LiveNode& other, const LiveNode& own, std::uint64_t version) const {
+  return {other.id, version, other.pose, own.pose};
 }
 
 /// Whether inputs were replaced or have moved.
 bool LiveBuilder::is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const {
   if (then.size() != now.size()) return true;
   for (std::size_t i = 0; i < then.size(); ++i) {
-    if (then[i].id != now[i].id || then[i].made != now[i].made) return true;
+    if (then[i].id != now[i].id || then[i].version != now[i].version) return true;
     if (moved_px(then[i], now[i].other, now[i].own, node.range, densifier_.width) > kMaxInputMove) return true;
   }
   return false;
@@ -421,7 +421,7 @@ bool LiveBuilder::needs_rematch(const LiveNode& node) const {
 
 /// Returns the previous keyframe of its sequence; nullptr for the first one.
 const LiveNode* LiveBuilder::previous_of(const LiveNode& node) const {
-  const std::size_t place = place_of(node);
+  const std::size_t place = index_of(node);
   return place > 0 ? find(sequences_.at(node.map_id)[place - 1]) : nullptr;
 }
 
@@ -465,7 +465,7 @@ void LiveBuilder::match(LiveNode& node) {
                                               [&](const LiveNode* near) { return near->stale.planes_px <= far; });
   for (const LiveNode* near : neighbours) {
     task.neighbours.push_back(near->frame.get());
-    inputs.push_back(input(*near, node, near->planes_made));
+    inputs.push_back(input(*near, node, near->planes_version));
   }
   const bool in_between = node.needs_photometric_pass(far);
   if (in_between) node.deferred_px = node.stale.planes_px;
@@ -477,13 +477,13 @@ void LiveBuilder::match(LiveNode& node) {
     if (previous != nullptr && previous->has_map() && !restarts(*previous)) task.previous = previous->frame.get();
   }
   task.pass = std::min(node.passes, std::max(1, full_ - 1));
-  task.draft = node.passes + 1 < std::min(kLevels[0], full_);
+  task.skip_weighted_median = node.passes + 1 < std::min(kLevels[0], full_);
   engine_->match(task);
   if (!node.frame->matched) return;  // cancelled
   ++stats_.passes;
   node.last_pass_photometric = in_between;
   if (!in_between) ++node.passes;
-  node.planes_made = ++results_made_;
+  node.planes_version = ++last_result_;
   if (photometric) {
     node.matched = std::move(inputs);
     node.stale.planes_px = 0.0;
@@ -493,16 +493,16 @@ void LiveBuilder::match(LiveNode& node) {
 
 void LiveBuilder::filter(LiveNode& node) {
   std::vector<const Engine::Frame*> others;
-  LiveInputs inputs{input(node, node, node.planes_made)};
+  LiveInputs inputs{input(node, node, node.planes_version)};
   for (const LiveNode* other : around(node, reach_.consistency, true)) {
     if (other == &node) continue;
     others.push_back(other->frame.get());
-    inputs.push_back(input(*other, node, other->planes_made));
+    inputs.push_back(input(*other, node, other->planes_version));
   }
-  if (node.filtered_made != 0 && !is_outdated(node, node.filtered, inputs)) return;
+  if (node.filtered_version != 0 && !is_outdated(node, node.filtered, inputs)) return;
   engine_->filter(*node.frame, others);
   node.filtered = std::move(inputs);
-  node.filtered_made = ++results_made_;
+  node.filtered_version = ++last_result_;
 }
 
 void LiveBuilder::fuse(LiveNode& node) {
@@ -511,14 +511,14 @@ void LiveBuilder::fuse(LiveNode& node) {
   std::vector<const Engine::Frame*> frames;
   for (LiveNode* other : window) {
     filter(*other);
-    inputs.push_back(input(*other, node, other->filtered_made));
+    inputs.push_back(input(*other, node, other->filtered_version));
     frames.push_back(other->frame.get());
   }
-  if (node.fused_made != 0 && !is_outdated(node, node.fused, inputs)) return;
+  if (node.fused_version != 0 && !is_outdated(node, node.fused, inputs)) return;
   const auto current = std::find(window.begin(), window.end(), &node);
   engine_->fuse(*node.frame, frames, static_cast<std::size_t>(current - window.begin()));
   node.fused = std::move(inputs);
-  node.fused_made = ++results_made_;
+  node.fused_version = ++last_result_;
 }
 
 // ---- memory ----

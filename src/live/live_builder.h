@@ -164,7 +164,7 @@ class LiveBuilder {
   std::vector<LiveNode*> with_depth(const Ids& ids, std::int64_t map_id);
 
   bool is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const;
-  LiveInput input(const LiveNode& other, const LiveNode& own, std::uint64_t made) const;
+  LiveInput input(const LiveNode& other, const LiveNode& own, std::uint64_t version) const;
 
   // Memory.
   void set_size(int image_width, int image_height);
@@ -176,7 +176,7 @@ class LiveBuilder {
   LiveNode* find(std::int64_t id);
   const LiveNode* find(std::int64_t id) const;
   std::int64_t pending() const;  ///< number of pending keyframes
-  std::size_t place_of(const LiveNode& node) const;
+  std::size_t index_of(const LiveNode& node) const;
   std::vector<LiveNode*> around(const LiveNode& node, std::size_t reach, bool with_depth);
 
   LiveOptions options_;
@@ -205,7 +205,7 @@ class LiveBuilder {
   Dropped dropped_;
   std::map<std::int64_t, std::int64_t> last_arrivals_;  ///< `arrivals_` at the newest keyframe, by map
   std::int64_t arrivals_ = 0;
-  std::uint64_t results_made_ = 0;
+  std::uint64_t last_result_ = 0;
   bool finishing_ = false;
   bool moved_ = false;  ///< poses have changed since detect_moves
   LiveStats stats_;

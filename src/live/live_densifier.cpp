@@ -360,7 +360,7 @@ struct LiveDensifier::Impl {
       const std::lock_guard<std::mutex> lock(state_mutex_);
       settle_locked();
       if (tracker_.serial_of(cloud.keyframe_id) != serial) return;
-      map_.publish(tracker_.place_of(cloud.keyframe_id), std::move(copy), preliminary);
+      map_.publish(tracker_.pose_of(cloud.keyframe_id), std::move(copy), preliminary);
       version = map_.version();
     }
     if (callbacks_.changed) call([&] { callbacks_.changed(version); });

@@ -114,7 +114,7 @@ bool LiveMap::was_there(std::int64_t id, LiveVersion at) const {
   const auto gone = gone_.find(id);
   if (gone == gone_.end()) return false;
   return std::any_of(gone->second.begin(), gone->second.end(),
-                     [&](const Stay& stay) { return stay.since <= at && at < stay.until; });
+                     [&](const VersionInterval& stay) { return stay.since <= at && at < stay.until; });
 }
 
 }  // namespace pmsp

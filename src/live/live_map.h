@@ -52,17 +52,17 @@ class PMSP_API LiveMap {
   };
 
   /// Versions that added and removed a keyframe.
-  struct Stay {
+  struct VersionInterval {
     LiveVersion since, until;
   };
   bool was_there(std::int64_t id, LiveVersion at) const;
 
   mutable std::mutex mutex_;
   LiveVersion version_ = 0;
-  LiveVersion began_ = 0;                                 ///< version of the last reset
-  std::map<std::int64_t, Entry> entries_;                 ///< by keyframe
-  std::map<std::int64_t, std::vector<Stay>> gone_;        ///< by keyframe, since the last reset
-  mutable std::shared_ptr<const LiveSnapshot> snapshot_;  ///< cached, nullptr or possibly outdated
+  LiveVersion began_ = 0;                                      ///< version of the last reset
+  std::map<std::int64_t, Entry> entries_;                      ///< by keyframe
+  std::map<std::int64_t, std::vector<VersionInterval>> gone_;  ///< by keyframe, since the last reset
+  mutable std::shared_ptr<const LiveSnapshot> snapshot_;       ///< cached, nullptr or possibly outdated
 };
 
 }  // namespace pmsp

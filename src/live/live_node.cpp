@@ -12,7 +12,7 @@ Keyframe LiveNode::keyframe() const {
   keyframe.cam_from_world = pose.cam_from_world;
   keyframe.scale = pose.scale;
   keyframe.pose_error = pose_error;
-  keyframe.landmarks = seen;
+  keyframe.landmarks = landmarks_cam;
   const RigidTransform world_from_cam = pose.cam_from_world.inverse();
   for (Landmark& landmark : keyframe.landmarks) {
     landmark.position_world = world_from_cam * (pose.scale * landmark.position_world);
@@ -30,10 +30,10 @@ Keyframe LiveNode::keyframe(const Image<std::uint8_t>* mask, Image<Rgb>& convert
 }
 
 void LiveNode::take_landmarks(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world) {
-  seen = landmarks;
+  landmarks_cam = landmarks;
   std::vector<double> ranges;
-  ranges.reserve(seen.size());
-  for (Landmark& landmark : seen) {
+  ranges.reserve(landmarks_cam.size());
+  for (Landmark& landmark : landmarks_cam) {
     landmark.position_world = (cam_from_world * landmark.position_world) / pose.scale;
     ranges.push_back(landmark.position_world.norm());
   }

@@ -18,8 +18,8 @@ namespace pmsp {
 
 /// Input of a result: another keyframe's result, and the poses of both keyframes at that time.
 struct LiveInput {
-  std::int64_t id;     ///< of the other keyframe
-  std::uint64_t made;  ///< number of its result, see LiveNode::planes_made
+  std::int64_t id;        ///< of the other keyframe
+  std::uint64_t version;  ///< number of its result, see LiveNode::planes_version
   KeyframePose other, own;
 };
 using LiveInputs = std::vector<LiveInput>;
@@ -75,8 +75,8 @@ struct LiveNode {
   double pose_error = 0.0;                          ///< see Keyframe
   std::shared_ptr<const Image<float>> prior_depth;  ///< released with `image`; nullptr = none
   std::unique_ptr<Engine::Frame> preview;           ///< of LivePreview's engine; nullptr unless it is one of the newest
-  std::vector<Landmark> seen;  ///< observed landmarks [camera frame, keyframe's unit], independent of the pose
-  double range = 0.0;          ///< median distance of these [keyframe's unit]; 0 = no landmarks
+  std::vector<Landmark> landmarks_cam;  ///< observed landmarks [camera frame, keyframe's unit], independent of the pose
+  double range = 0.0;                   ///< median distance of these [keyframe's unit]; 0 = no landmarks
 
   // Stability of the pose.
   int newer = 0;                                     ///< number of keyframes added to its map since
@@ -96,9 +96,9 @@ struct LiveNode {
   double deferred_px = 0.0;            ///< displacement at the last photometric pass in between [px]
   bool last_pass_photometric = false;  ///< the last pass was a photometric one in between
   bool restarted = false;              ///< all passes are run again
-  std::uint64_t planes_made = 0;       ///< numbers of results, increasing over all keyframes; 0 = none
-  std::uint64_t filtered_made = 0;
-  std::uint64_t fused_made = 0;
+  std::uint64_t planes_version = 0;    ///< numbers of results, increasing over all keyframes; 0 = none
+  std::uint64_t filtered_version = 0;
+  std::uint64_t fused_version = 0;
   LiveInputs matched;  ///< inputs of the last photometric pass
   /// Inputs of the consistency filter, of fusion, and of the points (viewers and duplicate views).
   LiveInputs filtered, fused, tested;
@@ -114,7 +114,7 @@ struct LiveNode {
     return phase == LivePhase::kSelected || (phase == LivePhase::kMatching && passes == 0);
   }
   bool used() const { return phase != LivePhase::kPending; }
-  bool has_map() const { return planes_made != 0 && frame; }  ///< has a depth map
+  bool has_map() const { return planes_version != 0 && frame; }  ///< has a depth map
 
   /// Whether its next pass must be photometric, since its map is from before a move by more than `tolerance_px`. Not
   /// twice in a row, nor before the two passes of the first points.

@@ -22,7 +22,7 @@ int LiveBuilder::shared_level_of(const LiveNode& node) const {
   if (!node.has_map()) return 0;
   const std::size_t reach = reach_.points;
   const Sequence& sequence = sequences_.at(node.map_id);
-  const std::size_t place = place_of(node);
+  const std::size_t place = index_of(node);
   if (!has_ended(node.map_id) && place + reach >= sequence.size()) return 0;
   int level = level_of(node);
   for (std::size_t i = place > reach ? place - reach : 0; i < std::min(sequence.size(), place + reach + 1); ++i) {
@@ -154,10 +154,10 @@ void LiveBuilder::publish_points(const Ids& ids, bool wide) {
   for (int round = 0; round < rounds; ++round) {
     std::vector<LiveNode*> more = levels.back();
     for (const LiveNode* node : levels.back()) {
-      for (LiveNode* owner : with_depth(node->duplicate_views, node->map_id)) {
-        if (!there.insert(owner->id).second) continue;
-        if (owner->duplicate_views.empty()) choose_test_views(*owner);
-        more.push_back(owner);
+      for (LiveNode* view : with_depth(node->duplicate_views, node->map_id)) {
+        if (!there.insert(view->id).second) continue;
+        if (view->duplicate_views.empty()) choose_test_views(*view);
+        more.push_back(view);
       }
     }
     levels.push_back(std::move(more));
@@ -174,8 +174,8 @@ void LiveBuilder::publish_points(const Ids& ids, bool wide) {
   for (int round = 1; round <= rounds; ++round) {
     for (LiveNode* node : levels[static_cast<std::size_t>(rounds - round)]) {
       std::vector<const Engine::Frame*> duplicate_views;
-      for (const LiveNode* owner : with_depth(node->duplicate_views, node->map_id))
-        duplicate_views.push_back(owner->frame.get());
+      for (const LiveNode* view : with_depth(node->duplicate_views, node->map_id))
+        duplicate_views.push_back(view->frame.get());
       engine_->remove_duplicates(*node->frame, nearest_first(*node->frame, std::move(duplicate_views)), round);
     }
   }

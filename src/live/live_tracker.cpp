@@ -20,7 +20,7 @@ constexpr double kFar = 0.02;
 
 }  // namespace
 
-LiveMove LiveTracker::place_of(std::int64_t id) const {
+LiveMove LiveTracker::pose_of(std::int64_t id) const {
   const Track& track = tracks_.at(id);
   return {id, track.now, track.map_id};
 }
@@ -60,9 +60,9 @@ void LiveTracker::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
   track.serial = serial;
   Sequence& sequence = sequences_[keyframe.map_id];
   sequence.insert(place(sequence, keyframe.id), {keyframe.id, &track});
-  track.now = track.agreed = {keyframe.cam_from_world, 1.0};
-  track.map_id = track.agreed_map_id = keyframe.map_id;
-  track.ranges = track.agreed_ranges = ranges_of(keyframe.landmarks, keyframe.cam_from_world);
+  track.now = track.reference = {keyframe.cam_from_world, 1.0};
+  track.map_id = track.reference_map_id = keyframe.map_id;
+  track.ranges = track.reference_ranges = ranges_of(keyframe.landmarks, keyframe.cam_from_world);
 }
 
 void LiveTracker::erase(std::int64_t id) {
@@ -90,7 +90,7 @@ void LiveTracker::forget_landmarks(std::int64_t id) {
   if (found == tracks_.end()) return;
   found->second.stores_ranges = false;
   std::vector<Range>().swap(found->second.ranges);
-  std::vector<Range>().swap(found->second.agreed_ranges);
+  std::vector<Range>().swap(found->second.reference_ranges);
 }
 
 /// Stores the current ranges, of the landmarks of the reference state if half of them are still observed.
@@ -101,17 +101,18 @@ void LiveTracker::measure_ranges(Track& track, const LiveKeyframe& keyframe) {
   const Eigen::Vector3d center = keyframe.cam_from_world.center();
   std::bitset<1024> known;  // rejects most other landmarks quickly
   const auto bit = [&](std::int64_t id) { return static_cast<std::size_t>(id) % known.size(); };
-  for (const Range& range : track.agreed_ranges) known.set(bit(range.landmark));
+  for (const Range& range : track.reference_ranges) known.set(bit(range.landmark));
   for (const Landmark& landmark : keyframe.landmarks) {
     if (!known.test(bit(landmark.id))) continue;
-    const auto at = std::lower_bound(track.agreed_ranges.begin(), track.agreed_ranges.end(), landmark.id,
+    const auto at = std::lower_bound(track.reference_ranges.begin(), track.reference_ranges.end(), landmark.id,
                                      [](const Range& range, std::int64_t id) { return range.landmark < id; });
-    if (at == track.agreed_ranges.end() || at->landmark != landmark.id) continue;
+    if (at == track.reference_ranges.end() || at->landmark != landmark.id) continue;
     seen.push_back({landmark.id, (landmark.position_world - center).norm()});
   }
   std::sort(seen.begin(), seen.end(), [](const Range& a, const Range& b) { return a.landmark < b.landmark; });
-  track.ranges = seen.size() * 2 >= track.agreed_ranges.size() ? std::move(seen)
-                                                               : ranges_of(keyframe.landmarks, keyframe.cam_from_world);
+  track.ranges = seen.size() * 2 >= track.reference_ranges.size()
+                     ? std::move(seen)
+                     : ranges_of(keyframe.landmarks, keyframe.cam_from_world);
 }
 
 std::vector<LiveMove> LiveTracker::move(const std::vector<LiveKeyframe>& keyframes) {
@@ -153,12 +154,12 @@ std::vector<LiveMove> LiveTracker::move(const std::vector<LiveKeyframe>& keyfram
 /// Whether the keyframe has moved too far from its reference state.
 bool LiveTracker::has_moved_away(const Track& track) {
   double range = 0.0;
-  if (track.agreed_map_id != track.map_id) return true;
+  if (track.reference_map_id != track.map_id) return true;
   if (!track.stores_ranges) return false;
-  for (const Range& known : track.agreed_ranges) range += known.range;
-  if (track.agreed_ranges.empty() || !(range > 0.0)) return true;
-  range /= static_cast<double>(track.agreed_ranges.size());
-  return (track.now.cam_from_world.center() - track.agreed.cam_from_world.center()).norm() > kFar * range;
+  for (const Range& known : track.reference_ranges) range += known.range;
+  if (track.reference_ranges.empty() || !(range > 0.0)) return true;
+  range /= static_cast<double>(track.reference_ranges.size());
+  return (track.now.cam_from_world.center() - track.reference.cam_from_world.center()).norm() > kFar * range;
 }
 
 /// Updates the scales of moved keyframes and of those around, whose baselines have changed, too. `sequence`: all
@@ -179,10 +180,10 @@ void LiveTracker::recover(Sequence& sequence, const std::set<std::size_t>& moved
     for (std::size_t i = from; i < to; ++i) {
       const Track& track = *sequence[i].second;
       MovedKeyframe& keyframe = keyframes.emplace_back();
-      keyframe.before = track.agreed;
+      keyframe.before = track.reference;
       keyframe.after = track.now.cam_from_world;
-      keyframe.map_before = track.agreed_map_id;
-      compare_ranges(track.agreed_ranges, track.ranges, keyframe);
+      keyframe.map_before = track.reference_map_id;
+      compare_ranges(track.reference_ranges, track.ranges, keyframe);
     }
     const std::vector<double> scales = recover_scales(keyframes);
     bool far = false;
@@ -199,10 +200,10 @@ void LiveTracker::recover(Sequence& sequence, const std::set<std::size_t>& moved
     if (!far) continue;
     for (std::size_t i = begin; i < end; ++i) {
       Track& track = *sequence[i].second;
-      for (Range& range : track.agreed_ranges) range.range *= track.now.scale / track.agreed.scale;
-      if (!track.ranges.empty()) track.agreed_ranges = track.ranges;
-      track.agreed = track.now;
-      track.agreed_map_id = track.map_id;
+      for (Range& range : track.reference_ranges) range.range *= track.now.scale / track.reference.scale;
+      if (!track.ranges.empty()) track.reference_ranges = track.ranges;
+      track.reference = track.now;
+      track.reference_map_id = track.map_id;
     }
   }
 }

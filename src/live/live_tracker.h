@@ -18,7 +18,7 @@ namespace pmsp {
 class LiveTracker {
  public:
   /// `id`: known.
-  LiveMove place_of(std::int64_t id) const;
+  LiveMove pose_of(std::int64_t id) const;
   /// Ascending.
   std::vector<std::int64_t> ids() const;
 
@@ -55,11 +55,11 @@ class LiveTracker {
     std::uint64_t serial = 0;
     /// Reference state for new scales, with known scales around: its baselines and landmark ranges are compared with
     /// the current ones.
-    KeyframePose agreed;
-    std::int64_t agreed_map_id = 0;
-    std::vector<Range> agreed_ranges;  ///< by ascending landmark id
-    std::vector<Range> ranges;         ///< current ranges; empty if unknown since the last move
-    bool stores_ranges = true;         ///< stores ranges
+    KeyframePose reference;
+    std::int64_t reference_map_id = 0;
+    std::vector<Range> reference_ranges;  ///< by ascending landmark id
+    std::vector<Range> ranges;            ///< current ranges; empty if unknown since the last move
+    bool stores_ranges = true;            ///< stores ranges
   };
   using Sequence = std::vector<std::pair<std::int64_t, Track*>>;  ///< keyframes of a map by ascending id
 

@@ -110,7 +110,7 @@ PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   pass.state = on.to(state);
   const bool started = input.start != nullptr && !input.start->empty();
   if (started) {
-    on.launch(kernels::ReorderPlanes<kernels::HostMachine>{view_of(*input.start), pass.state, false}, nullptr);
+    on.launch(kernels::ReorderPlanes<kernels::HostViews>{view_of(*input.start), pass.state, false}, nullptr);
   } else {
     on.start(pass);
   }
@@ -121,7 +121,7 @@ PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   map.keyframe_id = input.keyframe_id;
   map.cam_from_world = input.reference.pose.cam_from_world;
   map.scale = input.reference.pose.scale;
-  on.launch(kernels::ReorderPlanes<kernels::HostMachine>{on.map(state), arrays_of(map), true}, nullptr);
+  on.launch(kernels::ReorderPlanes<kernels::HostViews>{on.map(state), arrays_of(map), true}, nullptr);
   return map;
 }
 

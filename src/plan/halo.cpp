@@ -69,32 +69,32 @@ void check_chain(const DensifierOptions& options) {
       "keyframe through the whole mission, so that every result depends on all previous keyframes");
 }
 
-PassRange pass_range(const Shortcut* shortcut, int passes) {
-  if (shortcut == nullptr) return {0, passes};
-  if (shortcut->planes == Shortcut::Planes::kStart) return {passes + 1 - shortcut->passes, passes};
-  return {0, shortcut->passes - 1};
+PassRange pass_range(const PlaneReuse* reuse, int passes) {
+  if (reuse == nullptr) return {0, passes};
+  if (reuse->planes == PlaneReuse::Planes::kStart) return {passes + 1 - reuse->passes, passes};
+  return {0, reuse->passes - 1};
 }
 
 RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
-                  Wanted wanted, const std::map<std::int64_t, Shortcut>& shortcuts) {
+                  Wanted wanted, const std::map<std::int64_t, PlaneReuse>& reuses) {
   const HaloFinder find(plan);
   const int passes = options.advanced.patchmatch.geometric_passes;
-  const auto shortcut_of = [&](std::int64_t id) {
-    const auto found = shortcuts.find(id);
-    return found == shortcuts.end() ? nullptr : &found->second;
+  const auto reuse_of = [&](std::int64_t id) {
+    const auto found = reuses.find(id);
+    return found == reuses.end() ? nullptr : &found->second;
   };
   const auto runs = [&](const PlanEntry& entry, int pass) {
-    const Shortcut* const shortcut = shortcut_of(entry.id);
-    const PassRange range = pass_range(shortcut, passes);
-    const bool is_there = shortcut != nullptr && shortcut->planes == Shortcut::Planes::kResult && pass == range.last;
+    const PlaneReuse* const reuse = reuse_of(entry.id);
+    const PassRange range = pass_range(reuse, passes);
+    const bool is_there = reuse != nullptr && reuse->planes == PlaneReuse::Planes::kResult && pass == range.last;
     return entry.has_depth_map() && !is_there && pass >= range.first && pass <= range.last;
   };
   /// Whether the map after a pass is from an earlier run.
   const auto is_earlier = [&](const PlanEntry& entry, int pass) {
-    const Shortcut* const shortcut = shortcut_of(entry.id);
-    if (shortcut == nullptr || shortcut->planes == Shortcut::Planes::kNone) return false;
-    const PassRange range = pass_range(shortcut, passes);
-    return shortcut->planes == Shortcut::Planes::kStart ? pass < range.first : pass >= range.last;
+    const PlaneReuse* const reuse = reuse_of(entry.id);
+    if (reuse == nullptr || reuse->planes == PlaneReuse::Planes::kNone) return false;
+    const PassRange range = pass_range(reuse, passes);
+    return reuse->planes == PlaneReuse::Planes::kStart ? pass < range.first : pass >= range.last;
   };
   Set asked = find.none();
   for (const std::int64_t id : ids) {
@@ -148,8 +148,8 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
       before[i] = true;
       if (!runs(entry, pass)) return;  // its passes are complete
       running[i] = true;
-      const Shortcut* const shortcut = shortcut_of(entry.id);
-      const bool alone = shortcut != nullptr && shortcut->images_first && pass == pass_range(shortcut, passes).first;
+      const PlaneReuse* const reuse = reuse_of(entry.id);
+      const bool alone = reuse != nullptr && reuse->images_first && pass == pass_range(reuse, passes).first;
       if (!alone) find.add(lenders, entry.near);
     });
     result.planes[static_cast<std::size_t>(pass)] = find.ids(running);

@@ -24,7 +24,7 @@ struct RunHalo : Halo {
 
 /// As `halo`, for chains of any length.
 RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
-                  Wanted wanted, const std::map<std::int64_t, Shortcut>& shortcuts = {});
+                  Wanted wanted, const std::map<std::int64_t, PlaneReuse>& reuses = {});
 
 /// Keyframes whose planes determine the points of a keyframe, for many queries: as find_halo with the planes of all
 /// keyframes from an earlier run.
@@ -48,6 +48,6 @@ struct PassRange {
   int first, last;
 };
 /// `shortcut`: nullptr = none. `passes`: number of geometric passes.
-PassRange pass_range(const Shortcut* shortcut, int passes);
+PassRange pass_range(const PlaneReuse* reuse, int passes);
 
 }  // namespace pmsp

@@ -11,24 +11,24 @@
 namespace pmsp {
 
 PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
-                   Wanted wanted, const std::map<std::int64_t, Shortcut>& shortcuts)
+                   Wanted wanted, const std::map<std::int64_t, PlaneReuse>& reuses)
     : plan_(plan), planned_stages_(plan.entries.size()) {
   check_plan(plan, options);
   for (std::size_t place = 0; place < plan.entries.size(); ++place) places_.emplace(plan.entries[place].id, place);
-  for (const auto& [id, shortcut] : shortcuts) {
-    const int fewest = shortcut.planes == Shortcut::Planes::kStart ? 0 : 1;
+  for (const auto& [id, reuse] : reuses) {
+    const int fewest = reuse.planes == PlaneReuse::Planes::kStart ? 0 : 1;
     const int most = options.advanced.patchmatch.geometric_passes + (fewest == 0 ? 0 : 1);
-    if (shortcut.passes < fewest || shortcut.passes > most) {
-      throw InvalidInput("keyframe " + std::to_string(id) + " is to be matched in " + std::to_string(shortcut.passes) +
+    if (reuse.passes < fewest || reuse.passes > most) {
+      throw InvalidInput("keyframe " + std::to_string(id) + " is to be matched in " + std::to_string(reuse.passes) +
                          " passes; expected " + std::to_string(fewest) + " to " + std::to_string(most));
     }
-    planned_stages_[place_of(id)].shortcut = shortcut;
+    planned_stages_[place_of(id)].reuse = reuse;
   }
-  const RunHalo halo = find_halo(plan, ids, options, wanted, shortcuts);
+  const RunHalo halo = find_halo(plan, ids, options, wanted, reuses);
   for (const std::int64_t id : ids) planned_stages_[place_of(id)].emits_results = true;
   for (std::size_t place = 0; place < planned_stages_.size(); ++place) {
     const bool is_part = entry(place).has_depth_map() && !planned_stages_[place].emits_results;
-    if (is_part && shortcuts.empty()) check_chain(options);  // planes of an earlier run end the chain
+    if (is_part && reuses.empty()) check_chain(options);  // planes of an earlier run end the chain
   }
   const auto each = [&](const std::vector<std::int64_t>& named, const auto& mark) {
     for (const std::int64_t id : named) mark(planned_stages_[places_.at(id)]);

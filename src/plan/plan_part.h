@@ -23,21 +23,21 @@ class PlanPart {
   /// `options`: valid. Throws InvalidInput as check_plan does, if the plan lacks one of `ids`, or if shortcuts are
   /// unsuitable; InvalidOption if the chain of first planes is unlimited and `ids` are not all keyframes.
   PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, Wanted wanted,
-           const std::map<std::int64_t, Shortcut>& shortcuts = {});
+           const std::map<std::int64_t, PlaneReuse>& reuses = {});
 
   /// Throws InvalidInput if the plan lacks the keyframe.
   std::size_t place_of(std::int64_t id) const;
   const PlanEntry& entry(std::size_t place) const { return plan_.entries[place]; }
 
   /// Places of participating keyframes, in the order of the plan.
-  const std::vector<std::size_t>& taking_part() const { return taking_part_; }
+  const std::vector<std::size_t>& required() const { return taking_part_; }
   bool takes_part(std::size_t place) const { return planned_stages_[place].takes_part; }
   /// Whether results of the keyframe are requested.
   bool emits(std::size_t place) const { return planned_stages_[place].emits_results; }
   bool runs(const Stage& stage, std::size_t place) const;
 
   /// Matching of the keyframe with fewer passes; ignored unless `needs_earlier`.
-  const std::optional<Shortcut>& shortcut(std::size_t place) const { return planned_stages_[place].shortcut; }
+  const std::optional<PlaneReuse>& reuse(std::size_t place) const { return planned_stages_[place].reuse; }
   bool needs_earlier(std::size_t place) const { return planned_stages_[place].earlier; }
 
  private:
@@ -45,7 +45,7 @@ class PlanPart {
   struct PlannedStages {
     bool takes_part = false;   ///< with its image at least
     std::uint32_t passes = 0;  ///< bit p: pass p of PatchMatch
-    std::optional<Shortcut> shortcut;
+    std::optional<PlaneReuse> reuse;
     bool earlier = false;  ///< its planes of an earlier run are read
     bool filtered = false;
     int rounds = -1;  ///< of duplicate removal; 0 = up to the free-space test, -1 = no points

@@ -41,12 +41,12 @@ PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const std::
   return priors;
 }
 
-PlaneMap scores_without_priors(const PlaneMap& map, const PlaneMap& priors, const Executor& executor) {
+PlaneMap subtract_priors(const PlaneMap& map, const PlaneMap& priors, const Executor& executor) {
   if (!same_size(map, priors)) throw InvalidInput("scores_without_priors: the maps differ in size");
   PlaneMap result = map;
   const SphereGrid grid(map.width(), map.height());
-  inside(executor).run(kernels::ScoresWithoutPriors<kernels::HostMachine>{view_of(map), view_of(priors), grid.view(),
-                                                                          kPriorBonus, arrays_of(result)});
+  inside(executor).run(kernels::ScoresWithoutPriors<kernels::HostViews>{view_of(map), view_of(priors), grid.view(),
+                                                                        kPriorBonus, arrays_of(result)});
   return result;
 }
 

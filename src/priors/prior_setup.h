@@ -63,12 +63,12 @@ struct PictureEvidence {
 
 template <class Processor, class Cube>
 PictureEvidence find_evidence(Processor& on, const Cube& image, const kernels::Baselines& baselines) {
-  using Machine = typename Processor::Views;
+  using Views = typename Processor::Views;
   const kernels::GridView grid = on.grid();
   const std::size_t pixels = static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
   PictureEvidence evidence{on.template array<float>(pixels), on.template array<float>(pixels), baselines};
-  on.launch(kernels::FindEvidence<Machine>{image, grid, baselines, texture_spacing(grid.width), evidence.variance.get(),
-                                           evidence.certainty.get()},
+  on.launch(kernels::FindEvidence<Views>{image, grid, baselines, texture_spacing(grid.width), evidence.variance.get(),
+                                         evidence.certainty.get()},
             nullptr);
   return evidence;
 }
@@ -82,18 +82,18 @@ template <class Processor, class Map, class Cube, class Planes>
 void find_plane_priors(Processor& on, const Array<int>& great_circles, const Array<kernels::Vec3<float>>& external,
                        const Map& map, const Cube& image, float noise, const PictureEvidence& evidence,
                        const kernels::PlaneLimits& limits, const Planes& to) {
-  using Machine = typename Processor::Views;
+  using Views = typename Processor::Views;
   using kernels::PriorStep;
   const PriorGrid size(map.width, map.height);
   const auto supports = on.template array<kernels::Vec3<float>>(size.cells());
   const auto errors = on.template array<float>(size.cells());
-  const auto unsure = on.template array<unsigned char>(size.cells());
-  const auto around = on.template array<kernels::Surroundings>(size.cells());
+  const auto uncertain = on.template array<unsigned char>(size.cells());
+  const auto around = on.template array<kernels::NearestSupports>(size.cells());
   const auto pixels = on.template array<kernels::SupportPixel>(size.cells() * Processor::kPriorShares);
   const auto candidates = on.template array<kernels::PriorPlane>(size.cells() * Processor::kPriorShares);
   auto before = on.template array<kernels::PriorPlane>(size.cells());
   auto found = on.template array<kernels::PriorPlane>(size.cells());
-  kernels::PriorCells<Machine> cells{};
+  kernels::PriorCells<Views> cells{};
   cells.map = map;
   cells.image = image;
   cells.grid = on.grid();
@@ -110,26 +110,26 @@ void find_plane_priors(Processor& on, const Array<int>& great_circles, const Arr
   cells.external = external.get();
   cells.supports = supports.get();
   cells.errors = errors.get();
-  cells.unsure = unsure.get();
+  cells.uncertain = uncertain.get();
   cells.around = around.get();
   cells.found = found.get();
   cells.pixels = pixels.get();
   cells.candidates = candidates.get();
   cells.shares = Processor::kPriorShares;
-  on.launch(kernels::PriorCellStep<Machine, PriorStep::kPixels>{cells}, nullptr);
-  on.launch(kernels::PriorCellStep<Machine, PriorStep::kSupports>{cells}, nullptr);
-  on.launch(kernels::PriorCellStep<Machine, PriorStep::kSurroundings>{cells}, nullptr);
-  on.launch(kernels::PriorCellStep<Machine, PriorStep::kCandidates>{cells}, nullptr);
-  on.launch(kernels::PriorCellStep<Machine, PriorStep::kPlanes>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<Views, PriorStep::kPixels>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<Views, PriorStep::kSupports>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<Views, PriorStep::kSurroundings>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<Views, PriorStep::kCandidates>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<Views, PriorStep::kPlanes>{cells}, nullptr);
   for (const int stride : kPriorStrides) {
     std::swap(before, found);
     cells.before = before.get();
     cells.found = found.get();
     cells.stride = stride;
-    on.launch(kernels::PriorCellStep<Machine, PriorStep::kOffers>{cells}, nullptr);
-    on.launch(kernels::PriorCellStep<Machine, PriorStep::kChoice>{cells}, nullptr);
+    on.launch(kernels::PriorCellStep<Views, PriorStep::kOffers>{cells}, nullptr);
+    on.launch(kernels::PriorCellStep<Views, PriorStep::kChoice>{cells}, nullptr);
   }
-  on.launch(kernels::PixelPriors<Machine>{cells, to}, nullptr);
+  on.launch(kernels::PixelPriors<Views>{cells, to}, nullptr);
 }
 
 }  // namespace pmsp

@@ -28,7 +28,7 @@ inline RigidTransform other_from_first(const KeyframePose& other, const Keyframe
 /// Relative pose of two keyframes, for kernels.
 struct Relation {
   kernels::Rigid other_from_first;
-  float zoom;  ///< scale of `first` over that of `other`
+  float scale_ratio;  ///< scale of `first` over that of `other`
 };
 /// `lens`: offset of the forward lens in front of the camera's centre [keyframe's unit].
 inline Relation relation(const KeyframePose& other, const KeyframePose& first, double lens = 0.0) {

@@ -32,20 +32,20 @@ using tcp = asio::ip::tcp;
 using Error = boost::system::error_code;
 
 constexpr std::size_t kChunk = 65536;
-constexpr auto kAskAgain = std::chrono::milliseconds(50);
+constexpr auto kPollInterval = std::chrono::milliseconds(50);
 
 asio::ip::address address_from(const std::string& text) {
   Error error;
   const asio::ip::address address = asio::ip::make_address(text, error);
   if (!error) return address;
-  throw InvalidOption("\"" + text + "\" is no address; expected numbers such as 127.0.0.1 or ::1");
+  throw InvalidOption("address \"" + text + "\" is invalid; expected an IP address such as 127.0.0.1 or ::1");
 }
 
-/// 128 bits from the system.
+/// Returns 128 random bits of the system.
 std::string new_token() {
   std::array<unsigned char, 16> bytes{};
   if (getentropy(bytes.data(), bytes.size()) != 0) {
-    throw OutputError(std::string("the system gives no random numbers: ") + std::strerror(errno));
+    throw OutputError(std::string("random numbers of the system are not available: ") + std::strerror(errno));
   }
   std::string token;
   for (const unsigned char byte : bytes) {
@@ -54,11 +54,11 @@ std::string new_token() {
   return token;
 }
 
-/// Takes as long wherever they differ.
-bool are_equal(const std::string& told, const std::string& token) {
-  unsigned difference = told.size() == token.size() ? 0U : 1U;
+/// Compares in constant time.
+bool are_equal(const std::string& given, const std::string& token) {
+  unsigned difference = given.size() == token.size() ? 0U : 1U;
   for (std::size_t i = 0; i < token.size(); ++i) {
-    const char other = i < told.size() ? told[i] : '\0';
+    const char other = i < given.size() ? given[i] : '\0';
     difference |= static_cast<unsigned>(static_cast<unsigned char>(token[i]) ^ static_cast<unsigned char>(other));
   }
   return difference == 0;
@@ -73,7 +73,7 @@ HttpReply plain_reply(int status, const std::string& text) {
 
 class Session;
 
-/// What sessions have in common.
+/// State shared by all sessions.
 struct Common {
   HttpOptions options;
   HttpHandler handler;
@@ -81,11 +81,11 @@ struct Common {
   std::list<Session*> sessions;  ///< from the oldest to the youngest
 };
 
-/// A connection. Whatever it waits for has an end: `expires_after` holds for all that follows until it is set anew.
+/// Connection. Each operation has a timeout: `expires_after` applies to all operations until the next call.
 class Session : public std::enable_shared_from_this<Session> {
  public:
   Session(tcp::socket socket, Common& common)
-      : common_(common), stream_(std::move(socket)), ask_again_(stream_.get_executor()) {
+      : common_(common), stream_(std::move(socket)), poll_timer_(stream_.get_executor()) {
     place_ = common_.sessions.insert(common_.sessions.end(), this);
   }
   ~Session() {
@@ -96,13 +96,13 @@ class Session : public std::enable_shared_from_this<Session> {
 
   bool is_trusted() const { return is_trusted_; }
 
-  /// Whatever it waits for ends at once, and it with that.
+  /// Cancels all operations and closes the connection.
   void close() {
     if (std::exchange(is_closed_, true)) return;
     common_.sessions.erase(place_);
     Error ignored;
     stream_.socket().close(ignored);
-    ask_again_.cancel();
+    poll_timer_.cancel();
   }
 
   void read() {
@@ -140,24 +140,24 @@ class Session : public std::enable_shared_from_this<Session> {
       location_ = "/" + common_.token + "/";
       return answer(plain_reply(308, "see " + location_));
     }
-    give_up_ = std::chrono::steady_clock::now() + common_.options.patience;
-    ask();
+    give_up_ = std::chrono::steady_clock::now() + common_.options.long_poll_timeout;
+    poll_handler();
   }
 
-  void ask() {
+  void poll_handler() {
     if (is_closed_) return;
-    request_.last_call = std::chrono::steady_clock::now() >= give_up_;
+    request_.must_answer = std::chrono::steady_clock::now() >= give_up_;
     std::optional<HttpReply> reply;
     try {
       reply = common_.handler(request_);
     } catch (const std::exception&) {
       reply = plain_reply(500, "this cannot be served");
     }
-    if (!reply && request_.last_call) reply = plain_reply(503, "there is no answer");
+    if (!reply && request_.must_answer) reply = plain_reply(503, "there is no answer");
     if (reply) return answer(std::move(*reply));
-    ask_again_.expires_after(kAskAgain);
-    ask_again_.async_wait([self = shared_from_this()](Error error) {
-      if (!error) self->ask();
+    poll_timer_.expires_after(kPollInterval);
+    poll_timer_.async_wait([self = shared_from_this()](Error error) {
+      if (!error) self->poll_handler();
     });
   }
 
@@ -192,12 +192,15 @@ class Session : public std::enable_shared_from_this<Session> {
     } else if (reply_.status == 405) {
       head_.set(http::field::allow, "GET, HEAD");
     }
-    // Neither the token nor what it opens goes to anybody else.
+    // The token and the contents must not reach third parties.
     head_.set(http::field::cache_control, "no-store");
     head_.set("Referrer-Policy", "no-referrer");
     head_.set("X-Content-Type-Options", "nosniff");
     head_.set("Cross-Origin-Resource-Policy", "same-origin");
     head_.set("X-Frame-Options", "DENY");
+    // Foreign pages of a served directory must not send it elsewhere. Own pages contain a stricter policy.
+    head_.set("Content-Security-Policy",
+              "default-src 'self' 'unsafe-inline' data: blob:; base-uri 'none'; form-action 'none'");
     serializer_.emplace(head_);
     stream_.expires_after(common_.options.for_chunk);
     http::async_write_header(stream_, *serializer_, [self = shared_from_this()](Error error, std::size_t) {
@@ -206,7 +209,7 @@ class Session : public std::enable_shared_from_this<Session> {
     });
   }
 
-  /// The next piece. A client that takes none in time is cut off.
+  /// Sends the next chunk. Slow clients are disconnected by the timeout.
   void send() {
     if (next_ == end_) return finish();
     const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(kChunk, end_ - next_));
@@ -214,7 +217,7 @@ class Session : public std::enable_shared_from_this<Session> {
     if (reply_.file.descriptor.is_open()) {
       chunk_.resize(kChunk);
       const ssize_t got = pread(reply_.file.descriptor.get(), chunk_.data(), count, static_cast<off_t>(next_));
-      if (got != static_cast<ssize_t>(count)) return close();  // it has become shorter
+      if (got != static_cast<ssize_t>(count)) return close();  // truncated meanwhile
       from = chunk_.data();
     } else {
       from = reply_.body->data() + next_;
@@ -238,7 +241,7 @@ class Session : public std::enable_shared_from_this<Session> {
   Common& common_;
   std::list<Session*>::iterator place_;
   beast::tcp_stream stream_;
-  asio::steady_timer ask_again_;
+  asio::steady_timer poll_timer_;
   beast::flat_static_buffer<16384> buffer_;
   std::optional<http::request_parser<http::empty_body>> parser_;
   HttpRequest request_;
@@ -266,8 +269,8 @@ struct HttpServer::Impl {
       acceptor.bind(endpoint);
       acceptor.listen();
     } catch (const boost::system::system_error& error) {
-      throw OutputError("port " + std::to_string(options.port) + " of " + options.address + " cannot be served: " +
-                        error.code().message() + "; give another one, or 0 for one that is free");
+      throw OutputError("port " + std::to_string(options.port) + " of " + options.address +
+                        " cannot be served: " + error.code().message() + "; expected a free port, or 0 to select one");
     }
     port = acceptor.local_endpoint().port();
     accept();
@@ -294,18 +297,18 @@ struct HttpServer::Impl {
     });
   }
 
-  /// Makes some where that can be.
+  /// Whether one more connection is allowed; closes one without token if necessary.
   bool has_room() {
     if (common.sessions.size() < common.options.connections) return true;
-    const auto stranger = std::find_if(common.sessions.begin(), common.sessions.end(),
-                                       [](const Session* session) { return !session->is_trusted(); });
-    if (stranger == common.sessions.end()) return false;
-    (*stranger)->close();
+    const auto unauthenticated = std::find_if(common.sessions.begin(), common.sessions.end(),
+                                              [](const Session* session) { return !session->is_trusted(); });
+    if (unauthenticated == common.sessions.end()) return false;
+    (*unauthenticated)->close();
     return true;
   }
 
   std::uint16_t port = 0;
-  Common common;  ///< before the context, whose end ends the sessions
+  Common common;  ///< declared before the context, which destroys the sessions
   asio::io_context context{1};
   tcp::acceptor acceptor{context};
   asio::steady_timer wait{context};
@@ -328,7 +331,7 @@ bool is_loopback(const std::string& address) { return address_from(address).is_l
 
 std::string address_warning(const std::string& address) {
   return "others can reach " + address +
-         ": who learns the address of the page sees all that it shows, and nothing is encrypted on its way";
+         ": anyone with the address of the page can see its contents; the connection is not encrypted";
 }
 
 HttpReply not_found() { return plain_reply(404, "not found"); }

@@ -16,49 +16,48 @@
 
 namespace pmsp::web {
 
-/// A request that has shown the token.
+/// Request with the valid token.
 struct HttpRequest {
-  std::vector<std::string> path;  ///< behind the token, as path_segments
+  std::vector<std::string> path;  ///< path_segments after the token
   std::string query;
-  std::string range;       ///< header; "" = the whole
-  bool last_call = false;  ///< the answer can be put off no longer
+  std::string range;         ///< Range header; "" = the complete file
+  bool must_answer = false;  ///< the timeout has elapsed: nullopt is no longer an answer
 };
 
 struct HttpReply {
   int status = 200;
   std::string type = "text/plain; charset=utf-8";
-  std::shared_ptr<const std::string> body;  ///< or
-  ServedFile file;
-  std::optional<ByteRange> range;  ///< of the file; needs status 206
+  std::shared_ptr<const std::string> body;
+  ServedFile file;                 ///< replaces `body` if open
+  std::optional<ByteRange> range;  ///< part of the file, with status 206
 };
 
-/// nullopt: not yet. It is asked again every 50 ms, until `HttpOptions::patience` is over.
+/// Returns the reply; nullopt = none yet: called again every 50 ms, until `HttpOptions::long_poll_timeout` has elapsed.
 using HttpHandler = std::function<std::optional<HttpReply>(const HttpRequest&)>;
 
-/// Answers GET and HEAD by one thread of its own, and only those who know the token that is the first part of each
-/// path; whatever else is asked is not there. Memory and connections are bounded whatever clients do.
+/// HTTP server for GET and HEAD, with one thread. The first segment of each path must be its random token; other
+/// requests get 404. Memory and number of connections are bounded for any client.
 class PMSP_API HttpServer {
  public:
-  /// `handler` is called by the server's thread alone, and should return soon. Throws InvalidOption where the address
-  /// is none, OutputError where it cannot be had.
+  /// `handler`: called on the server's thread, must not block. Throws InvalidOption if the address is invalid,
+  /// OutputError if it is not available.
   HttpServer(const HttpOptions& options, HttpHandler handler);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
 
   std::uint16_t port() const;
-  /// With the token.
-  std::string url() const;
+  std::string url() const;  ///< with the token
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-/// Whether only this computer can reach the address. Throws InvalidOption where it is none.
+/// Whether the address is reachable from this computer only. Throws InvalidOption if it is invalid.
 PMSP_API bool is_loopback(const std::string& address);
 
-/// What to tell who serves to others.
+/// Returns the warning for an address that others can reach.
 PMSP_API std::string address_warning(const std::string& address);
 
 PMSP_API HttpReply not_found();

@@ -9,14 +9,14 @@
 
 namespace pmsp::web {
 
-/// How many of so many points the live page is given of a keyframe.
+/// Maximum number of points of a keyframe in the live page.
 constexpr std::size_t kMostLivePoints = 40'000;
 
-/// An even share of a cloud: of each run of points the first one. Pixels and agreements are left out.
+/// Returns at most `most` points, evenly selected, without pixels and agreement.
 PMSP_API KeyframeCloud thinned(const KeyframeCloud& cloud, std::size_t most);
 
-/// A keyframe's points for the page: corner (3 x 64 bits) and side (64 bits) of the cube around them in the frame of
-/// the keyframe, then their columns as in a PageNode (export/page_cloud.h), without keyframes.
+/// Encodes points for the page: corner (3 x 64 bits) and side (64 bits) of their bounding cube in the frame of the
+/// keyframe, then their columns as in a PageNode (export/page_cloud.h), without keyframes.
 PMSP_API std::string live_block(const KeyframeCloud& cloud);
 
 }  // namespace pmsp::web

@@ -23,11 +23,11 @@ using namespace web;
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kMostBlocks = 32;
-/// Who looks asks again within this time.
-constexpr auto kLooking = std::chrono::seconds(15);
-constexpr std::size_t kMostLookers = 64;
-/// Who still fetches, asks again within this time.
+constexpr std::size_t kMaxBlocks = 32;
+/// Time without requests after which a client is gone.
+constexpr auto kClientTimeout = std::chrono::seconds(15);
+constexpr std::size_t kMaxClients = 64;
+/// Time without requests after which a client has fetched all points.
 constexpr auto kQuiet = std::chrono::milliseconds(1500);
 
 HttpReply reply_of(std::string body, const char* type) {
@@ -47,7 +47,7 @@ struct LiveServer::Impl {
         server_(std::make_unique<HttpServer>(options, [this](const HttpRequest& request) { return answer(request); })) {
   }
 
-  void set_page(LivePage page, std::vector<LivePlace> flight);
+  void set_page(LivePage page, std::vector<LivePlace> trajectory);
   void set_camera(const RigidTransform& cam_from_world);
   void finish(std::chrono::milliseconds at_most);
   std::string url() const { return server_->url(); }
@@ -66,21 +66,21 @@ struct LiveServer::Impl {
   const LiveSource source_;
   mutable std::mutex mutex_;
   LivePage page_;
-  std::vector<LivePlace> flight_;
+  std::vector<LivePlace> trajectory_;
   std::optional<RigidTransform> camera_;  ///< cam_from_world
   bool is_done_ = false;
-  std::uint64_t epoch_ = 1;        ///< counts pages: one of an earlier epoch loads itself anew
-  std::uint64_t news_ = 1;         ///< counts all else that happens besides points
-  std::uint64_t flight_news_ = 1;  ///< when the flight changed last
-  /// A page that asks for changes.
-  struct Looker {
-    std::chrono::steady_clock::time_point asked;
-    bool is_told = false;  ///< that no more comes
+  std::uint64_t page_version_ = 1;        ///< pages of an earlier version reload themselves
+  std::uint64_t state_version_ = 1;       ///< of all but points
+  std::uint64_t trajectory_version_ = 1;  ///< `state_version_` at its last change
+  /// Page that polls for changes.
+  struct Client {
+    std::chrono::steady_clock::time_point last_request;
+    bool received_end = false;  ///< of the map
   };
-  std::map<std::uint64_t, Looker> lookers_;  ///< by the number that each gives itself; those of late
+  std::map<std::uint64_t, Client> clients_;  ///< recent ones, by the number that each chooses for itself
   std::optional<std::chrono::steady_clock::time_point> last_answer_;
-  std::map<std::pair<std::int64_t, LiveVersion>, std::shared_ptr<const std::string>> blocks_;  ///< those asked for last
-  std::unique_ptr<HttpServer> server_;  ///< its thread uses all of the above
+  std::map<std::pair<std::int64_t, LiveVersion>, std::shared_ptr<const std::string>> blocks_;  ///< recently requested
+  std::unique_ptr<HttpServer> server_;  ///< last member: its thread uses the others
 };
 
 LiveServer::LiveServer(const HttpOptions& options, LiveSource source)
@@ -91,44 +91,44 @@ LiveServer::LiveServer(const HttpOptions& options, const LiveDensifier& live)
 LiveServer::~LiveServer() = default;
 
 std::string LiveServer::url() const { return impl_->url(); }
-void LiveServer::set_page(LivePage page, std::vector<LivePlace> flight) {
-  impl_->set_page(std::move(page), std::move(flight));
+void LiveServer::set_page(LivePage page, std::vector<LivePlace> trajectory) {
+  impl_->set_page(std::move(page), std::move(trajectory));
 }
 void LiveServer::set_camera(const RigidTransform& cam_from_world) { impl_->set_camera(cam_from_world); }
 void LiveServer::finish(std::chrono::milliseconds at_most) { impl_->finish(at_most); }
 
-void LiveServer::Impl::set_page(LivePage page, std::vector<LivePlace> flight) {
+void LiveServer::Impl::set_page(LivePage page, std::vector<LivePlace> trajectory) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const Similarity &now = page.file_from_map, &before = page_.file_from_map;
   const bool is_same = page.title == page_.title && page.unit == page_.unit && now.scale == before.scale &&
                        now.rotation == before.rotation && now.translation == before.translation;
-  if (!is_same || flight_.empty()) ++epoch_;
+  if (!is_same || trajectory_.empty()) ++page_version_;
   page_ = std::move(page);
-  flight_ = std::move(flight);
-  flight_news_ = ++news_;
+  trajectory_ = std::move(trajectory);
+  trajectory_version_ = ++state_version_;
 }
 
 void LiveServer::Impl::set_camera(const RigidTransform& cam_from_world) {
   const std::lock_guard<std::mutex> lock(mutex_);
   camera_ = cam_from_world;
-  ++news_;
+  ++state_version_;
 }
 
 void LiveServer::Impl::finish(std::chrono::milliseconds at_most) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     is_done_ = true;
-    ++news_;
+    ++state_version_;
   }
   const Clock::time_point begin = Clock::now();
   for (;; std::this_thread::sleep_for(std::chrono::milliseconds(20))) {
     const std::lock_guard<std::mutex> lock(mutex_);
     const Clock::time_point now = Clock::now();
-    if (!last_answer_ || now - *last_answer_ > kLooking || now - begin > at_most) return;
-    const bool are_told = std::all_of(lookers_.begin(), lookers_.end(), [now](const auto& it) {
-      return it.second.is_told || now - it.second.asked > kLooking;
+    if (!last_answer_ || now - *last_answer_ > kClientTimeout || now - begin > at_most) return;
+    const bool have_end = std::all_of(clients_.begin(), clients_.end(), [now](const auto& it) {
+      return it.second.received_end || now - it.second.last_request > kClientTimeout;
     });
-    if (are_told && now - std::max(*last_answer_, begin) > kQuiet) return;
+    if (have_end && now - std::max(*last_answer_, begin) > kQuiet) return;
   }
 }
 
@@ -158,8 +158,8 @@ HttpReply LiveServer::Impl::page() const {
   const auto look = [&](const RigidTransform& cam_from_world) {
     up -= page_.file_from_map.rotation * cam_from_world.rotation.row(1).transpose();
   };
-  for (const LivePlace& place : flight_) look(place.cam_from_world);
-  if (flight_.empty()) {
+  for (const LivePlace& place : trajectory_) look(place.cam_from_world);
+  if (trajectory_.empty()) {
     for (const LiveCloud& cloud : snapshot->clouds) look(cloud.pose.cam_from_world);
   }
   Json json{{"format", "pmsp-report"},
@@ -175,9 +175,9 @@ HttpReply LiveServer::Impl::page() const {
   for (const char* none : {"nodes", "keyframes", "confidences", "facts", "times", "problems"})
     json[none] = Json::array();
   json["pixel"] = 0.01;
-  json["notes"] = {"The page shows points while they are made: at most " + std::to_string(kMostLivePoints) +
-                   " of each keyframe. A report (--report) has all that came of it."};
-  json["live"] = epoch_;
+  json["notes"] = {"The page shows points while they are computed: at most " + std::to_string(kMostLivePoints) +
+                   " of each keyframe. A report (--report) contains all points."};
+  json["live"] = page_version_;
   const std::string data = "<script type=\"application/json\" id=\"pmsp-data\">" + script_json(json) + "</script>\n";
   const auto [before, after] = page_around_data(true);
   return reply_of(before + data + after, "text/html; charset=utf-8");
@@ -188,20 +188,25 @@ std::optional<HttpReply> LiveServer::Impl::changes(const HttpRequest& request) {
   const std::uint64_t epoch = number("epoch"), news = number("news");
   const LiveChanges changes = source_.changes_since(number("since"));
   const std::lock_guard<std::mutex> lock(mutex_);
-  const bool is_news = !changes.empty() || news != news_ || epoch != epoch_;
-  Looker& looker = lookers_[number("client")];
-  looker.asked = Clock::now();
-  while (lookers_.size() > kMostLookers) {
-    lookers_.erase(std::min_element(lookers_.begin(), lookers_.end(),
-                                    [](const auto& a, const auto& b) { return a.second.asked < b.second.asked; }));
+  const bool has_changes = !changes.empty() || news != state_version_ || epoch != page_version_;
+  Client& client = clients_[number("client")];
+  client.last_request = Clock::now();
+  while (clients_.size() > kMaxClients) {
+    clients_.erase(std::min_element(clients_.begin(), clients_.end(), [](const auto& a, const auto& b) {
+      return a.second.last_request < b.second.last_request;
+    }));
   }
-  if (!is_news && !request.last_call) return std::nullopt;
-  looker.is_told = is_done_;
+  if (!has_changes && !request.must_answer) return std::nullopt;
+  client.received_end = is_done_;
   return reply_of(changes_json(changes, news).dump(), "application/json");
 }
 
 nlohmann::ordered_json LiveServer::Impl::changes_json(const LiveChanges& changes, std::uint64_t news) const {
-  Json json{{"epoch", epoch_}, {"version", changes.to}, {"news", news_}, {"reset", changes.reset}, {"done", is_done_}};
+  Json json{{"epoch", page_version_},
+            {"version", changes.to},
+            {"news", state_version_},
+            {"reset", changes.reset},
+            {"done", is_done_}};
   json["clouds"] = Json::array();
   for (const auto* clouds : {&changes.added, &changes.replaced, &changes.moved}) {
     for (const LiveCloud& cloud : *clouds) {
@@ -213,15 +218,15 @@ nlohmann::ordered_json LiveServer::Impl::changes_json(const LiveChanges& changes
   }
   json["removed"] = changes.removed;
   if (camera_) json["camera"] = matrix_json({*camera_, 1.0});
-  if (news >= flight_news_) return json;
+  if (news >= trajectory_version_) return json;
   json["flight"] = Json::array();
-  for (const LivePlace& place : flight_) {
+  for (const LivePlace& place : trajectory_) {
     json["flight"].push_back({{"id", place.id}, {"matrix", matrix_json({place.cam_from_world, 1.0})}});
   }
   return json;
 }
 
-/// Row by row, from the keyframe's frame to the page's, whose origin is that of the map.
+/// Returns the matrix, by rows, from the keyframe's frame to that of the page, with the origin of the map.
 nlohmann::ordered_json LiveServer::Impl::matrix_json(const KeyframePose& pose) const {
   const Similarity& file_from_map = page_.file_from_map;
   const RigidTransform world_from_cam = pose.cam_from_world.inverse();
@@ -245,7 +250,7 @@ HttpReply LiveServer::Impl::points(std::int64_t id, LiveVersion since) {
       std::lower_bound(snapshot->clouds.begin(), snapshot->clouds.end(), id,
                        [](const LiveCloud& cloud, std::int64_t wanted) { return cloud.keyframe_id < wanted; });
   if (found == snapshot->clouds.end() || found->keyframe_id != id || found->cloud_since != since) {
-    HttpReply gone;  // there are newer ones, or none: nothing unusual
+    HttpReply gone;  // replaced or removed since
     gone.status = 204;
     return gone;
   }
@@ -256,7 +261,7 @@ HttpReply LiveServer::Impl::points(std::int64_t id, LiveVersion since) {
   HttpReply reply;
   reply.type = "application/octet-stream";
   reply.body = block;
-  while (blocks_.size() > kMostBlocks) {  // those of others who look come at about the same time
+  while (blocks_.size() > kMaxBlocks) {  // clients request the same blocks at about the same time
     auto oldest = blocks_.begin();
     for (auto it = blocks_.begin(); it != blocks_.end(); ++it) {
       if (it->first.second < oldest->first.second) oldest = it;

@@ -10,11 +10,11 @@ constexpr const char* kDataMark = "<!--PMSP-DATA-->";
 
 bool has_report_page() { return std::string(kPageTemplate).find(kDataMark) != std::string::npos; }
 
-std::pair<std::string, std::string> page_around_data(bool asks) {
+std::pair<std::string, std::string> page_around_data(bool connects) {
   std::string page = kPageTemplate;
   const std::string none = "default-src 'none';";
   const std::size_t at = page.find(none);
-  if (asks && at != std::string::npos) page.insert(at + none.size(), " connect-src 'self';");
+  if (connects && at != std::string::npos) page.insert(at + none.size(), " connect-src 'self';");
   const std::size_t mark = page.find(kDataMark);
   return {page.substr(0, mark), page.substr(mark + std::string(kDataMark).size())};
 }
@@ -24,7 +24,7 @@ std::string script_json(const nlohmann::ordered_json& json) {
   std::string text;
   text.reserve(plain.size());
   for (const char c : plain) {
-    if (c == '<' || c == '>' || c == '&') {  // only strings hold them
+    if (c == '<' || c == '>' || c == '&') {  // occur in strings only
       text += c == '<' ? "\\u003c" : c == '>' ? "\\u003e" : "\\u0026";
     } else {
       text += c;

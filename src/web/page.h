@@ -10,18 +10,17 @@
 
 namespace pmsp::web {
 
-/// The page of tools/viewer, with a mark where the data go; "" where it was left out (PMSP_VIEWER).
+/// Page of tools/viewer with a placeholder for the data; "" if built without it (PMSP_VIEWER).
 extern const char* const kPageTemplate;
 
-/// Whether this build has the page (PMSP_VIEWER).
+/// Whether the build contains the page (PMSP_VIEWER).
 PMSP_API bool has_report_page();
 
-/// The page with its data, which are HTML. `asks`: whether it may ask where it came from for more; none ever asks
-/// anybody else for anything.
-PMSP_API std::pair<std::string, std::string> page_around_data(bool asks);
+/// Returns the parts of the page before and after its data, which are HTML. `connects`: whether its content security
+/// policy allows requests to its own origin; others are never allowed.
+PMSP_API std::pair<std::string, std::string> page_around_data(bool connects);
 
-/// JSON that may stand in a script element of a page: nothing in it can end the element, whatever names it holds.
-/// Bytes that are no UTF-8 are replaced.
+/// Returns JSON for a script element of a page: no string in it can end the element. Invalid UTF-8 is replaced.
 PMSP_API std::string script_json(const nlohmann::ordered_json& json);
 
 }  // namespace pmsp::web

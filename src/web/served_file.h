@@ -11,7 +11,7 @@
 
 namespace pmsp::web {
 
-/// A descriptor that is closed with its owner.
+/// File descriptor, closed with its owner.
 class PMSP_API OwnedDescriptor {
  public:
   OwnedDescriptor() = default;
@@ -28,27 +28,26 @@ class PMSP_API OwnedDescriptor {
   int number_ = -1;
 };
 
-/// An ordinary file that is being served.
+/// Regular file, open for reading.
 struct ServedFile {
-  OwnedDescriptor descriptor;  ///< closed = there is no such file
+  OwnedDescriptor descriptor;  ///< not open = no such file
   std::uint64_t size = 0;
 };
 
-/// A folder whose files are served, and nothing else: no link is followed, wherever it leads to, no name with a dot at
-/// its beginning is opened, nor anything but ordinary files.
+/// Directory whose regular files are served. Symbolic links are not followed, names with a leading dot not opened.
 class PMSP_API ServedFolder {
  public:
-  /// Throws IoError where it cannot be opened.
+  /// Throws IoError if it cannot be opened.
   explicit ServedFolder(const std::filesystem::path& folder);
 
-  /// `path`: names of folders, then that of a file, as path_segments gives them.
+  /// `path`: names of directories, then of a file, as of path_segments.
   ServedFile open(const std::vector<std::string>& path) const;
 
  private:
   OwnedDescriptor folder_;
 };
 
-/// What the name of a file says about its contents, for Content-Type.
+/// Returns the Content-Type for the extension of a file name.
 PMSP_API std::string media_type(const std::string& name);
 
 }  // namespace pmsp::web

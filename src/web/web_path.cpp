@@ -16,7 +16,7 @@ std::optional<int> hex_digit(char c) {
   return std::nullopt;
 }
 
-/// Decoded once; what was encoded twice stays a name with percent signs.
+/// Decodes percent encoding once.
 std::optional<std::string> decoded(std::string_view text) {
   std::string plain;
   for (std::size_t i = 0; i < text.size(); ++i) {

@@ -11,31 +11,30 @@
 
 namespace pmsp::web {
 
-/// The path of a request's target ("/a/b%20c?query"), segment by segment and decoded; the last one is empty where the
-/// path ends with a slash. nullopt where it is none, or holds what no file that is served has: empty segments, names
-/// that begin with a dot, slashes or backslashes that were encoded, control characters.
+/// Returns the decoded segments of the path of a request target ("/a/b%20c?query"); the last one is empty if the path
+/// ends with a slash. nullopt if it is no path, or has empty segments, names with a leading dot, encoded slashes or
+/// backslashes, or control characters.
 PMSP_API std::optional<std::vector<std::string>> path_segments(std::string_view target);
 
-/// The text behind "?", "" without one.
+/// Returns the text after "?"; "" if there is none.
 PMSP_API std::string_view query_of(std::string_view target);
 
-/// The whole number that "name=" gives in a query; nullopt = none.
+/// Returns the integer after "name=" in a query; nullopt if there is none.
 PMSP_API std::optional<std::uint64_t> number_in_query(std::string_view query, std::string_view name);
 
-/// A part of a file, in bytes.
+/// Part of a file [bytes].
 struct ByteRange {
   std::uint64_t first = 0, count = 0;
 };
 
-/// What a Range header asks for of a file of `size` bytes. nullopt: the whole file, which is what HTTP asks for where
-/// the header is empty, not understood, or names several ranges. A count of 0: nothing that the file has.
+/// Returns the range of a Range header for a file of `size` bytes; nullopt = the complete file, as HTTP requires for
+/// empty or unknown headers and for several ranges. A count of 0: outside the file.
 PMSP_API std::optional<ByteRange> range_from(std::string_view header, std::uint64_t size);
 
-/// The other way: a relative path, its folders with '/' between them, as an address; path_segments gives its names
-/// again.
+/// Encodes a relative path with '/' separators as a relative URL; inverse of path_segments.
 PMSP_API std::string relative_address(const std::string& path);
 
-/// Text as HTML shows it, in elements and in attributes with double quotes.
+/// Escapes text for HTML elements and double-quoted attributes.
 PMSP_API std::string html_text(const std::string& text);
 
 }  // namespace pmsp::web

@@ -253,11 +253,11 @@ class StepPlanner {
 
 }  // namespace
 
-std::map<std::int64_t, Shortcut> Step::shortcuts(int passes) const {
-  std::map<std::int64_t, Shortcut> result;
+std::map<std::int64_t, PlaneReuse> Step::reuses(int passes) const {
+  std::map<std::int64_t, PlaneReuse> result;
   for (const auto& [id, it] : keyframes) {
-    if (it.has_planes) result[id] = {Shortcut::Planes::kStart, it.passes, it.images_first};
-    if (!it.has_planes && it.passes <= passes) result[id] = {Shortcut::Planes::kNone, it.passes, false};
+    if (it.has_planes) result[id] = {PlaneReuse::Planes::kStart, it.passes, it.images_first};
+    if (!it.has_planes && it.passes <= passes) result[id] = {PlaneReuse::Planes::kNone, it.passes, false};
   }
   return result;
 }

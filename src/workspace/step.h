@@ -41,7 +41,7 @@ struct StepKeyframePlan {
   KeyframePose pose;          ///< with the scale of the existing planes
   bool has_planes = false;    ///< recorded ones are reused
   int passes = 0;             ///< of PatchMatch; 0 = the planes are kept
-  bool images_first = false;  ///< see Shortcut
+  bool images_first = false;  ///< see PlaneReuse
   std::string reason;         ///< of matching; "" = planes are kept
   std::string own;            ///< see RecordedPlanes
   std::string planes_file;    ///< after the step
@@ -62,7 +62,7 @@ struct PMSP_API Step {
   int unfinished = 0;
 
   /// Returns the shortcuts of the run, without results of an interrupted run of the step.
-  std::map<std::int64_t, Shortcut> shortcuts(int passes) const;
+  std::map<std::int64_t, PlaneReuse> reuses(int passes) const;
 };
 
 /// Displacement relative to source views above which planes are refined [px of the depth map].

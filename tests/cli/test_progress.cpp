@@ -38,7 +38,7 @@ TEST_CASE("the share of the work takes keyframes to come to be like those that h
   CHECK(run_progress_of(stats, 10).share == 0.0);
   stats.keyframes_added = 5;
   stats.work_done = 3.0;
-  stats.work_to_come = 2.0;
+  stats.work_remaining = 2.0;
   CHECK(run_progress_of(stats, 10).share == Approx(0.3));
   CHECK(run_progress_of(stats, 5).share == Approx(0.6));
   CHECK(run_progress_of(stats, 0).share == Approx(0.6));

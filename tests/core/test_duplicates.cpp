@@ -82,7 +82,7 @@ class Owners {
       range_maps.push_back(range_map(maps[i], executor));
     }
     for (std::size_t i = 0; i < size(); ++i) {
-      std::vector<RangeMapFrom> asked;
+      std::vector<PosedRangeMap> asked;
       for (const std::size_t k : viewers(i)) asked.push_back({&range_maps[k], poses[k]});
       surfels[i].statuses = free_space_filter(surfels[i], poses[i], asked, free_space, executor);
     }
@@ -94,7 +94,7 @@ class Owners {
     for (int round = 0; round < rounds; ++round) {
       std::vector<Image<std::uint8_t>> next;
       for (std::size_t i = 0; i < size(); ++i) {
-        std::vector<SurfelsFrom> asked;
+        std::vector<PosedSurfels> asked;
         for (const std::size_t k : viewers(i)) asked.push_back({&surfels[k], &surfels[k].statuses, poses[k]});
         next.push_back(
             duplicate_round({&surfels[i], &surfels[i].statuses, poses[i]}, still[i], asked, fusion, executor));
@@ -103,7 +103,7 @@ class Owners {
     }
     clouds.clear();
     for (std::size_t i = 0; i < size(); ++i)
-      clouds.push_back(kept_points({&surfels[i], &surfels[i].statuses, poses[i]}));
+      clouds.push_back(extract_points({&surfels[i], &surfels[i].statuses, poses[i]}));
   }
 
   template <class Counts>
@@ -320,7 +320,7 @@ TEST_CASE("a point lies on a surface as either of the two normals tells", "[owne
   k::DuplicateView other{};
   other.map = {nullptr, nullptr, kWidth, kWidth / 2, 1.0F};
   for (const int i : {0, 4, 8}) other.other_from_first.r[i] = 1.0F;
-  other.zoom = 1.0F;
+  other.scale_ratio = 1.0F;
   const k::DuplicateLimits limits{1.0F, 0.02F, 0.5F};
   const V ahead{0.0F, 0.0F, 1.0F};
   const auto stands = [&](const V& owner_normal, const V& claim_normal, const V& apart) {
@@ -401,7 +401,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
       window.push_back({&one.maps[k], &one.colors[k], one.poses[k]});
     }
     surfels[i] = fuse_pixels(window, current, one.fusion, executor);
-    std::vector<RangeMapFrom> asked;
+    std::vector<PosedRangeMap> asked;
     for (const std::size_t k : order) {
       if (k != i) asked.push_back({&range_maps[k], one.poses[k]});
     }
@@ -411,7 +411,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
   for (int round = 0; round < one.rounds; ++round) {
     std::map<std::size_t, Image<std::uint8_t>> next;
     for (const std::size_t i : order) {
-      std::vector<SurfelsFrom> asked;
+      std::vector<PosedSurfels> asked;
       for (const std::size_t k : order) {
         if (k != i) asked.push_back({&surfels[k], &surfels[k].statuses, one.poses[k]});
       }
@@ -422,7 +422,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
   }
   other.clouds.clear();
   for (const std::size_t i : order)
-    other.clouds.push_back(kept_points({&surfels[i], &surfels[i].statuses, one.poses[i]}));
+    other.clouds.push_back(extract_points({&surfels[i], &surfels[i].statuses, one.poses[i]}));
   // Sums over viewers are rounded in another order, which may tip what lies on the limit.
   const auto mine = keys(one);
   const auto theirs = keys(other);
@@ -585,15 +585,15 @@ TEST_CASE("ownership refuses what does not fit", "[ownership]") {
   const SurfelMap small{1, Image<std::uint32_t>(8, 4), Image<std::uint8_t>(8, 4), Image<std::uint32_t>(8, 4), {}, {}};
   const SurfelMap& own = room.surfels[0];
   const SurfelMap& other = room.surfels[1];
-  const SurfelsFrom reference{&own, &own.statuses, room.poses[0]};
+  const PosedSurfels reference{&own, &own.statuses, room.poses[0]};
   std::vector<std::uint32_t> asked;
   CHECK_THROWS_AS(duplicate_round(reference, asked, {{&small, &small.statuses, {}}}, {}, executor), InvalidInput);
   CHECK_THROWS_AS(duplicate_round(reference, asked, {{&other, &small.statuses, {}}}, {}, executor), InvalidInput);
   CHECK_THROWS_AS(duplicate_round({&own, nullptr, {}}, asked, {}, {}, executor), InvalidInput);
-  CHECK_THROWS_AS(kept_points({&own, &small.statuses, {}}), InvalidInput);
+  CHECK_THROWS_AS(extract_points({&own, &small.statuses, {}}), InvalidInput);
   const Image<std::uint8_t> judged[] = {free_space_filter(own, room.poses[0], {}, {}, executor),
                                         free_space_filter(other, room.poses[1], {}, {}, executor)};
-  const SurfelsFrom stale{&other, &judged[1], room.poses[1]};  // it stays as it was before the round
+  const PosedSurfels stale{&other, &judged[1], room.poses[1]};  // it stays as it was before the round
   duplicate_round(stale, asked, {{&own, &judged[0], room.poses[0]}}, {}, executor);
   REQUIRE(!asked.empty());
   CHECK_THROWS_AS(duplicate_round(stale, asked, {}, {}, executor), InvalidInput);

@@ -28,8 +28,8 @@ std::vector<RangeMap> range_maps_of(const std::vector<DepthMap>& maps) {
 }
 
 /// All but one.
-std::vector<RangeMapFrom> others_of(const std::vector<RangeMap>& range_maps, std::size_t except) {
-  std::vector<RangeMapFrom> others;
+std::vector<PosedRangeMap> others_of(const std::vector<RangeMap>& range_maps, std::size_t except) {
+  std::vector<PosedRangeMap> others;
   for (std::size_t k = 0; k < range_maps.size(); ++k) {
     if (k != except) others.push_back({&range_maps[k], {range_maps[k].cam_from_world}});
   }
@@ -44,25 +44,25 @@ SurfelMap points_of(DepthMap map, float scale = 1.0F) {
   return fuse_pixels({{&map, &color, {map.cam_from_world}}}, 0, {}, Executor(2));
 }
 
-KeyframeCloud judged(const DepthMap& map, const std::vector<RangeMapFrom>& others, float scale = 1.0F,
+KeyframeCloud judged(const DepthMap& map, const std::vector<PosedRangeMap>& others, float scale = 1.0F,
                      const FreeSpaceOptions& options = {}, const Executor& executor = Executor(2)) {
   SurfelMap points = points_of(map, scale);
   points.statuses = free_space_filter(points, {map.cam_from_world}, others, options, executor);
-  return kept_points({&points, &points.statuses, {map.cam_from_world}});
+  return extract_points({&points, &points.statuses, {map.cam_from_world}});
 }
 
-double kept(const DepthMap& map, const std::vector<RangeMapFrom>& others, float scale = 1.0F,
+double kept(const DepthMap& map, const std::vector<PosedRangeMap>& others, float scale = 1.0F,
             const FreeSpaceOptions& options = {}) {
   return static_cast<double>(judged(map, others, scale, options).points.size()) /
          static_cast<double>(points_of(map, scale).surfels.size());
 }
 
 /// Shares of the pixels of a map that stay: of those named, and of the others.
-struct Stay {
+struct VersionInterval {
   double named, others;
 };
-Stay staying(const std::vector<DepthMap>& maps, std::size_t k, const std::vector<std::size_t>& named,
-             const FreeSpaceOptions& options = {}) {
+VersionInterval staying(const std::vector<DepthMap>& maps, std::size_t k, const std::vector<std::size_t>& named,
+                        const FreeSpaceOptions& options = {}) {
   SurfelMap points = points_of(maps[k]);
   const Image<std::uint8_t> statuses =
       free_space_filter(points, {maps[k].cam_from_world}, others_of(range_maps_of(maps), k), options, Executor(2));
@@ -126,7 +126,7 @@ TEST_CASE("one keyframe against many does not remove what they confirm", "[free 
   for (float& depth : range_maps[1].nearest.pixels()) depth *= 1.5F;  // this one has missed the walls
   for (float& depth : range_maps[1].farthest.pixels()) depth *= 1.5F;
   CHECK(kept(maps[2], others_of(range_maps, 2)) > 0.9);
-  const std::vector<RangeMapFrom> alone = {{&range_maps[1], {range_maps[1].cam_from_world}}};
+  const std::vector<PosedRangeMap> alone = {{&range_maps[1], {range_maps[1].cam_from_world}}};
   FreeSpaceOptions even;
   even.max_contradiction = 1.0;
   const double against_one = kept(maps[2], alone, 1.0F, even);  // the nearer of the two decides
@@ -141,7 +141,7 @@ TEST_CASE("many far keyframes that miss a thing do not outvote the near one that
   const DepthMap near = beside_at_depth(truth_maps(room())[2], 0.0, 1.0F);
   const auto kept_against = [&](double away) {  // from so far beside, each of them has seen the wall behind
     const RangeMap ranges = range_map(beside_at_depth(near, away, 10.0F), Executor(2));
-    return kept(near, std::vector<RangeMapFrom>(12, {&ranges, {ranges.cam_from_world}}));
+    return kept(near, std::vector<PosedRangeMap>(12, {&ranges, {ranges.cam_from_world}}));
   };
   CHECK(kept_against(3.0) == 1.0);
   CHECK(kept_against(0.1) == 0.0);
@@ -150,7 +150,7 @@ TEST_CASE("many far keyframes that miss a thing do not outvote the near one that
 TEST_CASE("what a floor mirrors goes where others have the floor", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
-  const Stay stay = staying(maps, 2, ghosts);
+  const VersionInterval stay = staying(maps, 2, ghosts);
   CHECK(stay.named < 0.02);
   CHECK(stay.others > 0.999);
   FreeSpaceOptions off;
@@ -162,7 +162,7 @@ TEST_CASE("what a floor mirrors goes where others have the floor", "[free space]
   std::fill(below.nearest.pixels().begin(), below.nearest.pixels().end(), 0.0F);
   std::fill(below.farthest.pixels().begin(), below.farthest.pixels().end(), 0.0F);
   below.cam_from_world.translation -= below.cam_from_world.rotation * Eigen::Vector3d(0.0, 2.5, 0.0);
-  std::vector<RangeMapFrom> viewers = others_of(range_maps, 2);
+  std::vector<PosedRangeMap> viewers = others_of(range_maps, 2);
   const std::size_t without = judged(maps[2], viewers).points.size();
   viewers.push_back({&below, {below.cam_from_world}});
   CHECK(judged(maps[2], viewers).points.size() > without + ghosts.size() * 9 / 10);
@@ -182,12 +182,12 @@ TEST_CASE("mirrors are found in any unit", "[free space]") {
     for (float& depth : scaled[k].nearest.pixels()) depth /= static_cast<float>(kScales[k]);
     for (float& depth : scaled[k].farthest.pixels()) depth /= static_cast<float>(kScales[k]);
   }
-  std::vector<RangeMapFrom> viewers = others_of(scaled, 2);
+  std::vector<PosedRangeMap> viewers = others_of(scaled, 2);
   for (std::size_t i = 0; i < viewers.size(); ++i) viewers[i].pose.scale = kScales[i < 2 ? i : i + 1];
   const KeyframePose pose{maps[2].cam_from_world, kScales[2]};
   SurfelMap points = points_of(maps[2], 1.0F / static_cast<float>(kScales[2]));
   points.statuses = free_space_filter(points, pose, viewers, {}, Executor(2));
-  CHECK(kept_points({&points, &points.statuses, pose}).points.size() == plain.points.size());
+  CHECK(extract_points({&points, &points.statuses, pose}).points.size() == plain.points.size());
 }
 
 TEST_CASE("a view through an opening stays, though what is there is like the room", "[free space]") {
@@ -197,7 +197,7 @@ TEST_CASE("a view through an opening stays, though what is there is like the roo
     const std::vector<std::size_t> through = look_through_floor(maps[k], room().scene, 0.3, 2.5);
     if (k == 2) seen = through;
   }
-  const Stay stay = staying(maps, 2, seen);
+  const VersionInterval stay = staying(maps, 2, seen);
   CHECK(stay.named > 0.98);
   CHECK(stay.others > 0.98);
 }
@@ -226,7 +226,7 @@ TEST_CASE("one witness alone makes no mirror image, two do", "[free space]") {
 TEST_CASE("what is no mirror image stays behind what others have", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<std::size_t> deep = look_through_floor(maps[2], room().scene, 0.3, 2.5, 1.3);
-  const Stay stay = staying(maps, 2, deep);
+  const VersionInterval stay = staying(maps, 2, deep);
   CHECK(stay.named > 0.98);
   CHECK(stay.others > 0.999);
 }

@@ -37,7 +37,7 @@ class Fusion {
     std::vector<FusedDepth> window;
     for (std::size_t k = 0; k < maps.size(); ++k) window.push_back({&maps[k], &colors[k], {maps[k].cam_from_world}});
     const SurfelMap points = fuse_pixels(window, i, options, Executor(threads));
-    return kept_points({&points, &points.statuses, {maps[i].cam_from_world}});
+    return extract_points({&points, &points.statuses, {maps[i].cam_from_world}});
   }
 
   std::vector<KeyframeCloud> fuse_all(const FusionOptions& options = {}, int threads = 2) {

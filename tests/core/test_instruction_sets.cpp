@@ -95,7 +95,7 @@ Results run_all(const synth::Mission& mission, const Executor& executor) {
   for (std::size_t i = 0; i < 3; ++i) {
     surfels.push_back(fuse_pixels(window, i, fusion, executor));
     results.statuses.push_back(surfels[i].statuses);
-    std::vector<RangeMapFrom> viewers;
+    std::vector<PosedRangeMap> viewers;
     for (std::size_t j = 0; j < 3; ++j) {
       if (j != i) viewers.push_back({&range_maps[j], window[j].pose});
     }
@@ -106,7 +106,7 @@ Results run_all(const synth::Mission& mission, const Executor& executor) {
   for (int round = 0; round < 2; ++round) {
     std::vector<Image<std::uint8_t>> next;
     for (std::size_t i = 0; i < 3; ++i) {
-      std::vector<SurfelsFrom> viewers;
+      std::vector<PosedSurfels> viewers;
       for (std::size_t j = 0; j < 3; ++j) {
         if (j != i) viewers.push_back({&surfels[j], &surfels[j].statuses, window[j].pose});
       }
@@ -116,7 +116,7 @@ Results run_all(const synth::Mission& mission, const Executor& executor) {
     for (std::size_t i = 0; i < 3; ++i) surfels[i].statuses = next[i];
     results.statuses.insert(results.statuses.end(), next.begin(), next.end());
   }
-  results.cloud = kept_points({&surfels[1], &surfels[1].statuses, window[1].pose});
+  results.cloud = extract_points({&surfels[1], &surfels[1].statuses, window[1].pose});
   return results;
 }
 

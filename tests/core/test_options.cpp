@@ -141,12 +141,12 @@ TEST_CASE("each option's bounds are valid and what lies beyond is refused by nam
       CHECK(complaint_of_check(entry, good) == "");
     }
     for (const double bad : {entry.min - step, entry.max + step}) {
-      if (bad == 0.0 && entry.zero_too) continue;
+      if (bad == 0.0 && entry.allows_zero) continue;
       CHECK_THAT(complaint(entry, number(bad)), Catch::Contains("here is ") && Catch::Contains("expected"));
       CHECK_THAT(complaint_of_check(entry, bad), Catch::Contains(entry.key) && Catch::Contains("expected"));
     }
     if (!any) CHECK_THAT(complaint(entry, number(entry.min + 1.0)), Catch::Contains("even") || Catch::Contains("odd"));
-    CHECK((complaint(entry, "0") == "") == (entry.zero_too || (entry.min <= 0.0 && entry.max >= 0.0)));
+    CHECK((complaint(entry, "0") == "") == (entry.allows_zero || (entry.min <= 0.0 && entry.max >= 0.0)));
     for (const char* none : {"", "three", "1x", "--1"}) CHECK_THAT(complaint(entry, none), Catch::Contains("expected"));
     if (is_whole(entry)) {
       CHECK_THAT(complaint(entry, "2.5"), Catch::Contains("number"));

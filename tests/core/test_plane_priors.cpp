@@ -240,7 +240,7 @@ TEST_CASE("scores without priors are what patches alone score", "[priors]") {
   map.z(x + 1, 14) = priors.z(x + 1, 14) = 0.5F;
   map.score(x + 1, 14) = 0.2F;
   map.keyframe_id = 7;
-  const PlaneMap without = scores_without_priors(map, priors, executor);
+  const PlaneMap without = subtract_priors(map, priors, executor);
   CHECK(without.score(x, 14) == Approx(0.5F));
   CHECK(without.score(x, 15) == Approx(0.65F).margin(0.01));
   CHECK(without.score(x, 16) == 0.8F);
@@ -251,10 +251,10 @@ TEST_CASE("scores without priors are what patches alone score", "[priors]") {
   CHECK(without.score(0, 0) == 0.0F);
   CHECK(without.keyframe_id == 7);
   for (float& score : map.score.pixels()) score += 0.4F;
-  const PlaneMap high = scores_without_priors(median_filter(map, {}, executor), priors, executor);
+  const PlaneMap high = subtract_priors(median_filter(map, {}, executor), priors, executor);
   CHECK(high.score(x, 14) == Approx(0.9F));  // 1.2 is no more than 1 only without what the prior added
   CHECK(high.score(x, 16) == 1.0F);
-  CHECK_THROWS_AS(scores_without_priors(map, PlaneMap(32, 16), executor), InvalidInput);
+  CHECK_THROWS_AS(subtract_priors(map, PlaneMap(32, 16), executor), InvalidInput);
 }
 
 TEST_CASE("plane priors give painted walls their depth, and can be switched off", "[priors]" PMSP_ACCURACY) {

@@ -30,7 +30,7 @@ TEST_CASE("the work that is done and to come tells how far a flight is", "[densi
   bool is_ordered = true;
   callbacks.worked = [&] {
     const DensifierStats& stats = worker->stats();
-    is_ordered = is_ordered && stats.work_done >= before && stats.work_to_come >= -1e-9;
+    is_ordered = is_ordered && stats.work_done >= before && stats.work_remaining >= -1e-9;
     before = stats.work_done;
     ++calls;
   };
@@ -39,7 +39,7 @@ TEST_CASE("the work that is done and to come tells how far a flight is", "[densi
   fly_through(densifier, mission);
   CHECK(is_ordered);
   CHECK(calls >= static_cast<std::size_t>(densifier.stats().depth_maps) * 3);
-  CHECK(densifier.stats().work_to_come == 0.0);
+  CHECK(densifier.stats().work_remaining == 0.0);
   // Each keyframe that was taken is matched once at least.
   CHECK(densifier.stats().work_done >= static_cast<double>(densifier.stats().keyframes_accepted));
 }

@@ -41,7 +41,7 @@ class MemorySimulation {
  private:
   bool may_run(std::size_t s, std::int64_t come, std::int64_t plan_delay) const {
     const Stage& stage = schedule_.stages()[s];
-    if (next_[s] + std::min(plan_delay, stage.lead) >= come) return false;
+    if (next_[s] + std::min(plan_delay, stage.lookahead) >= come) return false;
     return std::all_of(stage.needs.begin(), stage.needs.end(),
                        [&](const Stage::Need& need) { return next_[s] + need.ahead < next_[need.stage]; });
   }
@@ -101,7 +101,8 @@ TEST_CASE("no more keyframes hold an artefact than the schedule says, however lo
         CHECK(count == schedule.keyframes_with(artefact));
       }
       for (std::size_t s = 0; s < schedule.stages().size(); ++s) {
-        CHECK(flight.done()[s] == 700 - schedule.stages()[s].lead);  // results come as late as is stated, not later
+        CHECK(flight.done()[s] ==
+              700 - schedule.stages()[s].lookahead);  // results come as late as is stated, not later
       }
     }
   }

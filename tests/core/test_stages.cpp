@@ -93,7 +93,7 @@ class Composed {
       planes_ = next;
     }
     for (std::size_t i = 0; i < planes_.size(); ++i) {
-      to.raw.push_back(depth_map_of(scores_without_priors(planes_[i], priors_[i], executor_), nullptr, executor_));
+      to.raw.push_back(depth_map_of(subtract_priors(planes_[i], priors_[i], executor_), nullptr, executor_));
     }
   }
 
@@ -101,7 +101,7 @@ class Composed {
     for (std::size_t i = 0; i < planes_.size(); ++i) {
       PlaneMap filtered = median_filter(planes_[i], stages_.median, executor_);
       if (stages_.median.weighted) filtered = weighted_median_filter(filtered, panoramas_[i], executor_);
-      planes_[i] = scores_without_priors(filtered, priors_[i], executor_);
+      planes_[i] = subtract_priors(filtered, priors_[i], executor_);
     }
     for (std::size_t i = 0; i < planes_.size(); ++i) {
       std::vector<const PlaneMap*> others;
@@ -133,7 +133,7 @@ class Composed {
             {&planes_[i], &confidences_[i], &panoramas_[i].color(), keyframes_[i].pose(), keyframes_[i].pose_error});
       }
       surfels.push_back(fuse_pixels(window, current, stages_.fusion, executor_, options_.lens_distance));
-      std::vector<RangeMapFrom> viewers;
+      std::vector<PosedRangeMap> viewers;
       for (const std::int64_t id : entry.viewers)
         viewers.push_back({&ranges_[index(id)], keyframes_[index(id)].pose()});
       surfels.back().statuses = free_space_filter(surfels.back(), keyframe.pose(), viewers, stages_.free_space,
@@ -144,7 +144,7 @@ class Composed {
       std::vector<Image<std::uint8_t>> statuses;
       for (std::size_t i = 0; i < surfels.size(); ++i) {
         std::vector<std::int64_t> ids = plan_.at(keyframes_[i].id).duplicate_views;
-        std::vector<SurfelsFrom> duplicate_views;
+        std::vector<PosedSurfels> duplicate_views;
         for (const std::int64_t id : ids) duplicate_views.push_back(points_of(surfels, index(id)));
         statuses.push_back(duplicate_round(points_of(surfels, i), candidates[i], duplicate_views, stages_.fusion,
                                            executor_, options_.lens_distance));
@@ -152,11 +152,11 @@ class Composed {
       for (std::size_t i = 0; i < surfels.size(); ++i) surfels[i].statuses = statuses[i];
     }
     for (std::size_t i = 0; i < surfels.size(); ++i) {
-      to.clouds.push_back(kept_points(points_of(surfels, i), options_.lens_distance));
+      to.clouds.push_back(extract_points(points_of(surfels, i), options_.lens_distance));
     }
   }
 
-  SurfelsFrom points_of(const std::vector<SurfelMap>& surfels, std::size_t i) const {
+  PosedSurfels points_of(const std::vector<SurfelMap>& surfels, std::size_t i) const {
     return {&surfels[i], &surfels[i].statuses, keyframes_[i].pose()};
   }
 

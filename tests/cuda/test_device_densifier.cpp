@@ -84,17 +84,17 @@ TEST_CASE("the device takes planes that it has handed out", "[cuda][densifier][s
     first.flush();
     CHECK(planes.size() == whole.clouds.size());
     CHECK(planes.size() > 2);
-    for (const Shortcut::Planes kind : {Shortcut::Planes::kStart, Shortcut::Planes::kResult}) {
-      Shortcuts shortcuts;
+    for (const PlaneReuse::Planes kind : {PlaneReuse::Planes::kStart, PlaneReuse::Planes::kResult}) {
+      PlaneReuses reuses;
       for (const auto& [id, map] : planes) {
-        shortcuts.keyframes[id] = {
-            kind, kind == Shortcut::Planes::kStart ? 0 : options.advanced.patchmatch.geometric_passes + 1, false};
+        reuses.keyframes[id] = {
+            kind, kind == PlaneReuse::Planes::kStart ? 0 : options.advanced.patchmatch.geometric_passes + 1, false};
       }
-      shortcuts.load = [&](std::int64_t id) { return planes.at(id); };
+      reuses.load = [&](std::int64_t id) { return planes.at(id); };
       Recording again;
       callbacks = again.callbacks();
       callbacks.raw_depth = nullptr;
-      PlannedDensifier second(options, plan, ids, callbacks, shortcuts);
+      PlannedDensifier second(options, plan, ids, callbacks, reuses);
       add_all(second, mission);
       second.flush();
       CHECK(second.stats().depth_maps == 0);

@@ -70,7 +70,7 @@ std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>&
     range_maps.push_back(range_map(flight.maps[i], executor));
   }
   for (std::size_t i = 0; i < flight.size(); ++i) {
-    std::vector<RangeMapFrom> asked;
+    std::vector<PosedRangeMap> asked;
     for (std::size_t k = 0; k < flight.size(); ++k) {
       if (k != i) asked.push_back({&range_maps[k], flight.poses[k]});
     }
@@ -80,7 +80,7 @@ std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>&
   for (int round = 0; round < kRounds; ++round) {
     std::vector<Image<std::uint8_t>> next;
     for (std::size_t i = 0; i < flight.size(); ++i) {
-      std::vector<SurfelsFrom> asked;
+      std::vector<PosedSurfels> asked;
       for (std::size_t k = 0; k < flight.size(); ++k) {
         if (k != i) asked.push_back({&surfels[k], &surfels[k].statuses, flight.poses[k]});
       }
@@ -90,7 +90,7 @@ std::vector<SurfelMap> on_host(const Flight& flight, std::vector<KeyframeCloud>&
     for (std::size_t i = 0; i < flight.size(); ++i) surfels[i].statuses = next[i];
   }
   for (std::size_t i = 0; i < flight.size(); ++i)
-    clouds.push_back(kept_points({&surfels[i], &surfels[i].statuses, flight.poses[i]}));
+    clouds.push_back(extract_points({&surfels[i], &surfels[i].statuses, flight.poses[i]}));
   return surfels;
 }
 
@@ -153,7 +153,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   const cuda::DeviceArray<cuda::Counts> counts(1);
   PMSP_CUDA_CHECK(cudaMemset(counts.get(), 0, sizeof(cuda::Counts)));
   for (std::size_t k = 0; k < flight.size(); ++k) frames.push_back(uploaded_map(flight, k));
-  using Machine = cuda::DeviceMachine;
+  using Views = cuda::DeviceViews;
   const auto filtered = [&](std::size_t k) {
     return kernels::FilteredMap<cuda::DevicePlanes>{
         {frames[k].planes.get(), width, height}, frames[k].confidence.get(), width, height};
@@ -161,10 +161,10 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   const auto from = [&](std::size_t k, std::size_t i) { return relation(flight.poses[k], flight.poses[i]); };
   for (std::size_t i = 0; i < flight.size(); ++i) {
     const auto view = [&](std::size_t k) {
-      return kernels::FusionView<Machine>{filtered(k), frames[k].color.get(), from(k, i).other_from_first,
-                                          from(k, i).zoom};
+      return kernels::FusionView<Views>{filtered(k), frames[k].color.get(), from(k, i).other_from_first,
+                                        from(k, i).scale_ratio};
     };
-    kernels::FusePixels<Machine> fuse{};
+    kernels::FusePixels<Views> fuse{};
     fuse.grid = grid.view();
     fuse.first = view(i);
     for (std::size_t k = 0; k < flight.size(); ++k) {
@@ -175,7 +175,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
                static_cast<int>(kAgreeBytes)};
     cuda::launch(fuse, counts.get(), nullptr);
     cuda::launch(
-        kernels::FindRanges<Machine>{filtered(i), grid.view(), frames[i].nearest.get(), frames[i].farthest.get()},
+        kernels::FindRanges<Views>{filtered(i), grid.view(), frames[i].nearest.get(), frames[i].farthest.get()},
         nullptr, nullptr);
   }
   for (std::size_t i = 0; i < flight.size(); ++i) {
@@ -187,7 +187,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
       if (k == i) continue;
       judge.viewers[judge.count++] = {{frames[k].nearest.get(), frames[k].farthest.get(), width / 2, height / 2},
                                       from(k, i).other_from_first,
-                                      from(k, i).zoom};
+                                      from(k, i).scale_ratio};
     }
     judge.limits = free_space_limits(flight.free_space);
     judge.max_contradiction = static_cast<float>(flight.free_space.max_contradiction);
@@ -205,7 +205,7 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
       stage.grid = grid.view();
       for (std::size_t k = 0; k < flight.size(); ++k) {
         if (k == i) continue;
-        stage.others[stage.count++] = {view(k), from(k, i).other_from_first, from(k, i).zoom,
+        stage.others[stage.count++] = {view(k), from(k, i).other_from_first, from(k, i).scale_ratio,
                                        flight.maps[k].keyframe_id < flight.maps[i].keyframe_id};
       }
       stage.limits = duplicate_limits(flight.fusion);
@@ -221,14 +221,14 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   const cuda::DeviceArray<unsigned char> scratch(cuda::emit_scratch_bytes(static_cast<int>(pixels)));
   std::vector<DeviceResult> results;
   for (OnDevice& frame : frames) {
-    cuda::kept_points({grid.view(),
-                       {frame.surfels.get(), frame.details.get(), frame.statuses.get(), frame.agree.get(),
-                        static_cast<int>(kAgreeBytes), 0.0F},
-                       points.get(),
-                       indices.get(),
-                       agree.get(),
-                       count.get()},
-                      scratch.get(), scratch.size(), nullptr);
+    cuda::extract_points({grid.view(),
+                          {frame.surfels.get(), frame.details.get(), frame.statuses.get(), frame.agree.get(),
+                           static_cast<int>(kAgreeBytes), 0.0F},
+                          points.get(),
+                          indices.get(),
+                          agree.get(),
+                          count.get()},
+                         scratch.get(), scratch.size(), nullptr);
     PMSP_CUDA_CHECK(cudaDeviceSynchronize());
     DeviceResult result{downloaded(frame.surfels),  downloaded(frame.details), downloaded(frame.agree),
                         downloaded(frame.statuses), downloaded(points),        downloaded(indices),

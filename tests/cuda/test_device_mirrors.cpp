@@ -56,7 +56,7 @@ TEST_CASE("mirrors on the device are those of the host", "[cuda][mirrors]") {
   const cuda::DeviceArray<std::uint8_t> statuses(points.surfels.size());
   const cuda::DeviceArray<cuda::Counts> counts(1);
   PMSP_CUDA_CHECK(cudaMemset(counts.get(), 0, sizeof(cuda::Counts)));
-  std::vector<RangeMapFrom> viewers;
+  std::vector<PosedRangeMap> viewers;
   std::vector<cuda::DeviceArray<float>> depths;
   std::vector<kernels::Rigid> from_viewers;
   kernels::Eligibility stage{};
@@ -75,7 +75,7 @@ TEST_CASE("mirrors on the device are those of the host", "[cuda][mirrors]") {
     stage.viewers[stage.count++] = {
         {depths[depths.size() - 2].get(), depths.back().get(), room.width / 2, room.height / 2},
         to.other_from_first,
-        to.zoom};
+        to.scale_ratio};
     from_viewers.push_back(relation(pose, viewers.back().pose).other_from_first);
   }
   const Plain on{grid.view()};

@@ -151,14 +151,14 @@ TEST_CASE("each face is the one of the largest coordinate, and its address is th
   for (int i = 0; i < 20000; ++i) {
     const Vec3<double> d = draws.direction();
     const double c[3] = {d.x, d.y, d.z};
-    int lead = 0;
+    int lookahead = 0;
     for (int a = 1; a < 3; ++a) {
-      if (std::fabs(c[a]) > std::fabs(c[lead])) lead = a;
+      if (std::fabs(c[a]) > std::fabs(c[lookahead])) lookahead = a;
     }
-    const double first = c[lead == 0 ? 1 : 0] / std::fabs(c[lead]);
-    const double second = c[lead == 2 ? 1 : 2] / std::fabs(c[lead]);
+    const double first = c[lookahead == 0 ? 1 : 0] / std::fabs(c[lookahead]);
+    const double second = c[lookahead == 2 ? 1 : 2] / std::fabs(c[lookahead]);
     const k::CubePoint<double> at = k::cube_point(d, cube);
-    REQUIRE(at.face_start == (2 * lead + (c[lead] < 0.0 ? 1 : 0)) * cube.face_elements);
+    REQUIRE(at.face_start == (2 * lookahead + (c[lookahead] < 0.0 ? 1 : 0)) * cube.face_elements);
     REQUIRE(at.u == Approx(50.5 + 50.0 * first).margin(1e-9));
     REQUIRE(at.v == Approx(50.5 + 50.0 * second).margin(1e-9));
     const k::CubePoint<float> near = k::cube_point(cast<float>(d), cube);

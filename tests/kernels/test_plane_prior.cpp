@@ -24,8 +24,8 @@ const k::PlaneLimits kLimits{0.01F, 10.0F, 0.0F};
 Vec3<float> wall(float distance) { return {0.0F, 0.0F, 1.0F / distance}; }
 
 /// Supports around the direction ahead, in direction d on the plane z = `distance`(d); 0 = none.
-k::Surroundings around_ahead(const std::function<float(int)>& distance) {
-  k::Surroundings around{};
+k::NearestSupports around_ahead(const std::function<float(int)>& distance) {
+  k::NearestSupports around{};
   for (int d = 0; d < k::kPriorDirections; ++d) {
     const auto angle = static_cast<float>(2.0 * k::kPi * d / k::kPriorDirections);
     around.put(d, distance(d) * Vec3<float>{0.4F * std::cos(angle), 0.4F * std::sin(angle), 1.0F}, 0.005F,
@@ -36,19 +36,19 @@ k::Surroundings around_ahead(const std::function<float(int)>& distance) {
 }
 
 /// Multiplies a support's distance.
-void move(k::Surroundings& around, int d, float factor) {
+void move(k::NearestSupports& around, int d, float factor) {
   around.put(d, factor * around.point(d), around.errors[d], around.tightness[d]);
 }
 
 /// Distance of the better one of two walls.
-float better_wall(float one, float other, const k::Surroundings& around) {
+float better_wall(float one, float other, const k::NearestSupports& around) {
   k::PriorPlane best{{0.0F, 0.0F, 0.0F}, 0, static_cast<float>(k::kPriorDirections)};
   for (const float distance : {one, other}) k::consider(best, wall(distance), around, kAhead, kLimits);
   return best.supports > 0 ? 1.0F / best.plane.z : 0.0F;
 }
 
-k::PriorCells<k::HostMachine> cells_with(int columns, int rows, std::vector<k::Surroundings>& around) {
-  k::PriorCells<k::HostMachine> cells{};
+k::PriorCells<k::HostViews> cells_with(int columns, int rows, std::vector<k::NearestSupports>& around) {
+  k::PriorCells<k::HostViews> cells{};
   cells.limits = kLimits;
   cells.columns = columns;
   cells.rows = rows;
@@ -67,7 +67,7 @@ TEST_CASE("plane priors: what stands in front speaks less against a plane than w
   CHECK(better_wall(3.0F, 4.0F, seven_of(4.0F, 3.0F)) == Approx(4.0F));
   CHECK(better_wall(4.0F, 3.0F, seven_of(3.0F, 4.0F)) == Approx(4.0F));
   // Five are too few against eleven.
-  const k::Surroundings few = around_ahead([](int d) { return d % 3 == 0 && d < 15 ? 4.0F : 3.0F; });
+  const k::NearestSupports few = around_ahead([](int d) { return d % 3 == 0 && d < 15 ? 4.0F : 3.0F; });
   CHECK(better_wall(4.0F, 3.0F, few) == Approx(3.0F));
 }
 
@@ -82,7 +82,7 @@ TEST_CASE("plane priors: a plane is not drawn beyond the supports that lie on it
 }
 
 TEST_CASE("plane priors: a plane is fitted to the supports near it, the more certain ones count more") {
-  k::Surroundings around = around_ahead([](int d) { return d % 4 == 0 ? 4.06F : 4.0F; });
+  k::NearestSupports around = around_ahead([](int d) { return d % 4 == 0 ? 4.06F : 4.0F; });
   move(around, 3, 2.0F);  // of something else
   const float even = 1.0F / k::refitted(around, wall(4.03F)).z;
   CHECK(even > 4.001F);
@@ -94,10 +94,10 @@ TEST_CASE("plane priors: a plane is fitted to the supports near it, the more cer
 TEST_CASE("plane priors: a cell takes the plane of another one where it explains more, across the seam too") {
   constexpr int kColumns = 8;
   constexpr int kRows = 4;
-  std::vector<k::Surroundings> around(kColumns * kRows);
+  std::vector<k::NearestSupports> around(kColumns * kRows);
   std::vector<k::PriorPlane> before(kColumns * kRows, {{0.0F, 0.0F, 0.0F}, 0, 16.0F});
   std::vector<k::PriorPlane> found = before;
-  k::PriorCells<k::HostMachine> cells = cells_with(kColumns, kRows, around);
+  k::PriorCells<k::HostViews> cells = cells_with(kColumns, kRows, around);
   cells.before = before.data();
   cells.found = found.data();
   cells.shares = GENERATE(1, 4, 16);
@@ -113,7 +113,7 @@ TEST_CASE("plane priors: a cell takes the plane of another one where it explains
     const int beside = backward ? 7 : 3;
     const float sign = backward ? -1.0F : 1.0F;
     CAPTURE(backward);
-    k::Surroundings& own = around[at(column, 2)];
+    k::NearestSupports& own = around[at(column, 2)];
     own = around_ahead([](int) { return 4.0F; });
     for (float& z : own.z) z *= sign;
     for (const int stride : {1, 2}) {
@@ -133,19 +133,19 @@ TEST_CASE("plane priors: a cell takes the plane of another one where it explains
 }
 
 TEST_CASE("plane priors: of all planes through three supports the best is found, however many share the work") {
-  std::vector<k::Surroundings> around{
+  std::vector<k::NearestSupports> around{
       around_ahead([](int d) { return 3.0F + 0.02F * static_cast<float>(d * 7 % 16); })};
   for (int d = 9; d < 15; ++d) move(around[0], d, 4.0F / around[0].z[d]);
-  unsigned char unsure = 1;
-  k::PriorCells<k::HostMachine> cells = cells_with(1, 1, around);
-  cells.unsure = &unsure;
+  unsigned char uncertain = 1;
+  k::PriorCells<k::HostViews> cells = cells_with(1, 1, around);
+  cells.uncertain = &uncertain;
   k::PriorPlane best = k::no_plane();  // by trying all
   const Vec3<float> center = k::cell_bearing(0, 0, 1, 1);
   for (int i = 0; i < k::kPriorDirections; ++i) {
     for (int j = i + 3; j < k::kPriorDirections; ++j) {
       for (int l = j + 3; l < k::kPriorDirections; ++l) {
         if (j - i > 8 || l - j > 8 || i + 16 - l < 3 || i + 16 - l > 8) continue;
-        const k::Surroundings& on = around[0];
+        const k::NearestSupports& on = around[0];
         k::consider(best, k::plane_through(on.point(i), on.point(j), on.point(l)), on, center, kLimits);
       }
     }
@@ -170,9 +170,9 @@ TEST_CASE("plane priors: given planes are corrected by the supports around, unle
   constexpr int kColumn = 32;
   constexpr int kRow = 16;
   constexpr std::size_t kCell = kRow * kColumns + kColumn;
-  std::vector<k::Surroundings> around(kColumns * kRows);
+  std::vector<k::NearestSupports> around(kColumns * kRows);
   std::vector<Vec3<float>> external(kColumns * kRows);
-  k::PriorCells<k::HostMachine> cells = cells_with(kColumns, kRows, around);
+  k::PriorCells<k::HostViews> cells = cells_with(kColumns, kRows, around);
   cells.external = external.data();
   around[kCell] = around_ahead([](int) { return 4.0F; });
   const auto give = [&](const Vec3<float>& plane) { std::fill(external.begin(), external.end(), plane); };
@@ -210,8 +210,8 @@ TEST_CASE("plane priors: given planes are corrected by the supports around, unle
 TEST_CASE("plane priors: a plane that agrees with a given one is fitted to all supports near it") {
   constexpr int kColumns = 64;
   constexpr int kRows = 32;
-  std::vector<k::Surroundings> around(kColumns * kRows);
-  const k::PriorCells<k::HostMachine> cells = cells_with(kColumns, kRows, around);
+  std::vector<k::NearestSupports> around(kColumns * kRows);
+  const k::PriorCells<k::HostViews> cells = cells_with(kColumns, kRows, around);
   around[16 * kColumns + 32] = around_ahead([](int d) { return d % 4 == 0 ? 4.06F : 4.0F; });
   const Vec3<float> plane = k::agreeing_plane(cells, 32, 16, wall(4.1F));
   CHECK(1.0F / plane.z > 4.001F);  // twelve of them lie on 4 exactly
@@ -223,7 +223,7 @@ TEST_CASE("plane priors: pixels around a support are looked for across the seam"
   constexpr int kHeight = 16;
   const SphereGrid grid(kWidth, kHeight);
   std::vector<float> x(kWidth * kHeight, 0.0F), z(kWidth * kHeight, 0.0F);
-  k::PriorCells<k::HostMachine> cells{};
+  k::PriorCells<k::HostViews> cells{};
   cells.grid = grid.view();
   cells.map = {x.data(), x.data(), z.data(), kWidth, kHeight, nullptr};
   const Vec3<float> behind{0.0F, 0.0F, -0.25F};
@@ -249,7 +249,7 @@ TEST_CASE("plane priors: only pixels whose depth the picture does not tell have 
   std::vector<float> variance(kSide * kSide, 100.0F);
   std::vector<float> certainty(kSide * kSide, 1e6F);
   std::vector<k::PriorPlane> found{{wall(4.0F), 9, 0.0F}};
-  k::PriorCells<k::HostMachine> cells{};
+  k::PriorCells<k::HostViews> cells{};
   cells.map = {x.data(), x.data(), z.data(), kSide, kSide, score.data()};
   cells.grid = grid.view();
   cells.spacing = 0.01F;
@@ -265,8 +265,8 @@ TEST_CASE("plane priors: only pixels whose depth the picture does not tell have 
   for (int row = 0; row < kSide; ++row) {
     for (int column = 0; column < kSide; ++column) {
       CAPTURE(column, row);
-      const bool unsure = (column == 3 && row == 3) || (column == 4 && row == 4);
-      CHECK(k::prior_at(cells, column, row).z == (unsure ? 0.25F : 0.0F));
+      const bool uncertain = (column == 3 && row == 3) || (column == 4 && row == 4);
+      CHECK(k::prior_at(cells, column, row).z == (uncertain ? 0.25F : 0.0F));
     }
   }
 }

@@ -41,7 +41,7 @@ TEST_CASE("A scale is found again however far keyframes were moved before withou
   tracker.move(keyframes);
   for (const LiveKeyframe& keyframe : keyframes) {
     CAPTURE(keyframe.id);
-    CHECK(tracker.place_of(keyframe.id).pose.scale == 1.0);
+    CHECK(tracker.pose_of(keyframe.id).pose.scale == 1.0);
   }
   constexpr double kUnit = 0.8;  // a loop closure
   for (LiveKeyframe& keyframe : keyframes) {
@@ -51,7 +51,7 @@ TEST_CASE("A scale is found again however far keyframes were moved before withou
   tracker.move(keyframes);
   for (const LiveKeyframe& keyframe : keyframes) {
     CAPTURE(keyframe.id);
-    CHECK(tracker.place_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-6));
+    CHECK(tracker.pose_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-6));
   }
 }
 
@@ -75,7 +75,7 @@ TEST_CASE("Small changes of scale add up, after maps were merged, too", "[live]"
   }
   for (std::size_t k = 4; k < 8; ++k) {  // in the middle, where most baselines tell
     CAPTURE(k);
-    CHECK(tracker.place_of(keyframes[k].id).pose.scale == Approx(unit).margin(0.008));
+    CHECK(tracker.pose_of(keyframes[k].id).pose.scale == Approx(unit).margin(0.008));
   }
 }
 
@@ -107,7 +107,7 @@ TEST_CASE("Landmarks of a keyframe whose pose stays tell of its scale, too", "[l
   tracker.move({keyframes[4], keyframes[5]});  // too few for baselines
   for (const std::int64_t id : {4, 5}) {
     CAPTURE(id);
-    CHECK(tracker.place_of(id).pose.scale == Approx(kUnit).epsilon(1e-3));
+    CHECK(tracker.pose_of(id).pose.scale == Approx(kUnit).epsilon(1e-3));
   }
 }
 
@@ -134,6 +134,6 @@ TEST_CASE("Ranges of landmarks go with the scale that baselines have told", "[li
   tracker.move(keyframes);
   for (const LiveKeyframe& keyframe : keyframes) {
     CAPTURE(keyframe.id);
-    CHECK(tracker.place_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-3));
+    CHECK(tracker.pose_of(keyframe.id).pose.scale == Approx(kUnit).epsilon(1e-3));
   }
 }

@@ -181,7 +181,7 @@ TEST_CASE("a pass over images alone needs no planes of neighbours", "[plan][halo
   const PlanEntry& entry = *with_map[with_map.size() / 2];
   const auto needs = [&](int passes, bool images_first) {
     return find_halo(plan, {entry.id}, options, Wanted::kPlanes,
-                     {{entry.id, {Shortcut::Planes::kStart, passes, images_first}}});
+                     {{entry.id, {PlaneReuse::Planes::kStart, passes, images_first}}});
   };
   const RunHalo alone = needs(1, true);
   std::size_t matched = 0;
@@ -236,12 +236,12 @@ TEST_CASE("whose planes points depend on is the same, asked one by one", "[plan]
     options.advanced.free_space.history = 20;
     options.advanced.fusion.history = 8;
     const Plan plan = make_plan(corridor(recipe, 2), options);
-    std::map<std::int64_t, Shortcut> kept;
+    std::map<std::int64_t, PlaneReuse> kept;
     for (const PlanEntry& entry : plan.entries) {
-      if (entry.has_depth_map()) kept[entry.id] = {Shortcut::Planes::kStart, 0, false};
+      if (entry.has_depth_map()) kept[entry.id] = {PlaneReuse::Planes::kStart, 0, false};
     }
     const PointsHalo halo(plan, options);
-    for (const auto& [id, shortcut] : kept) {
+    for (const auto& [id, reuse] : kept) {
       CHECK(halo.planes_of(id) == find_halo(plan, {id}, options, Wanted::kPoints, kept).earlier);
     }
   }

@@ -31,7 +31,7 @@ HttpReply text_reply(const std::string& text) {
 HttpOptions impatient() {
   HttpOptions options;
   options.for_headers = options.for_chunk = milliseconds(1500);  // a loaded machine may leave a good client waiting
-  options.patience = milliseconds(200);
+  options.long_poll_timeout = milliseconds(200);
   return options;
 }
 
@@ -121,7 +121,7 @@ TEST_CASE("an answer may be put off, and does not come for ever") {
   const HttpServer server(impatient(), [&](const HttpRequest& request) -> std::optional<HttpReply> {
     ++calls;
     if (request.path.front() == "later" && calls >= 3) return text_reply("now");
-    if (request.path.front() == "never" && request.last_call) return text_reply("nothing");
+    if (request.path.front() == "never" && request.must_answer) return text_reply("nothing");
     if (request.path.front() == "wrong") throw std::runtime_error("a secret");
     return std::nullopt;
   });

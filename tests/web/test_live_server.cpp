@@ -46,7 +46,7 @@ KeyframePose pose_at(double x) {
 
 HttpOptions impatient() {
   HttpOptions options;
-  options.patience = std::chrono::milliseconds(200);
+  options.long_poll_timeout = std::chrono::milliseconds(200);
   return options;
 }
 

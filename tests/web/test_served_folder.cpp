@@ -125,7 +125,9 @@ TEST_CASE("without the token nothing is there") {
 
 TEST_CASE("a folder shows its page, or which there are") {
   const Site site;
-  CHECK(Served(site.dir / "site").ask("").body == "page");
+  const Reply page = Served(site.dir / "site").ask("");
+  CHECK(page.body == "page");
+  CHECK_THAT(page.head, Contains("Content-Security-Policy: default-src 'self'") && Contains("form-action 'none'"));
   write(site.dir / "site" / "other" / "<b>&.html", "second");
   const Served several(site.dir / "site");
   const Reply list = several.ask("");

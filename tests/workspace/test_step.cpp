@@ -78,7 +78,7 @@ TEST_CASE("a mission that comes for the first time is matched as without a works
   CHECK(counts.maps > 20);
   CHECK(counts.anew == counts.maps);
   CHECK(counts.points_kept == 0);
-  CHECK(step.shortcuts(kFull - 1).empty());
+  CHECK(step.reuses(kFull - 1).empty());
   for (const auto& [id, it] : step.keyframes) CHECK((it.passes == kFull && it.pose.scale == 1.0));
 }
 

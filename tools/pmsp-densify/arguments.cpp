@@ -126,8 +126,8 @@ void add_table(CLI::App& app, Arguments& a) {
       ->type_name("FILE")
       ->group("Configuration");
   for (const OptionEntry& entry : option_table()) {
-    const auto take = [&a, &entry](const std::string& text) { a.overrides.emplace_back(&entry, text); };
-    app.add_option_function<std::string>(flags_of(entry), take, description_of(entry))
+    const auto add_override = [&a, &entry](const std::string& text) { a.overrides.emplace_back(&entry, text); };
+    app.add_option_function<std::string>(flags_of(entry), add_override, description_of(entry))
         ->type_name(entry.is_switch() ? " " : "V")
         ->group(entry.stage);
   }

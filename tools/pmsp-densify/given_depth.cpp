@@ -53,7 +53,7 @@ void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments) {
   options.advanced.consistency.enabled = options.advanced.consistency.enabled && !is_filtered(folder);
 }
 
-GivenDepths::GivenDepths(const Arguments& arguments)
+ExternalDepths::ExternalDepths(const Arguments& arguments)
     : arguments_(arguments), folder_(arguments.given_depth, arguments.images) {
   if (folder_.is_indexed() || arguments.video.empty()) return;
   throw InvalidInput(arguments.given_depth.string() +
@@ -61,8 +61,8 @@ GivenDepths::GivenDepths(const Arguments& arguments)
                      "the index of --depth-maps, or --images");
 }
 
-std::vector<SkippedKeyframe> GivenDepths::look(const SlamMap& map, const ImageSource& source,
-                                               DensifierOptions& options) {
+std::vector<SkippedKeyframe> ExternalDepths::look(const SlamMap& map, const ImageSource& source,
+                                                  DensifierOptions& options) {
   map_ = &map;
   masks_.emplace(mask_options(arguments_, map, source));
   with_image_ = source.keyframe_ids().size();
@@ -99,8 +99,8 @@ std::vector<SkippedKeyframe> GivenDepths::look(const SlamMap& map, const ImageSo
 }
 
 /// Determines scale and usability of a depth image.
-GivenDepths::Found GivenDepths::look_at(const Keyframe& keyframe, const std::filesystem::path& file,
-                                        DensifierOptions& options, std::vector<double>& ratios) {
+ExternalDepths::Found ExternalDepths::look_at(const Keyframe& keyframe, const std::filesystem::path& file,
+                                              DensifierOptions& options, std::vector<double>& ratios) {
   Found found;
   found.file = file;
   const Image<float> values = folder_.read(file);
@@ -120,7 +120,7 @@ GivenDepths::Found GivenDepths::look_at(const Keyframe& keyframe, const std::fil
   return found;
 }
 
-void GivenDepths::check_unit(std::vector<double> ratios) const {
+void ExternalDepths::check_unit(std::vector<double> ratios) const {
   if (is_aligned() || arguments_.no_verify || ratios.empty()) return;
   const double ratio = percentile(ratios, 50.0);
   if (ratio <= kOtherUnit && ratio >= 1.0 / kOtherUnit) return;
@@ -133,13 +133,13 @@ void GivenDepths::check_unit(std::vector<double> ratios) const {
   throw InvalidInput(text.str());
 }
 
-std::string GivenDepths::summary() const {
+std::string ExternalDepths::summary() const {
   return "depth: " + std::to_string(found_.size()) + " of " + std::to_string(with_image_) + " keyframes have it in " +
          arguments_.given_depth.string() + (folder_.kind().empty() ? "" : " (" + folder_.kind() + ")") + ", used at " +
          size_text(options_.width, options_.height);
 }
 
-nlohmann::ordered_json GivenDepths::report() const {
+nlohmann::ordered_json ExternalDepths::report() const {
   nlohmann::ordered_json json{
       {"folder", arguments_.given_depth.string()}, {"kind", folder_.kind()}, {"maps", nlohmann::ordered_json::array()}};
   for (const auto& [id, found] : found_) {
@@ -151,32 +151,32 @@ nlohmann::ordered_json GivenDepths::report() const {
   return json;
 }
 
-std::unique_ptr<PlannedDensifier> GivenDepths::densifier(PlannedCallbacks callbacks) {
-  Shortcuts shortcuts;
+std::unique_ptr<PlannedDensifier> ExternalDepths::densifier(PlannedCallbacks callbacks) {
+  PlaneReuses reuses;
   std::vector<std::int64_t> ids;
   for (const PlanEntry& entry : plan_.entries) {
     if (!entry.has_depth_map()) continue;
     ids.push_back(entry.id);
-    shortcuts.keyframes[entry.id] = {Shortcut::Planes::kStart, 0};
+    reuses.keyframes[entry.id] = {PlaneReuse::Planes::kStart, 0};
   }
-  shortcuts.load = [this](std::int64_t id) { return planes_of(id); };
-  return std::make_unique<PlannedDensifier>(options_, plan_, ids, std::move(callbacks), std::move(shortcuts));
+  reuses.load = [this](std::int64_t id) { return planes_of(id); };
+  return std::make_unique<PlannedDensifier>(options_, plan_, ids, std::move(callbacks), std::move(reuses));
 }
 
-void GivenDepths::set_image_size(std::int64_t keyframe_id, int width, int height) {
+void ExternalDepths::set_image_size(std::int64_t keyframe_id, int width, int height) {
   Found& found = found_.at(keyframe_id);
   found.width = width;
   found.height = height;
 }
 
-Keyframe GivenDepths::without_image(std::int64_t keyframe_id) {
+Keyframe ExternalDepths::without_image(std::int64_t keyframe_id) {
   if (blank_.empty()) blank_ = Image<Rgb>(options_.width, options_.height);
   Keyframe keyframe = keyframe_of(*map_, *map_->find_keyframe(keyframe_id));
   keyframe.image = static_cast<const Image<Rgb>&>(blank_).view();
   return keyframe;
 }
 
-PlaneMap GivenDepths::planes_of(std::int64_t keyframe_id) {
+PlaneMap ExternalDepths::planes_of(std::int64_t keyframe_id) {
   const Found& found = found_.at(keyframe_id);
   if (found.width == 0) return PlaneMap(options_.width, options_.height);
   DepthMap map = read(keyframe_id, found);
@@ -191,7 +191,7 @@ PlaneMap GivenDepths::planes_of(std::int64_t keyframe_id) {
 }
 
 /// Reads a depth map in the size of the run.
-DepthMap GivenDepths::read(std::int64_t keyframe_id, const Found& found) const {
+DepthMap ExternalDepths::read(std::int64_t keyframe_id, const Found& found) const {
   const Image<float> values = folder_.read(found.file);
   const std::int64_t across = std::int64_t{values.width()} * found.height;
   const std::int64_t down = std::int64_t{values.height()} * found.width;
@@ -221,7 +221,7 @@ DepthMap GivenDepths::read(std::int64_t keyframe_id, const Found& found) const {
 }
 
 /// Estimates normals where none is given that faces the camera.
-void GivenDepths::find_normals(DepthMap& map) const {
+void ExternalDepths::find_normals(DepthMap& map) const {
   const Image<Eigen::Vector3f> given = std::move(map.normal);
   map.normal = estimate_normals(map.depth, *executor_);
   if (given.empty()) return;
@@ -235,7 +235,7 @@ void GivenDepths::find_normals(DepthMap& map) const {
 }
 
 /// Removes masked pixels and counts unmasked ones.
-void GivenDepths::leave_out_masked(DepthMap& map, const Found& found) {
+void ExternalDepths::leave_out_masked(DepthMap& map, const Found& found) {
   const ImageView<const std::uint8_t> mask = masks_->mask_for(found.image, found.width, found.height);
   stats_.pixels += static_cast<std::int64_t>(map.depth.size());
   if (mask.empty()) return;
@@ -247,7 +247,7 @@ void GivenDepths::leave_out_masked(DepthMap& map, const Found& found) {
   }
 }
 
-void GivenDepths::count_pixels(DensifierStats& stats) const {
+void ExternalDepths::count_pixels(DensifierStats& stats) const {
   stats.depth_maps = stats_.depth_maps;
   stats.pixels = stats_.pixels;
   stats.pixels_matched = stats_.pixels_matched;

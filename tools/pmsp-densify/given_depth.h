@@ -26,10 +26,10 @@ namespace pmsp::tool {
 void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments);
 
 /// Depth images of `fuse`, which replace the depth maps of PatchMatch. Members are to be called in order.
-class GivenDepths {
+class ExternalDepths {
  public:
   /// Throws as DepthFolder.
-  explicit GivenDepths(const Arguments& arguments);
+  explicit ExternalDepths(const Arguments& arguments);
 
   /// Checks the depth images of keyframes with an image and makes the plan. `options`: of the run; sizes of 0 are set
   /// to that of the first depth image. Returns keyframes with unusable depth. Throws InvalidInput if none is usable or

@@ -7,7 +7,7 @@
 namespace pmsp::tool {
 namespace {
 
-using Spent = TimeAccount::Scope;
+using ScopedTimer = TimeAccount::Scope;
 
 /// When merging, the shards have checked the conventions.
 io::MissionOptions mission_options(const Arguments& arguments, int threads) {
@@ -25,13 +25,13 @@ MissionInput::MissionInput(const Arguments& arguments, Progress& progress, int t
 
 void MissionInput::read_map() {
   progress_.stage("reading " + arguments_.map.string());
-  const Spent spent(time_, Busy::kMap);
+  const ScopedTimer spent(time_, Busy::kMap);
   set_map(tool::read_map(arguments_));
   remarks = tool::remarks(map);
 }
 
 void MissionInput::open_images() {
-  const Spent spent(time_, Busy::kImages);
+  const ScopedTimer spent(time_, Busy::kImages);
   opened_images_ = tool::open_images(arguments_, map);
   opened_masks_.reset(new MaskSource(mask_options(arguments_, map, *opened_images_)));
   set_images(*opened_images_, *opened_masks_);
@@ -40,7 +40,7 @@ void MissionInput::open_images() {
 }
 
 void MissionInput::check_poses() {
-  const Spent spent(time_, Busy::kImages);
+  const ScopedTimer spent(time_, Busy::kImages);
   Mission::check_poses();
   if (!map.landmarks.empty()) return;
   progress_.warning(

@@ -138,8 +138,9 @@ void Progress::run_progress(const RunProgress& run_progress, bool is_end) {
   constexpr double kBarSeconds = 0.1, kJsonSeconds = 1.0, kLineSeconds = 10.0;
   const bool has_bar = mode_ == ProgressMode::kBar && !verbose_;
   if (mode_ == ProgressMode::kNone) return;
-  const bool is_told = is_end && mode_ == ProgressMode::kJson;
-  if (!is_told && !is_due(has_bar ? kBarSeconds : mode_ == ProgressMode::kJson ? kJsonSeconds : kLineSeconds)) return;
+  const bool skips_message = is_end && mode_ == ProgressMode::kJson;
+  if (!skips_message && !is_due(has_bar ? kBarSeconds : mode_ == ProgressMode::kJson ? kJsonSeconds : kLineSeconds))
+    return;
   const double left = seconds_left(run_progress.share);
   if (mode_ == ProgressMode::kJson) {
     nlohmann::ordered_json event{{"event", "progress"}};

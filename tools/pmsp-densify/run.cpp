@@ -41,7 +41,7 @@
 namespace pmsp::tool {
 namespace {
 
-using Spent = TimeAccount::Scope;
+using ScopedTimer = TimeAccount::Scope;
 
 /// Run of one mission, from images to files.
 class Run {
@@ -49,13 +49,13 @@ class Run {
   /// `workspace`: nullptr = none. `growing`: more keyframes will follow. `merge`: results of shards, instead of new
   /// ones. `live`: nullptr = no live view. `given`: depth maps instead of PatchMatch's.
   Run(const Arguments& arguments, DensifierOptions options, workspace::Workspace* workspace, bool growing,
-      const Merge* merge = nullptr, LiveView* live = nullptr, GivenDepths* given = nullptr)
+      const Merge* merge = nullptr, LiveView* live = nullptr, ExternalDepths* given = nullptr)
       : arguments_(arguments),
         workspace_(workspace),
         growing_(growing),
         merge_(merge),
         live_(live),
-        given_(given),
+        external_depths_(given),
         progress_(arguments.progress, arguments.quiet, arguments.verbose),
         input_(arguments, progress_, options.threads, &report_.time) {
     input_.open_prior_depths();
@@ -82,7 +82,7 @@ class Run {
     }
     if (merge == nullptr && given == nullptr) {  // done by the shards, or not needed
       progress_.stage("calibrating the camera");
-      const Spent spent(report_.time, Busy::kImages);
+      const ScopedTimer spent(report_.time, Busy::kImages);
       report_.calibration = calibrate(arguments, options, map_, *input_.images, *input_.masks, growing_,
                                       workspace != nullptr ? workspace->record() : workspace::Record{});
       options.lens_distance = report_.calibration.lens_distance;
@@ -91,20 +91,20 @@ class Run {
       report_.calibration.rig = merge->rig;
     }
     input_.masks->set_rig(report_.calibration.rig.mask);
-    if (given_ != nullptr) look_at_given(options);
+    if (external_depths_ != nullptr) check_external_depths(options);
     verifier_ = input_.verifier();
     if (workspace_ != nullptr) open_workspace(options);
     check_disk(options);
     open_results(options);
-    const bool all_images = !step_ && given_ == nullptr;
+    const bool all_images = !workspace_run_ && external_depths_ == nullptr;
     // While the device starts; not for videos, which are read up to the first keyframe before an error is reported.
     if (all_images && device.valid() && arguments.video.empty()) begin_reading();
     {
-      const Spent spent(report_.time, Busy::kStart);
+      const ScopedTimer spent(report_.time, Busy::kStart);
       if (device.valid()) report_.device_start = device.get();
-      densifier_ = step_               ? step_->densifier(callbacks())
-                   : given_ != nullptr ? given_->densifier(callbacks())
-                                       : std::make_unique<PlannedDensifier>(options, callbacks());
+      densifier_ = workspace_run_                ? workspace_run_->densifier(callbacks())
+                   : external_depths_ != nullptr ? external_depths_->densifier(callbacks())
+                                                 : std::make_unique<PlannedDensifier>(options, callbacks());
     }
     if (!all_images) need_images(densifier_->images());
     announce_backend();
@@ -132,20 +132,20 @@ class Run {
   void operator()() {
     {
       const InterruptGuard guard(densifier_.get());
-      if (!step_ || step_->has_work()) densify(guard);
-      if (step_) step_->finish();
+      if (!workspace_run_ || workspace_run_->has_work()) densify(guard);
+      if (workspace_run_) workspace_run_->finish();
     }
     if (live_ != nullptr) live_->end();
     report_.stats = densifier_->stats();
-    if (given_ != nullptr) given_->count_pixels(report_.stats);
+    if (external_depths_ != nullptr) external_depths_->count_pixels(report_.stats);
     const std::string inconsistent = consistency_warning(report_.stats);
     if (!inconsistent.empty()) progress_.warning(inconsistent);
-    if (step_) {
-      if (!arguments_.delete_workspace) step_->commit(report_.calibration.images, recorded_);
-      step_->count_keyframes(report_.stats);
+    if (workspace_run_) {
+      if (!arguments_.delete_workspace) workspace_run_->commit(report_.calibration.images, recorded_);
+      workspace_run_->count_keyframes(report_.stats);
       report_.stats.points = results_->points_in();
-      report_.stats.depth_maps = step_->depth_maps();
-      report_.workspace = step_->report();
+      report_.stats.depth_maps = workspace_run_->depth_maps();
+      report_.workspace = workspace_run_->report();
     }
     close_device();
     results_->finish_depth_maps();
@@ -158,7 +158,7 @@ class Run {
     if (report_.empty_reason.empty()) {
       write_results();
       if (arguments_.delete_workspace) {
-        const Spent spent(report_.time, Busy::kWorkspace);
+        const ScopedTimer spent(report_.time, Busy::kWorkspace);
         workspace_->remove();
       }
     } else {
@@ -187,7 +187,7 @@ class Run {
     if (results_->points_in() > 0) {
       return "none of " + std::to_string(results_->points_in()) + " points lies in the box of --crop";
     }
-    const bool is_known = !step_ || report_.stats.depth_maps == 0;  // otherwise counts cover this run only
+    const bool is_known = !workspace_run_ || report_.stats.depth_maps == 0;  // otherwise counts cover this run only
     return is_known ? explain_empty(report_.stats)
                     : "the filters left none of " + std::to_string(report_.stats.depth_maps) +
                           " depth maps; a run without --workspace shows which one";
@@ -195,7 +195,7 @@ class Run {
 
   /// At most ten lines. Throws EmptyResult without points.
   void print_summary() {
-    if (step_) progress_.message(step_->summary());
+    if (workspace_run_) progress_.message(workspace_run_->summary());
     if (input_.prior_depths.wanted()) progress_.message(input_.prior_depths.summary());
     progress_.message(summary(report_));
     nlohmann::ordered_json result{{"points", results_->points()}, {"seconds", report_.time.total()}};
@@ -236,7 +236,8 @@ class Run {
     report_.cloud = cloud_json(arguments_.cloud, frame_);
     recorded_ = recorded_cloud(options, map_);
     const auto export_views = [this](const std::filesystem::path& folder) {
-      if (step_) step_->each_image_size([this](std::int64_t id, int w, int h) { views_->set_size(id, w, h); });
+      if (workspace_run_)
+        workspace_run_->each_image_size([this](std::int64_t id, int w, int h) { views_->set_size(id, w, h); });
       return views_->put(folder, frame_.file_from_map);
     };
     results_ =
@@ -251,20 +252,23 @@ class Run {
   /// Compares the forecast with the free space. Throws OutputError.
   void check_disk(DensifierOptions options) {
     if (!knows_size(options, map_)) return;  // no forecast
-    Plan plan = step_ ? step_->step().plan : given_ != nullptr ? given_->plan() : Plan{};
-    if (!step_ && given_ == nullptr) {
+    Plan plan = workspace_run_                ? workspace_run_->step().plan
+                : external_depths_ != nullptr ? external_depths_->plan()
+                                              : Plan{};
+    if (!workspace_run_ && external_depths_ == nullptr) {
       plan = make_plan(keyframes_without_image(map_, input_.images, options), options);
     }
-    warn(disk_warning(arguments_, map_, *input_.images, plan, options, step_ ? share_to_make(step_->step()) : 1.0));
+    warn(disk_warning(arguments_, map_, *input_.images, plan, options,
+                      workspace_run_ ? share_to_make(workspace_run_->step()) : 1.0));
   }
 
-  void look_at_given(DensifierOptions& options) {
+  void check_external_depths(DensifierOptions& options) {
     progress_.stage("reading the depth images");
-    const Spent spent(report_.time, Busy::kImages);
-    for (const SkippedKeyframe& skipped : given_->look(map_, *input_.images, options)) skip(skipped);
-    report_.with_image = given_->count();
-    report_.given_depth = given_->report();
-    progress_.message(given_->summary());
+    const ScopedTimer spent(report_.time, Busy::kImages);
+    for (const SkippedKeyframe& skipped : external_depths_->look(map_, *input_.images, options)) skip(skipped);
+    report_.with_image = external_depths_->count();
+    report_.given_depth = external_depths_->report();
+    progress_.message(external_depths_->summary());
   }
 
   void open_workspace(const DensifierOptions& options) {
@@ -278,11 +282,11 @@ class Run {
 
   /// Determines what is missing in a workspace, after reading new images.
   void open_step(const DensifierOptions& options) {
-    step_ = std::make_unique<WorkspaceStep>(*workspace_, arguments_, options, map_, report_.calibration.rig, growing_,
-                                            &report_.time);
+    workspace_run_ = std::make_unique<WorkspaceStep>(*workspace_, arguments_, options, map_, report_.calibration.rig,
+                                                     growing_, &report_.time);
     std::vector<SkippedKeyframe> unreadable;
-    const std::set<std::int64_t> fresh = step_->new_images(*input_.images, unreadable);
-    if (merge_ == nullptr) step_->refuse_losses();
+    const std::set<std::int64_t> fresh = workspace_run_->new_images(*input_.images, unreadable);
+    if (merge_ == nullptr) workspace_run_->refuse_losses();
     for (const SkippedKeyframe& skipped : unreadable) skip(skipped);
     report_.with_image -= unreadable.size();
     if (!fresh.empty()) {
@@ -292,14 +296,14 @@ class Run {
       images->restrict_to(fresh);
       io::ImageReader reader(*images, map_, input_.threads(), verifier_.get());
       const std::string error =
-          each_image(reader, guard, [&](std::size_t, const Keyframe& keyframe) { step_->look_at(keyframe); });
+          each_image(reader, guard, [&](std::size_t, const Keyframe& keyframe) { workspace_run_->look_at(keyframe); });
       if (!error.empty() && fresh.size() + unreadable.size() == input_.images->keyframe_ids().size())
         refuse_images(error);
       verifier_.reset();  // verified once only
     }
-    step_->decide(merge_ != nullptr ? merge_->job.engine : "");
-    if (merge_ != nullptr) merge_->join(*step_);
-    if (step_->has_work()) step_->begin();
+    workspace_run_->decide(merge_ != nullptr ? merge_->job.engine : "");
+    if (merge_ != nullptr) merge_->join(*workspace_run_);
+    if (workspace_run_->has_work()) workspace_run_->begin();
   }
 
   void begin_reading() { images_.emplace(*input_.images, map_, input_.threads(), verifier_.get()); }
@@ -320,7 +324,7 @@ class Run {
   }
 
   /// Total number of images.
-  std::size_t expected() const { return step_ || given_ != nullptr ? steps_ : report_.with_image; }
+  std::size_t expected() const { return workspace_run_ || external_depths_ != nullptr ? steps_ : report_.with_image; }
 
   RunProgress run_progress() const {
     RunProgress run_progress = run_progress_of(densifier_->stats(), expected());
@@ -335,7 +339,7 @@ class Run {
     images_.reset();
     if (!error.empty()) refuse_images(error);
     progress_.stage("finishing the last keyframes");
-    const Spent spent(report_.time, Busy::kDensify);
+    const ScopedTimer spent(report_.time, Busy::kDensify);
     densifier_->flush();
     progress_.run_progress(run_progress(), true);
     guard.check();
@@ -356,12 +360,12 @@ class Run {
   std::string each_image(io::ImageReader& images, const InterruptGuard& guard,
                          const decltype(io::ImageLoop::visit)& visit) {
     const auto lost = [this](const SkippedKeyframe& skipped) {
-      if (densifier_ && step_) refuse_lost(skipped);
+      if (densifier_ && workspace_run_) refuse_lost(skipped);
       skip(skipped);
-      if (given_ != nullptr) densifier_->add(given_->without_image(skipped.keyframe_id));
+      if (external_depths_ != nullptr) densifier_->add(external_depths_->without_image(skipped.keyframe_id));
       --report_.with_image;
     };
-    std::optional<Spent> waiting;
+    std::optional<ScopedTimer> waiting;
     const auto waits = [&](bool begins) {
       waiting.reset();
       if (begins) waiting.emplace(report_.time, Busy::kWait);
@@ -373,15 +377,16 @@ class Run {
   }
 
   void add(std::size_t index, Keyframe& keyframe) {
-    if (step_) keyframe.scale = step_->scale_of(keyframe.id);
+    if (workspace_run_) keyframe.scale = workspace_run_->scale_of(keyframe.id);
     views_->set_size(keyframe.id, keyframe.image.width, keyframe.image.height);
     input_.complete(keyframe, *input_.images);
-    if (given_ != nullptr) given_->set_image_size(keyframe.id, keyframe.image.width, keyframe.image.height);
+    if (external_depths_ != nullptr)
+      external_depths_->set_image_size(keyframe.id, keyframe.image.width, keyframe.image.height);
     const int width = report_.options.width > 0 ? report_.options.width : keyframe.image.width;
     const int height = report_.options.height > 0 ? report_.options.height : width / 2;
     results_->add_image(index, keyframe, width, height);
     const bool accepted = [&] {
-      const Spent spent(report_.time, Busy::kDensify);
+      const ScopedTimer spent(report_.time, Busy::kDensify);
       return densifier_->add(keyframe);
     }();
     results_->added(keyframe, accepted);
@@ -393,8 +398,8 @@ class Run {
     results_->write(progress_);
     write_rig();
     if (results_->page() == nullptr) return;
-    if (step_ || given_ != nullptr) {  // otherwise reported by the densifier
-      const Plan& plan = step_ ? step_->step().plan : given_->plan();
+    if (workspace_run_ || external_depths_ != nullptr) {  // otherwise reported by the densifier
+      const Plan& plan = workspace_run_ ? workspace_run_->step().plan : external_depths_->plan();
       for (const PlanEntry& entry : plan.entries) results_->page()->set_use(entry);
     }
     results_->write_page(progress_, to_json(report_));
@@ -417,7 +422,7 @@ class Run {
   const bool growing_;
   const Merge* const merge_;
   LiveView* const live_;
-  GivenDepths* const given_;
+  ExternalDepths* const external_depths_;
   Progress progress_;
   MissionInput input_;
   const SlamMap& map_ = input_.map;
@@ -426,10 +431,10 @@ class Run {
   std::unique_ptr<ViewImages> views_;
   std::unique_ptr<RunResults> results_;
   std::unique_ptr<PairingVerifier> verifier_;
-  std::unique_ptr<WorkspaceStep> step_;    ///< before the densifier, which calls it; alternative to keeper_
-  std::unique_ptr<PlaneKeeper> keeper_;    ///< before the densifier, which calls it
-  std::size_t steps_ = 0;                  ///< number of images needed by the step
-  std::optional<io::ImageReader> images_;  ///< after the members that it uses
+  std::unique_ptr<WorkspaceStep> workspace_run_;  ///< before the densifier, which calls it; alternative to keeper_
+  std::unique_ptr<PlaneKeeper> keeper_;           ///< before the densifier, which calls it
+  std::size_t steps_ = 0;                         ///< number of images needed by the step
+  std::optional<io::ImageReader> images_;         ///< after the members that it uses
   std::unique_ptr<PlannedDensifier> densifier_;
   std::string announced_backend_;
   std::future<void> closing_;  ///< last member, since it uses the others
@@ -463,7 +468,7 @@ void fuse(const Arguments& arguments) {
   DensifierOptions options = effective_options(arguments);
   check_targets(arguments);
   if (options.advanced.free_space.whole_mission) options.scratch_folder = scratch_folder(arguments).string();
-  GivenDepths given(arguments);
+  ExternalDepths given(arguments);
   Run(arguments, options, nullptr, false, nullptr, nullptr, &given)();
 }
 

@@ -10,7 +10,7 @@
 namespace pmsp::tool {
 
 RunProgress run_progress_of(const DensifierStats& stats, std::size_t keyframes) {
-  const double known = stats.work_done + stats.work_to_come;
+  const double known = stats.work_done + stats.work_remaining;
   const auto added = static_cast<double>(std::max<std::int64_t>(stats.keyframes_added, 1));
   const double all = known * std::max(static_cast<double>(keyframes) / added, 1.0);
   return {all > 0.0 ? std::clamp(stats.work_done / all, 0.0, 1.0) : 0.0, stats.depth_maps, stats.pixels_matched,

@@ -80,7 +80,7 @@ class RunResults {
   const std::string& left_out() const { return dropped_; }
 
  private:
-  using Spent = TimeAccount::Scope;
+  using ScopedTimer = TimeAccount::Scope;
 
   const Arguments& arguments_;
   TimeAccount& time_;

@@ -22,8 +22,8 @@ namespace fs = std::filesystem;
 constexpr std::array kOfBatch{"--images",    "--video",          "--output",    "--force",        "--stats",
                               "--workspace", "--growing",        "--follow",    "--until-idle",   "--progress",
                               "--quiet",     "--raw-depth-maps", "--live-view", "--live-address", "--delete-workspace"};
-constexpr std::array kOfMachine{"--threads",   "--device",  "--backend",    "--simd",
-                                "--pipelined", "--scratch", kKeepWorkspaces};
+constexpr std::array kMachineOptions{"--threads",   "--device",  "--backend",    "--simd",
+                                     "--pipelined", "--scratch", kKeepWorkspaces};
 constexpr std::array kFilesToRead{"--config",    "--mask", "--prior-depth", "--scratch",    "--align",
                                   "--transform", "--crs",  "--points",      "--image-list", "--camera-from-body"};
 constexpr const char* kFormat = "--format";
@@ -117,7 +117,7 @@ std::vector<const CloudFormat*> formats_in(const std::vector<std::string>& optio
   return formats;
 }
 
-bool is_of_machine(const std::string& option) { return is_one_of(kOfMachine, name_of_option(option)); }
+bool is_machine_option(const std::string& option) { return is_one_of(kMachineOptions, name_of_option(option)); }
 
 bool is_file_to_read(const std::string& option) {
   const std::string name = name_of_option(option), value = value_of(option);
@@ -152,7 +152,7 @@ std::vector<std::string> run_options_in(const fs::path& folder, const std::vecto
 
 std::string difference(const std::vector<std::string>& recorded, const std::vector<std::string>& given) {
   for (const std::string& option : given) {
-    if (is_of_machine(option) || std::find(recorded.begin(), recorded.end(), option) != recorded.end()) continue;
+    if (is_machine_option(option) || std::find(recorded.begin(), recorded.end(), option) != recorded.end()) continue;
     const std::string before = value_in(recorded, name_of_option(option));
     return "recorded " + (before.empty() ? "none" : name_of_option(option) + "=" + before) + ", given " + option;
   }

@@ -27,7 +27,7 @@ std::vector<std::string> mission_options(std::vector<std::string> words, const s
 constexpr const char* kKeepWorkspaces = "--keep-workspaces";
 
 /// True for options that affect speed or location of the computation, but not the results.
-bool is_of_machine(const std::string& option);
+bool is_machine_option(const std::string& option);
 /// True if the value is an input file or folder.
 bool is_file_to_read(const std::string& option);
 

@@ -26,7 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 
 void add_option(workspace::Fingerprint& fingerprint, const std::string& option) {
-  if (is_of_machine(option)) return;
+  if (is_machine_option(option)) return;
   if (!is_file_to_read(option)) {
     fingerprint.add(option);
     return;

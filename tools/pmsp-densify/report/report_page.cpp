@@ -254,9 +254,9 @@ std::vector<std::string> ReportPage::problems(const Json& stats, const Json& key
        "have no neighbour that sees the same surfaces with enough parallax");
   tell("no range", "sees too few landmarks for a depth map", "see too few landmarks for a depth map");
   for (const std::string& problem : report_problems(stats)) all.push_back(problem);
-  std::int64_t unsure = 0;
-  for (std::size_t i = 0; i < 3; ++i) unsure += cloud_.confidences()[i];
-  if (2 * unsure > cloud_.points_in()) {
+  std::int64_t uncertain = 0;
+  for (std::size_t i = 0; i < 3; ++i) uncertain += cloud_.confidences()[i];
+  if (2 * uncertain > cloud_.points_in()) {
     all.push_back("Half of the points have a confidence below 0.3: half of their depths have an error above 1.2 %.");
   }
   return all;

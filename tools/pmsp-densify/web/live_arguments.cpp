@@ -14,14 +14,14 @@ void add_live_options(CLI::App& run, LiveArguments& a) {
   const char* group = "Output";
   run.add_option_function<std::string>(
          "--live-view", [&a](const std::string& text) { a.port = port_from("--live-view", text); },
-         "Port of a page for a browser that shows the points while they are made, and those that a newer map has moved "
-         "(--follow); its address is told on stderr [1 to 65535, or 0 for one that is free]")
+         "Port of a live page with the points computed so far, moved with a newer map (--follow); its address is "
+         "printed on stderr [1 to 65535; 0 = any free port]")
       ->type_name("PORT")
       ->group(group);
   run.add_option(
          "--live-address", a.address,
-         "Address that the page of --live-view is served at; one that others can reach shows it to all who know "
-         "its token [default 127.0.0.1]")
+         "Address of the page of --live-view; at an address that others can reach, anyone with its token can see it "
+         "[default 127.0.0.1]")
       ->type_name("A")
       ->group(group);
 }

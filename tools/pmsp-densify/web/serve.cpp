@@ -78,7 +78,7 @@ web::HttpReply FolderHandler::front_page() const {
     return file_reply(folder_.open(names), names.front(), "");
   }
   std::string html = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Pages</title><h1>Pages</h1>";
-  if (names.empty()) html += "<p>There is no page in this folder.</p>";
+  if (names.empty()) html += "<p>No page in this directory.</p>";
   html += "<ul>";
   for (const std::string& name : names)
     html += "<li><a href=\"" + web::relative_address(name) + "\">" + web::html_text(name) + "</a></li>";

@@ -19,7 +19,7 @@
 namespace pmsp::tool {
 namespace {
 
-using Spent = TimeAccount::Scope;
+using ScopedTimer = TimeAccount::Scope;
 using workspace::StepKeyframePlan;
 
 /// Returns a file's content; throws IoError if it belongs to another keyframe.
@@ -228,7 +228,7 @@ void WorkspaceStep::decide(const std::string& engine) {
   describe(options_, engine.empty() ? engine_text(options_, probe.backend(), arguments_) : engine, inputs_);
   step_ = plan_step(workspace_.record(), inputs_);
   for (workspace::StepKeyframe& it : inputs_.keyframes) std::vector<Landmark>().swap(it.keyframe.landmarks);
-  shortcuts_ = find_shortcuts();
+  reuses_ = find_reuses();
   for (const PlanEntry& entry : step_.plan.entries) {
     if (!entry.has_depth_map()) continue;
     const bool is_there = has_points(entry.id);
@@ -247,32 +247,30 @@ bool WorkspaceStep::has_points(std::int64_t keyframe_id) const {
 }
 
 /// Existing results of previous steps and of this one.
-Shortcuts WorkspaceStep::find_shortcuts() const {
-  Shortcuts shortcuts;
-  shortcuts.keyframes = step_.shortcuts(options_.advanced.patchmatch.geometric_passes);
+PlaneReuses WorkspaceStep::find_reuses() const {
+  PlaneReuses reuses;
+  reuses.keyframes = step_.reuses(options_.advanced.patchmatch.geometric_passes);
   for (const auto& [id, it] : step_.keyframes) {
     if (it.has_planes || !workspace_.has_planes(it)) continue;
-    shortcuts.keyframes[id] = {Shortcut::Planes::kResult, it.passes, false};
+    reuses.keyframes[id] = {PlaneReuse::Planes::kResult, it.passes, false};
   }
-  shortcuts.load = [this](std::int64_t id) {
-    const Spent spent(time_, Busy::kWorkspace);
+  reuses.load = [this](std::int64_t id) {
+    const ScopedTimer spent(time_, Busy::kWorkspace);
     const StepKeyframePlan& it = step_.keyframes.at(id);
     return own(
         id, workspace_.load_planes(it.has_planes ? workspace_.record().keyframes.at(id).planes->file : it.planes_file));
   };
-  return shortcuts;
+  return reuses;
 }
 
 /// For points after all planes are made: existing ones are final.
-Shortcuts WorkspaceStep::final_planes() const {
-  Shortcuts shortcuts;
+PlaneReuses WorkspaceStep::final_planes() const {
+  PlaneReuses reuses;
   for (const auto& [id, it] : step_.keyframes) {
-    if (workspace_.has_planes(it)) shortcuts.keyframes[id] = {Shortcut::Planes::kStart, 0, false};
+    if (workspace_.has_planes(it)) reuses.keyframes[id] = {PlaneReuse::Planes::kStart, 0, false};
   }
-  shortcuts.load = [this](std::int64_t id) {
-    return own(id, workspace_.load_planes(step_.keyframes.at(id).planes_file));
-  };
-  return shortcuts;
+  reuses.load = [this](std::int64_t id) { return own(id, workspace_.load_planes(step_.keyframes.at(id).planes_file)); };
+  return reuses;
 }
 
 std::vector<std::int64_t> WorkspaceStep::planes_lacking(const std::vector<std::int64_t>& points_of,
@@ -296,7 +294,7 @@ std::unique_ptr<PlannedDensifier> WorkspaceStep::planes_densifier(
     save(planes);
     made(planes.keyframe_id);
   };
-  return std::make_unique<PlannedDensifier>(options_, step_.plan, ids, std::move(callbacks), find_shortcuts());
+  return std::make_unique<PlannedDensifier>(options_, step_.plan, ids, std::move(callbacks), find_reuses());
 }
 
 std::unique_ptr<PlannedDensifier> WorkspaceStep::points_densifier(
@@ -309,17 +307,17 @@ std::unique_ptr<PlannedDensifier> WorkspaceStep::points_densifier(
     made(cloud.keyframe_id);
   };
   return std::make_unique<PlannedDensifier>(options_, step_.plan, ids, std::move(callbacks),
-                                            planes_are_there ? final_planes() : find_shortcuts());
+                                            planes_are_there ? final_planes() : find_reuses());
 }
 
 void WorkspaceStep::save(const PlaneMap& planes) const {
-  const Spent spent(time_, Busy::kWorkspace);
+  const ScopedTimer spent(time_, Busy::kWorkspace);
   workspace_.save_planes(step_.keyframes.at(planes.keyframe_id).planes_file, planes);
 }
 
 void WorkspaceStep::save(const KeyframeCloud& cloud) const {
   if (arguments_.delete_workspace) return;  // fast to recompute from planes
-  const Spent spent(time_, Busy::kWorkspace);
+  const ScopedTimer spent(time_, Busy::kWorkspace);
   workspace_.save_points(step_.keyframes.at(cloud.keyframe_id).points_file, cloud);
 }
 
@@ -341,12 +339,12 @@ std::unique_ptr<PlannedDensifier> WorkspaceStep::densifier(PlannedCallbacks call
     take_cloud_(cloud);
     ++next_;
   };
-  return std::make_unique<PlannedDensifier>(options_, step_.plan, missing_, std::move(callbacks), shortcuts_);
+  return std::make_unique<PlannedDensifier>(options_, step_.plan, missing_, std::move(callbacks), reuses_);
 }
 
 /// Emits existing clouds before this keyframe's; nullopt = all.
 void WorkspaceStep::emit_clouds_before(std::optional<std::int64_t> keyframe_id) {
-  const Spent spent(time_, Busy::kWorkspace);
+  const ScopedTimer spent(time_, Busy::kWorkspace);
   for (; next_ < step_.plan.entries.size() && step_.plan.entries[next_].id != keyframe_id; ++next_) {
     const std::int64_t id = step_.plan.entries[next_].id;
     if (there_.count(id) == 0) continue;
@@ -366,7 +364,7 @@ double WorkspaceStep::scale_of(std::int64_t keyframe_id) const {
 void WorkspaceStep::finish() { emit_clouds_before(std::nullopt); }
 
 void WorkspaceStep::commit(std::size_t lenses_looked_at, workspace::RecordedCloud cloud) {
-  const Spent spent(time_, Busy::kWorkspace);
+  const ScopedTimer spent(time_, Busy::kWorkspace);
   workspace::Record record = record_of(step_, inputs_, workspace_.record());
   name_inputs(record);
   for (const std::filesystem::path& target : target_paths(arguments_)) {
@@ -402,9 +400,8 @@ nlohmann::ordered_json WorkspaceStep::report() const {
   std::int64_t kept = 0, refined = 0, made = 0, found = 0, points = 0, passes = 0;
   std::map<std::string, int> reasons;
   for (const auto& [id, it] : step_.keyframes) {
-    const auto shortcut = shortcuts_.keyframes.find(id);
-    const bool was_found =
-        shortcut != shortcuts_.keyframes.end() && shortcut->second.planes == Shortcut::Planes::kResult;
+    const auto reuse = reuses_.keyframes.find(id);
+    const bool was_found = reuse != reuses_.keyframes.end() && reuse->second.planes == PlaneReuse::Planes::kResult;
     kept += it.passes == 0;
     refined += it.has_planes && it.passes > 0;
     found += was_found;

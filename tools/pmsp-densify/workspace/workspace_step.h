@@ -105,8 +105,8 @@ class WorkspaceStep {
                    const std::map<std::int64_t, std::string>& images) const;
   void name_inputs(workspace::Record& record) const;
   void emit_clouds_before(std::optional<std::int64_t> keyframe_id);
-  Shortcuts find_shortcuts() const;
-  Shortcuts final_planes() const;
+  PlaneReuses find_reuses() const;
+  PlaneReuses final_planes() const;
   void save(const PlaneMap& planes) const;
   void save(const KeyframeCloud& cloud) const;
 
@@ -123,7 +123,7 @@ class WorkspaceStep {
   workspace::Step step_;
   std::set<std::int64_t> there_;       ///< keyframes with existing points
   std::vector<std::int64_t> missing_;  ///< keyframes whose points must be made
-  Shortcuts shortcuts_;
+  PlaneReuses reuses_;
   bool is_joined_ = false;
   bool is_repeated_ = false;
   PlanesPace pace_;

@@ -30,22 +30,22 @@ struct Outcome {
   std::int64_t depth_maps = 0;
 };
 
-using Ways = std::map<std::int64_t, Shortcut>;
+using Ways = std::map<std::int64_t, PlaneReuse>;
 
-Shortcuts shortcuts_of(const Ways& keyframes, const Maps& planes) {
+PlaneReuses shortcuts_of(const Ways& keyframes, const Maps& planes) {
   return {keyframes, [&planes](std::int64_t id) { return planes.at(id); }};
 }
 
-constexpr Shortcut kKept{Shortcut::Planes::kStart, 0, false};
-constexpr Shortcut kRefined{Shortcut::Planes::kStart, 1, false};
-constexpr Shortcut kMoved{Shortcut::Planes::kStart, 2, true};
+constexpr PlaneReuse kKept{PlaneReuse::Planes::kStart, 0, false};
+constexpr PlaneReuse kRefined{PlaneReuse::Planes::kStart, 1, false};
+constexpr PlaneReuse kMoved{PlaneReuse::Planes::kStart, 2, true};
 
-Shortcut result_of(const SmallMission& mission) {
-  return {Shortcut::Planes::kResult, mission.options.advanced.patchmatch.geometric_passes + 1, false};
+PlaneReuse result_of(const SmallMission& mission) {
+  return {PlaneReuse::Planes::kResult, mission.options.advanced.patchmatch.geometric_passes + 1, false};
 }
 
 /// Runs a plan for some keyframes with the images that it asks for.
-Outcome run_with(const SmallMission& mission, const Plan& plan, const Ids& ids, const Shortcuts& shortcuts,
+Outcome run_with(const SmallMission& mission, const Plan& plan, const Ids& ids, const PlaneReuses& reuses,
                  const std::function<bool(std::int64_t keyframe_id)>& wants_planes = nullptr) {
   Outcome outcome;
   Recording recording;
@@ -53,7 +53,7 @@ Outcome run_with(const SmallMission& mission, const Plan& plan, const Ids& ids, 
   callbacks.raw_depth = nullptr;
   callbacks.planes = [&](const PlaneMap& map) { CHECK(outcome.planes.emplace(map.keyframe_id, map).second); };
   callbacks.wants_planes = wants_planes;
-  PlannedDensifier densifier(mission.options, plan, ids, callbacks, shortcuts);
+  PlannedDensifier densifier(mission.options, plan, ids, callbacks, reuses);
   for (const std::int64_t id : densifier.images()) densifier.add(keyframe_of(mission, id));
   densifier.flush();
   outcome.results = by_id(recording);
@@ -175,8 +175,8 @@ TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any 
     const Plan plan = plan_of(mission);
     const Ids all = with_depth_map(plan);
     const Outcome whole = run_with(mission, plan, all, {});
-    const Shortcut kinds[] = {
-        kKept, kRefined, kMoved, {Shortcut::Planes::kNone, 1, false}, {Shortcut::Planes::kNone, passes, false}};
+    const PlaneReuse kinds[] = {
+        kKept, kRefined, kMoved, {PlaneReuse::Planes::kNone, 1, false}, {PlaneReuse::Planes::kNone, passes, false}};
     Ways ways;
     std::size_t kept = 0;
     for (std::size_t i = 0; i < all.size(); ++i) {
@@ -208,9 +208,9 @@ TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any 
     ResultsById expected = next.results;
     for (const std::int64_t id : all) {
       const auto way = ways.find(id);
-      const bool anew = way == ways.end() || way->second.planes == Shortcut::Planes::kNone;
+      const bool anew = way == ways.end() || way->second.planes == PlaneReuse::Planes::kNone;
       if (anew && random() % 3 != 0) {
-        resumed[id] = {Shortcut::Planes::kResult, way == ways.end() ? passes + 1 : way->second.passes, false};
+        resumed[id] = {PlaneReuse::Planes::kResult, way == ways.end() ? passes + 1 : way->second.passes, false};
       }
       if (random() % 2 == 0) missing.push_back(id);
       if (missing.empty() || missing.back() != id) {
@@ -220,7 +220,7 @@ TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any 
     }
     Maps planes = whole.planes;
     for (const auto& [id, way] : resumed) {
-      if (way.planes == Shortcut::Planes::kResult) planes.at(id) = next.planes.at(id);
+      if (way.planes == PlaneReuse::Planes::kResult) planes.at(id) = next.planes.at(id);
     }
     CHECK(difference(run_with(mission, plan, missing, shortcuts_of(resumed, planes)).results, expected) == "");
   }
@@ -236,17 +236,17 @@ TEST_CASE("shortcuts that do not fit are refused", "[densifier][shortcuts]") {
     map.keyframe_id = id;
     return map;
   };
-  const auto refused = [&](std::int64_t id, const Shortcut& shortcut) {
-    CHECK_THROWS_AS(PlannedDensifier(mission.options, plan, all, {}, Shortcuts{{{id, shortcut}}, load}), InvalidInput);
+  const auto refused = [&](std::int64_t id, const PlaneReuse& reuse) {
+    CHECK_THROWS_AS(PlannedDensifier(mission.options, plan, all, {}, PlaneReuses{{{id, reuse}}, load}), InvalidInput);
   };
   refused(9999, kKept);
-  refused(all[0], {Shortcut::Planes::kStart, passes + 1, false});
-  refused(all[0], {Shortcut::Planes::kStart, -1, false});
-  refused(all[0], {Shortcut::Planes::kNone, 0, false});
-  refused(all[0], {Shortcut::Planes::kNone, passes + 2, false});
-  refused(all[0], {Shortcut::Planes::kResult, 0, false});
-  CHECK_THROWS_WITH(PlannedDensifier(mission.options, plan, all, {}, Shortcuts{{{all[0], kKept}}, nullptr}),
-                    Contains("nobody to load"));
+  refused(all[0], {PlaneReuse::Planes::kStart, passes + 1, false});
+  refused(all[0], {PlaneReuse::Planes::kStart, -1, false});
+  refused(all[0], {PlaneReuse::Planes::kNone, 0, false});
+  refused(all[0], {PlaneReuse::Planes::kNone, passes + 2, false});
+  refused(all[0], {PlaneReuse::Planes::kResult, 0, false});
+  CHECK_THROWS_WITH(PlannedDensifier(mission.options, plan, all, {}, PlaneReuses{{{all[0], kKept}}, nullptr}),
+                    Contains("no function to load planes"));
   CHECK_THROWS_WITH(run_with(mission, plan, all, {{{all[1], kKept}}, load}),
                     Contains("keyframe " + std::to_string(all[1]) + " are 8 x 4") && Contains("expected 32 x 16"));
 }
